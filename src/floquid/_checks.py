@@ -1,0 +1,119 @@
+"""Checks of arguments, with messages of one grammar (see `floquid.errors`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from math import isfinite
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from floquid.errors import InputError
+
+
+def input_error(argument: str, of: str, must: str, got: str, remedy: str = "") -> InputError:
+    """The message «Argument `a` of `f` must …, but …», with the way out on a line of its own."""
+    message = f"Argument `{argument}` of `{of}` must {must}, but {got}."
+    return InputError(message + (f"\n  {remedy}" if remedy else ""))
+
+
+def frozen_array(
+    value: ArrayLike,
+    argument: str,
+    of: str,
+    *,
+    dtype: DTypeLike = np.float64,
+    axes: Sequence[str | int],
+    finite: bool = True,
+    missing: bool = False,
+    remedy: str = "",
+) -> NDArray[Any]:
+    """A read-only array of `dtype` with the named axes.
+
+    A writable input is copied; a read-only one of the right type is taken as it is. An entry of `axes` that is an
+    integer fixes that axis' length. `missing` lets NaN through (infinities never are). Nothing is rounded, and no
+    mask or imaginary part is dropped.
+    """
+    if isinstance(value, np.ma.MaskedArray):
+        way_out = "`.filled(np.nan)`" if missing else "the entries that count"
+        raise input_error(argument, of, "be a plain array", "is a masked one", f"Pass {way_out}.")
+    shape_words = "(" + ", ".join(str(a) for a in axes) + ("," if len(axes) == 1 else "") + ")"
+    try:
+        raw = np.asarray(value)
+        if raw.dtype.kind not in "biufc":
+            raise TypeError  # noqa: TRY301
+        if raw.dtype.kind == "c" and np.dtype(dtype).kind != "c":
+            raise input_error(argument, of, "be real", f"is complex ({raw.dtype})", "Pass its real part.")
+        if raw.dtype.kind == "f" and np.dtype(dtype).kind == "i":
+            broken = ~np.isfinite(raw) | (raw != np.floor(raw))
+            if broken.any():
+                raise input_error(argument, of, "hold integers", f"has {raw[broken][0]}", remedy)
+        array = raw.astype(dtype, copy=False)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise input_error(
+            argument, of, f"be an array of numbers of shape {shape_words}", f"is {describe(value)}", remedy
+        ) from None
+    if array.ndim != len(axes) or any(isinstance(a, int) and n != a for a, n in zip(axes, array.shape, strict=True)):
+        raise input_error(argument, of, f"have shape {shape_words}", f"has shape {array.shape}", remedy)
+    if finite:
+        bad = np.isinf(array) if missing else ~np.isfinite(array)
+        if bad.any():
+            where = tuple(int(i) for i in np.argwhere(bad)[0])
+            words = "be finite (NaN alone marks a missing sample)" if missing else "be finite"
+            raise input_error(
+                argument,
+                of,
+                words,
+                f"has {int(bad.sum())} entries that are not, the first of them {array[where]} at index {where}",
+                remedy,
+            )
+    if array.flags.writeable:
+        array = array.copy() if np.shares_memory(array, raw) else array
+        array.flags.writeable = False
+    return array
+
+
+def describe(value: object) -> str:
+    """A short description of a wrong value for a message."""
+    if isinstance(value, np.ndarray):
+        return f"an array of {value.dtype} of shape {value.shape}"
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def positive(value: object, argument: str, of: str, *, unit: str = "", remedy: str = "") -> float:
+    """`value` as a finite number above zero."""
+    number = finite(value, argument, of, unit=unit, remedy=remedy)
+    if number <= 0.0:
+        raise input_error(argument, of, f"be positive{_in(unit)}", f"is {number:g}", remedy)
+    return number
+
+
+def finite(value: object, argument: str, of: str, *, unit: str = "", remedy: str = "") -> float:
+    """`value` as a finite number."""
+    number = np.nan
+    scalar = isinstance(value, Real) or (
+        isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "iuf"
+    )
+    if scalar and not isinstance(value, (bool, np.bool_)):
+        with suppress(OverflowError):
+            number = float(value)  # type: ignore[arg-type]
+    if not isfinite(number):
+        raise input_error(argument, of, f"be a finite number{_in(unit)}", f"is {describe(value)}", remedy)
+    return number
+
+
+def integer(value: object, argument: str, of: str, *, at_least: int, remedy: str = "") -> int:
+    """`value` as an integer of at least `at_least`."""
+    if not isinstance(value, Integral) or isinstance(value, (bool, np.bool_)) or int(value) < at_least:
+        raise input_error(argument, of, f"be an integer of at least {at_least}", f"is {describe(value)}", remedy)
+    return int(value)
+
+
+def _in(unit: str) -> str:
+    return f" [{unit}]" if unit else ""

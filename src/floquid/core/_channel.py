@@ -1,0 +1,110 @@
+"""What a sensor measures, where, and in which unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from floquid._checks import input_error
+
+Quantity = Literal["displacement", "velocity", "acceleration", "strain", "force", "angle", "pulse", "other"]
+
+_UNITS: dict[str, tuple[Quantity, ...]] = {
+    **dict.fromkeys(["m", "mm", "um", "µm", "μm", "nm", "cm", "km", "in", "ft", "mil"], ("displacement",)),
+    **dict.fromkeys(["rad", "deg", "mrad", "urad"], ("displacement", "angle")),
+    **dict.fromkeys(["m/s", "mm/s", "cm/s", "um/s", "µm/s", "in/s", "ft/s"], ("velocity",)),
+    **dict.fromkeys(["rad/s", "deg/s"], ("velocity",)),
+    **dict.fromkeys(["m/s^2", "m/s2", "m/s²", "mm/s^2", "mm/s2", "mm/s²", "g", "in/s^2", "ft/s^2"], ("acceleration",)),
+    **dict.fromkeys(["rad/s^2", "rad/s2", "rad/s²", "deg/s^2"], ("acceleration",)),
+    **dict.fromkeys(["N", "kN", "mN", "lbf"], ("force",)),
+    **dict.fromkeys(["strain", "ue", "µε", "με", "m/m"], ("strain",)),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Channel:
+    """One measured quantity.
+
+    Parameters
+    ----------
+    name
+        The name by which the channel is chosen (`--channels`, `states`).
+    quantity
+        What is measured. With no unit given it is a displacement; otherwise it is taken from the unit.
+    unit
+        The unit of the values, or "-" when there is none. An unknown unit (a raw "V") is kept and needs a `quantity`
+        of its own, or else counts as "other".
+    location, direction
+        Free words for people.
+
+    Raises
+    ------
+    InputError
+        The name is empty, the quantity is unknown, or the unit is not a unit of that quantity.
+    """
+
+    name: str
+    quantity: Quantity | None = None
+    unit: str = "-"
+    location: str = ""
+    direction: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.strip():
+            raise input_error("name", "Channel", "be a word", f"is {self.name!r}", "Give each channel a name.")
+        unit = self.unit.strip() if isinstance(self.unit, str) else None
+        if unit is None:
+            raise input_error("unit", "Channel", "be a text", f"is {self.unit!r}", 'Use "-" for no unit.')
+        unit = "-" if unit in ("", "1") else unit
+        object.__setattr__(self, "unit", unit)
+        object.__setattr__(self, "name", self.name.strip())
+        possible = ("displacement",) if unit == "-" else _UNITS.get(unit, ("other",))
+        if self.quantity is None:
+            object.__setattr__(self, "quantity", possible[0])
+        elif self.quantity not in get_args(Quantity):
+            raise input_error(
+                "quantity", "Channel", f"be one of {', '.join(get_args(Quantity))}", f"is {self.quantity!r}"
+            )
+        elif unit in _UNITS and self.quantity not in (*possible, "pulse", "other"):
+            raise input_error(
+                "unit",
+                "Channel",
+                f"be a unit of {self.quantity}",
+                f"is {unit!r}, a unit of {' or '.join(possible)} (channel {self.name!r})",
+                f'Correct the unit, or pass quantity="{possible[0]}".',
+            )
+
+    @property
+    def label(self) -> str:
+        """The name with its unit, as an axis shows it."""
+        return f"{self.name} [{self.unit}]"
+
+
+def channels_named(channels: Sequence[Channel], names: Sequence[str], *, argument: str, of: str) -> list[int]:
+    """The indices of the channels called `names`, in that order.
+
+    Parameters
+    ----------
+    channels
+        The channels to choose from.
+    names
+        The names wanted, each at most once.
+    argument, of
+        What the names are called in the caller's signature, and the caller, for the message.
+
+    Raises
+    ------
+    InputError
+        A name is unknown, or given twice.
+    """
+    known = [channel.name for channel in channels]
+    listing = "The channels are: " + ", ".join(known) + "."
+    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+        raise input_error(argument, of, "be a list of channel names", f"is {names!r}", listing)
+    for position, name in enumerate(names):
+        if name not in known:
+            raise input_error(argument, of, "name channels of the record", f"has {name!r}", listing)
+        if name in names[:position]:
+            raise input_error(argument, of, "name each channel once", f"has {name!r} twice", listing)
+    return [known.index(name) for name in names]

@@ -1,0 +1,155 @@
+"""The identified response model of a linear time-periodic system."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import frozen_array, input_error, positive
+from floquid.core._channel import Channel
+from floquid.core._provenance import Provenance
+from floquid.core._record import as_channels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PeriodicModel:
+    r"""The free response as Floquet modes with periodic shapes.
+
+    .. math:: y_h(t) = \sum_r \sum_m B_{r,h,m}\, e^{(\lambda_r + i m \omega) t}, \qquad \omega = 2\pi/T
+
+    (Allen 2009, eqs. 11-12), with t = 0 at phase zero of the clock: the instant of phase zero at or before the first
+    sample of each hit. Modes come with their conjugates, one by one, so the response is real.
+
+    Parameters
+    ----------
+    exponents
+        The Floquet exponents λ (modes,) [1/s], each on the branch of its physical frequency: the one whose zeroth
+        harmonic carries most of the shape's energy.
+    coefficients
+        The Fourier coefficients B (modes, channels, hits, harmonics) [units of the channels]; zero where discarded.
+    harmonics
+        The integers m, ascending (harmonics,).
+    period
+        The period T [s].
+    channels
+        One `Channel` a row.
+    covariance
+        The covariance of the exponents (2 modes, 2 modes): real parts, then imaginary parts [1/s²]; None if not
+        estimated.
+    coefficient_std
+        Standard deviations of the coefficients, that of the real part as the real part and that of the imaginary part
+        as the imaginary part (modes, channels, hits, harmonics); zero where discarded, None if not estimated.
+    provenance
+        Where the model comes from.
+
+    Raises
+    ------
+    InputError
+        A shape or a value is not possible.
+    """
+
+    exponents: NDArray[np.complex128]
+    coefficients: NDArray[np.complex128]
+    harmonics: NDArray[np.int64]
+    period: float
+    channels: tuple[Channel, ...]
+    covariance: NDArray[np.float64] | None = None
+    coefficient_std: NDArray[np.complex128] | None = None
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __init__(
+        self,
+        *,
+        exponents: ArrayLike,
+        coefficients: ArrayLike,
+        harmonics: ArrayLike,
+        period: float,
+        channels: Sequence[Channel | str],
+        covariance: ArrayLike | None = None,
+        coefficient_std: ArrayLike | None = None,
+        provenance: Provenance | None = None,
+    ) -> None:
+        of = "PeriodicModel"
+        named = as_channels(channels, of)
+        m = frozen_array(harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64)
+        if (np.diff(m) <= 0).any():
+            raise input_error("harmonics", of, "ascend", f"is {m.tolist()}", "Sort them, and the coefficients alike.")
+        lam = frozen_array(exponents, "exponents", of, axes=("modes",), dtype=np.complex128)
+        axes = (len(lam), len(named), "hits", len(m))
+        put = object.__setattr__
+        put(self, "exponents", lam)
+        put(self, "coefficients", frozen_array(coefficients, "coefficients", of, axes=axes, dtype=np.complex128))
+        put(self, "harmonics", m)
+        put(self, "period", positive(period, "period", of, unit="s"))
+        put(self, "channels", named)
+        if covariance is not None:
+            covariance = frozen_array(covariance, "covariance", of, axes=(2 * len(lam), 2 * len(lam)))
+            if (np.diag(covariance) < 0).any():
+                raise input_error("covariance", of, "have no negative variance", f"has {np.diag(covariance).min():g}")
+        put(self, "covariance", covariance)
+        axes = self.coefficients.shape
+        put(
+            self,
+            "coefficient_std",
+            None
+            if coefficient_std is None
+            else frozen_array(coefficient_std, "coefficient_std", of, axes=axes, dtype=np.complex128),
+        )
+        put(self, "provenance", provenance if provenance is not None else Provenance())
+
+    @property
+    def order(self) -> int:
+        """The number of modes, conjugates counted one by one."""
+        return len(self.exponents)
+
+    @property
+    def n_hits(self) -> int:
+        """The number of initial conditions (hits)."""
+        return self.coefficients.shape[2]
+
+    @property
+    def fundamental(self) -> float:
+        """The fundamental angular frequency ω = 2π/T [rad/s]."""
+        return 2.0 * np.pi / self.period
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """The Floquet multipliers μ = e^{λT} (modes,)."""
+        return np.exp(self.exponents * self.period)
+
+    @property
+    def exponent_std(self) -> NDArray[np.complex128] | None:
+        """Standard deviations of the exponents (modes,) [1/s]: real part of the real, imaginary of the imaginary."""
+        if self.covariance is None:
+            return None
+        std = np.sqrt(np.diag(self.covariance))
+        return std[: self.order] + 1j * std[self.order :]
+
+    @property
+    def frequencies_hz(self) -> NDArray[np.float64]:
+        """The physical frequencies |λ|/2π (modes,) [Hz]."""
+        return np.abs(self.exponents) / (2.0 * np.pi)
+
+    @property
+    def damping_ratios(self) -> NDArray[np.float64]:
+        """The damping ratios -Re λ/|λ| (modes,), negative for a growing mode."""
+        size = np.abs(self.exponents)
+        return np.divide(-self.exponents.real, size, out=np.zeros_like(size), where=size > 0)
+
+    def principal(self) -> NDArray[np.complex128]:
+        """The exponents moved by whole multiples of iω to the strip -ω/2 < Im λ ≤ ω/2 (modes,) [1/s] (eq. 4)."""
+        turns = self.exponents.imag / self.fundamental
+        return self.exponents - 1j * self.fundamental * np.ceil(turns - 0.5 - 1e-12)
+
+    def shapes(self, times: ArrayLike) -> NDArray[np.complex128]:
+        """The periodic shapes Σ_m B e^{imωt} at `times` [s] (modes, channels, hits, times) (eq. 11)."""
+        t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        return self.coefficients @ np.exp(1j * self.fundamental * np.multiply.outer(self.harmonics, t))
+
+    def response(self, times: ArrayLike) -> NDArray[np.float64]:
+        """The free response at `times` [s] after phase zero (channels, hits, times) (eq. 12)."""
+        t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        return np.einsum("rchn,rn->chn", self.shapes(t), np.exp(np.multiply.outer(self.exponents, t))).real

@@ -1,0 +1,146 @@
+"""A measured record: channels sampled together at one rate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import finite, frozen_array, input_error, positive
+from floquid.core._channel import Channel, channels_named
+from floquid.core._clock import ConstantPeriod
+from floquid.core._provenance import Provenance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Record:
+    """Samples of several channels at a constant rate: sample n is at `start` + n/`sample_rate` [s].
+
+    Parameters
+    ----------
+    values
+        The samples (channels, samples); NaN marks a missing one. Held read-only: a writable array is copied.
+    sample_rate
+        Samples a second [Hz].
+    channels
+        One `Channel` a row of `values`, or their names.
+    clock
+        What ties time to the phase of the system, or None while that is not known.
+    start
+        The time of the first sample [s].
+    provenance
+        Where the record comes from.
+
+    Raises
+    ------
+    InputError
+        A shape, a rate, a name or a value is not possible.
+    """
+
+    values: NDArray[np.float64]
+    sample_rate: float
+    channels: tuple[Channel, ...]
+    clock: ConstantPeriod | None = None
+    start: float = 0.0
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __init__(
+        self,
+        *,
+        values: ArrayLike,
+        sample_rate: float,
+        channels: Sequence[Channel | str],
+        clock: ConstantPeriod | None = None,
+        start: float = 0.0,
+        provenance: Provenance | None = None,
+    ) -> None:
+        named = as_channels(channels, "Record")
+        flat = isinstance(values, np.ndarray) and values.ndim == 1
+        array = frozen_array(
+            values,
+            "values",
+            "Record",
+            axes=("channels", "samples"),
+            missing=True,
+            remedy="One row a channel, also when there is only one: pass `values[None, :]`." if flat else "",
+        )
+        if array.shape[0] != len(named):
+            raise input_error(
+                "values",
+                "Record",
+                f"have shape (channels, samples) with {len(named)} channels",
+                f"has shape {array.shape}",
+                "Time is the last axis: pass `values.T`."
+                if array.shape[1] == len(named)
+                else "Name every row of `values` in `channels`.",
+            )
+        if array.shape[1] == 0:
+            raise input_error("values", "Record", "hold at least one sample", f"has shape {array.shape}")
+        if clock is not None and not isinstance(clock, ConstantPeriod):
+            raise input_error(
+                "clock", "Record", "be a ConstantPeriod or None", f"is {clock!r}", "Pass ConstantPeriod(period=...)."
+            )
+        put = object.__setattr__
+        put(self, "values", array)
+        put(self, "sample_rate", positive(sample_rate, "sample_rate", "Record", unit="Hz"))
+        put(self, "channels", named)
+        put(self, "clock", clock)
+        put(self, "start", finite(start, "start", "Record", unit="s"))
+        put(self, "provenance", provenance if provenance is not None else Provenance())
+
+    @property
+    def n_channels(self) -> int:
+        """The number of channels."""
+        return self.values.shape[0]
+
+    @property
+    def n_samples(self) -> int:
+        """The number of samples of each channel."""
+        return self.values.shape[1]
+
+    @property
+    def duration(self) -> float:
+        """Samples over rate [s]."""
+        return self.n_samples / self.sample_rate
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """The time of each sample (samples,) [s]."""
+        return self.start + np.arange(self.n_samples) / self.sample_rate
+
+    def select(self, names: Sequence[str]) -> Record:
+        """The record of the channels called `names`, in that order.
+
+        Raises
+        ------
+        InputError
+            A name is unknown or given twice.
+        """
+        rows = channels_named(self.channels, names, argument="names", of="Record.select")
+        values = self.values[rows]
+        values.flags.writeable = False
+        return replace(self, values=values, channels=tuple(self.channels[row] for row in rows))
+
+    def with_clock(self, clock: ConstantPeriod) -> Record:
+        """The same record, tied to `clock`."""
+        return replace(self, clock=clock)
+
+
+def as_channels(channels: Sequence[Channel | str], of: str) -> tuple[Channel, ...]:
+    """Channels, or names of channels, as a tuple of channels with distinct names.
+
+    Raises
+    ------
+    InputError
+        There is none, one is neither a `Channel` nor a name, or two have one name.
+    """
+    if isinstance(channels, str) or not all(isinstance(c, (Channel, str)) for c in channels) or not len(channels):
+        raise input_error("channels", of, "be a list of Channel or of names, at least one", f"is {channels!r}")
+    named = tuple(c if isinstance(c, Channel) else Channel(name=str(c)) for c in channels)
+    names = [c.name for c in named]
+    doubled = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    if doubled:
+        raise input_error("channels", of, "have distinct names", f"has {doubled[0]!r} twice", "Rename one of them.")
+    return named

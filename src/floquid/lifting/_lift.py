@@ -1,0 +1,174 @@
+"""Lifting and its exact inverse (Allen 2009, eqs. 7-8)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import Channel, Cycles, Provenance
+from floquid.lti import TimeResponses, white_noise_std
+
+ROUNDING = 1e-10
+"""The noise is taken to be at least this share of a channel's largest value: records are never exact beyond it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lifted:
+    """The responses at all phases of all channels, as responses of one LTI system sampled once a period.
+
+    Output `channel * n_phases + phase` and input `hit` of `responses` is the sequence of samples of that channel at
+    that phase in that hit, one a period.
+
+    Parameters
+    ----------
+    responses
+        The lifted responses, with the noise of each (outputs, hits).
+    channels
+        One `Channel` a block of `n_phases` outputs.
+    n_phases
+        Samples a period P.
+    first_phase
+        The phase of the first of them, in periods.
+    provenance
+        Where the responses come from.
+    """
+
+    responses: TimeResponses
+    channels: tuple[Channel, ...]
+    n_phases: int
+    first_phase: float
+    provenance: Provenance
+
+    @property
+    def n_channels(self) -> int:
+        """The number of channels."""
+        return len(self.channels)
+
+    @property
+    def n_hits(self) -> int:
+        """The number of hits."""
+        return self.responses.n_inputs
+
+    @property
+    def period(self) -> float:
+        """The period [s]: the sampling interval of the lifted responses."""
+        return self.responses.dt
+
+    @property
+    def noise(self) -> NDArray[np.float64]:
+        """The standard deviation of the noise (channels, hits) [units of the channels]."""
+        return self.responses.noise[:: self.n_phases]
+
+    @property
+    def phase_times(self) -> NDArray[np.float64]:
+        """The time of each phase after phase zero (phases,) [s]."""
+        return (self.first_phase + np.arange(self.n_phases) / self.n_phases) * self.period
+
+    def by_channel(self, outputs: NDArray) -> NDArray:
+        """An array over outputs (..., outputs, hits) as (..., channels, phases, hits)."""
+        shape = outputs.shape[:-2] + (self.n_channels, self.n_phases) + outputs.shape[-1:]
+        return outputs.reshape(shape)
+
+    def with_noise(self, noise: NDArray[np.float64]) -> Lifted:
+        """The same responses with another noise (channels, hits)."""
+        at_least = ROUNDING * _largest(self.responses.values, self.n_channels)
+        spread = np.repeat(np.maximum(noise, at_least), self.n_phases, axis=0)
+        responses = TimeResponses(
+            values=self.responses.values, dt=self.period, noise=spread, lengths=self.responses.lengths
+        )
+        return replace(self, responses=responses)
+
+
+def lift(cycles: Cycles | Sequence[Cycles]) -> Lifted:
+    r"""The lifted responses of one or several hits, with an estimate of the noise of each channel and hit.
+
+    .. math:: y^L[m] = [y_0^T, \dots, y_{P-1}^T]^T[m] = \sum_r R^{Ld}_r e^{\lambda_r m T}
+
+    (Allen 2009, eqs. 7-8; outputs are ordered by channel, then phase). One hit of one channel is a view.
+
+    Parameters
+    ----------
+    cycles
+        One `Cycles` a hit, alike in channels, phases, first phase and period; their numbers of cycles may differ.
+
+    Returns
+    -------
+    Lifted
+        The responses (channels · phases, hits, cycles).
+
+    Raises
+    ------
+    InputError
+        Hits are not alike, samples are missing, or a channel is constant.
+    """
+    hits = (cycles,) if isinstance(cycles, Cycles) else tuple(cycles)
+    if not hits:
+        raise input_error("cycles", "lift", "hold at least one hit", "is empty")
+    first = hits[0]
+    for number, hit in enumerate(hits, start=1):
+        _check(first, hit, number)
+    lengths = np.array([hit.n_cycles for hit in hits])
+    if len(hits) == 1:
+        values = first.values.reshape(-1, first.n_cycles)[:, None, :]
+    else:
+        values = np.zeros((first.n_channels * first.n_phases, len(hits), lengths.max()))
+        for index, hit in enumerate(hits):
+            values[:, index, : hit.n_cycles] = hit.values.reshape(-1, hit.n_cycles)
+    values.flags.writeable = False
+    noise = np.array([[white_noise_std(block) for block in hit.values] for hit in hits]).T
+    lifted = Lifted(
+        responses=TimeResponses(values=values, dt=first.period, lengths=lengths),
+        channels=first.channels,
+        n_phases=first.n_phases,
+        first_phase=first.first_phase,
+        provenance=Provenance.merge(tuple(hit.provenance for hit in hits)),
+    )
+    return lifted.with_noise(noise)
+
+
+def unlift(lifted: Lifted) -> tuple[Cycles, ...]:
+    """The cycles of each hit: the exact inverse of `lift`."""
+    return tuple(
+        Cycles(
+            values=lifted.responses.values[:, hit, :length].reshape(lifted.n_channels, lifted.n_phases, length),
+            periods=np.full(length, lifted.period),
+            first_phase=lifted.first_phase,
+            channels=lifted.channels,
+            provenance=lifted.provenance,
+        )
+        for hit, length in enumerate(lifted.responses.lengths)
+    )
+
+
+def _check(first: Cycles, hit: Cycles, number: int) -> None:
+    """Refuse a hit unlike the first, or one that cannot be lifted."""
+    alike = (
+        [c.name for c in hit.channels] == [c.name for c in first.channels]
+        and hit.n_phases == first.n_phases
+        and abs(hit.first_phase - first.first_phase) < 1e-6
+        and abs(hit.period - first.period) < 1e-9 * first.period
+    )
+    if not alike:
+        raise input_error(
+            "cycles", "lift", "be alike in channels, phases, first phase and period", f"hit {number} differs from hit 1",
+            "Cut all records together: `segment([hit1, hit2])`.",
+        )
+    if np.isnan(hit.values).any():
+        raise input_error("cycles", "lift", "have no missing samples", f"hit {number} has NaN", "Cut the gap out.")
+    for channel, block in zip(hit.channels, hit.values, strict=True):
+        if np.ptp(block) <= 1e-13 * np.abs(block).max():
+            raise input_error(
+                "cycles", "lift", "have channels that vary",
+                f"channel {channel.name!r} of hit {number} is constant ({block.flat[0]:g})",
+                "Leave it out with `--channels`, or check its sensor.",
+            )
+
+
+def _largest(values: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
+    """The largest size in each channel and hit (channels, hits)."""
+    outputs, inputs, _ = values.shape
+    return np.abs(values).max(axis=2).reshape(n_channels, outputs // n_channels, inputs).max(axis=1)

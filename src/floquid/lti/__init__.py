@@ -1,0 +1,19 @@
+"""Modal identification of anonymous LTI responses. Knows nothing of records, channels or periods.
+
+`MaximumLikelihood` takes `TimeResponses` and gives a `ModalModel`; it is started by ESPRIT and decides the order
+by test. Every algorithm honours `AbstractIdentifier`.
+"""
+
+from floquid.lti._identifier import AbstractIdentifier
+from floquid.lti._maximum_likelihood import MaximumLikelihood
+from floquid.lti._noise import white_noise_std
+from floquid.lti._types import ModalModel, Outcome, TimeResponses
+
+__all__ = [
+    "AbstractIdentifier",
+    "MaximumLikelihood",
+    "ModalModel",
+    "Outcome",
+    "TimeResponses",
+    "white_noise_std",
+]

@@ -1,0 +1,22 @@
+"""The contract of every modal identification: the costly part once, then a model at any order."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+from floquid.lti._types import ModalModel, TimeResponses
+
+
+class AbstractIdentifier(ABC):
+    """One algorithm with its options as fields. Implementations are final, frozen and stateless."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def prepare(self, data: TimeResponses) -> Any:
+        """Do what does not depend on the order; the result goes to `extract`."""
+
+    @abstractmethod
+    def extract(self, state: Any, order: int | None = None) -> ModalModel:
+        """The model of `order` poles (conjugates one by one); None lets an algorithm that can decide do so."""

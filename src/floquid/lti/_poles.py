@@ -1,0 +1,102 @@
+"""A set of poles of a real response: conjugate pairs, positive real and negative real multipliers, each its own kind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+PAIR, POSITIVE, NEGATIVE = 0, 1, -1
+
+
+@dataclass(frozen=True, slots=True)
+class PoleSet:
+    """Logarithms s of the multipliers μ = e^s: `s` (k,) with 0 ≤ Im s ≤ π, and the `kind` (k,) of each.
+
+    A pair stands for s and its conjugate; a positive multiplier has Im s = 0, a negative one Im s = π.
+    """
+
+    s: NDArray[np.complex128]
+    kind: NDArray[np.int64]
+
+    @staticmethod
+    def empty() -> PoleSet:
+        """No poles."""
+        return PoleSet(np.zeros(0, complex), np.zeros(0, np.int64))
+
+    @staticmethod
+    def from_multipliers(multipliers: NDArray[np.complex128], *, tolerance: float = 1e-9) -> PoleSet:
+        """The upper half of a conjugate-symmetric set of multipliers; within `tolerance` of the axis one is real."""
+        upper = multipliers[(multipliers.imag >= -tolerance * np.abs(multipliers)) & (np.abs(multipliers) > 0)]
+        real = np.abs(upper.imag) <= tolerance * np.abs(upper)
+        kind = np.where(real, np.where(upper.real > 0, POSITIVE, NEGATIVE), PAIR)
+        s = np.log(np.where(real, upper.real, upper))
+        return PoleSet.of(s, kind)
+
+    @staticmethod
+    def of(s: NDArray[np.complex128], kind: NDArray[np.int64]) -> PoleSet:
+        """The set brought to 0 ≤ Im s ≤ π (a pair reflected is the same pair), with exact imaginary parts of real kinds."""
+        imag = np.abs(np.mod(s.imag + np.pi, 2.0 * np.pi) - np.pi)
+        imag = np.where(kind == POSITIVE, 0.0, np.where(kind == NEGATIVE, np.pi, imag))
+        return PoleSet(s.real + 1j * imag, kind.astype(np.int64))
+
+    def __len__(self) -> int:
+        return len(self.s)
+
+    @property
+    def order(self) -> int:
+        """The number of complex poles, one by one."""
+        return int(2 * (self.kind == PAIR).sum() + (self.kind != PAIR).sum())
+
+    @property
+    def n_parameters(self) -> int:
+        """The number of real parameters: equal to the order (a pair has two, a real pole one)."""
+        return self.order
+
+    @property
+    def sizes(self) -> NDArray[np.int64]:
+        """The number of complex poles behind each entry (k,)."""
+        return np.where(self.kind == PAIR, 2, 1)
+
+    def full(self) -> NDArray[np.complex128]:
+        """All logarithms (order,): each entry followed by its conjugate when it is a pair."""
+        return np.concatenate([[s, s.conjugate()] if k == PAIR else [s] for s, k in zip(self.s, self.kind, strict=True)] or [np.zeros(0)]).astype(complex)
+
+    def multipliers(self) -> NDArray[np.complex128]:
+        """All multipliers (order,), conjugates next to each other; those of real kinds exactly real."""
+        mu = np.exp(self.full())
+        return np.where(np.repeat(self.kind, self.sizes) == PAIR, mu, mu.real)
+
+    def parameter_map(self) -> NDArray[np.complex128]:
+        """The derivative of `full()` with respect to the real parameters (order, order): Re s, Im s of a pair; Re s."""
+        pair, single = np.array([[1.0, 1.0j], [1.0, -1.0j]]), np.array([[1.0 + 0.0j]])
+        out = np.zeros((self.order, self.order), complex)
+        at = 0
+        for kind in self.kind:
+            block = pair if kind == PAIR else single
+            out[at : at + len(block), at : at + len(block)] = block
+            at += len(block)
+        return out
+
+    def moved(self, step: NDArray[np.float64]) -> PoleSet:
+        """The set after a step in its real parameters (order,)."""
+        return PoleSet.of(self.s + (self.parameter_map() @ step)[self.starts()], self.kind)
+
+    def starts(self) -> NDArray[np.int64]:
+        """The position of each entry in `full()` (k,)."""
+        return np.concatenate([[0], np.cumsum(self.sizes)[:-1]]).astype(np.int64) if len(self) else np.zeros(0, np.int64)
+
+    def without(self, index: int) -> PoleSet:
+        """The set less one entry."""
+        return PoleSet(np.delete(self.s, index), np.delete(self.kind, index))
+
+    def keep(self, mask: NDArray[np.bool_]) -> PoleSet:
+        """The entries where `mask` holds."""
+        return PoleSet(self.s[mask], self.kind[mask])
+
+    def plus(self, others: Iterable[PoleSet]) -> PoleSet:
+        """The union, entries in order."""
+        sets = [self, *others]
+        return PoleSet(np.concatenate([p.s for p in sets]), np.concatenate([p.kind for p in sets]))

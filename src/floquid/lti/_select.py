@@ -1,0 +1,295 @@
+r"""How many poles: each must earn its place against the noise, with the others refitted.
+
+The rule. With noise of unit variance, taking away a mode that is not there raises the least-squares cost by a
+chi-square of as many degrees of freedom as the mode has parameters (2M + 2 for a conjugate pair over M responses, M + 1
+for a real pole). A mode stays when the rise, all other poles refitted, has a probability below `false_alarm` by chance;
+the residual is searched over frequency and decay for a mode that would pass, until none does. ESPRIT at several
+generous orders gives the starts; the set with the lowest cost plus thresholds wins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.lti._esprit import shift_poles, signal_vectors
+from floquid.lti._exponentials import Factor, Fit, basis, fit, polish, real_basis, residual_of
+from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
+
+FASTEST = (-3.0, 0.5)
+"""The logarithms of the fastest decay and growth a sample at which a mode can be told from a blow to a single sample."""
+
+
+RESOLVED = 3.0
+"""Standard deviations by which two real poles must differ to be preferred to a conjugate pair."""
+
+
+@dataclass(frozen=True, slots=True)
+class Threshold:
+    """The rise of the cost that a mode must make, for `columns` responses in all."""
+
+    columns: int
+    false_alarm: float
+
+    def of(self, parameters: int) -> float:
+        """The threshold for `parameters` poles counted one by one: each has its own residues and one parameter."""
+        return chi_square_limit(self.false_alarm, parameters * (self.columns + 1))
+
+    def penalised(self, found: Fit) -> float:
+        """The cost plus the thresholds of all that was spent on it."""
+        pairs = int((found.poles.kind == PAIR).sum())
+        return found.cost + pairs * self.of(2) + (len(found.poles) - pairs) * self.of(1)
+
+
+@lru_cache(maxsize=256)
+def chi_square_limit(probability: float, degrees: int) -> float:
+    """The value that a chi-square of `degrees` exceeds with `probability`."""
+    from scipy.special import chdtri
+
+    return float(chdtri(degrees, probability))
+
+
+def choose(
+    factors: Sequence[Factor],
+    *,
+    false_alarm: float,
+    most: int,
+    starts: Sequence[int],
+    report: Callable[[str], None] = lambda _: None,
+) -> Fit:
+    """The poles that the data support, fitted by maximum likelihood."""
+    threshold = Threshold(sum(f.columns for f in factors), false_alarm)
+    window = search_window(factors)
+    values, vectors = signal_vectors(factors, window)
+    best: Fit | None = None
+    for order in starts:
+        if order >= window:
+            continue
+        begin = plausible(PoleSet.from_multipliers(shift_poles(vectors, order)))
+        now = _settle(polish(prune_linear(begin, factors, threshold), factors), factors, threshold, most)
+        report(f"start of order {order}: {now.poles.order} poles kept")
+        if best is None or threshold.penalised(now) < threshold.penalised(best) - 1e-6 * abs(best.cost):
+            best = now
+    return best if best is not None else _settle(fit(PoleSet.empty(), factors), factors, threshold, most)
+
+
+def energetic_length(factors: Sequence[Factor], *, short: int = 600, margin: float = 1.5) -> int:
+    """The samples to look at first: all of a short record; of a long one, those before the energy meets its floor.
+
+    The floor is the least mean energy over a twentieth of the record. A mode that goes on below it is found later, from
+    the poles: see `MaximumLikelihood.time_constants`.
+    """
+    whole = max(len(f.values) for f in factors)
+    if whole <= short:
+        return whole
+    energy = np.zeros(whole)
+    for block in factors:
+        energy[: len(block.values)] += np.sum(block.values**2, axis=1)
+    width = whole // 20
+    blocks = energy[: width * 20].reshape(20, width).mean(axis=1)
+    quiet = blocks < blocks.min() * (1.0 + 6.0 * np.sqrt(2.0 / (width * sum(f.columns for f in factors)))) * 1.02
+    loud = np.flatnonzero(~quiet)
+    return min(whole, max(short, int(np.ceil(margin * width * (loud[-1] + 1))))) if len(loud) else whole
+
+
+def search_window(factors: Sequence[Factor]) -> int:
+    """The length of the Hankel window: a third of the longest block, at most 300."""
+    return max(2, min(300, max(len(f.values) for f in factors) // 3))
+
+
+def plausible(poles: PoleSet) -> PoleSet:
+    """The poles that could be seen: those within `FASTEST`."""
+    return poles.keep((poles.s.real > FASTEST[0]) & (poles.s.real < FASTEST[1]))
+
+
+def prune_linear(poles: PoleSet, factors: Sequence[Factor], threshold: Threshold) -> PoleSet:
+    """Take away, one by one, what the free residues of the others can do without."""
+    while len(poles):
+        rises = removal_rises(poles, factors)
+        excess = rises - np.array([threshold.of(int(n)) for n in poles.sizes])
+        worst = int(np.argmin(excess))
+        if excess[worst] > 0:
+            break
+        poles = poles.without(worst)
+    return poles
+
+
+def removal_rises(poles: PoleSet, factors: Sequence[Factor]) -> NDArray[np.float64]:
+    """The rise of the cost when one entry is taken away and the other residues are refitted, poles fixed (k,)."""
+    rises = np.zeros(len(poles))
+    for block in factors:
+        q, r = np.linalg.qr(real_basis(poles, basis(poles, len(block.values))))
+        inverse = np.linalg.pinv(r, rcond=1e-14)
+        residues, spread = inverse @ (q.T @ block.values), inverse @ inverse.T
+        for entry, (start, size) in enumerate(zip(poles.starts(), poles.sizes, strict=True)):
+            rows = slice(int(start), int(start + size))
+            rises[entry] += np.sum(residues[rows] * np.linalg.lstsq(spread[rows, rows], residues[rows], rcond=1e-14)[0])
+    return rises
+
+
+def _settle(now: Fit, factors: Sequence[Factor], threshold: Threshold, most: int) -> Fit:
+    """Prune, add from the residual, and try the real axis, until nothing changes."""
+    for _ in range(2 * most + 2):
+        before = now.poles
+        now = _prune(now, factors, threshold)
+        now = _straighten(now, factors, threshold)
+        if now.poles.order < most:
+            now = _add(now, factors, threshold)
+        if now.poles is before:
+            break
+    return now
+
+
+def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
+    """Take away each entry whose absence, the others refitted, the noise could explain."""
+    changed = True
+    while changed and len(now.poles):
+        changed = False
+        possible = plausible(now.poles)
+        if len(possible) < len(now.poles):
+            now, changed = polish(possible, factors), True
+            continue
+        rises = removal_rises(now.poles, factors)
+        for entry in np.argsort(rises):
+            limit = threshold.of(int(now.poles.sizes[entry]))
+            if rises[entry] > 20.0 * limit and not _crowded(now.poles, int(entry), factors):
+                continue
+            enough = now.cost + limit
+            less = polish(now.poles.without(int(entry)), factors, iterations=25, tolerance=1e-2, enough=enough)
+            if less.cost - now.cost < limit:
+                now, changed = polish(less.poles, factors), True
+                break
+    return now
+
+
+def _crowded(poles: PoleSet, entry: int, factors: Sequence[Factor]) -> bool:
+    """Whether another pole is so near that it could move to take this one's part."""
+    near = 2.0 * max(abs(poles.s[entry].real), 2.0 * np.pi / max(len(f.values) for f in factors))
+    distance = np.minimum(np.abs(poles.s - poles.s[entry]), np.abs(poles.s - poles.s[entry].conj()))
+    return bool((np.delete(distance, entry) < near).any()) or abs(poles.s[entry].imag) < near
+
+
+def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
+    """Turn a pair next to the real axis into one real pole, or into two that are told apart, where the data say so.
+
+    Two real poles that are not told apart become a pair: where they meet, their own residues are unbounded.
+    """
+    for entry in np.flatnonzero(now.poles.kind == PAIR):
+        s = now.poles.s[entry]
+        for kind, angle in ((POSITIVE, s.imag), (NEGATIVE, np.pi - s.imag)):
+            if angle > 0.5 * abs(s.real) + 0.05:
+                continue
+            rest = now.poles.without(int(entry))
+            one = polish(rest.plus([real_poles(kind, s.real)]), factors)
+            if one.cost - now.cost < threshold.of(2) - threshold.of(1):
+                return one
+            gap = max(angle, 0.2 * abs(s.real), 1e-3)
+            two = polish(rest.plus([real_poles(kind, s.real - gap, s.real + gap)]), factors)
+            if two.cost - now.cost < -(RESOLVED**2) and _told_apart(two, -2, -1):
+                return two
+    for kind in (POSITIVE, NEGATIVE):
+        along = np.flatnonzero(now.poles.kind == kind)
+        along = along[np.argsort(now.poles.s[along].real)]
+        for first, second in zip(along[:-1], along[1:], strict=True):
+            if _told_apart(now, int(first), int(second)):
+                continue
+            middle = now.poles.s[[first, second]].mean()
+            turn = max(0.1 * abs(middle.real), 1e-3)
+            pair = PoleSet.of(np.array([middle + (1j if kind == POSITIVE else -1j) * turn]), np.array([PAIR]))
+            met = polish(now.poles.without(int(max(first, second))).without(int(min(first, second))).plus([pair]), factors)
+            if met.cost - now.cost < RESOLVED**2:
+                return met
+    return now
+
+
+def real_poles(kind: int, *decays: float) -> PoleSet:
+    """Real poles of one sign."""
+    return PoleSet.of(np.array(decays) + 0j, np.full(len(decays), kind))
+
+
+def _told_apart(found: Fit, first: int, second: int) -> bool:
+    """Whether two real entries are `RESOLVED` standard deviations apart."""
+    starts = found.poles.starts()
+    difference = np.zeros(found.poles.order)
+    difference[starts[first]], difference[starts[second]] = 1.0, -1.0
+    gap = abs((found.poles.s[first] - found.poles.s[second]).real)
+    return bool(gap > RESOLVED * np.sqrt(difference @ found.covariance() @ difference))
+
+
+def _add(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
+    """Add the mode that the residual holds most clearly, if it holds one."""
+    for candidate, promised in candidates(now.poles, factors):
+        if promised < 0.5 * threshold.of(int(candidate.sizes[0])):
+            continue
+        more = polish(now.poles.plus([candidate]), factors)
+        if len(plausible(more.poles)) == len(more.poles) and now.cost - more.cost > threshold.of(int(candidate.sizes[0])):
+            return more
+    return now
+
+
+def candidates(poles: PoleSet, factors: Sequence[Factor]) -> list[tuple[PoleSet, float]]:
+    """The pair and the two real poles that would take most out of the residual, with what they would take."""
+    longest = max(len(f.values) for f in factors)
+    lines = 1 << int(np.ceil(np.log2(2 * longest)))
+    angles = 2.0 * np.pi * np.arange(lines // 2 + 1) / lines
+    decays = np.concatenate([[0.0], np.geomspace(0.3 / longest, 1.0, 8)])
+    found: dict[int, tuple[float, complex]] = {}
+    for decay in decays:
+        gain = _gain(poles, factors, decay, lines)
+        inner = gain[2:-2] if len(gain) > 5 else gain[1:-1]
+        tops = {PAIR: (int(np.argmax(inner)) + (len(gain) - len(inner)) // 2) if len(inner) else None, POSITIVE: 0, NEGATIVE: len(gain) - 1}
+        for kind, line in tops.items():
+            if line is not None and gain[line] > found.get(kind, (0.0, 0j))[0]:
+                found[kind] = (float(gain[line]), complex(-decay, angles[line]))
+    order = sorted(found.items(), key=lambda item: -item[1][0])
+    return [(PoleSet.of(np.array([s]), np.array([kind])), gain) for kind, (gain, s) in order]
+
+
+def _gain(poles: PoleSet, factors: Sequence[Factor], decay: float, lines: int) -> NDArray[np.float64]:
+    """What a pole of this decay at each line of a grid would take out of the residual (lines/2 + 1,)."""
+    total = np.zeros(lines // 2 + 1)
+    for block in factors:
+        samples = len(block.values)
+        envelope = np.exp(-decay * np.arange(samples))
+        residual = residual_of(poles, block.values)
+        moments = np.fft.rfft(envelope[:, None] * residual, lines, axis=0)
+        q, _ = np.linalg.qr(real_basis(poles, basis(poles, samples))) if len(poles) else (np.zeros((samples, 0)), None)
+        shadow = np.fft.rfft(envelope[:, None] * q, lines, axis=0)
+        double = np.fft.rfft(envelope**2, lines)
+        straight = np.sum(envelope**2) - np.sum(np.abs(shadow) ** 2, axis=1)
+        # z^T (I - P) z: the envelope's transform at twice the angle, folded back into the grid.
+        twice = 2 * np.arange(lines // 2 + 1) % lines
+        at_twice = np.where(twice <= lines // 2, double[np.minimum(twice, lines - twice)], double[np.minimum(twice, lines - twice)].conj())
+        crossed = at_twice - np.sum(shadow**2, axis=1)
+        power, pseudo = np.sum(np.abs(moments) ** 2, axis=1), np.sum(moments**2, axis=1)
+        determinant = straight**2 - np.abs(crossed) ** 2
+        good = determinant > 1e-6 * np.sum(envelope**2) ** 2
+        pair = 2.0 * (straight * power - (crossed.conj() * pseudo).real)
+        gain = np.divide(pair, determinant, out=np.zeros_like(pair), where=good)
+        ends = [0, lines // 2]
+        gain[ends] = np.divide(power[ends], straight[ends], out=np.zeros(2), where=straight[ends] > 1e-6 * np.sum(envelope**2))
+        total += gain
+    return total
+
+
+def force_order(now: Fit, factors: Sequence[Factor], order: int, false_alarm: float) -> Fit:
+    """The fit brought to exactly `order` poles where that can be done: the least significant leave, the clearest join."""
+    threshold = Threshold(sum(f.columns for f in factors), false_alarm)
+    while now.poles.order > order:
+        excess = removal_rises(now.poles, factors) - np.array([threshold.of(int(n)) for n in now.poles.sizes])
+        excess[now.poles.sizes > now.poles.order - order] = np.inf
+        if not np.isfinite(excess).any():
+            break
+        now = polish(now.poles.without(int(np.argmin(excess))), factors)
+    while now.poles.order < order:
+        room = order - now.poles.order
+        trials = [polish(now.poles.plus([c]), factors) for c, _ in candidates(now.poles, factors) if c.order <= room]
+        trials = [t for t in trials if len(plausible(t.poles)) == len(t.poles) and t.cost < now.cost]
+        if not trials:
+            break
+        now = min(trials, key=threshold.penalised)
+    return now

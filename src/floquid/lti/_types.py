@@ -1,0 +1,157 @@
+"""What goes into a modal identification and what comes out. No channels, no periods: anonymous responses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import frozen_array, input_error, positive
+
+
+class Outcome(Enum):
+    """How an identification ended; the value says what it means and what to do."""
+
+    SUCCESS = "the poles were found"
+    NO_MODE = (
+        "no mode rises above the noise: the responses cannot be told from white noise. Use a record with a clear free "
+        "decay, or start it closer to the blow."
+    )
+    TOO_FEW_SAMPLES = (
+        "the responses are too short for the modes in them: the order reached the most that this many samples can "
+        "hold. Record more samples, or fix a lower order."
+    )
+    ORDER_UNREACHED = "the data do not hold as many poles as were asked for: ask for fewer, or let the order be found."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimeResponses:
+    """Free responses of one LTI system, sampled together.
+
+    Parameters
+    ----------
+    values
+        The responses (outputs, inputs, samples); an input is an initial condition. Samples beyond an input's length
+        are not looked at.
+    dt
+        The sampling interval [s].
+    noise
+        The standard deviation of the white noise on each response (outputs, inputs); 1 where not given.
+    lengths
+        The number of samples of each input (inputs,); all of them where not given.
+
+    Raises
+    ------
+    InputError
+        A shape is not possible, a value is not finite, or a standard deviation is not positive.
+    """
+
+    values: NDArray[np.float64]
+    dt: float
+    noise: NDArray[np.float64]
+    lengths: NDArray[np.int64]
+
+    def __init__(
+        self, *, values: ArrayLike, dt: float, noise: ArrayLike | None = None, lengths: ArrayLike | None = None
+    ) -> None:
+        of = "TimeResponses"
+        array = frozen_array(values, "values", of, axes=("outputs", "inputs", "samples"))
+        outputs, inputs, samples = array.shape
+        if array.size == 0:
+            raise input_error("values", of, "hold at least one output, input and sample", f"has shape {array.shape}")
+        std = frozen_array(np.ones((outputs, inputs)) if noise is None else noise, "noise", of, axes=(outputs, inputs))
+        if not (std > 0).all():
+            raise input_error("noise", of, "be positive", f"has {std.min():g}", "Leave out responses that are constant.")
+        ends = np.full(inputs, samples) if lengths is None else lengths
+        ends = frozen_array(ends, "lengths", of, axes=(inputs,), dtype=np.int64)
+        if (ends < 1).any() or (ends > samples).any():
+            raise input_error("lengths", of, f"lie in 1 to {samples}", f"is {ends.tolist()}")
+        put = object.__setattr__
+        put(self, "values", array)
+        put(self, "dt", positive(dt, "dt", of, unit="s"))
+        put(self, "noise", std)
+        put(self, "lengths", ends)
+
+    @property
+    def n_outputs(self) -> int:
+        """The number of outputs."""
+        return self.values.shape[0]
+
+    @property
+    def n_inputs(self) -> int:
+        """The number of inputs (initial conditions)."""
+        return self.values.shape[1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ModalModel:
+    r"""Poles and residues of a free response sampled at `dt`.
+
+    .. math:: y_{oi}[k] = \sum_r R_{r,o,i}\, \mu_r^k, \qquad \mu_r = e^{\lambda_r\, dt}
+
+    The multipliers are the estimate: a real negative one is exactly real. `poles` are their principal logarithms.
+
+    Parameters
+    ----------
+    multipliers
+        μ (modes,), conjugates next to each other and counted one by one.
+    residues
+        R (modes, outputs, inputs) [units of the responses].
+    dt
+        The sampling interval [s].
+    covariance
+        Of the poles (2 modes, 2 modes): real parts, then imaginary parts [1/s²]; None if not estimated.
+    residue_spread
+        E⁺E⁺ᴴ (inputs, modes, modes): the covariance of the residues for unit noise and known poles. That of output o
+        and input i is `noise[o, i]**2 * residue_spread[i]`. None if not estimated.
+    residue_slope
+        G (inputs, modes, modes): an error δs of ln μ moves the residues by -G diag(δs) R. None if not estimated.
+    residual_std
+        The standard deviation of what is left (outputs, inputs), corrected for the parameters used.
+    outcome
+        How the identification ended.
+    stats
+        Numbers about the fit.
+    """
+
+    multipliers: NDArray[np.complex128]
+    residues: NDArray[np.complex128]
+    dt: float
+    covariance: NDArray[np.float64] | None = None
+    residue_spread: NDArray[np.complex128] | None = None
+    residue_slope: NDArray[np.complex128] | None = None
+    residual_std: NDArray[np.float64] | None = None
+    outcome: Outcome = Outcome.SUCCESS
+    stats: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __post_init__(self) -> None:
+        of, put = "ModalModel", object.__setattr__
+        put(self, "multipliers", frozen_array(self.multipliers, "multipliers", of, axes=("modes",), dtype=np.complex128))
+        n = len(self.multipliers)
+        put(self, "residues", frozen_array(self.residues, "residues", of, axes=(n, "outputs", "inputs"), dtype=np.complex128))
+        put(self, "dt", positive(self.dt, "dt", of, unit="s"))
+        optional = {
+            "covariance": ((2 * n, 2 * n), np.float64),
+            "residue_spread": (("inputs", n, n), np.complex128),
+            "residue_slope": (("inputs", n, n), np.complex128),
+            "residual_std": (("outputs", "inputs"), np.float64),
+        }
+        for name, (axes, dtype) in optional.items():
+            value = getattr(self, name)
+            if value is not None:
+                put(self, name, frozen_array(value, name, of, axes=axes, dtype=dtype))
+        put(self, "stats", MappingProxyType(dict(self.stats)))
+
+    @property
+    def order(self) -> int:
+        """The number of poles, one by one."""
+        return len(self.multipliers)
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """The principal poles ln μ / dt (modes,) [1/s], -π/dt < Im ≤ π/dt."""
+        return np.log(self.multipliers) / self.dt

@@ -1,0 +1,199 @@
+"""From the residues of the lifted responses to periodic shapes (Allen 2009, eqs. 4-12)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import PeriodicModel
+from floquid.lifting import Lifted
+from floquid.lti import ModalModel
+from floquid.periodic._harmonics import select_bands
+
+
+def assemble(
+    modal: ModalModel, lifted: Lifted, *, false_alarm: float = 1e-8, harmonics: int | None = None
+) -> PeriodicModel:
+    r"""The periodic model behind a modal model of lifted responses.
+
+    The delay between phase zero and each phase's first sample is taken off (eq. 9), the residues are expanded over the
+    phases,
+
+    .. math:: B_{r,m} = \frac1P \sum_k R_{k,r}\, e^{-(\lambda_r + i m \omega) t_k}
+
+    each exponent is moved to the branch whose zeroth harmonic carries most of the shape's energy (channels weighted by
+    the inverse of their noise), and of each mode a contiguous band of harmonics is kept (`select_bands`).
+    Standard deviations are those of the maximum-likelihood fit: noise on the residues, and what the uncertainty of the
+    poles does to them.
+
+    Parameters
+    ----------
+    modal
+        The modal model of `lifted.responses`.
+    lifted
+        The lifted responses.
+    false_alarm
+        The probability at which noise may pass for one harmonic.
+    harmonics
+        Keep m = -harmonics … harmonics instead, whatever their significance.
+
+    Returns
+    -------
+    PeriodicModel
+        Modes by ascending |λ|, a conjugate after its partner.
+
+    Raises
+    ------
+    InputError
+        The models do not belong together, or more harmonics are asked for than there are phases.
+    """
+    if modal.residues.shape[1:] != (lifted.n_channels * lifted.n_phases, lifted.n_hits):
+        raise input_error(
+            "modal", "assemble", "be a model of `lifted.responses`",
+            f"its residues have shape {modal.residues.shape} and the responses {lifted.responses.values.shape}",
+        )
+    if harmonics is not None and not 0 <= 2 * harmonics < lifted.n_phases:
+        raise input_error(
+            "harmonics", "assemble", f"be at least 0 and less than half the {lifted.n_phases} samples a period",
+            f"is {harmonics}", "Ask for fewer harmonics, or sample faster.",
+        )
+    modal = _sorted(modal)
+    found = _expand(modal, lifted)
+    if harmonics is None:
+        kept = select_bands(found.coefficients, found.std, found.harmonics, found.seeds, false_alarm=false_alarm)
+    else:
+        low, high = (found.seeds + [-harmonics, harmonics]).T[:, :, None]
+        kept = (found.harmonics >= low) & (found.harmonics <= high)
+    order = _by_frequency(modal, found)
+    kept = kept[order]
+    used = kept.any(axis=0)
+    mask = kept[:, None, None, used]
+    return PeriodicModel(
+        exponents=found.exponents[order],
+        coefficients=found.coefficients[order][..., used] * mask,
+        harmonics=found.harmonics[used],
+        period=lifted.period,
+        channels=lifted.channels,
+        covariance=_reordered(modal, order).covariance,
+        coefficient_std=None if modal.covariance is None else found.std[order][..., used] * mask,
+        provenance=lifted.provenance,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Expansion:
+    """All coefficients of every mode on the branch reported, and the band that a real response needs at least."""
+
+    exponents: NDArray[np.complex128]
+    coefficients: NDArray[np.complex128]
+    std: NDArray[np.complex128]
+    harmonics: NDArray[np.int64]
+    seeds: NDArray[np.int64]
+
+
+def _sorted(modal: ModalModel) -> ModalModel:
+    """Each conjugate right after the mode of positive imaginary part."""
+    upper = [r for r in range(modal.order) if modal.multipliers[r].imag >= 0]
+    order = [i for r in upper for i in ([r] if modal.multipliers[r].imag == 0 else [r, _partner(modal, r)])]
+    return _reordered(modal, order)
+
+
+def _reordered(modal: ModalModel, order: list[int]) -> ModalModel:
+    stacked = np.concatenate([order, np.array(order, int) + modal.order]).astype(int)
+    pick = np.ix_(range(modal.residues.shape[2]), order, order)
+    return replace(
+        modal,
+        multipliers=modal.multipliers[order],
+        residues=modal.residues[order],
+        covariance=None if modal.covariance is None else modal.covariance[np.ix_(stacked, stacked)],
+        residue_spread=None if modal.residue_spread is None else modal.residue_spread[pick],
+        residue_slope=None if modal.residue_slope is None else modal.residue_slope[pick],
+    )
+
+
+def _partner(modal: ModalModel, index: int) -> int:
+    """The position of the conjugate of one multiplier (its own when it is real)."""
+    return int(np.argmin(np.abs(modal.multipliers - modal.multipliers[index].conj())))
+
+
+def _expand(modal: ModalModel, lifted: Lifted) -> _Expansion:
+    half = (lifted.n_phases - 1) // 2
+    harmonics = np.arange(-half, half + 1)
+    shape = (modal.order, lifted.n_channels, lifted.n_hits, len(harmonics))
+    exponents = np.array(modal.poles)
+    coefficients, std = np.zeros((2, *shape), complex)
+    seeds = np.zeros((modal.order, 2), np.int64)
+    for r in range(modal.order):
+        partner = _partner(modal, r)
+        if partner < r:
+            exponents[r] = exponents[partner].conj()
+            coefficients[r] = coefficients[partner, ..., ::-1].conj()
+            std[r] = std[partner, ..., ::-1]
+            continue
+        turn = _physical_turn(modal, lifted, r)
+        exponents[r] = modal.poles[r] + 1j * turn * 2.0 * np.pi / lifted.period
+        coefficients[r], std[r] = _coefficients(modal, lifted, r, exponents[r], harmonics)
+        if partner == r:
+            # A real multiplier's shape is its own conjugate: harmonic m belongs with this mirror image of it.
+            mirror = -2 * turn - (1 if modal.multipliers[r].real < 0 else 0)
+            seeds[r] = min(0, mirror), max(0, mirror)
+    return _Expansion(exponents, coefficients, std, harmonics, seeds)
+
+
+def _physical_turn(modal: ModalModel, lifted: Lifted, mode: int) -> int:
+    """The whole number of fundamentals from the principal pole to the branch whose zeroth harmonic is largest."""
+    half = lifted.n_phases // 2
+    turns = np.arange(-half, half + 1)
+    kernel = np.exp(-np.multiply.outer(modal.poles[mode] + 1j * turns * 2 * np.pi / lifted.period, lifted.phase_times))
+    residues = lifted.by_channel(modal.residues[mode]) / lifted.noise[:, None, :]
+    energy = np.sum(np.abs(np.einsum("mk,ckh->mch", kernel, residues)) ** 2, axis=(1, 2))
+    imag = modal.poles[mode].imag * lifted.period / (2 * np.pi) + turns
+    ties = np.flatnonzero(energy > (1.0 - 1e-6) * energy.max())
+    return int(turns[ties[np.argmax(np.abs(imag[ties]) + 1e-9 * np.sign(imag[ties]))]])
+
+
+def _coefficients(
+    modal: ModalModel, lifted: Lifted, mode: int, exponent: complex, harmonics: NDArray[np.int64]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """The coefficients of one mode and their standard deviations, both (channels, hits, harmonics)."""
+    times, phases = lifted.phase_times, lifted.n_phases
+    kernel = np.exp(-np.multiply.outer(exponent + 1j * harmonics * 2 * np.pi / lifted.period, times)) / phases
+    residues = lifted.by_channel(modal.residues)
+    own = np.einsum("mk,ckh->chm", kernel, residues[mode])
+    if modal.residue_spread is None or modal.residue_slope is None or modal.covariance is None:
+        return own, np.zeros_like(own)
+    partner = _partner(modal, mode)
+    strength = np.sum(np.abs(kernel) ** 2, axis=1)
+    pseudo = np.sum(kernel**2, axis=1)
+    noise = lifted.noise[:, :, None] ** 2
+    whole = noise * np.multiply.outer(modal.residue_spread[:, mode, mode].real, strength)
+    skew = noise * np.multiply.outer(modal.residue_spread[:, mode, partner], pseudo).real
+    # What an error of the poles does: through the residues of every mode, and through this mode's own delay.
+    moved = np.einsum("mk,rckh->rchm", kernel, residues) * -modal.residue_slope[:, mode, :].T[:, None, :, None]
+    moved[mode] -= np.einsum("mk,k,ckh->chm", kernel, times / lifted.period, residues[mode])
+    moved = moved * lifted.period
+    root = _square_root(modal.covariance)
+    along_real = np.tensordot(root, np.concatenate([moved.real, -moved.imag]), axes=(0, 0))
+    along_imag = np.tensordot(root, np.concatenate([moved.imag, moved.real]), axes=(0, 0))
+    real = np.sqrt(np.maximum(0.5 * (whole + skew), 0.0) + np.sum(along_real**2, axis=0))
+    imag = np.sqrt(np.maximum(0.5 * (whole - skew), 0.0) + np.sum(along_imag**2, axis=0))
+    return own, real + 1j * imag
+
+
+def _square_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A matrix L with L Lᵀ the covariance; it is singular, since conjugates move together."""
+    values, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _by_frequency(modal: ModalModel, expansion: _Expansion) -> list[int]:
+    """Modes by ascending |λ|, the positive imaginary part before its conjugate."""
+    size = np.abs(expansion.exponents)
+    keys = []
+    for r in range(modal.order):
+        partner = _partner(modal, r)
+        keys.append((size[r], min(r, partner), -expansion.exponents[r].imag))
+    return sorted(range(modal.order), key=lambda r: keys[r])

@@ -1,0 +1,72 @@
+"""Which harmonics of a shape rise above the noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+GAP = 2
+"""A band goes on over this many harmonics that do not rise above the noise: symmetric systems have every other one."""
+
+
+def select_bands(
+    coefficients: NDArray[np.complex128],
+    std: NDArray[np.complex128],
+    harmonics: NDArray[np.int64],
+    seeds: NDArray[np.int64],
+    *,
+    false_alarm: float,
+) -> NDArray[np.bool_]:
+    r"""Keep, of each mode, the contiguous band of harmonics around its seed that rises above the noise.
+
+    A harmonic is significant when, over all channels c and hits h,
+
+    .. math:: \sum_{c,h} \left(\frac{\Re B}{\sigma_{\Re}}\right)^2 + \left(\frac{\Im B}{\sigma_{\Im}}\right)^2
+
+    exceeds what chance gives with probability `false_alarm`, a chi-square of two degrees of freedom a term. The band is
+    common to the channels, since a shape that is cut at different harmonics in different channels is no solution of one
+    system. The band grows outward from the seed to each significant harmonic that is at most `GAP` insignificant ones
+    away, and what lies between is kept too. A false alarm far out would be multiplied by the square of its frequency in
+    A(t): hence contiguous, and a small probability (1e-8 gives the paper's rotor half the error that 1e-4 does).
+
+    Parameters
+    ----------
+    coefficients, std
+        Coefficients and their standard deviations (modes, channels, hits, harmonics).
+    harmonics
+        The integers m, ascending (harmonics,).
+    seeds
+        The lowest and the highest harmonic that a mode keeps in any case (modes, 2).
+    false_alarm
+        The probability for one harmonic.
+
+    Returns
+    -------
+    numpy.ndarray
+        What is kept (modes, harmonics).
+    """
+    from scipy.special import chdtri
+
+    terms = coefficients.shape[1] * coefficients.shape[2]
+    limit = float(chdtri(2 * terms, false_alarm))
+    tiny = np.finfo(float).tiny
+    # The imaginary part of a real mode's zeroth coefficient is exactly zero, and so is its deviation.
+    score = (coefficients.real / np.maximum(std.real, tiny)) ** 2
+    score += np.where(std.imag > 1e-9 * std.real, (coefficients.imag / np.maximum(std.imag, tiny)) ** 2, 0.0)
+    significant = score.sum(axis=(1, 2)) > limit
+    kept = np.zeros(significant.shape, bool)
+    for mode, row in enumerate(significant):
+        low, high = np.searchsorted(harmonics, seeds[mode])
+        high = min(int(high), len(harmonics) - 1)
+        low = len(row) - 1 - _grow(row[::-1], len(row) - 1 - int(low))
+        kept[mode, low : _grow(row, high) + 1] = True
+    return kept
+
+
+def _grow(significant: NDArray[np.bool_], end: int) -> int:
+    """The last index reached from `end` on by steps over at most `GAP` insignificant entries."""
+    while True:
+        ahead = np.flatnonzero(significant[end + 1 : end + 2 + GAP])
+        if not len(ahead):
+            return end
+        end += 1 + int(ahead[-1])

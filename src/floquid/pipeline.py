@@ -1,0 +1,257 @@
+"""The whole chain: records → poles → periodic model → state matrix, with every intermediate kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from floquid._checks import input_error, integer, positive
+from floquid.core import ConstantPeriod, Cycles, PeriodicModel, Provenance, Record
+from floquid.errors import IdentificationError
+from floquid.lifting import Lifted, lift
+from floquid.lti import MaximumLikelihood, ModalModel, Outcome
+from floquid.periodic import assemble
+from floquid.reconstruction import StateModel, reconstruct
+from floquid.sync import segment
+
+CONFIDENT = 2e-3
+"""A mode counts as well determined when both parts of its exponent have a deviation below this share of ω."""
+
+NOISE_ROUNDS = 4
+"""How often the noise may be estimated again from the residual."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """Every option of `identify`.
+
+    Parameters
+    ----------
+    period
+        The period [s]; None takes that of each record's clock.
+    channels
+        Names of the channels to use; empty for all.
+    order
+        The number of complex poles, conjugates one by one; None finds it.
+    harmonics
+        Keep the harmonics -harmonics … harmonics of each mode; None keeps those that rise above the noise.
+    states
+        Names of the channels that are the displacement states of A(t); empty to leave A(t) out.
+    system_times
+        The number of instants of a period at which A(t) is given.
+    mode_false_alarm
+        The probability at which noise may pass for a mode.
+    harmonic_false_alarm
+        The probability at which noise may pass for a harmonic.
+
+    Raises
+    ------
+    InputError
+        A value is not possible.
+    """
+
+    period: float | None = None
+    channels: tuple[str, ...] = ()
+    order: int | None = None
+    harmonics: int | None = None
+    states: tuple[str, ...] = ()
+    system_times: int = 50
+    mode_false_alarm: float = 1e-9
+    harmonic_false_alarm: float = 1e-8
+
+    def __post_init__(self) -> None:
+        of = "Settings"
+        if self.period is not None:
+            object.__setattr__(self, "period", positive(self.period, "period", of, unit="s"))
+        for name in ("channels", "states"):
+            value = getattr(self, name)
+            if isinstance(value, str) or not all(isinstance(entry, str) for entry in value):
+                raise input_error(name, of, "be a list of channel names", f"is {value!r}", 'Pass e.g. ["x", "y"].')
+            object.__setattr__(self, name, tuple(value))
+        if self.order is not None:
+            integer(self.order, "order", of, at_least=1)
+        if self.harmonics is not None:
+            integer(self.harmonics, "harmonics", of, at_least=0)
+        integer(self.system_times, "system_times", of, at_least=1)
+        for name in ("mode_false_alarm", "harmonic_false_alarm"):
+            if not 0.0 < positive(getattr(self, name), name, of) < 1.0:
+                raise input_error(name, of, "lie between 0 and 1", f"is {getattr(self, name)}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Analysis:
+    """What `identify` found, with every intermediate.
+
+    Parameters
+    ----------
+    settings
+        The options used.
+    records, cycles, lifted, modal
+        The stages: records as used, cut into periods, lifted, and the modal model of the lifted responses.
+    model
+        The periodic model: exponents and shapes.
+    state
+        Φ and A(t), when states were asked for.
+    warnings
+        What a reader of the result must know.
+    """
+
+    settings: Settings
+    records: tuple[Record, ...]
+    cycles: tuple[Cycles, ...]
+    lifted: Lifted
+    modal: ModalModel
+    model: PeriodicModel
+    state: StateModel | None = None
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def provenance(self) -> Provenance:
+        """Where the result comes from."""
+        return self.model.provenance
+
+
+def identify(
+    records: Record | Sequence[Record],
+    settings: Settings | None = None,
+    *,
+    report: Callable[[str], None] = lambda _: None,
+    **options: object,
+) -> Analysis:
+    """Identify a linear time-periodic system from its free response.
+
+    Cut into periods, lift (eqs. 7-10), find the poles by maximum likelihood with the order tested, take off the delay,
+    expand in harmonics (eqs. 4-12), and, when `states` are named, rebuild A(t) (eqs. 13-21 of Allen 2009, as
+    corrected).
+
+    Parameters
+    ----------
+    records
+        One record, or one a hit on the same system.
+    settings
+        The options; or give them by name.
+    report
+        Is told what is being done, a phrase a stage.
+    **options
+        Fields of `Settings`.
+
+    Returns
+    -------
+    Analysis
+        The result and every intermediate.
+
+    Raises
+    ------
+    InputError
+        A record or an option is not possible.
+    IdentificationError
+        No mode rises above the noise, the record is too short, or the result would look right and be wrong.
+    """
+    chosen = _settings(settings, options)
+    used = _prepare(records, chosen)
+    report("cutting into periods")
+    cycles = segment(used)
+    if max(c.n_cycles for c in cycles) < 4:
+        raise IdentificationError(
+            f"The record holds {max(c.n_cycles for c in cycles)} whole periods: fewer than 4 cannot hold a mode and the noise "
+            "beside it. Record longer, or check the period."
+        )
+    report("estimating the noise")
+    lifted = lift(cycles)
+    lifted, modal = _find_poles(lifted, chosen, report)
+    report("expanding the shapes in harmonics")
+    model = assemble(modal, lifted, false_alarm=chosen.harmonic_false_alarm, harmonics=chosen.harmonics)
+    state = None
+    if chosen.states:
+        report("rebuilding the state matrix")
+        state = reconstruct(model, chosen.states, times=chosen.system_times)
+    return Analysis(
+        settings=chosen,
+        records=used,
+        cycles=cycles,
+        lifted=lifted,
+        modal=modal,
+        model=model,
+        state=state,
+        warnings=_warnings(model, lifted),
+    )
+
+
+def _settings(settings: Settings | None, options: dict[str, object]) -> Settings:
+    from dataclasses import fields, replace
+
+    known = [f.name for f in fields(Settings)]
+    for name in options:
+        if name not in known:
+            raise input_error(name, "identify", "be a field of Settings", "there is none of that name", f"The fields are: {', '.join(known)}.")
+    return replace(settings or Settings(), **options)  # type: ignore[arg-type]
+
+
+def _prepare(records: Record | Sequence[Record], settings: Settings) -> tuple[Record, ...]:
+    """The records with the channels and the clock of the settings."""
+    several = (records,) if isinstance(records, Record) else tuple(records)
+    if not several or not all(isinstance(r, Record) for r in several):
+        raise input_error("records", "identify", "be a Record or a list of them", f"is {records!r:.60}", "Read files with `read`.")
+    used = []
+    for record in several:
+        if settings.channels:
+            record = record.select(settings.channels)
+        if settings.period is not None:
+            origin = record.clock.origin if record.clock else record.start
+            record = record.with_clock(ConstantPeriod(period=settings.period, origin=origin))
+        used.append(record)
+    return tuple(used)
+
+
+def _find_poles(lifted: Lifted, settings: Settings, report: Callable[[str], None]) -> tuple[Lifted, ModalModel]:
+    """Poles and noise together: the noise is taken again from the residual until it stays."""
+    identifier = MaximumLikelihood(false_alarm=settings.mode_false_alarm)
+    modal: ModalModel | None = None
+    for round_ in range(NOISE_ROUNDS):
+        state = identifier.prepare(lifted.responses)
+        if modal is None:
+            report("searching for modes")
+            modal = identifier.extract(state, settings.order, report=lambda text: report(f"searching for modes: {text}"))
+        else:
+            modal = identifier.refine(state, modal)
+        if modal.outcome is not Outcome.SUCCESS:
+            raise IdentificationError(f"Identification ended without a result: {modal.outcome.value}")
+        assert modal.residual_std is not None
+        noise = np.sqrt(np.mean(lifted.by_channel(modal.residual_std**2), axis=1))
+        change = np.abs(np.log(np.maximum(noise, 1e-300) / lifted.noise))
+        again = lifted.with_noise(noise)
+        change = np.abs(np.log(again.noise / lifted.noise)).max()
+        lifted = again
+        if change < 1e-3 and round_:
+            break
+        if change > 0.1:
+            modal = None
+    assert modal is not None
+    return lifted, modal
+
+
+def _warnings(model: PeriodicModel, lifted: Lifted) -> tuple[str, ...]:
+    """What a reader of the result must know."""
+    words = []
+    std = model.exponent_std
+    if std is not None:
+        weak = np.maximum(std.real, std.imag) > CONFIDENT * model.fundamental
+        count = int(weak.sum())
+        if count:
+            words.append(
+                f"{count} of {model.order} exponents are weakly determined (deviation above {CONFIDENT:g} of the fundamental): "
+                "each may stand for several modes that this record cannot tell apart."
+            )
+        still = np.abs(np.angle(model.multipliers)) < 3.0 * std.imag * model.period + 1e-12
+        still &= np.abs(model.exponents.real) < 4.0 * std.real + 1e-9 * model.fundamental
+        if still.any():
+            words.append(
+                "A component with a multiplier of 1 neither grows nor decays: it is most likely the forced periodic response "
+                "(imbalance, an offset), not a mode."
+            )
+    growing = model.exponents.real > (4.0 * std.real if std is not None else 0.0)
+    if growing.any():
+        words.append(f"{int(growing.sum())} of {model.order} exponents grow: the system is unstable there, or it is being driven.")
+    return tuple(words)

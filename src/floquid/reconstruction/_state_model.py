@@ -1,0 +1,56 @@
+"""The state transition matrix and the state matrix over one period."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import frozen_array
+from floquid.core import Provenance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StateModel:
+    r"""Φ(t, t0) and A(t) at instants of one period, with t0 the first of them.
+
+    .. math:: x(t) = \Phi(t, t_0)\, x(t_0), \qquad \dot x = A(t)\, x
+
+    Parameters
+    ----------
+    times
+        Instants after phase zero (times,) [s].
+    transition
+        Φ (times, n, n).
+    system
+        A (times, n, n) [1/s, in the units of the states].
+    condition
+        The condition number of the equilibrated modal matrix Ψ at each instant (times,): the factor by which errors
+        of the shapes may grow in A.
+    states
+        The names of the states, displacements first, then velocities.
+    system_std
+        Standard deviations of A (times, n, n); None while not estimated.
+    provenance
+        Where the model comes from.
+    """
+
+    times: NDArray[np.float64]
+    transition: NDArray[np.float64]
+    system: NDArray[np.float64]
+    condition: NDArray[np.float64]
+    states: tuple[str, ...]
+    system_std: NDArray[np.float64] | None = None
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        of, put = "StateModel", object.__setattr__
+        n = len(self.states)
+        put(self, "times", frozen_array(self.times, "times", of, axes=("times",)))
+        steps = len(self.times)
+        for name in ("transition", "system"):
+            put(self, name, frozen_array(getattr(self, name), name, of, axes=(steps, n, n)))
+        put(self, "condition", frozen_array(self.condition, "condition", of, axes=(steps,)))
+        if self.system_std is not None:
+            put(self, "system_std", frozen_array(self.system_std, "system_std", of, axes=(steps, n, n)))

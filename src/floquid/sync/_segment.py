@@ -1,0 +1,171 @@
+"""Cutting a synchronous record into periods, and joining them again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from floquid._checks import input_error
+from floquid.core import ConstantPeriod, Cycles, Record
+
+LARGEST_DRIFT = 0.01
+"""Samples by which the last cycle may have slipped against the first before a record no longer counts as synchronous."""
+
+
+def segment(records: Record | Sequence[Record]) -> tuple[Cycles, ...]:
+    r"""Cut each record into whole periods of P samples, all of them to one first phase.
+
+    .. math:: \Delta t = T/P, \qquad t_{k + mP} = t_0 + (k + mP)\,\Delta t
+
+    (Allen 2009, before eq. 7.) The values are a view of the record. Records after the first lose the samples before
+    the first one's phase; a part of a period at the end is left out, and the provenance says so.
+
+    Parameters
+    ----------
+    records
+        One record, or one a hit on the same system: the same channels, rate and period.
+
+    Returns
+    -------
+    tuple of Cycles
+        One a record.
+
+    Raises
+    ------
+    InputError
+        A record has no clock, is not a whole number of samples a period, holds no whole period, has missing samples, or
+        differs from the first in rate, period or channels.
+    """
+    several = (records,) if isinstance(records, Record) else tuple(records)
+    if not several:
+        raise input_error("records", "segment", "hold at least one record", "is empty")
+    first = several[0]
+    phases = samples_per_period(first)
+    phase = _clock(first).phase(first.start)
+    for number, record in enumerate(several[1:], start=2):
+        _check_alike(first, record, number)
+    return tuple(_cut(record, phases, phase) for record in several)
+
+
+def samples_per_period(record: Record) -> int:
+    """The whole number P of samples a period.
+
+    Raises
+    ------
+    InputError
+        The record has no clock, or its period is not a whole number of samples over the length of the record.
+    """
+    period = _clock(record).period
+    exact = period * record.sample_rate
+    cycles = record.n_samples / exact
+    if cycles < 1.0:
+        raise input_error(
+            "period", "segment", f"be shorter than the record ({record.duration:.6g} s)", f"is {period:.6g} s",
+            "Check the unit of the period, or use a longer record.",
+        )
+    phases = round(exact)
+    if phases < 1 or abs(exact - phases) * cycles > LARGEST_DRIFT:
+        raise input_error(
+            "period",
+            "segment",
+            "be a whole number of sampling intervals",
+            f"{period:.12g} s is {exact:.8g} samples at {record.sample_rate:.12g} Hz: over the {cycles:.0f} periods of "
+            f"the record the phase would slip by {abs(exact - phases) * cycles:.3g} samples",
+            f"If the period is really {max(phases, 1)} samples, pass period={max(phases, 1) / record.sample_rate:.12g}; if not, "
+            f"resample the record to a whole number of samples a period first.",
+        )
+    return phases
+
+
+def rejoin(cycles: Cycles) -> Record:
+    """The record of the cycles, end to end: the exact inverse of `segment` for whole periods.
+
+    Raises
+    ------
+    InputError
+        The cycles differ in length.
+    """
+    if np.ptp(cycles.periods) > 1e-12 * cycles.period:
+        raise input_error("cycles", "rejoin", "have one period", f"has periods differing by {np.ptp(cycles.periods):g} s")
+    values = cycles.values.transpose(0, 2, 1).reshape(cycles.n_channels, -1)
+    return Record(
+        values=values,
+        sample_rate=cycles.n_phases / cycles.period,
+        channels=cycles.channels,
+        clock=ConstantPeriod(period=cycles.period),
+        start=cycles.first_phase * cycles.period,
+        provenance=cycles.provenance,
+    )
+
+
+def _clock(record: Record) -> ConstantPeriod:
+    if record.clock is None:
+        raise input_error(
+            "records", "segment", "have a clock", "the record has none",
+            "Give the period: `--period SECONDS` or `--frequency HZ`, or `read(path, period=...)`.",
+        )
+    return record.clock
+
+
+def _check_alike(first: Record, record: Record, number: int) -> None:
+    """Refuse a record that cannot be a hit on the same system as the first."""
+    facts = {
+        "channels": ([c.name for c in first.channels], [c.name for c in record.channels]),
+        "units": ([c.unit for c in first.channels], [c.unit for c in record.channels]),
+    }
+    numbers = {
+        "sample rate": (first.sample_rate, record.sample_rate, "Hz"),
+        "period": (_clock(first).period, _clock(record).period, "s"),
+    }
+    for what, (one, other) in facts.items():
+        if one != other:
+            raise input_error(
+                "records", "segment", f"have the same {what}", f"number 1 has {one} and number {number} has {other}",
+                "Choose common channels with `--channels`, in one order.",
+            )
+    for what, (one, other, unit) in numbers.items():
+        if abs(one - other) > 1e-9 * one:
+            raise input_error(
+                "records", "segment", f"have the same {what}",
+                f"number 1 has {one:.12g} {unit} and number {number} has {other:.12g} {unit}",
+                "Hits identified together are records of one system, sampled alike.",
+            )
+
+
+def _cut(record: Record, phases: int, phase: float) -> Cycles:
+    """Whole periods of one record from the first sample at `phase` on."""
+    if np.isnan(record.values).any():
+        rows, columns = np.nonzero(np.isnan(record.values))
+        raise input_error(
+            "records", "segment", "have no missing samples",
+            f"{len(rows)} are missing, the first in channel {record.channels[rows[0]].name!r} at sample {columns[0]}",
+            "Cut the record to a part without gaps, or leave the channel out with `--channels`.",
+        )
+    clock = _clock(record)
+    ahead = ((phase - clock.phase(record.start)) % 1.0) * phases
+    skip = round(ahead) % phases
+    off = abs(ahead - round(ahead))
+    if off > LARGEST_DRIFT:
+        raise input_error(
+            "records", "segment", "be sampled at the same phases of the period",
+            f"one is {off:.3g} samples off the grid of the first",
+            "Resample the records to common phases first.",
+        )
+    n_cycles = (record.n_samples - skip) // phases
+    if n_cycles < 1:
+        raise input_error(
+            "records", "segment", "hold at least one whole period",
+            f"one has {record.n_samples} samples, {skip} of them before the first phase, at {phases} samples a period",
+            "Use a longer record.",
+        )
+    used = record.values[:, skip : skip + n_cycles * phases]
+    left = record.n_samples - n_cycles * phases
+    step = f"cut into {n_cycles} periods of {phases} samples" + (f"; {left} samples left out" if left else "")
+    return Cycles(
+        values=used.reshape(record.n_channels, n_cycles, phases).transpose(0, 2, 1),
+        periods=np.full(n_cycles, clock.period),
+        first_phase=phase,
+        channels=record.channels,
+        provenance=record.provenance.then(step),
+    )
