@@ -1,3 +1,37 @@
-"""floquid: identification of linear time-periodic systems from measured responses."""
+"""floquid: identification of linear time-periodic systems from measured responses.
+
+The main path: `read` a `Record`, `identify` it, `reconstruct` A(t), `save` the `Analysis`. Each stage is a room of its
+own: `core`, `readers`, `sync`, `lifting`, `lti`, `periodic`, `reconstruction`, `store`; `floquet` is the analysis of a
+known A(t), `systems` holds examples with known truth.
+"""
+
+from floquid import floquet, systems
+from floquid.core import Channel, ConstantPeriod, PeriodicModel, Record
+from floquid.errors import FloquidError, IdentificationError, InputError
+from floquid.pipeline import Analysis, Settings, identify
+from floquid.readers import read, write
+from floquid.reconstruction import StateModel, reconstruct
+from floquid.store import load, save
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "Analysis",
+    "Channel",
+    "ConstantPeriod",
+    "FloquidError",
+    "IdentificationError",
+    "InputError",
+    "PeriodicModel",
+    "Record",
+    "Settings",
+    "StateModel",
+    "floquet",
+    "identify",
+    "load",
+    "read",
+    "reconstruct",
+    "save",
+    "systems",
+    "write",
+]

@@ -44,7 +44,7 @@ def frozen_array(
     try:
         raw = np.asarray(value)
         if raw.dtype.kind not in "biufc":
-            raise TypeError  # noqa: TRY301
+            raise TypeError
         if raw.dtype.kind == "c" and np.dtype(dtype).kind != "c":
             raise input_error(argument, of, "be real", f"is complex ({raw.dtype})", "Pass its real part.")
         if raw.dtype.kind == "f" and np.dtype(dtype).kind == "i":

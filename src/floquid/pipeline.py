@@ -12,7 +12,7 @@ from floquid.core import ConstantPeriod, Cycles, PeriodicModel, Provenance, Reco
 from floquid.errors import IdentificationError
 from floquid.lifting import Lifted, lift
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
-from floquid.periodic import assemble
+from floquid.periodic import assemble, synchrony
 from floquid.reconstruction import StateModel, reconstruct
 from floquid.sync import segment
 
@@ -155,14 +155,15 @@ def identify(
     cycles = segment(used)
     if max(c.n_cycles for c in cycles) < 4:
         raise IdentificationError(
-            f"The record holds {max(c.n_cycles for c in cycles)} whole periods: fewer than 4 cannot hold a mode and the noise "
-            "beside it. Record longer, or check the period."
+            f"The record holds {max(c.n_cycles for c in cycles)} whole periods: fewer than 4 cannot hold a mode and "
+            "the noise beside it. Record longer, or check the period."
         )
     report("estimating the noise")
     lifted = lift(cycles)
     lifted, modal = _find_poles(lifted, chosen, report)
     report("expanding the shapes in harmonics")
     model = assemble(modal, lifted, false_alarm=chosen.harmonic_false_alarm, harmonics=chosen.harmonics)
+    _refuse_wrong_period(model, lifted)
     state = None
     if chosen.states:
         report("rebuilding the state matrix")
@@ -175,7 +176,7 @@ def identify(
         modal=modal,
         model=model,
         state=state,
-        warnings=_warnings(model, lifted),
+        warnings=_warnings(model),
     )
 
 
@@ -185,7 +186,13 @@ def _settings(settings: Settings | None, options: dict[str, object]) -> Settings
     known = [f.name for f in fields(Settings)]
     for name in options:
         if name not in known:
-            raise input_error(name, "identify", "be a field of Settings", "there is none of that name", f"The fields are: {', '.join(known)}.")
+            raise input_error(
+                name,
+                "identify",
+                "be a field of Settings",
+                "there is none of that name",
+                f"The fields are: {', '.join(known)}.",
+            )
     return replace(settings or Settings(), **options)  # type: ignore[arg-type]
 
 
@@ -193,13 +200,15 @@ def _prepare(records: Record | Sequence[Record], settings: Settings) -> tuple[Re
     """The records with the channels and the clock of the settings."""
     several = (records,) if isinstance(records, Record) else tuple(records)
     if not several or not all(isinstance(r, Record) for r in several):
-        raise input_error("records", "identify", "be a Record or a list of them", f"is {records!r:.60}", "Read files with `read`.")
+        raise input_error(
+            "records", "identify", "be a Record or a list of them", f"is {records!r:.60}", "Read files with `read`."
+        )
     used = []
     for record in several:
         if settings.channels:
             record = record.select(settings.channels)
         if settings.period is not None:
-            origin = record.clock.origin if record.clock else record.start
+            origin = record.clock.origin if record.clock else 0.0
             record = record.with_clock(ConstantPeriod(period=settings.period, origin=origin))
         used.append(record)
     return tuple(used)
@@ -213,7 +222,9 @@ def _find_poles(lifted: Lifted, settings: Settings, report: Callable[[str], None
         state = identifier.prepare(lifted.responses)
         if modal is None:
             report("searching for modes")
-            modal = identifier.extract(state, settings.order, report=lambda text: report(f"searching for modes: {text}"))
+            modal = identifier.extract(
+                state, settings.order, report=lambda text: report(f"searching for modes: {text}")
+            )
         else:
             modal = identifier.refine(state, modal)
         if modal.outcome is not Outcome.SUCCESS:
@@ -232,7 +243,21 @@ def _find_poles(lifted: Lifted, settings: Settings, report: Callable[[str], None
     return lifted, modal
 
 
-def _warnings(model: PeriodicModel, lifted: Lifted) -> tuple[str, ...]:
+def _refuse_wrong_period(model: PeriodicModel, lifted: Lifted) -> None:
+    """Refuse a record whose response repeats with another period than the one given."""
+    found = synchrony(model, lifted)
+    if found is None or not found.broken:
+        return
+    own = model.period * (1.0 + found.relative)
+    raise IdentificationError(
+        f"The response does not repeat with the period given: its own is {own:.10g} ± "
+        f"{model.period * found.std:.1g} s, not {model.period:.10g} s; over the record the phase slips by "
+        f"{found.slip:.3g} samples. Exponents and shapes would look right and be wrong.\n"
+        "  Correct the period; if it is no whole number of samples, resample the record."
+    )
+
+
+def _warnings(model: PeriodicModel) -> tuple[str, ...]:
     """What a reader of the result must know."""
     words = []
     std = model.exponent_std
@@ -241,17 +266,24 @@ def _warnings(model: PeriodicModel, lifted: Lifted) -> tuple[str, ...]:
         count = int(weak.sum())
         if count:
             words.append(
-                f"{count} of {model.order} exponents are weakly determined (deviation above {CONFIDENT:g} of the fundamental): "
-                "each may stand for several modes that this record cannot tell apart."
+                f"{count} of {model.order} exponents are weakly determined (deviation above {CONFIDENT:g} of the "
+                "fundamental): each may stand for several modes that this record cannot tell apart."
             )
         still = np.abs(np.angle(model.multipliers)) < 3.0 * std.imag * model.period + 1e-12
         still &= np.abs(model.exponents.real) < 4.0 * std.real + 1e-9 * model.fundamental
         if still.any():
             words.append(
-                "A component with a multiplier of 1 neither grows nor decays: it is most likely the forced periodic response "
-                "(imbalance, an offset), not a mode."
+                "A component with a multiplier of 1 neither grows nor decays: it is most likely the forced periodic "
+                "response (imbalance, an offset), not a mode."
             )
+    if model.order and not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any():
+        words.append(
+            "No mode has a second harmonic above the noise: the system looks constant, or the period is wrong and tore "
+            "each harmonic into a mode of its own."
+        )
     growing = model.exponents.real > (4.0 * std.real if std is not None else 0.0)
     if growing.any():
-        words.append(f"{int(growing.sum())} of {model.order} exponents grow: the system is unstable there, or it is being driven.")
+        words.append(
+            f"{int(growing.sum())} of {model.order} exponents grow: the system is unstable, or it is being driven."
+        )
     return tuple(words)

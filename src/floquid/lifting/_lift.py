@@ -70,7 +70,7 @@ class Lifted:
 
     def by_channel(self, outputs: NDArray) -> NDArray:
         """An array over outputs (..., outputs, hits) as (..., channels, phases, hits)."""
-        shape = outputs.shape[:-2] + (self.n_channels, self.n_phases) + outputs.shape[-1:]
+        shape = (*outputs.shape[:-2], self.n_channels, self.n_phases, outputs.shape[-1])
         return outputs.reshape(shape)
 
     def with_noise(self, noise: NDArray[np.float64]) -> Lifted:
@@ -154,7 +154,10 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
     )
     if not alike:
         raise input_error(
-            "cycles", "lift", "be alike in channels, phases, first phase and period", f"hit {number} differs from hit 1",
+            "cycles",
+            "lift",
+            "be alike in channels, phases, first phase and period",
+            f"hit {number} differs from hit 1",
             "Cut all records together: `segment([hit1, hit2])`.",
         )
     if np.isnan(hit.values).any():
@@ -162,7 +165,9 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
     for channel, block in zip(hit.channels, hit.values, strict=True):
         if np.ptp(block) <= 1e-13 * np.abs(block).max():
             raise input_error(
-                "cycles", "lift", "have channels that vary",
+                "cycles",
+                "lift",
+                "have channels that vary",
                 f"channel {channel.name!r} of hit {number} is constant ({block.flat[0]:g})",
                 "Leave it out with `--channels`, or check its sensor.",
             )

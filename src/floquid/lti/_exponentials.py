@@ -45,7 +45,7 @@ def factor(responses: NDArray[np.float64]) -> Factor:
     samples, columns = responses.shape
     if columns <= samples:
         return Factor.of(np.ascontiguousarray(responses), columns)
-    return Factor.of(np.ascontiguousarray(np.linalg.qr(responses.T, mode="r").T), columns)
+    return Factor.of(np.ascontiguousarray(np.asarray(np.linalg.qr(responses.T, mode="r")).T), columns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,7 @@ def fit(poles: PoleSet, factors: Sequence[Factor]) -> Fit:
 
 
 def _positive_part(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`reduced`, with no direction holding less than a hundredth of its share of `whole`: noise must not make it indefinite."""
+    """`reduced`, with which stays definite: each direction keeps a hundredth of what it has in `whole`."""
     if not len(whole):
         return whole
     scale = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny))

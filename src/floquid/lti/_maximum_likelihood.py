@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
-from floquid.lti._exponentials import Factor, Fit, basis, complex_residues, factor, fit, polish, real_basis
+from floquid.lti._exponentials import Factor, Fit, basis, complex_residues, factor, polish, real_basis
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._poles import PoleSet
 from floquid.lti._select import choose, energetic_length, force_order
@@ -77,7 +77,10 @@ class MaximumLikelihood(AbstractIdentifier):
         starts = tuple(s for s in self.starts if s <= shortest // 3) or (max(1, shortest // 3),)
         if order is not None and integer(order, "order", "MaximumLikelihood.extract", at_least=1) >= shortest:
             raise input_error(
-                "order", "MaximumLikelihood.extract", f"be less than the {shortest} samples", f"is {order}",
+                "order",
+                "MaximumLikelihood.extract",
+                f"be less than the {shortest} samples",
+                f"is {order}",
                 "Record more samples, or ask for fewer poles.",
             )
         found, factors = self._choose(state, most, starts, report)

@@ -1,4 +1,4 @@
-"""A set of poles of a real response: conjugate pairs, positive real and negative real multipliers, each its own kind."""
+"""A set of poles of a real response: conjugate pairs, positive and negative real multipliers, each its own kind."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class PoleSet:
 
     @staticmethod
     def of(s: NDArray[np.complex128], kind: NDArray[np.int64]) -> PoleSet:
-        """The set brought to 0 ≤ Im s ≤ π (a pair reflected is the same pair), with exact imaginary parts of real kinds."""
+        """The set brought to 0 ≤ Im s ≤ π (a pair reflected is the same pair), exact for the real kinds."""
         imag = np.abs(np.mod(s.imag + np.pi, 2.0 * np.pi) - np.pi)
         imag = np.where(kind == POSITIVE, 0.0, np.where(kind == NEGATIVE, np.pi, imag))
         return PoleSet(s.real + 1j * imag, kind.astype(np.int64))
@@ -62,12 +62,14 @@ class PoleSet:
 
     def full(self) -> NDArray[np.complex128]:
         """All logarithms (order,): each entry followed by its conjugate when it is a pair."""
-        return np.concatenate([[s, s.conjugate()] if k == PAIR else [s] for s, k in zip(self.s, self.kind, strict=True)] or [np.zeros(0)]).astype(complex)
+        return np.concatenate(
+            [[s, s.conjugate()] if k == PAIR else [s] for s, k in zip(self.s, self.kind, strict=True)] or [np.zeros(0)]
+        ).astype(complex)
 
     def multipliers(self) -> NDArray[np.complex128]:
         """All multipliers (order,), conjugates next to each other; those of real kinds exactly real."""
         mu = np.exp(self.full())
-        return np.where(np.repeat(self.kind, self.sizes) == PAIR, mu, mu.real)
+        return np.where(np.repeat(self.kind, self.sizes) == PAIR, mu, np.real(mu))
 
     def parameter_map(self) -> NDArray[np.complex128]:
         """The derivative of `full()` with respect to the real parameters (order, order): Re s, Im s of a pair; Re s."""
@@ -86,7 +88,9 @@ class PoleSet:
 
     def starts(self) -> NDArray[np.int64]:
         """The position of each entry in `full()` (k,)."""
-        return np.concatenate([[0], np.cumsum(self.sizes)[:-1]]).astype(np.int64) if len(self) else np.zeros(0, np.int64)
+        return (
+            np.concatenate([[0], np.cumsum(self.sizes)[:-1]]).astype(np.int64) if len(self) else np.zeros(0, np.int64)
+        )
 
     def without(self, index: int) -> PoleSet:
         """The set less one entry."""

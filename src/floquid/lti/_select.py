@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from floquid.lti._exponentials import Factor, Fit, basis, fit, polish, real_basi
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 
 FASTEST = (-3.0, 0.5)
-"""The logarithms of the fastest decay and growth a sample at which a mode can be told from a blow to a single sample."""
+"""Logarithms of the fastest decay and growth a sample at which a mode differs from a blow to a single sample."""
 
 
 RESOLVED = 3.0
@@ -64,7 +65,7 @@ def choose(
     """The poles that the data support, fitted by maximum likelihood."""
     threshold = Threshold(sum(f.columns for f in factors), false_alarm)
     window = search_window(factors)
-    values, vectors = signal_vectors(factors, window)
+    _, vectors = signal_vectors(factors, window)
     best: Fit | None = None
     for order in starts:
         if order >= window:
@@ -194,13 +195,15 @@ def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fi
     for kind in (POSITIVE, NEGATIVE):
         along = np.flatnonzero(now.poles.kind == kind)
         along = along[np.argsort(now.poles.s[along].real)]
-        for first, second in zip(along[:-1], along[1:], strict=True):
+        for first, second in pairwise(along):
             if _told_apart(now, int(first), int(second)):
                 continue
             middle = now.poles.s[[first, second]].mean()
             turn = max(0.1 * abs(middle.real), 1e-3)
             pair = PoleSet.of(np.array([middle + (1j if kind == POSITIVE else -1j) * turn]), np.array([PAIR]))
-            met = polish(now.poles.without(int(max(first, second))).without(int(min(first, second))).plus([pair]), factors)
+            met = polish(
+                now.poles.without(int(max(first, second))).without(int(min(first, second))).plus([pair]), factors
+            )
             if met.cost - now.cost < RESOLVED**2:
                 return met
     return now
@@ -226,7 +229,9 @@ def _add(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
         if promised < 0.5 * threshold.of(int(candidate.sizes[0])):
             continue
         more = polish(now.poles.plus([candidate]), factors)
-        if len(plausible(more.poles)) == len(more.poles) and now.cost - more.cost > threshold.of(int(candidate.sizes[0])):
+        if len(plausible(more.poles)) == len(more.poles) and now.cost - more.cost > threshold.of(
+            int(candidate.sizes[0])
+        ):
             return more
     return now
 
@@ -241,7 +246,11 @@ def candidates(poles: PoleSet, factors: Sequence[Factor]) -> list[tuple[PoleSet,
     for decay in decays:
         gain = _gain(poles, factors, decay, lines)
         inner = gain[2:-2] if len(gain) > 5 else gain[1:-1]
-        tops = {PAIR: (int(np.argmax(inner)) + (len(gain) - len(inner)) // 2) if len(inner) else None, POSITIVE: 0, NEGATIVE: len(gain) - 1}
+        tops = {
+            PAIR: (int(np.argmax(inner)) + (len(gain) - len(inner)) // 2) if len(inner) else None,
+            POSITIVE: 0,
+            NEGATIVE: len(gain) - 1,
+        }
         for kind, line in tops.items():
             if line is not None and gain[line] > found.get(kind, (0.0, 0j))[0]:
                 found[kind] = (float(gain[line]), complex(-decay, angles[line]))
@@ -263,7 +272,11 @@ def _gain(poles: PoleSet, factors: Sequence[Factor], decay: float, lines: int) -
         straight = np.sum(envelope**2) - np.sum(np.abs(shadow) ** 2, axis=1)
         # z^T (I - P) z: the envelope's transform at twice the angle, folded back into the grid.
         twice = 2 * np.arange(lines // 2 + 1) % lines
-        at_twice = np.where(twice <= lines // 2, double[np.minimum(twice, lines - twice)], double[np.minimum(twice, lines - twice)].conj())
+        at_twice = np.where(
+            twice <= lines // 2,
+            double[np.minimum(twice, lines - twice)],
+            double[np.minimum(twice, lines - twice)].conj(),
+        )
         crossed = at_twice - np.sum(shadow**2, axis=1)
         power, pseudo = np.sum(np.abs(moments) ** 2, axis=1), np.sum(moments**2, axis=1)
         determinant = straight**2 - np.abs(crossed) ** 2
@@ -271,13 +284,15 @@ def _gain(poles: PoleSet, factors: Sequence[Factor], decay: float, lines: int) -
         pair = 2.0 * (straight * power - (crossed.conj() * pseudo).real)
         gain = np.divide(pair, determinant, out=np.zeros_like(pair), where=good)
         ends = [0, lines // 2]
-        gain[ends] = np.divide(power[ends], straight[ends], out=np.zeros(2), where=straight[ends] > 1e-6 * np.sum(envelope**2))
+        gain[ends] = np.divide(
+            power[ends], straight[ends], out=np.zeros(2), where=straight[ends] > 1e-6 * np.sum(envelope**2)
+        )
         total += gain
     return total
 
 
 def force_order(now: Fit, factors: Sequence[Factor], order: int, false_alarm: float) -> Fit:
-    """The fit brought to exactly `order` poles where that can be done: the least significant leave, the clearest join."""
+    """The fit brought to `order` poles where that can be done: the least significant leave, the clearest join."""
     threshold = Threshold(sum(f.columns for f in factors), false_alarm)
     while now.poles.order > order:
         excess = removal_rises(now.poles, factors) - np.array([threshold.of(int(n)) for n in now.poles.sizes])

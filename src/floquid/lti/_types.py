@@ -65,7 +65,9 @@ class TimeResponses:
             raise input_error("values", of, "hold at least one output, input and sample", f"has shape {array.shape}")
         std = frozen_array(np.ones((outputs, inputs)) if noise is None else noise, "noise", of, axes=(outputs, inputs))
         if not (std > 0).all():
-            raise input_error("noise", of, "be positive", f"has {std.min():g}", "Leave out responses that are constant.")
+            raise input_error(
+                "noise", of, "be positive", f"has {std.min():g}", "Leave out responses that are constant."
+            )
         ends = np.full(inputs, samples) if lengths is None else lengths
         ends = frozen_array(ends, "lengths", of, axes=(inputs,), dtype=np.int64)
         if (ends < 1).any() or (ends > samples).any():
@@ -130,9 +132,15 @@ class ModalModel:
 
     def __post_init__(self) -> None:
         of, put = "ModalModel", object.__setattr__
-        put(self, "multipliers", frozen_array(self.multipliers, "multipliers", of, axes=("modes",), dtype=np.complex128))
+        put(
+            self, "multipliers", frozen_array(self.multipliers, "multipliers", of, axes=("modes",), dtype=np.complex128)
+        )
         n = len(self.multipliers)
-        put(self, "residues", frozen_array(self.residues, "residues", of, axes=(n, "outputs", "inputs"), dtype=np.complex128))
+        put(
+            self,
+            "residues",
+            frozen_array(self.residues, "residues", of, axes=(n, "outputs", "inputs"), dtype=np.complex128),
+        )
         put(self, "dt", positive(self.dt, "dt", of, unit="s"))
         optional = {
             "covariance": ((2 * n, 2 * n), np.float64),
@@ -154,4 +162,4 @@ class ModalModel:
     @property
     def poles(self) -> NDArray[np.complex128]:
         """The principal poles ln μ / dt (modes,) [1/s], -π/dt < Im ≤ π/dt."""
-        return np.log(self.multipliers) / self.dt
+        return np.asarray(np.log(self.multipliers) / self.dt, dtype=np.complex128)

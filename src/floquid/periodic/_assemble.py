@@ -52,20 +52,25 @@ def assemble(
     """
     if modal.residues.shape[1:] != (lifted.n_channels * lifted.n_phases, lifted.n_hits):
         raise input_error(
-            "modal", "assemble", "be a model of `lifted.responses`",
+            "modal",
+            "assemble",
+            "be a model of `lifted.responses`",
             f"its residues have shape {modal.residues.shape} and the responses {lifted.responses.values.shape}",
         )
     if harmonics is not None and not 0 <= 2 * harmonics < lifted.n_phases:
         raise input_error(
-            "harmonics", "assemble", f"be at least 0 and less than half the {lifted.n_phases} samples a period",
-            f"is {harmonics}", "Ask for fewer harmonics, or sample faster.",
+            "harmonics",
+            "assemble",
+            f"be at least 0 and less than half the {lifted.n_phases} samples a period",
+            f"is {harmonics}",
+            "Ask for fewer harmonics, or sample faster.",
         )
     modal = _sorted(modal)
     found = _expand(modal, lifted)
     if harmonics is None:
         kept = select_bands(found.coefficients, found.std, found.harmonics, found.seeds, false_alarm=false_alarm)
     else:
-        low, high = (found.seeds + [-harmonics, harmonics]).T[:, :, None]
+        low, high = found.seeds[:, :1] - harmonics, found.seeds[:, 1:] + harmonics
         kept = (found.harmonics >= low) & (found.harmonics <= high)
     order = _by_frequency(modal, found)
     kept = kept[order]
@@ -170,7 +175,7 @@ def _coefficients(
     pseudo = np.sum(kernel**2, axis=1)
     noise = lifted.noise[:, :, None] ** 2
     whole = noise * np.multiply.outer(modal.residue_spread[:, mode, mode].real, strength)
-    skew = noise * np.multiply.outer(modal.residue_spread[:, mode, partner], pseudo).real
+    skew = noise * np.real(np.multiply.outer(modal.residue_spread[:, mode, partner], pseudo))
     # What an error of the poles does: through the residues of every mode, and through this mode's own delay.
     moved = np.einsum("mk,rckh->rchm", kernel, residues) * -modal.residue_slope[:, mode, :].T[:, None, :, None]
     moved[mode] -= np.einsum("mk,k,ckh->chm", kernel, times / lifted.period, residues[mode])

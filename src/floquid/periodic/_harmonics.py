@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.core import PeriodicModel
+
 GAP = 2
 """A band goes on over this many harmonics that do not rise above the noise: symmetric systems have every other one."""
 
@@ -70,3 +72,31 @@ def _grow(significant: NDArray[np.bool_], end: int) -> int:
         if not len(ahead):
             return end
         end += 1 + int(ahead[-1])
+
+
+def participation(
+    model: PeriodicModel, mode: int, weights: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    r"""The harmonics that a mode keeps, and the share of each in the energy of its shape.
+
+    .. math:: p_m = \sum_{c,h} w_{c,h}^2 |B_{m,c,h}|^2 \Big/ \sum_{m,c,h} w_{c,h}^2 |B_{m,c,h}|^2
+
+    Parameters
+    ----------
+    model
+        The periodic model.
+    mode
+        The index of the mode.
+    weights
+        One over the noise (channels, hits).
+
+    Returns
+    -------
+    harmonics
+        The integers m that are kept (harmonics,).
+    shares
+        The share p of each (harmonics,).
+    """
+    energy = np.sum(np.abs(model.coefficients[mode] * weights[:, :, None]) ** 2, axis=(0, 1))
+    kept = energy > 0
+    return model.harmonics[kept], energy[kept] / energy.sum()

@@ -79,8 +79,8 @@ def reconstruct(model: PeriodicModel, states: Sequence[str], *, times: ArrayLike
     condition = np.linalg.cond(equilibrated)
     if not (condition < LARGEST_CONDITION).all():
         raise IdentificationError(
-            f"The modes' shapes in {', '.join(states)} are linearly dependent (condition number {condition.max():.1e} of the "
-            f"modal matrix): A(t) in these states would be noise. Choose other channels with `states`."
+            f"The modes' shapes in {', '.join(states)} are linearly dependent (condition number {condition.max():.1e} "
+            "of the modal matrix): A(t) in these states would be noise. Choose other channels with `states`."
         )
     inverse = np.linalg.inv(modal)
     growth = np.exp(np.multiply.outer(instants - instants[0], model.exponents))
@@ -103,15 +103,19 @@ def _chosen(model: PeriodicModel, states: Sequence[str]) -> list[int]:
         channel = model.channels[row]
         if channel.quantity not in _DERIVATIVES:
             raise input_error(
-                "states", "reconstruct", "name channels of displacement, velocity or acceleration",
+                "states",
+                "reconstruct",
+                "name channels of displacement, velocity or acceleration",
                 f"channel {channel.name!r} measures {channel.quantity} [{channel.unit}]",
                 "Choose motions, or give the channel its quantity.",
             )
     if 2 * len(rows) != model.order:
         needed = -(-model.order // 2)
         raise input_error(
-            "states", "reconstruct",
-            f"name {needed} channels: {model.order} modes (conjugates one by one) need as many states, half of them velocities",
+            "states",
+            "reconstruct",
+            f"name {needed} channels: {model.order} modes (conjugates one by one) need as many states, half of them "
+            "velocities",
             f"names {len(rows)}",
             f"The channels are: {', '.join(c.name for c in model.channels)}."
             + (" There are too few of them to span these modes." if needed > len(model.channels) else ""),
@@ -129,7 +133,9 @@ def _displacements(model: PeriodicModel, rows: list[int], slopes: NDArray[np.com
         combined[r] = np.einsum("chm,h->cm", model.coefficients[r], right[0].conj())
     derivatives = np.array([_DERIVATIVES[str(model.channels[row].quantity)] for row in rows])
     if derivatives.any() and (slopes == 0).any():
-        raise IdentificationError("A mode has a harmonic at zero frequency and no decay: its displacement is not in the record.")
+        raise IdentificationError(
+            "A mode has a harmonic at zero frequency and no decay: its displacement is not in the record."
+        )
     # An index of zero leaves the coefficients of a displacement channel as they are.
     return combined[:, rows] / slopes[:, None, :] ** derivatives[None, :, None]
 

@@ -10,7 +10,7 @@ from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Cycles, Record
 
 LARGEST_DRIFT = 0.01
-"""Samples by which the last cycle may have slipped against the first before a record no longer counts as synchronous."""
+"""Samples by which the last cycle may have slipped against the first in a record that counts as synchronous."""
 
 
 def segment(records: Record | Sequence[Record]) -> tuple[Cycles, ...]:
@@ -61,7 +61,10 @@ def samples_per_period(record: Record) -> int:
     cycles = record.n_samples / exact
     if cycles < 1.0:
         raise input_error(
-            "period", "segment", f"be shorter than the record ({record.duration:.6g} s)", f"is {period:.6g} s",
+            "period",
+            "segment",
+            f"be shorter than the record ({record.duration:.6g} s)",
+            f"is {period:.6g} s",
             "Check the unit of the period, or use a longer record.",
         )
     phases = round(exact)
@@ -72,8 +75,9 @@ def samples_per_period(record: Record) -> int:
             "be a whole number of sampling intervals",
             f"{period:.12g} s is {exact:.8g} samples at {record.sample_rate:.12g} Hz: over the {cycles:.0f} periods of "
             f"the record the phase would slip by {abs(exact - phases) * cycles:.3g} samples",
-            f"If the period is really {max(phases, 1)} samples, pass period={max(phases, 1) / record.sample_rate:.12g}; if not, "
-            f"resample the record to a whole number of samples a period first.",
+            f"If the period is really {max(phases, 1)} samples, pass "
+            f"period={max(phases, 1) / record.sample_rate:.12g}; if not, resample the record to a whole number of "
+            "samples a period first.",
         )
     return phases
 
@@ -87,7 +91,9 @@ def rejoin(cycles: Cycles) -> Record:
         The cycles differ in length.
     """
     if np.ptp(cycles.periods) > 1e-12 * cycles.period:
-        raise input_error("cycles", "rejoin", "have one period", f"has periods differing by {np.ptp(cycles.periods):g} s")
+        raise input_error(
+            "cycles", "rejoin", "have one period", f"has periods differing by {np.ptp(cycles.periods):g} s"
+        )
     values = cycles.values.transpose(0, 2, 1).reshape(cycles.n_channels, -1)
     return Record(
         values=values,
@@ -102,7 +108,10 @@ def rejoin(cycles: Cycles) -> Record:
 def _clock(record: Record) -> ConstantPeriod:
     if record.clock is None:
         raise input_error(
-            "records", "segment", "have a clock", "the record has none",
+            "records",
+            "segment",
+            "have a clock",
+            "the record has none",
             "Give the period: `--period SECONDS` or `--frequency HZ`, or `read(path, period=...)`.",
         )
     return record.clock
@@ -121,13 +130,18 @@ def _check_alike(first: Record, record: Record, number: int) -> None:
     for what, (one, other) in facts.items():
         if one != other:
             raise input_error(
-                "records", "segment", f"have the same {what}", f"number 1 has {one} and number {number} has {other}",
+                "records",
+                "segment",
+                f"have the same {what}",
+                f"number 1 has {one} and number {number} has {other}",
                 "Choose common channels with `--channels`, in one order.",
             )
     for what, (one, other, unit) in numbers.items():
         if abs(one - other) > 1e-9 * one:
             raise input_error(
-                "records", "segment", f"have the same {what}",
+                "records",
+                "segment",
+                f"have the same {what}",
                 f"number 1 has {one:.12g} {unit} and number {number} has {other:.12g} {unit}",
                 "Hits identified together are records of one system, sampled alike.",
             )
@@ -138,7 +152,9 @@ def _cut(record: Record, phases: int, phase: float) -> Cycles:
     if np.isnan(record.values).any():
         rows, columns = np.nonzero(np.isnan(record.values))
         raise input_error(
-            "records", "segment", "have no missing samples",
+            "records",
+            "segment",
+            "have no missing samples",
             f"{len(rows)} are missing, the first in channel {record.channels[rows[0]].name!r} at sample {columns[0]}",
             "Cut the record to a part without gaps, or leave the channel out with `--channels`.",
         )
@@ -148,14 +164,18 @@ def _cut(record: Record, phases: int, phase: float) -> Cycles:
     off = abs(ahead - round(ahead))
     if off > LARGEST_DRIFT:
         raise input_error(
-            "records", "segment", "be sampled at the same phases of the period",
+            "records",
+            "segment",
+            "be sampled at the same phases of the period",
             f"one is {off:.3g} samples off the grid of the first",
             "Resample the records to common phases first.",
         )
     n_cycles = (record.n_samples - skip) // phases
     if n_cycles < 1:
         raise input_error(
-            "records", "segment", "hold at least one whole period",
+            "records",
+            "segment",
+            "hold at least one whole period",
             f"one has {record.n_samples} samples, {skip} of them before the first phase, at {phases} samples a period",
             "Use a longer record.",
         )

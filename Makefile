@@ -1,0 +1,71 @@
+# All a newcomer needs: git, make and Python 3.11 or newer. Everything else is installed into .venv.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PYTEST := $(BIN)/python -m pytest
+PARALLEL := -n logical --maxprocesses 8
+INSTALLED := $(VENV)/.installed
+# What uv is asked for is the version that requirements.txt itself pins.
+UV_PIN = $(shell sed -n 's/^\(uv==[^ ;]*\).*/\1/p' requirements.txt)
+UV := VIRTUAL_ENV="$(CURDIR)/$(VENV)" $(BIN)/uv
+COMPILE = pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --no-header --no-annotate \
+	--no-emit-index-url --no-emit-find-links --group dev --group docs pyproject.toml
+
+# The arrays are small and pytest runs one process a core: threads inside BLAS would only get in each other's way.
+test slow: export OPENBLAS_NUM_THREADS ?= 1
+test slow: export OMP_NUM_THREADS ?= 1
+test slow: export MKL_NUM_THREADS ?= 1
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test slow bench lint format docs requirements upgrade clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
+
+demo: $(INSTALLED) ## simulate a rotor, identify it, compare with the truth (into demo/)
+	$(BIN)/floquid demo jeffcott --out demo
+
+test: $(INSTALLED) ## run the tests
+	$(PYTEST) $(PARALLEL)
+
+slow: $(INSTALLED) ## run the slow statistics
+	$(PYTEST) $(PARALLEL) -m slow
+
+bench: $(INSTALLED) ## time the benchmarks
+	$(PYTEST) benchmarks --benchmark-enable --benchmark-only
+
+lint: $(INSTALLED) ## style, import contracts and types
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/lint-imports --no-cache
+	$(BIN)/basedpyright --project pyproject.toml
+
+format: $(INSTALLED) ## put the code into the common form
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+docs: $(INSTALLED) ## build the site into docs/_build/html, warnings being errors
+	$(BIN)/sphinx-build -q -b html -n -W --keep-going -d docs/_build/doctrees docs docs/_build/html
+
+install: $(INSTALLED) ## make .venv with everything in it, and nothing else
+
+requirements: $(INSTALLED) ## pin again what pyproject.toml asks for, keeping pinned versions that still do
+	$(UV) $(COMPILE) --output-file requirements.txt
+
+upgrade: $(INSTALLED) ## pin the newest versions
+	$(UV) $(COMPILE) --upgrade --output-file requirements.txt
+
+clean: ## remove everything that make has made
+	rm -rf $(VENV) docs/_build demo build dist .pytest_cache .ruff_cache .hypothesis .benchmarks .import_linter_cache
+	find src tests docs -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(INSTALLED): requirements.txt pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "floquid needs Python 3.11 or newer, and «$(PYTHON)» is: $$($(PYTHON) --version 2>&1)." >&2; \
+		echo "  Name another one: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)" >&2; exit 1; }
+	test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "$(UV_PIN)"
+	$(UV) pip sync --quiet requirements.txt
+	$(UV) pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@

@@ -1,0 +1,24 @@
+"""The command line: one file a subcommand, each a thin call of one public function.
+
+Exit codes: 0 done, 1 identification failed or was refused, 2 usage or bad input. No traceback without `--debug`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from floquid.cli._app import run
+
+__all__ = ["main", "run"]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and leave with its exit code.
+
+    Parameters
+    ----------
+    arguments
+        The words after `floquid`; those of the process when not given.
+    """
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))

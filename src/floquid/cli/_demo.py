@@ -1,0 +1,136 @@
+"""`floquid demo`: simulate, identify, compare with the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from rich.table import Table
+
+from floquid.cli._identify import STAGES
+from floquid.cli._output import ResultFolder, print_json
+from floquid.cli._progress import progress
+from floquid.cli._simulate import system_named
+from floquid.cli._terminal import print_analysis, terminal, with_error
+from floquid.pipeline import Analysis
+from floquid.pipeline import identify as identify_records
+from floquid.readers import write
+from floquid.reconstruction import StateModel, reconstruct
+from floquid.systems import JeffcottRotor
+from floquid.testing import pair_exponents
+
+PUBLISHED = {"X, Y": 0.013, "X_tt, Y_tt": 0.031}
+"""The largest errors of A(t) that the paper states: 0.013 with the mass's displacements, 3.1 % with the turntable's."""
+
+
+def demo(
+    system: str = "jeffcott",
+    *,
+    out: Path = Path("floquid-demo"),
+    periods: int = 1024,
+    noise: float = 0.02,
+    seed: int = 0,
+    format: Literal["text", "json"] = "text",  # noqa: A002
+    debug: bool = False,
+) -> None:
+    """Simulate the experiment of Allen's paper, identify it, and compare with the truth.
+
+    Parameters
+    ----------
+    system
+        The system: jeffcott, a rotor on an anisotropic shaft in anisotropic bearings.
+    out
+        A folder for record.npz, result.h5, summary.json, settings.toml and figures/.
+    periods
+        The length of the record, in periods.
+    noise
+        Standard deviation of white noise, as a share of the largest free response of each channel.
+    seed
+        The seed of the noise.
+    format
+        text prints tables; json prints summary.json alone.
+    debug
+        Show the traceback of an error.
+    """
+    del debug
+    rotor = system_named(system)
+    folder = ResultFolder.prepare(out)
+    with progress(STAGES + 4) as report:
+        report("simulating")
+        record = rotor.simulate(n_periods=periods, noise=noise, seed=seed)
+        write(record, folder.path / "record.npz")
+        analysis = identify_records(record, states=("X", "Y"), report=report)
+        comparison = compare(rotor, analysis)
+        dense = np.linspace(0.0, rotor.period, 361)
+        folder.write(analysis, report, truth=(dense, rotor.system(dense)))
+    if format == "json":
+        print_json(analysis)
+        return
+    print_analysis(analysis, folder.path)
+    print_comparison(comparison)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Identified values beside the true ones: exponents (pairs,), and the largest error of A(t) by choice of states."""
+
+    truth: np.ndarray
+    estimate: np.ndarray
+    std: np.ndarray
+    system_errors: dict[str, float]
+
+
+def compare(rotor: JeffcottRotor, analysis: Analysis) -> Comparison:
+    """Hold an analysis of the rotor's record against the rotor.
+
+    Exponents are paired by assignment, modulo iω; A(t) is rebuilt with the displacements of the mass as states, and
+    with those of the turntable.
+    """
+    model = analysis.model
+    truth = rotor.exponents()
+    upper = truth.imag > 0
+    pairs = pair_exponents(model.exponents, truth, model.period)
+    std = model.exponent_std
+    assert std is not None
+    errors: dict[str, float] = {}
+    for states, system in ((("X", "Y"), rotor.system), (("X_tt", "Y_tt"), rotor.turntable_system)):
+        found: StateModel = reconstruct(model, states)
+        errors[", ".join(states)] = float(np.abs(found.system - system(found.times)).max())
+    return Comparison(truth[upper], (truth + pairs.differences)[upper], std[pairs.permutation][upper], errors)
+
+
+def print_comparison(comparison: Comparison) -> None:
+    """The comparison as two tables."""
+    console = terminal()
+    table = Table(
+        title="Against the truth: principal Floquet exponents", title_justify="left", title_style="bold", box=None
+    )
+    for name in ("", "true", "identified", "error", "in deviations"):
+        table.add_column(name, justify="right")
+    for number, (true, found, std) in enumerate(
+        zip(comparison.truth, comparison.estimate, comparison.std, strict=True), start=1
+    ):
+        for part in ("real", "imag"):
+            value, exact, deviation = (getattr(x, part) for x in (found, true, std))
+            label = f"{'Re' if part == 'real' else 'Im'} λ{number} [1/s]"
+            table.add_row(
+                label,
+                f"{exact:.7f}",
+                with_error(value, deviation),
+                f"{value - exact:+.1e}",
+                f"{(value - exact) / deviation:+.2f}",
+            )
+    console.print(table)
+    table = Table(
+        title="Largest error of A(t), over all elements and the period",
+        title_justify="left",
+        title_style="bold",
+        box=None,
+    )
+    for name in ("states", "here", "in the paper"):
+        table.add_column(name, justify="left" if name == "states" else "right")
+    for states, error in comparison.system_errors.items():
+        table.add_row(states, f"{error:.4f}", f"{PUBLISHED[states]:.3f}")
+    console.print(table)

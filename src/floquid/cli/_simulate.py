@@ -1,0 +1,75 @@
+"""`floquid simulate`: a record of an example system."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from floquid._checks import input_error
+from floquid.cli._progress import progress
+from floquid.cli._terminal import terminal
+from floquid.readers import write
+from floquid.systems import SYSTEMS, JeffcottRotor
+
+
+def simulate(
+    system: str = "jeffcott",
+    *,
+    out: Path = Path("record.npz"),
+    periods: int = 1024,
+    samples_per_period: int = 50,
+    noise: float = 0.02,
+    seed: int = 0,
+    impulse_deg: float = 45.0,
+    debug: bool = False,
+) -> None:
+    """Write the free response of an example system to a file.
+
+    Parameters
+    ----------
+    system
+        The system: jeffcott, the rotor of Allen's paper.
+    out
+        The file (.npz, .csv).
+    periods
+        The length of the record, in periods of the system.
+    samples_per_period
+        Samples a period.
+    noise
+        Standard deviation of white noise, as a share of the largest free response of each channel.
+    seed
+        The seed of the noise.
+    impulse_deg
+        The direction of the blow at the start, from the X axis [deg].
+    debug
+        Show the traceback of an error.
+    """
+    del debug
+    rotor = system_named(system)
+    with progress(2) as report:
+        report(f"simulating {system}")
+        record = rotor.simulate(
+            n_periods=periods, samples_per_period=samples_per_period, noise=noise, seed=seed, impulse_deg=impulse_deg
+        )
+        report("writing the record")
+        write(record, out)
+    console = terminal()
+    console.print(
+        f"Written to {out}: {record.n_channels} channels, {record.n_samples} samples at {record.sample_rate:.8g} Hz, "
+        f"period {rotor.period:.12g} s."
+    )
+    console.print(f"Identify it: floquid identify {out} --period {rotor.period!r} --states X,Y")
+
+
+def system_named(name: str) -> JeffcottRotor:
+    """The example system of that name, with its parameters as published.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    if name not in SYSTEMS:
+        raise input_error(
+            "SYSTEM", "floquid", "be the name of an example system", f"is {name!r}", f"There is: {', '.join(SYSTEMS)}."
+        )
+    return SYSTEMS[name]()

@@ -1,0 +1,140 @@
+"""What a person reads on the terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from floquid.core import PeriodicModel
+from floquid.periodic import participation
+from floquid.pipeline import CONFIDENT, Analysis
+
+
+def terminal(*, stderr: bool = False) -> Console:
+    """A console that prints names and units as they are: brackets are no markup, colons no emoji."""
+    return Console(stderr=stderr, markup=False, emoji=False, highlight=False)
+
+
+def with_error(value: float, std: float) -> str:
+    """A value with its standard deviation in units of the last digits: -0.0020013(19) is -0.0020013 ± 0.0000019."""
+    if not np.isfinite(std) or std <= 0:
+        return f"{value:.6g}"
+    digits = max(0, 1 - int(np.floor(np.log10(std))))
+    return f"{value:.{digits}f}({round(std * 10**digits)})" if digits <= 14 else f"{value:.12g}"
+
+
+def print_analysis(analysis: Analysis, folder: Path | None) -> None:
+    """The record, the modes, A(t) and the warnings, in that order."""
+    console = terminal()
+    _print_record(console, analysis)
+    console.print(modes_table(analysis))
+    console.print(
+        "A row with ± is a conjugate pair; (53) is one standard deviation in the last digits. λ: Floquet exponent, on "
+        "the branch of its physical frequency; "
+        "f = |λ|/2π; ζ = -Re λ/|λ|; |μ| = e^(Re λ T), the decay in one period; folded: |Im λ| modulo ω, over ω; "
+        "m: harmonics of the shape that rise above the noise.",
+        style="dim",
+    )
+    if analysis.state is not None:
+        print_state(console, analysis)
+    for warning in analysis.warnings:
+        console.print(f"Warning: {warning}", style="yellow")
+    if folder is not None:
+        console.print(f"Written to {folder}/: result.h5, summary.json, settings.toml, figures/")
+    else:
+        console.print("Add --out DIR to keep the result and the figures.", style="dim")
+
+
+def _print_record(console: Console, analysis: Analysis) -> None:
+    first, cycles = analysis.records[0], analysis.cycles
+    one = cycles[0]
+    hits = ", ".join(str(c.n_cycles) for c in cycles)
+    plural = "s" if len(cycles) > 1 else ""
+    console.print(
+        f"{len(cycles)} record{plural}, {first.n_channels} channels at {first.sample_rate:.8g} Hz; "
+        f"period {analysis.model.period:.8g} s (ω = {analysis.model.fundamental:.6g} rad/s): "
+        f"{one.n_phases} samples a period, {hits} periods."
+    )
+    for step in dict.fromkeys(step for record in analysis.records for step in record.provenance.steps):
+        console.print(f"  {step}", style="dim")
+    table = Table(title="Noise found, white, standard deviation", title_justify="left", title_style="bold", box=None)
+    table.add_column("channel")
+    for hit in range(len(cycles)):
+        table.add_column("noise" if len(cycles) == 1 else f"hit {hit + 1}", justify="right")
+        table.add_column("of the peak", justify="right")
+    for c, channel in enumerate(first.channels):
+        cells = []
+        for hit in range(len(cycles)):
+            noise = analysis.lifted.noise[c, hit]
+            peak = np.abs(cycles[hit].values[c]).max()
+            cells += [
+                f"{noise:.3g} {channel.unit if channel.unit != '-' else ''}".strip(),
+                f"{100 * noise / peak:.2g} %",
+            ]
+        table.add_row(channel.name, *cells)
+    console.print(table)
+
+
+def modes_table(analysis: Analysis) -> Table:
+    """The table of modes, a conjugate pair a row."""
+    model, std = analysis.model, analysis.model.exponent_std
+    table = Table(title=f"Order {model.order}: modes", title_justify="left", title_style="bold", box=None)
+    for name in ("", "Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded", "m"):
+        table.add_column(name, justify="left" if name == "" else "right", no_wrap=True)
+    table.add_column("note")
+    for number, r in enumerate(upper_modes(model), start=1):
+        error = std[r] if std is not None else complex(np.nan, np.nan)
+        value, real = model.exponents[r], is_real(model, r)
+        harmonics, _ = participation(model, r, 1.0 / analysis.lifted.noise)
+        notes = []
+        if max(error.real, error.imag) > CONFIDENT * model.fundamental:
+            notes.append("weak")
+        if real:
+            notes.append(f"{'negative' if model.multipliers[r].real < 0 else 'positive'} multiplier")
+        if value.real > 4 * error.real:
+            notes.append("grows")
+        table.add_row(
+            str(number),
+            with_error(value.real, error.real),
+            ("" if real else "±") + with_error(abs(value.imag), error.imag),
+            f"{model.frequencies_hz[r]:.5g}",
+            f"{100 * model.damping_ratios[r]:.3g}",
+            f"{abs(model.multipliers[r]):.4f}",
+            f"{abs(model.principal()[r].imag) / model.fundamental:.4f}",
+            f"{harmonics[0]}…{harmonics[-1]}" if len(harmonics) > 1 else f"{harmonics[0]}",
+            ", ".join(notes),
+        )
+    return table
+
+
+def is_real(model: PeriodicModel, mode: int) -> bool:
+    """Whether the multiplier is real: the mode is its own conjugate."""
+    multiplier = model.multipliers[mode]
+    return abs(multiplier.imag) < 1e-9 * abs(multiplier)
+
+
+def upper_modes(model: PeriodicModel) -> list[int]:
+    """One mode of each conjugate pair, and each mode that is its own conjugate."""
+    return [r for r in range(model.order) if model.exponents[r].imag > 0 or is_real(model, r)]
+
+
+def print_state(console: Console, analysis: Analysis) -> None:
+    """The size of A(t): mean over the period and half of the range of each element."""
+    state = analysis.state
+    assert state is not None
+    table = Table(
+        title="A(t): mean over the period ± half its range", title_justify="left", title_style="bold", box=None
+    )
+    table.add_column("")
+    for name in state.states:
+        table.add_column(name, justify="right")
+    mean, half = state.system.mean(axis=0), 0.5 * np.ptp(state.system, axis=0)
+    for i, name in enumerate(state.states):
+        table.add_row(f"d/dt {name}", *(f"{mean[i, j]: .4g} ± {half[i, j]:.2g}" for j in range(len(state.states))))
+    console.print(table)
+    console.print(
+        f"Condition number of the modes' shapes in these states: {state.condition.max():.3g} at most.", markup=False
+    )

@@ -1,0 +1,195 @@
+"""Whether the response agrees with the period that it was lifted with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import PeriodicModel
+from floquid.lifting import Lifted
+
+SIGNIFICANT = 6.0
+"""Standard deviations by which the response's own period must differ before it counts as another one."""
+
+NEGLIGIBLE_SLIP = 0.01
+"""Samples of slip over the record below which a difference of periods does no harm, however significant."""
+
+LARGEST_DIFFERENCE = 0.02
+"""The relative difference of periods up to which two modes are looked at as one mode torn apart."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Synchrony:
+    """How far the response's own period is from the one given.
+
+    Parameters
+    ----------
+    relative
+        (own period - given period)/given period, a linear estimate.
+    std
+        Its standard deviation.
+    slip
+        The samples by which the phase slips over the longest hit at that difference.
+    """
+
+    relative: float
+    std: float
+    slip: float
+
+    @property
+    def broken(self) -> bool:
+        """Whether the response's own period is significantly another one, by more than does no harm."""
+        return abs(self.relative) > SIGNIFICANT * self.std and self.slip > NEGLIGIBLE_SLIP
+
+
+def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
+    """How far the response's own period is from the one it was lifted with.
+
+    Two signs are looked for: a slow turn of the harmonics within each mode (`drift`), and, where the difference is so
+    large that each harmonic came out as a mode of its own, modes of equal decay spaced by something close to ω
+    (`spacing`).
+
+    Parameters
+    ----------
+    model
+        The periodic model.
+    lifted
+        The lifted responses that it was identified from.
+
+    Returns
+    -------
+    Synchrony or None
+        The clearer of the two; None when the response does not tell the period.
+    """
+    found = [sign for sign in (drift(model, lifted), spacing(model, lifted)) if sign is not None]
+    return max(found, key=lambda sign: abs(sign.relative) / sign.std, default=None)
+
+
+def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
+    r"""The period from modes that are harmonics of one mode torn apart by a wrong period.
+
+    Modes a, b of equal real part with Im(λ_a - λ_b) = mω/(1 + ε), m ≠ 0. At least two such pairs must agree on ε.
+
+    Parameters
+    ----------
+    model
+        The periodic model.
+    lifted
+        The lifted responses that it was identified from.
+
+    Returns
+    -------
+    Synchrony or None
+        None when no two pairs of modes agree.
+    """
+    std = model.exponent_std
+    if std is None:
+        return None
+    first, second = np.nonzero(np.triu(np.ones((model.order, model.order), bool), 1))
+    gap = model.exponents[first] - model.exponents[second]
+    deviation = np.hypot(std[first].real, std[second].real), np.hypot(std[first].imag, std[second].imag)
+    turns = np.rint(gap.imag / model.fundamental)
+    relative = np.divide(turns * model.fundamental, gap.imag, out=np.ones(len(gap)), where=turns != 0) - 1.0
+    error = np.divide(deviation[1], np.abs(turns) * model.fundamental, out=np.full(len(gap), np.inf), where=turns != 0)
+    alike = (
+        (np.abs(gap.real) < 5.0 * deviation[0])
+        & (np.abs(relative) < LARGEST_DIFFERENCE)
+        & (error < np.abs(relative) / SIGNIFICANT)
+    )
+    # A pair and the pair of its conjugates are one witness.
+    alike &= model.exponents[first].imag + model.exponents[second].imag > 0
+    relative, error = relative[alike], error[alike]
+    best: Synchrony | None = None
+    for value, own in zip(relative, error, strict=True):
+        near = np.abs(relative - value) < 4.0 * np.hypot(error, own)
+        if near.sum() < 2:
+            continue
+        weight = 1.0 / error[near] ** 2
+        mean, sigma = float(np.sum(weight * relative[near]) / weight.sum()), float(weight.sum() ** -0.5)
+        if best is None or sigma < best.std:
+            best = _difference(mean, sigma, lifted)
+    return best
+
+
+def _difference(relative: float, std: float, lifted: Lifted) -> Synchrony:
+    cycles = int(lifted.responses.lengths.max())
+    return Synchrony(relative=relative, std=std, slip=abs(relative) * cycles * lifted.n_phases)
+
+
+def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
+    r"""A score test of the period, with the poles and the residues free.
+
+    If the period is T(1 + ε), harmonic m of each mode turns at mω/(1 + ε), and the lifted response moves by
+
+    .. math:: \frac{\partial y}{\partial\epsilon} = \sum_r n \mu_r^n q_r, \qquad
+              q_r = -i \omega T \sum_m m\, B_{r,m} e^{(\lambda_r + i m \omega) t_k}
+
+    up to what the residues take up. The estimate of ε is its regression on the residual beside the slopes
+    :math:`n \mu_r^n R_r` of the poles.
+
+    Parameters
+    ----------
+    model
+        The periodic model.
+    lifted
+        The lifted responses that it was identified from.
+
+    Returns
+    -------
+    Synchrony or None
+        None when no mode has more than one harmonic: then the response does not tell the period.
+    """
+    times, n = lifted.phase_times, model.order
+    turning = np.exp(np.multiply.outer(model.exponents, times))[:, None, None, :]
+    harmonics = np.exp(1j * model.fundamental * np.multiply.outer(model.harmonics, times))
+    shapes = (model.coefficients @ harmonics) * turning
+    turned = -2j * np.pi * ((model.coefficients * model.harmonics) @ harmonics) * turning
+    # (modes, channels, hits, phases) over the noise → (modes, outputs) hit by hit.
+    scale = lifted.noise[None, :, :, None]
+    information, score = np.zeros((2 * n + 1, 2 * n + 1)), np.zeros(2 * n + 1)
+    for hit, length in enumerate(lifted.responses.lengths):
+        rows = [(part / scale)[:, :, hit, :].reshape(n, -1) for part in (shapes, turned)]
+        data = lifted.responses.values[:, hit, :length] / lifted.responses.noise[:, hit, None]
+        counts = np.arange(length)
+        grow = np.where(model.exponents.real > 0, length - 1, 0)
+        columns = np.exp((counts[:, None] - grow) * model.exponents * lifted.period)
+        size = np.exp(grow * model.exponents * lifted.period)[:, None]
+        q, _ = np.linalg.qr(columns)
+        slopes = counts[:, None] * columns
+        slopes = slopes - q @ (q.conj().T @ slopes)
+        curvature = slopes.conj().T @ slopes
+        seen = slopes.conj().T @ data.T
+        whole = [row * size for row in rows]
+        _accumulate(information, score, curvature, seen, whole)
+    if information[-1, -1] <= 0:
+        return None
+    kept = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    inverse = np.linalg.pinv(information / np.outer(kept, kept), rcond=1e-12, hermitian=True)
+    estimate = (inverse @ (score / kept))[-1] / kept[-1]
+    std = float(np.sqrt(inverse[-1, -1]) / kept[-1])
+    return _difference(float(estimate), std, lifted)
+
+
+def _accumulate(
+    information: NDArray[np.float64],
+    score: NDArray[np.float64],
+    curvature: NDArray[np.complex128],
+    seen: NDArray[np.complex128],
+    rows: list[NDArray[np.complex128]],
+) -> None:
+    """Add one hit: the parameters are the real and imaginary parts of each ln μ, as if independent, then ε."""
+    shapes, turned = rows
+    n = len(shapes)
+    pole = curvature * (shapes.conj() @ shapes.T)
+    cross = curvature * (shapes.conj() @ turned.T)
+    own = curvature * (turned.conj() @ turned.T)
+    factors = np.concatenate([np.eye(n), 1j * np.eye(n)], axis=1)
+    information[:-1, :-1] += (factors.conj().T @ pole @ factors).real
+    mixed = (factors.conj().T @ cross.sum(axis=1)).real
+    information[:-1, -1] += mixed
+    information[-1, :-1] += mixed
+    information[-1, -1] += float(own.sum().real)
+    score[:-1] += (factors.conj().T @ np.sum(seen * shapes.conj(), axis=1)).real
+    score[-1] += float(np.sum(seen * turned.conj()).real)

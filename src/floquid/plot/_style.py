@@ -1,0 +1,85 @@
+"""One look for all figures: readable in print, in grey and by the colour-blind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's palette.
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = (
+    "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
+)  # fmt: skip
+GREY = "#999999"
+
+_LOOK = {
+    "figure.constrained_layout.h_pad": 0.06,
+    "figure.constrained_layout.w_pad": 0.06,
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.0,
+    "legend.frameon": False,
+    "legend.fontsize": 9.0,
+    "pdf.fonttype": 42,  # text stays text
+    "svg.fonttype": "none",
+    "svg.hashsalt": "floquid",  # the same figure gives the same file
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """matplotlib's own defaults with floquid's look over them, until the block ends."""
+    import matplotlib.style
+
+    with matplotlib.style.context(["default", _LOOK]):
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of that size [in], belonging to no window and no global list."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def legend_above(figure: Figure, axes: Axes) -> None:
+    """The legend of `axes` in a row of its own above the figure, where it covers nothing."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+
+
+def plain(text: str) -> str:
+    """`text` as it is: a dollar in a channel's name does not start a formula."""
+    return text.replace("$", r"\$")
+
+
+def envelope(
+    x: NDArray[np.float64], y: NDArray[np.float64], points: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A curve with at most `points` points that looks the same: of each stretch, its smallest and largest value.
+
+    The points kept are points of the curve, in their order, and no extreme is lost. A short curve is kept whole.
+    """
+    if len(x) <= points:
+        return x, y
+    stretches = max(points // 2, 1)
+    size = -(-len(x) // stretches)
+    padded = np.full(-(-len(x) // size) * size, y[-1])
+    padded[: len(y)] = y
+    blocks = padded.reshape(-1, size)
+    inside = np.stack([blocks.argmin(axis=1), blocks.argmax(axis=1)])
+    kept = np.sort((inside + np.arange(len(blocks)) * size).ravel())
+    kept = np.unique(np.minimum(kept, len(x) - 1))
+    return x[kept], y[kept]

@@ -1,0 +1,145 @@
+"""Elements of A(t) over a period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import frozen_array, input_error, positive
+from floquid.core import Channel
+from floquid.plot._style import BLACK, BLUE, legend_above, new_figure, plain, style
+from floquid.reconstruction import StateModel
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_TIME_POWER = {"velocity": 1, "acceleration": 2}
+
+
+def system_elements(
+    state: StateModel,
+    elements: Sequence[tuple[int, int]] | None = None,
+    truth: tuple[ArrayLike, ArrayLike] | None = None,
+    *,
+    period: float | None = None,
+    channels: Sequence[Channel] = (),
+) -> Figure:
+    """Chosen elements of A(t) against the phase of the period: circles, with the truth as lines where it is known.
+
+    Bars are two standard deviations each way, where those are estimated.
+
+    Parameters
+    ----------
+    state
+        The state model.
+    elements
+        Rows and columns, counted from 1 as in A(3,1); when not given, the first two stiffnesses and the first damping
+        of the first equation of motion: A(3,1), A(3,2) and A(3,3) for four states.
+    truth
+        Instants after phase zero (times,) [s], and the true A at each (times, n, n).
+    period
+        The period [s]; when not given, the instants are taken to be equally spaced over one, as `reconstruct` has them.
+    channels
+        The channels of the record: with them, states in different units get the right unit on the axis.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel an element.
+
+    Raises
+    ------
+    InputError
+        An element is not in A, the truth does not fit, or the period is needed and not given.
+    """
+    of = "system_elements"
+    n = len(state.states)
+    chosen = _default(n) if elements is None else [_element(entry, n, of) for entry in elements]
+    if not chosen:
+        raise input_error("elements", of, "name at least one element", "is empty")
+    length = _period(state, of) if period is None else positive(period, "period", of, unit="s")
+    known = None if truth is None else _truth(truth, n, of)
+    with style():
+        figure = new_figure(7.0, 1.0 + 1.5 * len(chosen))
+        panels = figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0]
+        phase = state.times / length * 360.0
+        for axes, (i, j) in zip(panels, chosen, strict=True):
+            if known is not None:
+                axes.plot(known[0] / length * 360.0, known[1][:, i - 1, j - 1], color=BLACK, label="truth")
+            look = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "color": BLUE, "markersize": 4.0}
+            values = state.system[:, i - 1, j - 1]
+            if state.system_std is None:
+                axes.plot(phase, values, **look, label="estimated")
+            else:
+                bars = 2.0 * state.system_std[:, i - 1, j - 1]
+                axes.errorbar(phase, values, bars, **look, elinewidth=0.7, label="estimated, 2 std")
+            axes.set_ylabel(f"A({i},{j}) [{plain(_unit(state, i - 1, j - 1, channels))}]")
+            axes.margins(y=0.12)
+            axes.ticklabel_format(axis="y", useOffset=False)
+        panels[-1].set(xlabel="phase of the period [deg]", xlim=(0.0, 360.0), xticks=np.arange(0, 361, 45))
+        figure.align_ylabels(panels)
+        legend_above(figure, panels[0])
+    return figure
+
+
+def _default(n: int) -> list[tuple[int, int]]:
+    """The first two stiffnesses and the first damping of the first equation of motion."""
+    row = n // 2 + 1
+    return list(dict.fromkeys([(row, 1), (row, min(2, n)), (row, row)])) if n > 1 else [(1, 1)]
+
+
+def _element(entry: tuple[int, int], n: int, of: str) -> tuple[int, int]:
+    valid = isinstance(entry, Sequence) and len(entry) == 2 and all(isinstance(k, (int, np.integer)) for k in entry)
+    if not valid or not all(1 <= k <= n for k in entry):
+        raise input_error(
+            "elements", of, f"hold (row, column) pairs from 1 to {n}", f"has {entry!r}", "Counting starts at 1: A(1,1)."
+        )
+    return int(entry[0]), int(entry[1])
+
+
+def _period(state: StateModel, of: str) -> float:
+    """The period over which the instants are equally spaced."""
+    steps = np.diff(state.times)
+    if not len(steps) or np.ptp(steps) > 1e-6 * abs(steps[0]):
+        raise input_error(
+            "period", of, "be given when the instants are not equally spaced over a period", "is None",
+            "Pass period=model.period.",
+        )  # fmt: skip
+    return float(steps.mean() * len(state.times))
+
+
+def _truth(truth: tuple[ArrayLike, ArrayLike], n: int, of: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    if not isinstance(truth, tuple) or len(truth) != 2:
+        raise input_error("truth", of, "be a pair (times, system)", f"is a {type(truth).__name__}")
+    times = frozen_array(truth[0], "truth[0]", of, axes=("times",))
+    return times, frozen_array(truth[1], "truth[1]", of, axes=(len(times), n, n))
+
+
+def _unit(state: StateModel, i: int, j: int, channels: Sequence[Channel]) -> str:
+    """The unit of A(i,j), dx_i/dt by x_j: that of the channels, if they differ, and a power of the second.
+
+    The states are displacements and then velocities; a channel of velocity is integrated once, one of acceleration
+    twice, so its displacement is in its own unit times s or s².
+    """
+    half = len(state.states) // 2
+    by_name = {channel.name: channel for channel in channels}
+    power, units = -1, []
+    for index, sign in ((i, 1), (j, -1)):
+        channel = by_name.get(state.states[index % half]) if half else None
+        power += sign * (_TIME_POWER.get(str(channel.quantity), 0) if channel else 0)
+        power -= sign * (half > 0 and index >= half)
+        units.append(channel.unit if channel else "-")
+    above, below = units
+    ratio = "" if above == below else f"{_factor(above)}/{_factor(below)}"
+    time = {0: "", 1: "s"}.get(power, f"s^{power}") if power >= 0 else ("1/s" if power == -1 else f"1/s^{-power}")
+    time = time.replace("^2", "²").replace("^3", "³").replace("^4", "⁴").replace("^5", "⁵")
+    return " · ".join(part for part in (ratio, time) if part) or "-"
+
+
+def _factor(unit: str) -> str:
+    if unit == "-":
+        return "1"
+    return f"({unit})" if "/" in unit else unit

@@ -1,0 +1,121 @@
+"""The record in time, with the samples that one lifted response takes from it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error, integer
+from floquid.core import channels_named
+from floquid.pipeline import Analysis
+from floquid.plot._style import BLUE, VERMILION, envelope, legend_above, new_figure, plain, style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INSET = (0.36, 0.62, 0.62, 0.36)
+"""Where the inset is: left, bottom, width and height as shares of the axes."""
+
+INSET_WITH_LABELS = 0.46
+"""The height below which the record must stay beside the inset, as a share of the axes."""
+
+
+def time_record(
+    analysis: Analysis,
+    channel: str | None = None,
+    phase: int = 0,
+    *,
+    hit: int = 0,
+    inset_cycles: int = 5,
+    points: int = 4000,
+) -> Figure:
+    """The record of one channel, and circles at the samples of one phase: one lifted response.
+
+    An inset shows the first cycles (Allen 2009, figure 2). A long record is drawn by its envelope.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found.
+    channel
+        The name of the channel; the first when not given.
+    phase
+        Which of the samples of a period gets the circles, from 0.
+    hit
+        Which of the records, from 0.
+    inset_cycles
+        The number of cycles in the inset.
+    points
+        The most points a curve is drawn with.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+
+    Raises
+    ------
+    InputError
+        There is no such channel, phase or hit.
+    """
+    of = "time_record"
+    _below(hit, len(analysis.records), "hit", of)
+    record, cycles = analysis.records[hit], analysis.cycles[hit]
+    row = 0
+    if channel is not None:
+        row = channels_named(record.channels, [channel], argument="channel", of=of)[0]
+    _below(phase, cycles.n_phases, "phase", of)
+    integer(inset_cycles, "inset_cycles", of, at_least=1)
+    integer(points, "points", of, at_least=2)
+    times, values = record.times, record.values[row]
+    first = _first_sample(analysis, hit) + phase
+    instants = times[first :: cycles.n_phases][: cycles.n_cycles]
+    samples = cycles.values[row, phase]
+    with style():
+        figure = new_figure(7.0, 4.0)
+        axes = figure.add_subplot()
+        label = plain(record.channels[row].name)
+        axes.plot(*envelope(times, values, points), color=BLUE, linewidth=0.7, label=label)
+        marks = f"phase {phase} of {cycles.n_phases}, once a period"
+        ring = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "color": VERMILION}
+        axes.plot(*envelope(instants, samples, points), **ring, markersize=2.5, markeredgewidth=0.6, label=marks)
+        axes.set(xlabel="time [s]", ylabel=plain(record.channels[row].label), xlim=(times[0], times[-1]))
+        _make_room(figure, times, values)
+        end = min(int(first + inset_cycles * cycles.n_phases) + 1, len(times))
+        inset = axes.inset_axes(INSET)
+        inset.plot(*envelope(times[:end], values[:end], points), color=BLUE)
+        near = instants <= times[end - 1]
+        inset.plot(*envelope(instants[near], samples[near], points), **ring, markersize=5.0, markeredgewidth=1.0)
+        inset.set(xlim=(times[0], times[end - 1]))
+        inset.margins(y=0.12)
+        inset.set_title(f"the first {min(inset_cycles, cycles.n_cycles)} periods", fontsize=8.0, pad=3.0)
+        inset.tick_params(labelsize=8.0)
+        legend_above(figure, axes)
+    return figure
+
+
+def _first_sample(analysis: Analysis, hit: int) -> int:
+    """The index in the record of the first sample of its first cycle."""
+    record, cycles = analysis.records[hit], analysis.cycles[hit]
+    assert record.clock is not None
+    ahead = (cycles.first_phase - record.clock.phase(record.start)) % 1.0
+    return round(ahead * cycles.n_phases) % cycles.n_phases
+
+
+def _make_room(figure: Figure, times: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+    """Set the limits of the axes so that the record passes below the inset."""
+    (axes,) = figure.axes
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    pad = 0.05 * (high - low)
+    bottom, top = low - pad, high + pad
+    beside = values[int((INSET[0] - 0.08) * len(times)) :]
+    needed = bottom + (float(np.nanmax(beside)) + pad - bottom) / INSET_WITH_LABELS
+    axes.set_ylim(bottom, max(top, needed))
+
+
+def _below(value: int, end: int, argument: str, of: str) -> None:
+    integer(value, argument, of, at_least=0)
+    if value >= end:
+        raise input_error(argument, of, f"be less than {end}", f"is {value}", "Counting starts at 0.")

@@ -1,0 +1,71 @@
+"""The table of the formats, and the choice of one by a file's suffix."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, final
+
+from floquid._checks import input_error
+from floquid.core import Record
+from floquid.readers._csv import load_csv, save_csv
+from floquid.readers._npz import load_npz, save_npz
+from floquid.readers._table import Source, Table
+
+
+class Load(Protocol):
+    """Reads a file into a table: all channels or those named, and its times unless they are to be ignored."""
+
+    def __call__(self, source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table: ...
+
+
+class Save(Protocol):
+    """Writes a record to a path that may be written to."""
+
+    def __call__(self, record: Record, path: Path) -> None: ...
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Format:
+    """A file format.
+
+    Parameters
+    ----------
+    name
+        What people call it.
+    suffix
+        The suffix that chooses it, in lower case with its dot.
+    load, save
+        From a file to its table, and from a record to a file.
+    """
+
+    name: str
+    suffix: str
+    load: Load
+    save: Save
+
+
+FORMATS: tuple[Format, ...] = (
+    Format(name="NumPy archive", suffix=".npz", load=load_npz, save=save_npz),
+    Format(name="text table", suffix=".csv", load=load_csv, save=save_csv),
+)
+
+
+def format_of(path: Path, *, of: str) -> Format:
+    """The format that the suffix of `path` chooses.
+
+    Raises
+    ------
+    InputError
+        No format has that suffix.
+    """
+    for known in FORMATS:
+        if path.suffix.lower() == known.suffix:
+            return known
+    listing = ", ".join(f"{known.suffix} ({known.name})" for known in FORMATS)
+    got = f"{path} ends in {path.suffix!r}" if path.suffix else f"{path} has no suffix"
+    raise input_error(
+        "path", of, f"end in one of {', '.join(k.suffix for k in FORMATS)}", got, f"The formats are: {listing}."
+    )

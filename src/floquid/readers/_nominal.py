@@ -1,0 +1,189 @@
+"""The line through a time column, how the column was rounded, and the round rate that is clearly meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+_EPS = float(np.finfo(np.float64).eps)
+
+_EVIDENCE = 0.02
+"""Largest chance that a rate picked at random agrees with a candidate: the width of what the column allows over the
+distance between candidates of that roundness."""
+
+_OCTAVES = (1.0, 25.0, 125.0, 375.0, 11025.0)
+"""Rates of acquisition hardware are one of these times a power of two: 4096, 51200, 64000, 48000, 44100 Hz."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LineFit:
+    """The least squares line t_n ≈ `start` + k_n `step` [s], with its residuals (rows,) [s]."""
+
+    start: float
+    step: float
+    residuals: NDArray[np.float64]
+    spread: float
+
+    def step_std(self, quantum: float, *, persistence: float = 1.0) -> float:
+        """The standard error of the step [s], with rounding to `quantum` [s] as the least scatter (q/√12)."""
+        free = max(len(self.residuals) - 2, 1)
+        scatter = persistence * float(np.sum(self.residuals**2)) / free
+        return float(np.sqrt(max(scatter, quantum**2 / 12.0) / self.spread))
+
+    def rate_std(self, quantum: float) -> float:
+        """The standard error of the rate [Hz]; rounding errors that run alike from row to row count as fewer rows."""
+        return self.step_std(quantum, persistence=_persistence(self.residuals)) / self.step**2
+
+
+def fit_line(positions: NDArray[np.float64], times: NDArray[np.float64]) -> LineFit:
+    """The least squares line through `times` (rows,) [s] at the sample numbers `positions` (rows,)."""
+    first = (times[-1] - times[0]) / (positions[-1] - positions[0])
+    rest = times - times[0] - first * positions  # small numbers, so that the sums below lose no digits
+    centred = positions - positions.mean()
+    spread = float(centred @ centred)
+    change = float(centred @ rest) / spread
+    mean = float(rest.mean())
+    residuals = rest - mean - change * centred
+    start = float(times[0]) + mean - change * float(positions.mean())
+    return LineFit(start=start, step=float(first) + change, residuals=residuals, spread=spread)
+
+
+def _persistence(residuals: NDArray[np.float64]) -> float:
+    """How many rows go to one independent one: 1 + 2 Σ of the autocorrelation up to its first zero."""
+    spectrum = np.fft.rfft(residuals, 2 << len(residuals).bit_length())
+    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[: len(residuals)]
+    if correlation[0] <= 0.0:
+        return 1.0
+    relative = correlation / correlation[0]
+    negative = np.flatnonzero(relative <= 0.0)
+    return 1.0 + 2.0 * float(relative[1 : negative[0] if negative.size else None].sum())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rounding:
+    """How a time column was rounded: to the `quantum` (rows,) [s] of each time, and the same in `words`."""
+
+    quantum: NDArray[np.float64]
+    words: str
+
+    @property
+    def coarsest(self) -> float:
+        """The largest quantum [s]."""
+        return float(self.quantum.max())
+
+
+def rounding(times: NDArray[np.floating], scale: float) -> Rounding:
+    """The unit of the last place kept, of each of the `times` (rows,) in units of `scale` seconds.
+
+    Times printed with d decimals are whole multiples of 10^-d; times printed with s significant digits are so in each
+    decade. Both numbers are read off the values and the coarser rounding holds, which is right for either; s only where
+    decades of ten times or more show it, as a few may end in zeros by chance. Never finer than the floating-point
+    type, nor than what summing a step up sample by sample loses.
+    """
+    values = times.astype(np.float64)
+    size = np.abs(values)
+    decade = np.floor(np.log10(size, out=np.zeros_like(size), where=size > 0))
+    decimals = _decimals(size)
+    digits = np.where(size > 0, decimals + decade + 1.0, 1.0)
+    _, inverse, counts = np.unique(decade, return_inverse=True, return_counts=True)
+    enough = (counts[inverse] >= 10) & (size > 0)
+    most = float(np.max(digits[enough], initial=0.0))
+    fixed = 10.0 ** -float(decimals.max())
+    floating = np.where(size > 0, np.maximum(fixed, 10.0 ** (decade + 1.0 - most)), fixed)
+    printed = floating if (floating[enough] > fixed).any() else np.full(len(size), fixed)
+    with np.errstate(over="ignore"):
+        single = values.astype(np.float32)
+    if (single == values).all() and digits.max() > 9 and fixed < 1.0:
+        quantum, words = np.abs(np.spacing(single)).astype(np.float64), "single precision"
+    elif digits.max() >= 15:
+        quantum, words = printed, "full precision"
+    elif (printed == fixed).all():
+        quantum, words = printed, f"rounded to {fixed * scale:.2g} s"
+    else:
+        quantum, words = printed, f"rounded to {most:.0f} significant digits"
+    summed = 0.5 * len(values) * _EPS * float(size.max())
+    return Rounding(quantum=np.maximum(quantum, summed) * scale, words=words)
+
+
+def _decimals(size: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How many decimals each non-negative number needs (rows,), as far as double precision can tell."""
+    decimals = np.zeros(len(size))
+    left = np.arange(len(size))
+    for count in range(23):  # 10^22 is the largest power of ten that is exact
+        scaled = size[left] * 10.0**count
+        whole = np.abs(scaled - np.rint(scaled)) <= 1.5 * _EPS * scaled
+        decimals[left] = count
+        left = left[~whole]
+        if not left.size:
+            break
+    return decimals
+
+
+def nominal_rate(
+    positions: NDArray[np.float64], times: NDArray[np.float64], rounding: Rounding, line: LineFit
+) -> float | None:
+    """The round rate [Hz] that the column clearly means, or None.
+
+    A candidate is a rate of acquisition hardware, a whole number of hertz, or a rate or a step of few significant
+    digits; the roundest that passes is taken. It passes when
+
+    - over the whole record it differs from the fitted line by less than the rounding of the times,
+    - its own line runs within half the rounding of every time, or, where it only just does, within three standard
+      errors of the fitted step, and
+    - such an agreement by chance has a probability of at most 2 % (the rates that the column allows against the
+      distance between candidates as round as this one), or there is nothing to decide, as the two are equal to machine
+      precision.
+
+    So a snapped rate changes no time by more than its last digit.
+    """
+    coarse = rounding.coarsest
+    length = float(positions[-1]) * line.step
+    allowed = 2.0 * coarse / length
+    equal = 16.0 * _EPS * (1.0 + float(np.abs(times).max()) / length)
+    for rate, spacing in _candidates(1.0 / line.step):
+        change = abs(rate * line.step - 1.0)
+        if change > max(coarse / length, equal) or (allowed > _EVIDENCE * spacing and change > equal):
+            continue
+        if _explains(1.0 / rate, positions, times, rounding, line):
+            return rate
+    return None
+
+
+def _candidates(rate: float) -> Iterator[tuple[float, float]]:
+    """Round rates near `rate` [Hz], and the distance to the next as round, relative; the roundest first."""
+    if rate >= 100.0:
+        for base in _OCTAVES:
+            yield base * 2.0 ** float(np.rint(np.log2(rate / base))), 1.0 / 8.0
+    decade = int(np.floor(np.log10(rate)))
+    step_decade = int(np.floor(-np.log10(rate)))
+    for digits in range(1, max(6, decade + 1) + 1):
+        unit = decade + 1 - digits
+        yield _rounded(rate, unit), 10.0**unit / rate
+        if digits <= 4:
+            unit = step_decade + 1 - digits
+            yield 1.0 / _rounded(1.0 / rate, unit), 10.0**unit * rate
+
+
+def _rounded(value: float, unit: int) -> float:
+    """`value` to a whole multiple of 10^unit, correctly rounded."""
+    return float(f"{round(value / 10.0**unit)}e{unit}")
+
+
+def _explains(
+    step: float,
+    positions: NDArray[np.float64],
+    times: NDArray[np.float64],
+    rounding: Rounding,
+    line: LineFit,
+) -> bool:
+    """Whether some line of this step runs within half the rounding of every time."""
+    rest = times - positions * step
+    half = rounding.quantum / 2.0
+    room = float((rest + half).min() - (rest - half).max())
+    edge = 1e-6 * rounding.coarsest + 8.0 * float(np.spacing(np.abs(times).max()))
+    if abs(room) > edge:
+        return room > 0.0
+    return abs(step - line.step) <= 3.0 * line.step_std(rounding.coarsest)

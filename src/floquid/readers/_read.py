@@ -1,0 +1,201 @@
+"""Files to records and back."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Sequence
+from os import PathLike
+
+import numpy as np
+
+from floquid._checks import describe, finite, input_error, positive
+from floquid._files import as_path, atomic_path, readable_file
+from floquid.core import ConstantPeriod, Provenance, Record
+from floquid.readers._formats import Format, format_of
+from floquid.readers._table import Source, Table
+from floquid.readers._time_axis import TimeAxis, repair
+
+
+def read(
+    path: str | PathLike[str],
+    *,
+    period: float | None = None,
+    rate: float | None = None,
+    channels: Sequence[str] | None = None,
+    origin: float = 0.0,
+) -> Record:
+    """The record (channels, samples) in a file: sample n is at `start` + n/`rate` [s].
+
+    The format is chosen by the suffix. `.npz`: `values` (channels, samples), `sample_rate` [Hz] or `time` (samples,)
+    [s], `channels`, and optionally `units`, `quantities`, `start` [s], `period` [s], `origin` [s]. `.csv`: a header
+    row, a time column, then channels, units in brackets; an empty cell or `nan` is a missing sample.
+
+    A time column is repaired, not trusted: the rate is fitted to the whole column and snapped to a nominal value where
+    the evidence is clear, gaps of whole steps become missing samples, and `provenance` says so.
+
+    Parameters
+    ----------
+    path
+        The file.
+    period
+        The period T of the system [s]; attaches `ConstantPeriod(period, origin)`. None takes the file's own, if it
+        states one.
+    rate
+        The sampling rate [Hz]; takes precedence over what the file says. A time column is then ignored and the record
+        starts at zero, or at the file's `start`.
+    channels
+        The names of the channels to read, in that order; None reads all.
+    origin
+        The time of phase zero [s].
+
+    Returns
+    -------
+    Record
+        The record, with its provenance.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, of an unknown format or not what it must be; it says no rate and none is given;
+        an argument is not possible. The message names the file, the place in it and the way out.
+    """
+    if rate is not None:
+        rate = positive(rate, "rate", "read", unit="Hz", remedy="Pass the number of samples a second.")
+    if period is not None:
+        period = positive(period, "period", "read", unit="s", remedy="Pass the length of a period in seconds.")
+    origin = finite(origin, "origin", "read", unit="s")
+    source, kind, table = load_table(path, of="read", channels=channels, ignore_time=rate is not None)
+    axis = settle_axis(table, source, rate)
+    if axis is None:
+        raise source.error(
+            "say its sampling rate",
+            "has neither a rate nor a column of times",
+            "Pass `rate` (`--rate`) [Hz], or head the column of times `time [s]`.",
+        )
+    clock = None
+    if period is not None:
+        clock = ConstantPeriod(period=period, origin=origin)
+    elif table.period is not None:
+        clock = ConstantPeriod(period=table.period, origin=origin or table.origin or 0.0)
+    elif origin != 0.0:
+        raise input_error(
+            "origin", "read", "come with a period", f"is {origin:g} without one", "Pass `period` [s] too."
+        )
+    values = axis.place(table.values)
+    if values.shape[1] < 2:
+        raise source.error("hold at least two samples", f"holds {values.shape[1]}", "Export more of the record.")
+    step = f"Read {values.shape[0]} channels of {values.shape[1]} samples from a {kind.name} ({kind.suffix})."
+    return Record(
+        values=values,
+        sample_rate=axis.sample_rate,
+        channels=table.channels,
+        clock=clock,
+        start=axis.start,
+        provenance=Provenance(sources=(str(source.path),), steps=(step, *axis.notes, *table.notes)),
+    )
+
+
+def write(record: Record, path: str | PathLike[str]) -> None:
+    """Write `record` to a file that `read` gives back as it was, but for its provenance.
+
+    The format is chosen by the suffix, `.npz` or `.csv`. The file appears whole or not at all: an existing one is
+    replaced at the end, in one step.
+
+    Parameters
+    ----------
+    record
+        The record.
+    path
+        The file, in a folder that exists.
+
+    Raises
+    ------
+    InputError
+        `record` is not a record of at least two samples, a name holds a control character, the suffix is unknown, or
+        the folder does not exist or cannot be written to.
+    """
+    if not isinstance(record, Record):
+        raise input_error("record", "write", "be a Record", f"is {describe(record)}", "Pass Record(values=..., ...).")
+    file = as_path(path, of="write")
+    kind = format_of(file, of="write")
+    if record.n_samples < 2:
+        raise input_error("record", "write", "hold at least two samples", f"holds {record.n_samples}")
+    for channel in record.channels:
+        for text in (channel.name, channel.unit, channel.location, channel.direction):
+            if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text):
+                raise input_error(
+                    "record", "write", "have channels described in plain words", f"has {text!r}", "Rename that channel."
+                )
+    with atomic_path(file, of="write") as temporary:
+        kind.save(record, temporary)
+
+
+def load_table(
+    path: str | PathLike[str], *, of: str, channels: Sequence[str] | None, ignore_time: bool
+) -> tuple[Source, Format, Table]:
+    """The content of a file, checked but for its time axis.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not what it must be.
+    """
+    source = Source(path=as_path(path, of=of), of=of)
+    kind = format_of(source.path, of=of)
+    readable_file(path, of=of)
+    if channels is not None and (isinstance(channels, str) or len(channels) == 0):
+        raise input_error("channels", of, "be a list of names, at least one", f"is {channels!r}")
+    try:
+        table = kind.load(source, channels=channels, ignore_time=ignore_time)
+    except (OSError, MemoryError) as error:
+        raise source.error(
+            "be readable to its end", f"is not ({error or type(error).__name__})", "Copy it again."
+        ) from error
+    if table.values.shape[1] == 0:
+        raise source.error("hold samples", "holds none", "Export the samples too.")
+    bad = np.argwhere(np.isinf(table.values))
+    if len(bad):
+        row, sample = (int(index) for index in bad[0])
+        name = table.channels[row].name
+        raise source.error(
+            "hold finite samples (NaN alone marks a missing one)",
+            f"has {len(bad)} in `values` that are not, the first in channel {name!r}, sample {sample}",
+            "Save NaN in their place.",
+        )
+    for key in ("sample_rate", "period"):
+        stated = getattr(table, key)
+        if stated is not None and not (np.isfinite(stated) and stated > 0.0):
+            raise source.error(
+                f"state a positive `{key}`", f"states {stated!r}", "Mend it, or delete it from the file."
+            )
+    return source, kind, table
+
+
+def settle_axis(table: Table, source: Source, rate: float | None = None) -> TimeAxis | None:
+    """The time axis by the `rate` given [Hz], by the rate stated, or by the times; None if there is nothing to go by.
+
+    Raises
+    ------
+    InputError
+        The times are not those of evenly spaced samples, or contradict the rate that the file states.
+    """
+    if rate is not None:
+        was = "" if table.sample_rate in (None, rate) else f"; the file states {table.sample_rate:.12g} Hz"
+        note = f"Sampling rate {rate:.12g} Hz: as given{was}."
+        return TimeAxis(sample_rate=rate, start=table.start or 0.0, notes=(note,))
+    stated = table.sample_rate
+    fitted = None if table.time is None else repair(table.time, source)
+    if stated is None:
+        return fitted
+    note = f"Sampling rate {stated:.12g} Hz: as the file states."
+    if fitted is None:
+        return TimeAxis(sample_rate=stated, start=table.start or 0.0, notes=(note,))
+    drift = abs(stated / fitted.sample_rate - 1.0) * (table.values.shape[1] - 1)
+    if drift > 0.5:
+        raise source.error(
+            "state the rate that its times have",
+            f"states {stated:.12g} Hz, while its times make {fitted.sample_rate:.12g} Hz: {drift:.3g} samples apart at "
+            "its end",
+            "Pass `rate` (`--rate`) [Hz] to say which is right.",
+        )
+    return TimeAxis(sample_rate=stated, start=fitted.start, positions=fitted.positions, notes=(note, *fitted.notes[1:]))

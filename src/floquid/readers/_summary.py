@@ -1,0 +1,223 @@
+"""What is in a file, as `floquid info` prints it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from os import PathLike
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Channel, Quantity
+from floquid.errors import InputError
+from floquid.readers._read import load_table, settle_axis
+from floquid.readers._time_axis import TimeAxis
+
+_CLOCK_NAME = re.compile(
+    r"(?<![a-z])(tacho?s?|tachometer|pulses?|key ?phas\w*|encoder|azimuth|trigger|revs?|revolutions?"
+    r"|(?:shaft|rotor|crank|phase) ?(?:angle|position|phase)|theta|psi|rpm)(?![a-z])",
+    re.IGNORECASE,
+)
+_TURNS = {"deg": 360.0, "rad": 2.0 * np.pi}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelSummary:
+    """One channel in numbers.
+
+    Parameters
+    ----------
+    name, quantity, unit
+        As in `Channel`.
+    minimum, maximum, std
+        Extremes and standard deviation of the samples that are there [unit]; None if all are missing.
+    n_missing
+        How many are missing.
+    """
+
+    name: str
+    quantity: Quantity | None
+    unit: str
+    minimum: float | None
+    maximum: float | None
+    std: float | None
+    n_missing: int
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether every sample that is there has one value."""
+        return self.minimum is not None and self.minimum == self.maximum
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockCandidate:
+    """Something in the file that may tie its time to the phase of the system.
+
+    Parameters
+    ----------
+    name
+        The name of a channel, or "period" for the period that the file states.
+    why
+        The reasons for thinking so, in words.
+    """
+
+    name: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileSummary:
+    """What is in a file.
+
+    Parameters
+    ----------
+    path, format
+        The file, and the name of its format.
+    channels
+        One summary a channel.
+    n_samples
+        Samples of each channel, those missing in a gap counted.
+    sample_rate
+        [Hz], or None when the file does not say it or its times cannot be used; `notes` has the reason.
+    duration, start
+        Samples over rate, and the time of the first sample [s]; None without a rate.
+    period
+        The period that the file states [s], or None.
+    clock_candidates
+        What may tie time to phase, with the reason for thinking so.
+    notes
+        How the rate was found, and what deserves attention.
+    """
+
+    path: str
+    format: str
+    channels: tuple[ChannelSummary, ...]
+    n_samples: int
+    sample_rate: float | None
+    duration: float | None
+    start: float | None
+    period: float | None
+    clock_candidates: tuple[ClockCandidate, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def has_missing(self) -> bool:
+        """Whether any sample is missing."""
+        return any(channel.n_missing for channel in self.channels)
+
+
+def describe_file(path: str | PathLike[str]) -> FileSummary:
+    """What is in a file: channels, units, rate, candidates for the clock.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    FileSummary
+        What `floquid info` prints. A file whose time axis cannot be settled is described all the same, without a
+        rate, and a note says why.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not what its format must be.
+    """
+    source, kind, table = load_table(path, of="describe_file", channels=None, ignore_time=False)
+    notes: tuple[str, ...]
+    try:
+        axis = settle_axis(table, source)
+        notes = axis.notes if axis else ("No sampling rate in the file: pass `rate` (`--rate`) [Hz] to read it.",)
+    except InputError as error:
+        axis, notes = None, (" ".join(str(error).split()),)
+    values = table.values if axis is None else axis.place(table.values)
+    channels = tuple(_summary(channel, row) for channel, row in zip(table.channels, values, strict=True))
+    for channel in channels:
+        if channel.minimum is None:
+            notes += (f"Channel {channel.name!r} has no sample at all.",)
+        elif channel.is_constant:
+            notes += (f"Channel {channel.name!r} is constant ({channel.minimum:g} {channel.unit}): nothing moves it.",)
+    if values.shape[1] < 2:
+        notes += ("One sample is too few to be read as a record.",)
+    return FileSummary(
+        path=str(source.path),
+        format=f"{kind.name} ({kind.suffix})",
+        channels=channels,
+        n_samples=values.shape[1],
+        sample_rate=axis.sample_rate if axis else None,
+        duration=values.shape[1] / axis.sample_rate if axis else None,
+        start=axis.start if axis else None,
+        period=table.period,
+        clock_candidates=_candidates(table.period, table.channels, values, axis),
+        notes=(*notes, *table.notes),
+    )
+
+
+def _summary(channel: Channel, row: NDArray[np.float64]) -> ChannelSummary:
+    there = row[np.isfinite(row)]
+    return ChannelSummary(
+        name=channel.name,
+        quantity=channel.quantity,
+        unit=channel.unit,
+        minimum=float(there.min()) if there.size else None,
+        maximum=float(there.max()) if there.size else None,
+        std=float(there.std()) if there.size else None,
+        n_missing=len(row) - len(there),
+    )
+
+
+def _candidates(
+    period: float | None, channels: tuple[Channel, ...], values: NDArray[np.float64], axis: TimeAxis | None
+) -> tuple[ClockCandidate, ...]:
+    found = []
+    if period is not None:
+        phases = f", {period * axis.sample_rate:.9g} samples" if axis else ""
+        found.append(ClockCandidate(name="period", why=f"the file states a period of {period:.9g} s{phases}"))
+    for channel, row in zip(channels, values, strict=True):
+        reasons = []
+        if channel.quantity in ("pulse", "angle"):
+            reasons.append(f"its quantity is {channel.quantity}")
+        name = _CLOCK_NAME.search(channel.name.replace("_", " "))
+        if name:
+            reasons.append(f"its name has the word {name[0]!r}")
+        signal = _wraps(channel, row) or _pulses(row, axis)
+        if signal:
+            reasons.append(signal)
+        if reasons:
+            found.append(ClockCandidate(name=channel.name, why="; ".join(reasons)))
+    return tuple(found)
+
+
+def _wraps(channel: Channel, row: NDArray[np.float64]) -> str:
+    """Whether an angle runs round and jumps back by a turn, as an encoder's does."""
+    turn = _TURNS.get(channel.unit)
+    there = row[np.isfinite(row)]
+    if turn is None or there.size < 3 or not 0.5 * turn < np.ptp(there) <= 1.02 * turn:
+        return ""
+    steps = np.diff(there)
+    wraps = np.abs(steps) > 0.5 * turn
+    rest = steps[~wraps]
+    if not wraps.any() or not rest.size or not ((rest >= 0).mean() > 0.95 or (rest <= 0).mean() > 0.95):
+        return ""
+    return f"it runs round and jumps back by a turn of {turn:.6g} {channel.unit}, {int(wraps.sum())} times"
+
+
+def _pulses(row: NDArray[np.float64], axis: TimeAxis | None) -> str:
+    """Whether a signal has two levels and changes between them regularly, as a pulse once per revolution does."""
+    there = np.flatnonzero(np.isfinite(row))
+    if there.size < 8:
+        return ""
+    low, high = float(row[there].min()), float(row[there].max())
+    level = (row[there] - low) / (high - low) if high > low else np.zeros(there.size)
+    if ((level > 0.2) & (level < 0.8)).mean() > 0.05:
+        return ""
+    state = level[(level <= 0.2) | (level >= 0.8)] > 0.5
+    rises = there[(level <= 0.2) | (level >= 0.8)][1:][state[1:] & ~state[:-1]]
+    gaps = np.diff(rises)
+    if gaps.size < 2 or np.percentile(gaps, 90) > 1.5 * np.percentile(gaps, 10):
+        return ""
+    every = f"{gaps.mean() / axis.sample_rate:.4g} s" if axis else f"{gaps.mean():.4g} samples"
+    return f"it has two levels and rises {rises.size} times, every {every} on average"

@@ -1,0 +1,93 @@
+"""What every format is read into before its time axis is settled, and how a message names the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import Channel
+from floquid.errors import InputError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """A file being read by the public callable named `of`."""
+
+    path: Path
+    of: str
+
+    def error(self, must: str, got: str, remedy: str = "") -> InputError:
+        """The message «Argument `path` of `read` must …, but run.csv …»."""
+        return input_error("path", self.of, must, f"{self.path} {got}", remedy)
+
+    def wrapped(self, error: InputError) -> InputError:
+        """An error of a type that knows no file, with the file named before it."""
+        return self.error("hold a valid record", f"does not: {error}".removesuffix("."))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimeColumn:
+    """The times as the file has them: `values` (samples,) in a unit of `scale` seconds."""
+
+    values: NDArray[np.floating]
+    scale: float
+    label: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Table:
+    """The content of a file, as it says it: `values` (channels, samples), None for what it does not say."""
+
+    values: NDArray[np.float64]
+    channels: tuple[Channel, ...]
+    time: TimeColumn | None = None
+    sample_rate: float | None = None
+    start: float | None = None
+    period: float | None = None
+    origin: float | None = None
+    notes: tuple[str, ...] = ()
+
+
+def make_channels(
+    source: Source,
+    names: Sequence[str],
+    units: Sequence[str] | None = None,
+    **words: Sequence[str] | None,
+) -> tuple[Channel, ...]:
+    """Channels of distinct names; `words` are `quantity`, `location`, `direction`, one a channel or None.
+
+    Raises
+    ------
+    InputError
+        A name is empty or given twice, or a unit and a quantity contradict each other.
+    """
+    given = {key: values for key, values in {"unit": units, **words}.items() if values is not None}
+    try:
+        channels = tuple(
+            Channel(name=name, **{key: values[row] for key, values in given.items()})  # type: ignore[arg-type]
+            for row, name in enumerate(names)
+        )
+    except InputError as error:
+        raise source.wrapped(error) from None
+    check_distinct(source, [channel.name for channel in channels])
+    return channels
+
+
+def check_distinct(source: Source, names: Iterable[str]) -> None:
+    """Refuse two channels of one name.
+
+    Raises
+    ------
+    InputError
+        A name is there twice.
+    """
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise source.error("name each channel once", f"has {name!r} twice", "Rename one of them in the file.")
+        seen.add(name)

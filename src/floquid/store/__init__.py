@@ -1,0 +1,32 @@
+"""Results on the disk: `result.h5`, read back whole by `load`, and `summary.json` for other programs.
+
+`result.h5` is an HDF5 file, so MATLAB, Julia and others read it too. Nothing in it is code: loading runs nothing.
+
+Attributes of the file: `format` is "floquid-result", `version` is 1, `floquid` is the version of floquid that wrote it.
+Every array carries the attributes `axes` (their names, slowest first, as C and Python order them) and `unit`. Real
+numbers are float64, integers int64, texts UTF-8. A complex number is a compound of float64 `r` and `i`. A dataset
+without content (a null dataspace) stands for None: "not estimated", or "not given".
+
+    /warnings                       texts
+    /settings/                      period, channels, order, harmonics, ...: one dataset a field of `Settings`
+    /records/hit1, hit2, .../       the records as used: values (channels, samples), sample_rate, start,
+                                    period and origin of the clock, channels/, provenance/
+    /lifted/                        n_phases, first_phase, lengths (hits,), noise (channels, hits)
+    /modal/                         multipliers (modes,), residues (modes, outputs, inputs), dt, covariance,
+                                    residue_spread, residue_slope, residual_std, outcome (a name), stats/
+    /model/                         exponents (modes,), coefficients (modes, channels, hits, harmonics), harmonics,
+                                    period, covariance, coefficient_std, channels/, provenance/
+    /state/                         times, transition (times, n, n), system (times, n, n), condition, states,
+                                    system_std, provenance/; a null dataset when no A(t) was asked for
+    .../channels/                   name, quantity, unit, location, direction, each (channels,)
+    .../provenance/                 sources, steps
+
+The cycles and the lifted responses are not in the file: they are cut from the records again, and the lifted noise is
+that of the file. A field of `Settings` younger than the file has its default.
+"""
+
+from floquid.store._load import load
+from floquid.store._save import save
+from floquid.store._summary import participation, summary
+
+__all__ = ["load", "participation", "save", "summary"]

@@ -1,0 +1,247 @@
+"""`result.h5` → the `Analysis` it was written from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from floquid._checks import input_error
+from floquid._files import readable_file
+from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
+from floquid.errors import FloquidError, InputError
+from floquid.lifting import Lifted, lift
+from floquid.lti import ModalModel, Outcome
+from floquid.pipeline import Analysis, Settings
+from floquid.reconstruction import StateModel
+from floquid.store import _layout as layout
+from floquid.store._layout import Item
+from floquid.sync import segment
+
+if TYPE_CHECKING:
+    import h5py
+
+MUST = "be a result file that `save` wrote"
+AGAIN = "Write it again: `floquid identify ... --out DIR`, or `save(analysis, path)`."
+
+
+class _DamagedError(Exception):
+    """What is wrong with the content, in words."""
+
+
+def load(path: str | PathLike[str]) -> Analysis:
+    """The analysis in a file that `save` wrote, every intermediate included.
+
+    The records are cut into periods and lifted again, which gives the same numbers; nothing is identified again.
+
+    Parameters
+    ----------
+    path
+        The file, by custom `result.h5`.
+
+    Returns
+    -------
+    Analysis
+        Equal to the one saved, field by field.
+
+    Raises
+    ------
+    InputError
+        There is no such file, it is no result file, it is of a later version of floquid, or it is damaged.
+    """
+    import h5py
+
+    file = readable_file(path, of="load")
+    try:
+        if not h5py.is_hdf5(file):
+            raise input_error("path", "load", MUST, f"{file} is no HDF5 file", AGAIN)
+        with h5py.File(file, "r") as opened:
+            _check_format(opened, file)
+            return _read(opened)
+    except _DamagedError as error:
+        detail = str(error)
+    except FloquidError as error:
+        if isinstance(error, InputError) and str(error).startswith("Argument `path` of `load`"):
+            raise
+        detail = str(error).splitlines()[0].rstrip(".")
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError) as error:  # h5py, on damaged content
+        detail = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
+    raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {detail}", AGAIN)
+
+
+def _check_format(file: h5py.File, path: Path) -> None:
+    """Refuse another program's file, and one of a later layout."""
+    kind, version = file.attrs.get("format"), file.attrs.get("version")
+    if not isinstance(kind, str) or kind != layout.FORMAT:
+        raise input_error("path", "load", MUST, f"{path} has no attribute `format` of {layout.FORMAT!r}", AGAIN)
+    if not isinstance(version, (int, np.integer)) or version < 1:
+        raise _DamagedError(f"its version is {version!r}")
+    if version > layout.VERSION:
+        raise input_error(
+            "path",
+            "load",
+            f"be a result file of version {layout.VERSION}, the latest that this floquid knows",
+            f"{path} is of version {version}, written by floquid {file.attrs.get('floquid')}",
+            "Update floquid.",
+        )
+
+
+def _read(file: h5py.File) -> Analysis:
+    settings = _get_settings(_group(file, "settings"))
+    lifting = _get_fields(_group(file, "lifted"), layout.LIFTED)
+    records = tuple(_get_record(_group(file, f"records/hit{n + 1}")) for n in range(len(lifting["lengths"])))
+    cycles = segment(records)
+    lifted = lift(cycles).with_noise(lifting["noise"])
+    modal = _get_modal(_group(file, "modal"))
+    group = _group(file, "model")
+    model = PeriodicModel(
+        **_get_fields(group, layout.MODEL), channels=_get_channels(group), provenance=_get_provenance(group)
+    )
+    _check_together(lifting, lifted, modal, model)
+    return Analysis(
+        settings=settings,
+        records=records,
+        cycles=cycles,
+        lifted=lifted,
+        modal=modal,
+        model=model,
+        state=_get_state(file),
+        warnings=_get(file, layout.WARNINGS),
+    )
+
+
+def _check_together(lifting: dict[str, Any], lifted: Lifted, modal: ModalModel, model: PeriodicModel) -> None:
+    """Refuse parts that each are possible but do not belong to one analysis."""
+    outputs, hits, _ = lifted.responses.values.shape
+    pairs = {
+        "n_phases": (lifting["n_phases"], lifted.n_phases),
+        "lengths": (lifting["lengths"].tolist(), lifted.responses.lengths.tolist()),
+        "noise": (lifting["noise"].shape, (lifted.n_channels, hits)),
+        "modal/residues": (modal.residues.shape[1:], (outputs, hits)),
+        "model/channels": ([c.name for c in model.channels], [c.name for c in lifted.channels]),
+        "model/coefficients": (model.n_hits, hits),
+    }
+    for name, (stored, needed) in pairs.items():
+        if stored != needed:
+            raise _DamagedError(f"{name} is {stored}, but the records give {needed}")
+    if abs(lifting["first_phase"] - lifted.first_phase) > 1e-9:
+        raise _DamagedError(f"first_phase is {lifting['first_phase']}, but the records give {lifted.first_phase}")
+
+
+def _get_settings(group: h5py.Group) -> Settings:
+    known = [field.name for field in fields(Settings)]
+    for name in group:
+        if name not in known:
+            raise _DamagedError(f"it has the setting {name!r}, which this floquid does not know (update floquid)")
+    return Settings(
+        **{name: _get_any(group, name) for name in known if name in group or name in layout.SETTINGS_OF_VERSION_1}
+    )
+
+
+def _get_any(group: h5py.Group, name: str) -> Any:
+    """One setting: its form in the file says its type."""
+    import h5py
+
+    dataset = _dataset(group, name)
+    if dataset.shape is None:
+        return None
+    if h5py.check_string_dtype(dataset.dtype) is not None:
+        return _get(group, Item(name, "text", ("entries",) if dataset.ndim else ()))
+    return _get(group, Item(name, "integer" if dataset.dtype.kind == "i" else "real"))
+
+
+def _get_record(group: h5py.Group) -> Record:
+    clock = {item.name: _get(group, item) for item in layout.CLOCK}
+    return Record(
+        **_get_fields(group, layout.RECORD),
+        channels=_get_channels(group),
+        clock=None if clock["period"] is None else ConstantPeriod(**clock),
+        provenance=_get_provenance(group),
+    )
+
+
+def _get_modal(group: h5py.Group) -> ModalModel:
+    outcome = _get(group, layout.OUTCOME)
+    if outcome not in Outcome.__members__:
+        raise _DamagedError(f"{group.name}/outcome is {outcome!r}")
+    stats = _group(group, "stats")
+    return ModalModel(
+        **_get_fields(group, layout.MODAL),
+        outcome=Outcome[outcome],
+        stats={str(name): _get(stats, Item(str(name))) for name in stats},
+    )
+
+
+def _get_state(file: h5py.File) -> StateModel | None:
+    import h5py
+
+    state = file.get("state")
+    if isinstance(state, h5py.Dataset) and state.shape is None:
+        return None
+    group = _group(file, "state")
+    return StateModel(**_get_fields(group, layout.STATE), provenance=_get_provenance(group))
+
+
+def _get_channels(group: h5py.Group) -> tuple[Channel, ...]:
+    columns = _get_fields(_group(group, "channels"), layout.CHANNELS)
+    if len({len(column) for column in columns.values()}) > 1:
+        raise _DamagedError(f"the columns of {group.name}/channels differ in length")
+    return tuple(Channel(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
+
+
+def _get_provenance(group: h5py.Group) -> Provenance:
+    return Provenance(**_get_fields(_group(group, "provenance"), layout.PROVENANCE))
+
+
+def _get_fields(group: h5py.Group, items: Sequence[Item]) -> dict[str, Any]:
+    return {item.name: _get(group, item) for item in items}
+
+
+def _get(group: h5py.Group, item: Item) -> Any:
+    """What one dataset holds: None, a number, a text, a tuple of texts, or a read-only array."""
+    import h5py
+
+    dataset = _dataset(group, item.name)
+    if dataset.shape is None and item.optional:
+        return None
+    text = h5py.check_string_dtype(dataset.dtype) is not None
+    fits = text if item.kind == "text" else dataset.dtype == layout.DTYPES[item.kind]
+    if not fits or dataset.shape is None or len(dataset.shape) != len(item.axes):
+        words = f"({', '.join(item.axes)})" if item.axes else "a single value"
+        raise _DamagedError(
+            f"{dataset.name} must be {item.kind}, {words}, but is {dataset.dtype} of shape {dataset.shape}"
+        )
+    if item.kind == "text":
+        texts = np.asarray(dataset.asstr()[()]).tolist()
+        return tuple(texts) if item.axes else texts
+    value = dataset[()]
+    if not item.axes:
+        return value.item()
+    value.flags.writeable = False
+    return value
+
+
+def _dataset(group: h5py.Group, name: str) -> h5py.Dataset:
+    import h5py
+
+    found = group.get(name)
+    if not isinstance(found, h5py.Dataset):
+        raise _DamagedError(f"it has no dataset {_joined(group, name)}")
+    return found
+
+
+def _group(parent: h5py.Group, name: str) -> h5py.Group:
+    import h5py
+
+    found = parent.get(name)
+    if not isinstance(found, h5py.Group):
+        raise _DamagedError(f"it has no group {_joined(parent, name)}")
+    return found
+
+
+def _joined(group: h5py.Group, name: str) -> str:
+    return f"{str(group.name).rstrip('/')}/{name}"

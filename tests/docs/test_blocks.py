@@ -1,0 +1,156 @@
+"""Every command and every Python block of the README and the documentation, run as a reader would run it.
+
+The blocks of a page run in order, in one empty folder beside a copy of `examples/`, and its Python blocks share their
+names. A line of a `console` block that begins with "$ " is a command and what follows is its output; every line of a
+`bash` block is a command. Commands that set a machine up (`git clone`, `make`, `pip install`) are not run: of `make`,
+the targets must exist. Pages that the build itself executes (`{code-cell}`) are left to it.
+"""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from markdown_it import MarkdownIt
+
+ROOT = Path(__file__).parents[2]
+DOCS = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in path.parts]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS]
+
+SHELL = {"console", "bash"}
+# Shown, not run: other languages, and the directives of the documentation's own language.
+SHOWN = {"text", "toml", "json", "csv", "bibtex", "bibliography", "toctree", "eval-rst", "code-cell", "mermaid", "math",
+         "note", "warning", "tip", "admonition", "figure", "image", "glue"}  # fmt: skip
+
+SETS_UP = ("git clone ", "cd ", "pip install ", "python3 -m venv ", "python -m pip install ")
+
+
+def blocks(text):
+    """(language, content) of each fenced block of a page."""
+    for token in MarkdownIt("commonmark").parse(text):
+        if token.type == "fence":
+            words = token.info.split()
+            yield words[0].strip("{}") if words else "", token.content
+
+
+def commands(language, content):
+    """The commands of a shell block, continued lines joined."""
+    lines = re.sub(r"\\\n(> )?", " ", content).splitlines()
+    if language == "console":
+        return [line[2:] for line in lines if line.startswith("$ ")]
+    return [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+
+
+def make_targets():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    return set(re.findall(r"^([a-z]+):(?!=)", makefile, flags=re.MULTILINE))
+
+
+def run_command(command, folder):
+    """Run one command in `folder` with this Python's scripts first on the path, and fail if it does."""
+    if command.startswith(SETS_UP):
+        return
+    if command == "make" or command.startswith("make "):
+        targets = [word for word in shlex.split(command, comments=True)[1:] if "=" not in word and word[0] != "-"]
+        unknown = set(targets) - make_targets()
+        assert not unknown, f"`{command}`: the Makefile has no target {unknown}"
+        return
+    scripts = str(Path(sys.executable).parent)
+    run = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", command],
+        cwd=folder,
+        env=os.environ | {"PATH": scripts + os.pathsep + os.environ["PATH"], "NO_COLOR": "1"},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, f"`{command}` ended with {run.returncode}\n{run.stdout}\n{run.stderr}"
+
+
+def run_page(text, name, folder):
+    """Run a page's blocks in order in `folder`, the current one, and return how many ran."""
+    names = {"__name__": "__main__"}
+    ran = 0
+    for number, (language, content) in enumerate(blocks(text), start=1):
+        if language in SHELL:
+            for command in commands(language, content):
+                run_command(command, folder)
+        elif language == "python":
+            exec(compile(content, f"{name}, block {number}", "exec"), names)
+        else:
+            assert language in SHOWN, f"block {number} is in «{language}»: neither run nor in the list of what is not"
+            continue
+        ran += 1
+    return ran
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder with the examples in it, and the current one."""
+    if (ROOT / "examples").is_dir():
+        shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(ROOT)) for path in PAGES])
+def test_page(path, folder):
+    run_page(path.read_text(encoding="utf-8"), path.name, folder)
+
+
+def test_the_readme_shows_the_two_commands():
+    shown = [c for language, text in blocks(PAGES[0].read_text("utf-8")) for c in commands(language, text)]
+    assert {"make demo", "make test"} <= set(shown)
+
+
+GOOD = """
+```console
+$ printf 'a\\n' \\
+> > made.txt
+a
+```
+
+- in a list
+
+  ```python
+  from pathlib import Path
+  told = Path("made.txt").read_text()
+  ```
+
+```bash
+# set up
+make test
+test -s made.txt
+```
+
+```python
+assert told == "a\\n"
+```
+"""
+
+
+def test_blocks_run_in_order_and_share_names(folder):
+    assert run_page(GOOD, "page.md", folder) == 4
+
+
+@pytest.mark.parametrize(
+    ("language", "text", "error"),
+    [
+        ("console", "$ false", "ended with 1"),
+        ("console", "$ false | true", "ended with 1"),
+        ("bash", "true\nfalse", "ended with 1"),
+        ("console", "$ floquid-does-not-exist", "ended with 127"),
+        ("console", "$ make no-such-target", "no target"),
+        ("python", "raise ValueError('as written')", "as written"),
+        ("fortran", "end", "neither run"),
+        ("", "what is this", "neither run"),
+    ],
+)
+def test_a_wrong_block_fails(folder, language, text, error):
+    with pytest.raises((AssertionError, ValueError), match=error):
+        run_page(f"```{language}\n{text}\n```\n", "page.md", folder)
