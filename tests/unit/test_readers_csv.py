@@ -75,7 +75,7 @@ def test_a_rate_that_is_given_makes_the_times_of_no_account(tmp_path):
 def test_a_blank_line_is_not_skipped_where_it_may_be_a_sample(tmp_path):
     from floquid.errors import InputError
 
-    with pytest.raises(InputError, match="blank line.*line 3"):
+    with pytest.raises(InputError, match=r"blank line.*line 3"):
         table(tmp_path, "x\n1\n\n3\n", rate=4.0)
     assert table(tmp_path, "time,x\n0,1\n\n1,3\n").n_samples == 2
 

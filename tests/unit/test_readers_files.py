@@ -22,9 +22,13 @@ def test_the_name_is_taken_at_the_end(tmp_path):
 def test_a_failure_leaves_what_was_there(tmp_path, error):
     path = tmp_path / "result.h5"
     path.write_text("old")
-    with pytest.raises(type(error)), atomic_path(path) as temporary:
+
+    def fail(temporary):
         temporary.write_text("half")
         raise error
+
+    with pytest.raises(type(error)), atomic_path(path) as temporary:
+        fail(temporary)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -39,7 +43,7 @@ def test_a_full_disk_is_an_input_error(tmp_path):
 
 
 def test_an_input_error_of_the_block_passes(tmp_path):
-    with pytest.raises(InputError, match="^mine$"), atomic_path(tmp_path / "result.h5"):
+    with pytest.raises(InputError, match=r"^mine$"), atomic_path(tmp_path / "result.h5"):
         raise InputError("mine")
     assert not list(tmp_path.iterdir())
 

@@ -109,7 +109,7 @@ def test_candidates_for_the_clock(tmp_path):
     write(Record(values=list(rows.values()), sample_rate=1000.0, channels=list(rows)), path)
     why = {candidate.name: candidate.why for candidate in describe_file(path).clock_candidates}
     assert set(why) == {"probe 7", "shaft", "back", "Rotor_Azimuth"}
-    assert why["probe 7"] == "it has two levels and rises 43 times, every 0.0909 s on average"
+    assert why["probe 7"] == "it has two levels and rises 43 times, every 0.09093 s on average"
     assert why["shaft"] == "it runs round and jumps back by a turn of 360 deg, 43 times"
     assert why["back"] == "it runs round and jumps back by a turn of 6.28319 rad, 11 times"
     assert why["Rotor_Azimuth"] == "its name has the word 'Azimuth'"

@@ -2,22 +2,55 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid.lti._esprit import hankel_covariance
 from floquid.lti._exponentials import factor
 
+QUARTILE = 0.25
+"""The eigenvalue looked at: right as long as the poles are well under three quarters of the window."""
+
 
 def white_noise_std(responses: NDArray[np.float64]) -> float:
-    """The standard deviation of the white noise on responses (outputs, samples) that share it.
+    r"""The standard deviation of the white noise on responses (outputs, samples) that share it.
 
-    The Hankel covariance of white noise has eigenvalues near σ² times the number of its columns; a sum of n
-    exponentials lifts n of them. The lower quartile is taken: it is right as long as n is well under three quarters of
-    the window, and the maximum-likelihood residual corrects it later.
+    .. math:: \hat\sigma^2 = \operatorname{quartile}(\operatorname{eig} H H^T) / (c\, n)
+
+    with H the block Hankel matrix of n columns. A sum of r exponentials lifts r of its eigenvalues, and the others are
+    those of noise; c is the quartile's mean for white noise of unit variance and the same size, near 1 for many
+    outputs. The residual of the maximum-likelihood fit corrects the estimate later.
+
+    Parameters
+    ----------
+    responses
+        The responses (outputs, samples).
+
+    Returns
+    -------
+    float
+        The standard deviation [units of the responses].
     """
-    samples = responses.shape[1]
+    outputs, samples = responses.shape
     window = max(1, min(samples // 2, 128))
+    if outputs == 1:
+        window = max(1, min(window, samples // 4))
+    value = _quartile(responses, window)
+    return float(np.sqrt(max(value, 0.0) / _expected_quartile(outputs, samples, window)))
+
+
+def _quartile(responses: NDArray[np.float64], window: int) -> float:
+    """The lower quartile of the eigenvalues of the Hankel covariance, a column."""
+    outputs, samples = responses.shape
     values = np.linalg.eigvalsh(hankel_covariance([factor(responses.T)], window))
-    columns = responses.shape[0] * (samples - window + 1)
-    return float(np.sqrt(max(float(np.quantile(values, 0.25)), 0.0) / columns))
+    return float(np.quantile(values, QUARTILE)) / (outputs * (samples - window + 1))
+
+
+@lru_cache(maxsize=64)
+def _expected_quartile(outputs: int, samples: int, window: int) -> float:
+    """The mean of `_quartile` for white noise of unit variance: no closed form is known for Hankel matrices."""
+    rng = np.random.default_rng(0)
+    draws = 4 if outputs * samples > 100 * window else 16
+    return float(np.mean([_quartile(rng.standard_normal((outputs, samples)), window) for _ in range(draws)]))

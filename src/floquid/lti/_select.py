@@ -1,10 +1,11 @@
 r"""How many poles: each must earn its place against the noise, with the others refitted.
 
-The rule. With noise of unit variance, taking away a mode that is not there raises the least-squares cost by a
-chi-square of as many degrees of freedom as the mode has parameters (2M + 2 for a conjugate pair over M responses, M + 1
-for a real pole). A mode stays when the rise, all other poles refitted, has a probability below `false_alarm` by chance;
-the residual is searched over frequency and decay for a mode that would pass, until none does. ESPRIT at several
-generous orders gives the starts; the set with the lowest cost plus thresholds wins.
+The rule. With noise of unit variance, taking away a mode that is not there raises the least-squares cost by a chi-
+square of as many degrees of freedom as the mode has parameters (2M + 2 for a conjugate pair over M responses, M + 1
+for a real pole); with the noise estimated from few samples it is the numerator of an F ratio. A mode stays when the
+rise, all other poles refitted, has a probability below `false_alarm` by chance; the residual is searched over
+frequency and decay for a mode that would pass, until none does. ESPRIT at several generous orders gives the starts;
+the set with the lowest cost plus thresholds wins.
 """
 
 from __future__ import annotations
@@ -31,14 +32,20 @@ RESOLVED = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Threshold:
-    """The rise of the cost that a mode must make, for `columns` responses in all."""
+    """The rise of the cost that a mode must make, for `columns` responses of `samples` numbers in all."""
 
     columns: int
+    samples: int
     false_alarm: float
+
+    @staticmethod
+    def for_(factors: Sequence[Factor], false_alarm: float) -> Threshold:
+        """The threshold for these blocks."""
+        return Threshold(sum(f.columns for f in factors), sum(f.columns * len(f.values) for f in factors), false_alarm)
 
     def of(self, parameters: int) -> float:
         """The threshold for `parameters` poles counted one by one: each has its own residues and one parameter."""
-        return chi_square_limit(self.false_alarm, parameters * (self.columns + 1))
+        return rise_limit(self.false_alarm, parameters * (self.columns + 1), self.samples)
 
     def penalised(self, found: Fit) -> float:
         """The cost plus the thresholds of all that was spent on it."""
@@ -47,11 +54,14 @@ class Threshold:
 
 
 @lru_cache(maxsize=256)
-def chi_square_limit(probability: float, degrees: int) -> float:
-    """The value that a chi-square of `degrees` exceeds with `probability`."""
-    from scipy.special import chdtri
+def rise_limit(probability: float, degrees: int, samples: int) -> float:
+    """The rise that noise exceeds with `probability`: `degrees` times the limit of an F ratio.
 
-    return float(chdtri(degrees, probability))
+    The noise is estimated from as many numbers as there are samples; with many of them this is a chi-square.
+    """
+    from scipy.special import fdtri
+
+    return degrees * float(fdtri(degrees, max(samples - degrees, 1), 1.0 - probability))
 
 
 def choose(
@@ -63,7 +73,7 @@ def choose(
     report: Callable[[str], None] = lambda _: None,
 ) -> Fit:
     """The poles that the data support, fitted by maximum likelihood."""
-    threshold = Threshold(sum(f.columns for f in factors), false_alarm)
+    threshold = Threshold.for_(factors, false_alarm)
     window = search_window(factors)
     _, vectors = signal_vectors(factors, window)
     best: Fit | None = None
@@ -293,7 +303,7 @@ def _gain(poles: PoleSet, factors: Sequence[Factor], decay: float, lines: int) -
 
 def force_order(now: Fit, factors: Sequence[Factor], order: int, false_alarm: float) -> Fit:
     """The fit brought to `order` poles where that can be done: the least significant leave, the clearest join."""
-    threshold = Threshold(sum(f.columns for f in factors), false_alarm)
+    threshold = Threshold.for_(factors, false_alarm)
     while now.poles.order > order:
         excess = removal_rises(now.poles, factors) - np.array([threshold.of(int(n)) for n in now.poles.sizes])
         excess[now.poles.sizes > now.poles.order - order] = np.inf

@@ -85,17 +85,17 @@ def composite(analysis: Analysis, *, points: int = 4000) -> Figure:
     with style():
         figure = new_figure(7.0, 4.0)
         axes = figure.add_subplot()
-        for number, frequency in enumerate(folded):
-            label = "modes, folded" if number == 0 else None
-            axes.axvline(frequency, color=GREY, linestyle=(0, (2, 2)), linewidth=0.8, label=label, zorder=1)
         curves = {
             "data": (found.data, {"color": BLUE, "linewidth": 2.2}),
             "model": (found.model, {"color": ORANGE, "linewidth": 1.0}),
-            "data - model": (found.difference, {"color": VERMILION, "linewidth": 0.8}),
+            "data − model": (found.difference, {"color": VERMILION, "linewidth": 0.8}),
         }
         for name, (values, look) in curves.items():
             axes.plot(*envelope(found.frequencies, values, points), **look, label=name)
-        axes.axhline(WHITE, color=BLACK, linestyle="--", linewidth=0.9, label="white noise")
+        axes.axhline(WHITE, color=BLACK, linestyle="--", linewidth=0.9, label="white noise alone")
+        for number, frequency in enumerate(folded):
+            label = "modes, folded" if number == 0 else None
+            axes.axvline(frequency, color=GREY, linestyle=(0, (2, 2)), linewidth=0.8, label=label, zorder=1)
         axes.set(
             yscale="log",
             xlim=(0.0, 0.5 / period),
@@ -111,4 +111,4 @@ def _floor(found: Composites) -> float:
     """The bottom of the axis: the model may fall to nothing far from its modes, and would flatten all the rest."""
     positive = found.difference[found.difference > 0]
     least = min(WHITE, float(positive.min())) if len(positive) else WHITE
-    return 0.3 * least
+    return 0.5 * least

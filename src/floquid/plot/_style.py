@@ -19,6 +19,12 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = (
 )  # fmt: skip
 GREY = "#999999"
 
+LONGEST = 38
+"""The longest text that fits beside or above the axes, in characters."""
+
+PLAIN_FROM, PLAIN_TO = 5e-3, 1e4
+"""Values of this size are written out."""
+
 _LOOK = {
     "figure.constrained_layout.h_pad": 0.06,
     "figure.constrained_layout.w_pad": 0.06,
@@ -61,8 +67,25 @@ def legend_above(figure: Figure, axes: Axes) -> None:
 
 
 def plain(text: str) -> str:
-    """`text` as it is: a dollar in a channel's name does not start a formula."""
-    return text.replace("$", r"\$")
+    """`text` as it is, or its beginning: a dollar in a channel's name starts no formula, and a long name ends."""
+    return (text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…").replace("$", r"\$")
+
+
+def label_values(axes: Axes, name: str, unit: str, largest: float) -> None:
+    """Label the values of `axes`, with a power of a thousand in the unit when they are very large or small.
+
+    The data stay as they are; only the numbers at the ticks are divided. matplotlib would write the power above the
+    axes, where it meets a title or another panel.
+    """
+    power = 0
+    if largest > 0.0 and not PLAIN_FROM <= largest < PLAIN_TO:
+        power = 3 * int(np.floor(np.log10(largest) / 3.0))
+        axes.yaxis.set_major_formatter(lambda value, _: f"{value / 10.0**power:.6g}".replace("-", "−"))
+    else:
+        axes.ticklabel_format(axis="y", useOffset=False)
+    factor = f"$10^{{{power}}}$" if power else ""
+    words = " ".join(part for part in (factor, plain(unit) if not power or unit != "-" else "") if part)
+    axes.set_ylabel(f"{plain(name)} [{words}]" if name else "")
 
 
 def envelope(

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
 from floquid.core import Channel
-from floquid.plot._style import BLACK, BLUE, legend_above, new_figure, plain, style
+from floquid.plot._style import BLACK, BLUE, label_values, legend_above, new_figure, style
 from floquid.reconstruction import StateModel
 
 if TYPE_CHECKING:
@@ -76,10 +76,10 @@ def system_elements(
             else:
                 bars = 2.0 * state.system_std[:, i - 1, j - 1]
                 axes.errorbar(phase, values, bars, **look, elinewidth=0.7, label="estimated, 2 std")
-            axes.set_ylabel(f"A({i},{j}) [{plain(_unit(state, i - 1, j - 1, channels))}]")
             axes.margins(y=0.12)
-            axes.ticklabel_format(axis="y", useOffset=False)
-        panels[-1].set(xlabel="phase of the period [deg]", xlim=(0.0, 360.0), xticks=np.arange(0, 361, 45))
+            largest = float(np.abs(axes.dataLim.intervaly).max())
+            label_values(axes, f"A({i},{j})", _unit(state, i - 1, j - 1, channels), largest)
+        panels[-1].set(xlabel="phase of the period [deg]", xlim=(-6.0, 366.0), xticks=np.arange(0, 361, 45))
         figure.align_ylabels(panels)
         legend_above(figure, panels[0])
     return figure

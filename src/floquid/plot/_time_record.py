@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from floquid._checks import input_error, integer
 from floquid.core import channels_named
 from floquid.pipeline import Analysis
-from floquid.plot._style import BLUE, VERMILION, envelope, legend_above, new_figure, plain, style
+from floquid.plot._style import BLUE, VERMILION, envelope, label_values, legend_above, new_figure, plain, style
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INSET = (0.36, 0.62, 0.62, 0.36)
+INSET = (0.36, 0.58, 0.62, 0.33)
 """Where the inset is: left, bottom, width and height as shares of the axes."""
 
 INSET_WITH_LABELS = 0.46
@@ -76,21 +77,24 @@ def time_record(
     with style():
         figure = new_figure(7.0, 4.0)
         axes = figure.add_subplot()
-        label = plain(record.channels[row].name)
+        shown = record.channels[row]
+        label = plain(shown.name) + (f", hit {hit + 1}" if len(analysis.records) > 1 else "")
         axes.plot(*envelope(times, values, points), color=BLUE, linewidth=0.7, label=label)
         marks = f"phase {phase} of {cycles.n_phases}, once a period"
         ring = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "color": VERMILION}
         axes.plot(*envelope(instants, samples, points), **ring, markersize=2.5, markeredgewidth=0.6, label=marks)
-        axes.set(xlabel="time [s]", ylabel=plain(record.channels[row].label), xlim=(times[0], times[-1]))
-        _make_room(figure, times, values)
+        axes.set(xlabel="time [s]", xlim=(times[0], times[-1]))
+        largest = float(np.nanmax(np.abs(values)))
+        label_values(axes, shown.name, shown.unit, largest)
+        _make_room(axes, times, values)
         end = min(int(first + inset_cycles * cycles.n_phases) + 1, len(times))
         inset = axes.inset_axes(INSET)
         inset.plot(*envelope(times[:end], values[:end], points), color=BLUE)
         near = instants <= times[end - 1]
         inset.plot(*envelope(instants[near], samples[near], points), **ring, markersize=5.0, markeredgewidth=1.0)
-        inset.set(xlim=(times[0], times[end - 1]))
-        inset.margins(y=0.12)
-        inset.set_title(f"the first {min(inset_cycles, cycles.n_cycles)} periods", fontsize=8.0, pad=3.0)
+        inset.margins(x=0.02, y=0.12)
+        label_values(inset, "", shown.unit, largest)
+        inset.set_title(f"the first {min(inset_cycles, cycles.n_cycles)} periods, same units", fontsize=8.0, pad=3.0)
         inset.tick_params(labelsize=8.0)
         legend_above(figure, axes)
     return figure
@@ -104,9 +108,8 @@ def _first_sample(analysis: Analysis, hit: int) -> int:
     return round(ahead * cycles.n_phases) % cycles.n_phases
 
 
-def _make_room(figure: Figure, times: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+def _make_room(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64]) -> None:
     """Set the limits of the axes so that the record passes below the inset."""
-    (axes,) = figure.axes
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     pad = 0.05 * (high - low)
     bottom, top = low - pad, high + pad

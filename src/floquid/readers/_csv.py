@@ -141,6 +141,7 @@ def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]
     except ValueError:
         pass  # empty cells, or something to be named: the way below is slower and knows the line
     table = np.empty((len(lines), len(columns)))
+    order = sorted((column, place) for place, column in enumerate(columns))  # the first odd cell of a line is named
     for row, (number, line) in enumerate(body.rows()):
         cells = split_cells(line, body.delimiter)
         if len(cells) == len(header.cells) + 1 and cells[-1] == "":
@@ -151,7 +152,7 @@ def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]
                 f"has {len(cells)} in line {number}",
                 "Mend that line; a missing sample is an empty cell or `nan`.",
             )
-        for place, column in enumerate(columns):
+        for column, place in order:
             table[row, place] = _number(source, cells[column], number, header.cells[column])
     return table.T
 

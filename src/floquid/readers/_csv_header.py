@@ -25,7 +25,7 @@ _SECONDS = {
     **dict.fromkeys(["h", "hr", "hour", "hours"], 3600.0),
 }
 _TIME_NAME = re.compile(
-    r"(?:elapsed |relative )?(t|times?|time ?stamps?|zeit|temps|tiempo)(?:[ _.-]?(\w+))?", re.IGNORECASE
+    r"(?:elapsed |relative )?(t|times?|time ?stamps?|zeit|temps|tiempo)(?:[ _.-](\w+))?", re.IGNORECASE
 )
 _OTHER_UNITS = {
     "-",

@@ -27,15 +27,21 @@ class LineFit:
     residuals: NDArray[np.float64]
     spread: float
 
-    def step_std(self, quantum: float, *, persistence: float = 1.0) -> float:
-        """The standard error of the step [s], with rounding to `quantum` [s] as the least scatter (q/√12)."""
+    def step_std(self, quantum: float) -> float:
+        """The standard error of the step [s], as if errors were independent and no smaller than rounding (q/√12)."""
         free = max(len(self.residuals) - 2, 1)
-        scatter = persistence * float(np.sum(self.residuals**2)) / free
+        scatter = float(np.sum(self.residuals**2)) / free
         return float(np.sqrt(max(scatter, quantum**2 / 12.0) / self.spread))
 
     def rate_std(self, quantum: float) -> float:
-        """The standard error of the rate [Hz]; rounding errors that run alike from row to row count as fewer rows."""
-        return self.step_std(quantum, persistence=_persistence(self.residuals)) / self.step**2
+        """The standard error of the rate [Hz], with rounding errors that run alike over many rows counted as one.
+
+        Where the residuals leave some of the quantum unused (all of it, when every time is a whole multiple), a line
+        tilted by that much over the record would have been rounded alike, which no residual shows.
+        """
+        slow = float(np.sqrt(_slow_scatter(self.residuals) / self.spread))
+        unused = (quantum - float(np.ptp(self.residuals))) / len(self.residuals)
+        return max(self.step_std(quantum), slow, unused / np.sqrt(12.0)) / self.step**2
 
 
 def fit_line(positions: NDArray[np.float64], times: NDArray[np.float64]) -> LineFit:
@@ -51,15 +57,19 @@ def fit_line(positions: NDArray[np.float64], times: NDArray[np.float64]) -> Line
     return LineFit(start=start, step=float(first) + change, residuals=residuals, spread=spread)
 
 
-def _persistence(residuals: NDArray[np.float64]) -> float:
-    """How many rows go to one independent one: 1 + 2 Σ of the autocorrelation up to its first zero."""
-    spectrum = np.fft.rfft(residuals, 2 << len(residuals).bit_length())
-    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[: len(residuals)]
-    if correlation[0] <= 0.0:
-        return 1.0
-    relative = correlation / correlation[0]
-    negative = np.flatnonzero(relative <= 0.0)
-    return 1.0 + 2.0 * float(relative[1 : negative[0] if negative.size else None].sum())
+def _slow_scatter(residuals: NDArray[np.float64]) -> float:
+    """The variance that independent errors would need for the slow part of `residuals` (rows,): that of block means.
+
+    Rounding repeats its pattern where a step is nearly a simple fraction of the quantum; averaged over blocks of √rows
+    the pattern is gone and its slow drift is left, which counts as often as it changes sign.
+    """
+    width = int(np.sqrt(len(residuals)))
+    means = residuals[: len(residuals) // width * width].reshape(-1, width).mean(axis=1)
+    spectrum = np.fft.rfft(means, 2 << len(means).bit_length())
+    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[: len(means)]
+    negative = np.flatnonzero(correlation <= 0.0)
+    alike = correlation[1 : negative[0] if negative.size else None].sum()
+    return float(width * (correlation[0] + 2.0 * alike) / len(means))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

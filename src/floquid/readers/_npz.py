@@ -181,14 +181,15 @@ def save_npz(record: Record, path: Path) -> None:
     clock: dict[str, Any] = (
         {} if record.clock is None else {"period": record.clock.period, "origin": record.clock.origin}
     )
-    np.savez(
-        path,
-        values=record.values,
-        sample_rate=record.sample_rate,
-        start=record.start,
-        channels=[channel.name for channel in channels],
-        units=[channel.unit for channel in channels],
-        quantities=[str(channel.quantity) for channel in channels],
-        **{key: texts for key, texts in words.items() if any(texts)},
-        **clock,
-    )
+    with path.open("wb") as stream:  # savez would add a suffix of its own to a name
+        np.savez(
+            stream,
+            values=record.values,
+            sample_rate=record.sample_rate,
+            start=record.start,
+            channels=[channel.name for channel in channels],
+            units=[channel.unit for channel in channels],
+            quantities=[str(channel.quantity) for channel in channels],
+            **{key: texts for key, texts in words.items() if any(texts)},
+            **clock,
+        )

@@ -242,7 +242,7 @@ def _count(number: int, word: str) -> str:
 
 def _with_error(value: float, std: float) -> str:
     """«51199.9997 ± 0.0006»: the value to the last digit that its standard error leaves."""
-    if std < 1e-13 * abs(value):
+    if std < 1e-12 * abs(value):
         return f"{value:.12g}"
     digits = min(max(-int(np.floor(np.log10(std))), 0), 15)
     return f"{value:.{digits}f} ± {std:.{digits}f}" if std < 1.0 else f"{value:.9g} ± {std:.2g}"
