@@ -61,7 +61,7 @@ CSV = {  # name: the bytes of the file, what the message must hold, in order
     "JSON rate": (b'# floquid record: {"sample_rate": "1"}\ntime,x\n0,1\n1,2\n', "as floquid wrote it", "Delete"),
     "JSON negative rate": (b'# floquid record: {"sample_rate": -1}\ntime,x\n0,1\n1,2\n', "-1.0", "Mend it"),
     "rate against times": (
-        b'# floquid record: {"sample_rate": 120}\ntime,x,y\n' + even(), "states 120 Hz", "its times make 100 Hz", "`rate`",
+        b'# floquid record: {"sample_rate": 120}\ntime,x,y\n' + even(), "states 120 Hz", "times make 100 Hz", "`rate`",
     ),
 }  # fmt: skip
 
@@ -112,6 +112,14 @@ def flipped():
     return bytes(data)
 
 
+def another_checksum():
+    data = packed(values=npy(SHAPE.format("(2, 6)"), bytes(96)))
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        checksum = struct.pack("<I", archive.getinfo("values.npy").CRC)
+    assert data.count(checksum) == 2
+    return data.replace(checksum, b"\1\2\3\4")
+
+
 GOOD = {"values": np.arange(12.0).reshape(2, 6), "sample_rate": 100.0, "channels": ["x", "y"]}
 SHAPE = "{{'descr': '<f8', 'fortran_order': False, 'shape': {}}}"
 NPZ = {
@@ -121,6 +129,7 @@ NPZ = {
     "an empty archive": (b"PK\x05\x06" + bytes(18), "has no `values` (it holds nothing)", "np.savez"),
     "cut short": (npz()[:-40], "damaged or cut short", "Copy it again"),
     "a flipped bit": (flipped(), "readable array `values`", "CRC", "Copy"),
+    "another checksum": (another_checksum(), "readable array `values`", "CRC", "Copy"),
     "no values": (npz(values=None, y=np.ones(3)), "has no `values` (it holds", "y", "np.savez"),
     "no channels": (npz(channels=None), "has no `channels`", "np.savez"),
     "no rate": (npz(sample_rate=None), "neither a rate nor a column of times", "`rate` (`--rate`)"),
@@ -163,7 +172,7 @@ NPZ = {
     "a garbled header": (packed(values=npy("{'descr': '<f8", bytes(96))), "readable array `values`", "Copy"),
     "an unknown version": (packed(values=npy("{}", version=b"\x09\x00")), "readable array `values`", "Copy"),
     "no array at all": (packed(values=b"1, 2, 3"), "readable array `values`", "Copy"),
-    "records": (npz(values=np.zeros((2, 6), dtype=[("a", float)])), "real numbers in `values`", "records", "dtype=float"),
+    "records": (npz(values=np.zeros((2, 6), dtype=[("a", float)])), "real numbers in `values`", "records", "dtype"),
 }  # fmt: skip
 
 

@@ -114,13 +114,21 @@ def test_the_user_is_told():
     ("low", "high", "n", "decimals"), [(900, 1000, 4000, 4), (10, 1000, 1000, 4), (2000, 50000, 3000, 6)]
 )
 def test_the_standard_error_holds(low, high, n, decimals):
-    """Rounding is no noise: its pattern hides whole ramps at some rates. Still no fit is off by four standard errors."""
+    """Rounding is no noise: at some rates its pattern hides a whole ramp. Still no fit is four standard errors off."""
     rng, z = np.random.default_rng(5), []
     for rate in rng.uniform(low, high, 300):
         line = fit_line(np.arange(float(n)), np.round(rng.uniform() + np.arange(n) / rate, decimals))
         z.append((1.0 / line.step - rate) / line.rate_std(10.0**-decimals))
     assert np.abs(z).max() < 4.0
     assert np.std(z) > 0.1, "an error so wide says nothing"
+
+
+def test_what_no_residual_shows_is_in_the_standard_error():
+    """400 samples at 200.04 Hz in whole milliseconds are those of 200 Hz to the last digit."""
+    times = np.round(np.arange(400) / 200.04, 3)
+    line = fit_line(np.arange(400.0), times)
+    assert np.abs(line.residuals).max() < 1e-12
+    assert 0.02 < line.rate_std(1e-3) < 0.04
 
 
 def test_single_precision_and_summed_steps():

@@ -13,7 +13,7 @@ from floquid.cli._identify import STAGES
 from floquid.cli._output import ResultFolder, print_json
 from floquid.cli._progress import progress
 from floquid.cli._simulate import system_named
-from floquid.cli._terminal import print_analysis, terminal, with_error
+from floquid.cli._terminal import print_analysis, print_title, terminal, with_error
 from floquid.pipeline import Analysis
 from floquid.pipeline import identify as identify_records
 from floquid.readers import write
@@ -104,9 +104,8 @@ def compare(rotor: JeffcottRotor, analysis: Analysis) -> Comparison:
 def print_comparison(comparison: Comparison) -> None:
     """The comparison as two tables."""
     console = terminal()
-    table = Table(
-        title="Against the truth: principal Floquet exponents", title_justify="left", title_style="bold", box=None
-    )
+    print_title(console, "Principal Floquet exponents, against the truth")
+    table = Table(box=None)
     for name in ("", "true", "identified", "error", "in deviations"):
         table.add_column(name, justify="right")
     for number, (true, found, std) in enumerate(
@@ -123,12 +122,8 @@ def print_comparison(comparison: Comparison) -> None:
                 f"{(value - exact) / deviation:+.2f}",
             )
     console.print(table)
-    table = Table(
-        title="Largest error of A(t), over all elements and the period",
-        title_justify="left",
-        title_style="bold",
-        box=None,
-    )
+    print_title(console, "Largest error of A(t), over all elements and the period")
+    table = Table(box=None)
     for name in ("states", "here", "in the paper"):
         table.add_column(name, justify="left" if name == "states" else "right")
     for states, error in comparison.system_errors.items():

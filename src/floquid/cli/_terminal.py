@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
@@ -30,6 +31,7 @@ def print_analysis(analysis: Analysis, folder: Path | None) -> None:
     """The record, the modes, A(t) and the warnings, in that order."""
     console = terminal()
     _print_record(console, analysis)
+    print_title(console, f"Modes: order {analysis.model.order}, conjugates counted one by one")
     console.print(modes_table(analysis))
     console.print(
         "A row with ± is a conjugate pair; (53) is one standard deviation in the last digits. λ: Floquet exponent, on "
@@ -60,7 +62,8 @@ def _print_record(console: Console, analysis: Analysis) -> None:
     )
     for step in dict.fromkeys(step for record in analysis.records for step in record.provenance.steps):
         console.print(f"  {step}", style="dim")
-    table = Table(title="Noise found, white, standard deviation", title_justify="left", title_style="bold", box=None)
+    print_title(console, "White noise found, standard deviation")
+    table = Table(box=None)
     table.add_column("channel")
     for hit in range(len(cycles)):
         table.add_column("noise" if len(cycles) == 1 else f"hit {hit + 1}", justify="right")
@@ -81,7 +84,7 @@ def _print_record(console: Console, analysis: Analysis) -> None:
 def modes_table(analysis: Analysis) -> Table:
     """The table of modes, a conjugate pair a row."""
     model, std = analysis.model, analysis.model.exponent_std
-    table = Table(title=f"Order {model.order}: modes", title_justify="left", title_style="bold", box=None)
+    table = Table(box=None)
     for name in ("", "Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded", "m"):
         table.add_column(name, justify="left" if name == "" else "right", no_wrap=True)
     table.add_column("note")
@@ -122,19 +125,34 @@ def upper_modes(model: PeriodicModel) -> list[int]:
 
 
 def print_state(console: Console, analysis: Analysis) -> None:
-    """The size of A(t): mean over the period and half of the range of each element."""
+    """The accelerations' rows of A(t): mean over the period and half of the range of each element."""
     state = analysis.state
     assert state is not None
-    table = Table(
-        title="A(t): mean over the period ± half its range", title_justify="left", title_style="bold", box=None
-    )
+    half = len(state.states) // 2
+    print_title(console, "A(t), mean over the period ± half its range")
+    table = Table(box=None)
     table.add_column("")
     for name in state.states:
         table.add_column(name, justify="right")
-    mean, half = state.system.mean(axis=0), 0.5 * np.ptp(state.system, axis=0)
-    for i, name in enumerate(state.states):
-        table.add_row(f"d/dt {name}", *(f"{mean[i, j]: .4g} ± {half[i, j]:.2g}" for j in range(len(state.states))))
+    mean, swing = state.system.mean(axis=0), 0.5 * np.ptp(state.system, axis=0)
+    for i, name in enumerate(state.states[:half], start=half):
+        blocks = (slice(0, half), slice(half, None))
+        cells = [cell for block in blocks for cell in _alike(mean[i, block], swing[i, block])]
+        table.add_row(f"d²/dt² {name}", *cells)
     console.print(table)
-    console.print(
-        f"Condition number of the modes' shapes in these states: {state.condition.max():.3g} at most.", markup=False
-    )
+    console.print(f"Condition number of the modes' shapes in these states: {state.condition.max():.3g} at most.")
+
+
+def _alike(values: NDArray[np.float64], swings: NDArray[np.float64]) -> list[str]:
+    """Values and swings, all to the third digit of the largest."""
+    largest = float(np.max(np.abs(values) + swings))
+    if not 1e-6 < largest < 1e6:
+        return [f"{value:.2e}±{swing:.1e}" for value, swing in zip(values, swings, strict=True)]
+    digits = max(0, 2 - int(np.floor(np.log10(largest))))
+    return [f"{value:.{digits}f}±{swing:.{digits}f}" for value, swing in zip(values, swings, strict=True)]
+
+
+def print_title(console: Console, words: str) -> None:
+    """A table's title on a line of its own: it may be wider than the table."""
+    console.print()
+    console.print(words, style="bold")

@@ -74,9 +74,28 @@ def transition(
 
 
 def monodromy(system: StateMatrix, period: float, *, start: float = 0.0, breaks: ArrayLike = ()) -> NDArray[np.float64]:
-    """The monodromy matrix Φ(t₀ + T, t₀) (n, n): the transition over one period from `start` [s].
+    """The monodromy matrix Φ(t₀ + T, t₀) (n, n): the transition over one period.
 
-    See `transition` for the arguments and the errors.
+    Parameters
+    ----------
+    system
+        A(t), as in `transition`.
+    period
+        The period T [s].
+    start
+        The time t₀ [s].
+    breaks
+        Where A(t) jumps, as in `transition` [s].
+
+    Returns
+    -------
+    numpy.ndarray
+        Φ(t₀ + T, t₀) (n, n).
+
+    Raises
+    ------
+    InputError
+        As in `transition`.
     """
     of = "floquet.monodromy"
     begin = finite(start, "start", of, unit="s")

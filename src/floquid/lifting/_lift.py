@@ -131,7 +131,18 @@ def lift(cycles: Cycles | Sequence[Cycles]) -> Lifted:
 
 
 def unlift(lifted: Lifted) -> tuple[Cycles, ...]:
-    """The cycles of each hit: the exact inverse of `lift`."""
+    """The cycles of each hit: the exact inverse of `lift`.
+
+    Parameters
+    ----------
+    lifted
+        The lifted responses.
+
+    Returns
+    -------
+    tuple of Cycles
+        One a hit.
+    """
     return tuple(
         Cycles(
             values=lifted.responses.values[:, hit, :length].reshape(lifted.n_channels, lifted.n_phases, length),

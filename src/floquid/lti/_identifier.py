@@ -15,8 +15,32 @@ class AbstractIdentifier(ABC):
 
     @abstractmethod
     def prepare(self, data: TimeResponses) -> Any:
-        """Do what does not depend on the order; the result goes to `extract`."""
+        """Do what does not depend on the order.
+
+        Parameters
+        ----------
+        data
+            The responses.
+
+        Returns
+        -------
+        object
+            What `extract` starts from; of a type of the algorithm's own.
+        """
 
     @abstractmethod
     def extract(self, state: Any, order: int | None = None) -> ModalModel:
-        """The model of `order` poles (conjugates one by one); None lets an algorithm that can decide do so."""
+        """The model of one order.
+
+        Parameters
+        ----------
+        state
+            What `prepare` returned.
+        order
+            The number of poles, conjugates one by one; None lets an algorithm that can decide do so.
+
+        Returns
+        -------
+        ModalModel
+            The model; its `outcome` says how it ended.
+        """

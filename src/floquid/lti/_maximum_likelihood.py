@@ -54,7 +54,18 @@ class MaximumLikelihood(AbstractIdentifier):
     time_constants: float = 6.0
 
     def prepare(self, data: TimeResponses) -> Prepared:
-        """The triangular factors of the responses over their noise, one a distinct length."""
+        """The triangular factors of the responses over their noise, one a distinct length.
+
+        Parameters
+        ----------
+        data
+            The responses and their noise.
+
+        Returns
+        -------
+        Prepared
+            What `extract` and `refine` start from.
+        """
         scaled = data.values / data.noise[:, :, None]
         factors = []
         for length in np.unique(data.lengths)[::-1]:
@@ -65,7 +76,21 @@ class MaximumLikelihood(AbstractIdentifier):
     def extract(
         self, state: Prepared, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
     ) -> ModalModel:
-        """The model; `report` is told of each stage.
+        """The maximum-likelihood model.
+
+        Parameters
+        ----------
+        state
+            What `prepare` returned.
+        order
+            The number of poles, conjugates one by one; None finds it.
+        report
+            Is told of each stage.
+
+        Returns
+        -------
+        ModalModel
+            The model; its `outcome` says how it ended.
 
         Raises
         ------
@@ -95,7 +120,20 @@ class MaximumLikelihood(AbstractIdentifier):
         return self._model(state, polish(found.poles, factors), outcome)
 
     def refine(self, state: Prepared, model: ModalModel) -> ModalModel:
-        """The maximum-likelihood model of the same order nearest to `model`, on other data or another noise."""
+        """The maximum-likelihood model of the same order nearest to another one, on other data or another noise.
+
+        Parameters
+        ----------
+        state
+            What `prepare` returned for the data.
+        model
+            Where to start.
+
+        Returns
+        -------
+        ModalModel
+            The model; its outcome is that of `model`.
+        """
         poles = PoleSet.from_multipliers(model.multipliers)
         samples = self._horizon(poles, state)
         return self._model(state, polish(poles, [f.cut(samples) for f in state.factors]), model.outcome)

@@ -83,9 +83,7 @@ def _array(source: Source, archive: zipfile.ZipFile, info: zipfile.ZipInfo, key:
         if size != info.file_size or (info.file_size > _LARGE and info.file_size > _PACKED * info.compress_size):
             raise _impossible(source, key, f"shape {shape} of {dtype}", info.compress_size)
         with archive.open(info) as stream:
-            array = np.lib.format.read_array(stream, allow_pickle=False)
-            stream.read()  # to the end, where the checksum is compared
-            return array
+            return np.lib.format.read_array(stream, allow_pickle=False)
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001  # damage raises anything: zlib.error, struct.error, TokenError, ...

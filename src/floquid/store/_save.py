@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from importlib import import_module
 from io import BytesIO
+from numbers import Integral, Real
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -90,10 +91,10 @@ def _put_settings(group: h5py.Group, settings: Settings) -> None:
     """Each field by what it holds, so that a field that `Settings` gains is written without a word here."""
     for field in fields(settings):
         value = getattr(settings, field.name)
-        if value is None or isinstance(value, float):
-            item = Item(field.name, optional=True)
-        elif isinstance(value, int) and not isinstance(value, bool):
+        if isinstance(value, Integral) and not isinstance(value, bool):
             item = Item(field.name, "integer")
+        elif value is None or (isinstance(value, Real) and not isinstance(value, bool)):
+            item = Item(field.name, optional=True)
         elif isinstance(value, str):
             item = Item(field.name, "text")
         elif isinstance(value, tuple) and all(isinstance(entry, str) for entry in value):

@@ -110,7 +110,7 @@ class JeffcottRotor:
     def turntable_system(self, t: ArrayLike) -> NDArray[np.float64]:
         """The state matrix A_tt = (S' + S A) S^-1 in the states [X_tt, Y_tt, X_tt', Y_tt'] (..., 4, 4).
 
-        S = [[M, 0], [M', M]] takes the states of the mass to those of the turntable, u_tt = M u.
+        S = [[M, 0], [M', M]] takes the states of the mass to those of the turntable, u_tt = M u, at the times `t` [s].
         """
         m, rate, second = self._turntable(t)
         s, s_rate = np.zeros((2, *m.shape[:-2], 4, 4))

@@ -1,0 +1,97 @@
+"""Result files of every released version are read. Each is kept with the script that wrote it."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from floquid.core import Channel
+from floquid.lti import Outcome
+from floquid.pipeline import Settings
+from floquid.store import load, save
+
+FILES = Path(__file__).parent / "files"
+
+
+@pytest.fixture(scope="module")
+def found():
+    return load(FILES / "result_v1.h5")
+
+
+@pytest.fixture(scope="module")
+def truth():
+    with np.load(FILES / "result_v1.npz", allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}
+
+
+def test_every_kept_file_has_a_script():
+    scripts = {path.name for path in FILES.glob("write_*.py")}
+    assert {f"write_{path.stem}.py" for path in FILES.glob("*.h5")} == scripts
+    assert scripts
+
+
+def test_version_1_arrays(found, truth):
+    read = {
+        "values_1": found.records[0].values,
+        "values_2": found.records[1].values,
+        "sample_rate": found.records[1].sample_rate,
+        "noise": found.lifted.noise,
+        "multipliers": found.modal.multipliers,
+        "residues": found.modal.residues,
+        "poles_covariance": found.modal.covariance,
+        "residue_spread": found.modal.residue_spread,
+        "residue_slope": found.modal.residue_slope,
+        "residual_std": found.modal.residual_std,
+        "cost": found.modal.stats["cost"],
+        "exponents": found.model.exponents,
+        "coefficients": found.model.coefficients,
+        "coefficient_std": found.model.coefficient_std,
+        "covariance": found.model.covariance,
+        "harmonics": found.model.harmonics,
+        "period": found.model.period,
+        "times": found.state.times,
+        "transition": found.state.transition,
+        "system": found.state.system,
+        "condition": found.state.condition,
+    }
+    assert read.keys() == truth.keys()
+    assert [name for name, value in read.items() if not np.array_equal(value, truth[name])] == []
+
+
+def test_version_1_words(found):
+    assert found.settings == Settings(states=("x", "y"), system_times=8)
+    assert found.warnings == ("a warning, with an ümlaut",)
+    assert found.model.channels == (
+        Channel(name="x", unit="mm", location="disc", direction="X"),
+        Channel(name="y", quantity="displacement", unit="µm"),
+    )
+    assert found.records[1].provenance.sources == ("hit at 75°",)
+    assert found.model.provenance.sources == ("hit at 20°", "hit at 75°")
+    assert found.model.provenance.steps[0] == "simulated"
+    assert found.state.states == ("x", "y", "d/dt x", "d/dt y")
+    assert found.state.system_std is None
+    assert found.modal.outcome is Outcome.SUCCESS
+
+
+def test_version_1_records_are_cut_and_lifted_again(found):
+    assert [cycles.values.shape for cycles in found.cycles] == [(2, 6, 14), (2, 6, 12)]
+    assert found.lifted.responses.lengths.tolist() == [14, 12]
+    assert np.array_equal(found.lifted.responses.values[6:, 1, :12], found.cycles[1].values[1])
+
+
+def test_version_1_can_be_written_again(found, tmp_path):
+    """By the version of today, whose file is read in turn."""
+    save(found, tmp_path / "again.h5")
+    again = load(tmp_path / "again.h5")
+    assert np.array_equal(again.model.coefficients, found.model.coefficients)
+    assert again.settings == found.settings
+
+
+def test_the_script_of_version_1_still_runs(tmp_path):
+    """Its numbers may change with the algorithms; that it writes a result that is read must not."""
+    spec = importlib.util.spec_from_file_location("write_result_v1", FILES / "write_result_v1.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    script.main(tmp_path)
+    assert load(tmp_path / "result_v1.h5").model.order == 4

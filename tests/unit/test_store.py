@@ -1,0 +1,399 @@
+"""`result.h5`: what is saved comes back, field by field; what is no such file is refused in words."""
+
+import errno
+import shutil
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import floquid
+from floquid.core import Channel, Provenance, Record
+from floquid.errors import InputError
+from floquid.pipeline import Settings, identify
+from floquid.store import _layout, _save, load, save, summary
+from floquid.systems import JeffcottRotor
+
+ROTOR = JeffcottRotor(damping=0.02)
+
+
+def two_hits():
+    """Two records of unequal length, with units, an odd start and a history."""
+    channels = [
+        Channel(name="x", unit="mm", location="disc", direction="X"),
+        Channel(name="y", unit="mm", location="disc", direction="Y"),
+        Channel(name="tilt µ", quantity="other", unit="V"),
+    ]
+    for n_periods, seed, angle in ((30, 1, 20.0), (24, 2, 75.0)):
+        record = ROTOR.simulate(
+            n_periods=n_periods, samples_per_period=8, noise=0.01, seed=seed, impulse_deg=angle, first_phase=0.25
+        )
+        yield Record(
+            values=record.values[:3, :-3],
+            sample_rate=record.sample_rate,
+            channels=channels,
+            clock=record.clock,
+            start=record.start,
+            provenance=Provenance(sources=(f"hit {angle}.csv", "ümlaut")).then("read", "cut"),
+        )
+
+
+@pytest.fixture(scope="module")
+def full():
+    """An analysis in which no field is empty."""
+    found = identify(list(two_hits()), states=["x", "y"], channels=["x", "y", "tilt µ"], period=ROTOR.period)
+    std = np.abs(found.state.system) * 0.1
+    return replace(found, state=replace(found.state, system_std=std), warnings=("of the first kind", "of the second"))
+
+
+@pytest.fixture(scope="module")
+def bare():
+    """An analysis in which everything that may be None is."""
+    record = ROTOR.simulate(n_periods=30, samples_per_period=8, noise=0.01)
+    found = identify(record)
+    modal = replace(found.modal, covariance=None, residue_spread=None, residue_slope=None, residual_std=None, stats={})
+    return replace(found, modal=modal, model=replace(found.model, covariance=None, coefficient_std=None))
+
+
+@pytest.fixture
+def saved(full, tmp_path):
+    path = tmp_path / "result.h5"
+    save(full, path)
+    return path
+
+
+def differences(one, other, name="analysis"):
+    """The names of the fields in which two trees of values differ, in type, shape, number or text."""
+    if type(one) is not type(other):
+        yield f"{name}: {type(one).__name__} or {type(other).__name__}"
+    elif is_dataclass(one):
+        for field in fields(one):
+            yield from differences(getattr(one, field.name), getattr(other, field.name), f"{name}.{field.name}")
+    elif isinstance(one, np.ndarray):
+        if one.dtype != other.dtype or one.flags.writeable != other.flags.writeable:
+            yield f"{name}: {one.dtype}, writable {one.flags.writeable}, or {other.dtype}, {other.flags.writeable}"
+        if not np.array_equal(one, other, equal_nan=one.dtype.kind == "f"):
+            yield name
+    elif isinstance(one, Mapping):
+        yield from differences(dict(one), dict(other), name) if not isinstance(one, dict) else ()
+        if one != other:
+            yield name
+    elif isinstance(one, tuple):
+        if len(one) != len(other):
+            yield f"{name}: {len(one)} or {len(other)} entries"
+        for index, pair in enumerate(zip(one, other, strict=False)):
+            yield from differences(*pair, f"{name}[{index}]")
+    elif one != other:
+        yield f"{name}: {one!r} or {other!r}"
+
+
+def test_every_field_comes_back(full, saved):
+    assert list(differences(full, load(saved))) == []
+
+
+def test_what_is_none_comes_back_as_none(bare, tmp_path):
+    save(bare, tmp_path / "r.h5")
+    back = load(tmp_path / "r.h5")
+    assert list(differences(bare, back)) == []
+    assert back.state is None
+    assert back.model.covariance is None
+    assert back.settings.period is None
+    assert back.warnings == ()
+
+
+def test_the_comparison_can_fail(full):
+    noise = full.lifted.noise * (1 + 1e-15)
+    others = [
+        replace(full, lifted=full.lifted.with_noise(noise)),
+        replace(full, settings=replace(full.settings, order=4)),
+        replace(full, model=replace(full.model, covariance=None)),
+        replace(full, modal=replace(full.modal, stats={**full.modal.stats, "cost": 1.0})),
+        replace(full, warnings=full.warnings[:1]),
+        replace(full, model=replace(full.model, provenance=Provenance())),
+    ]
+    assert [len(list(differences(full, other))) > 0 for other in others] == [True] * len(others)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        Settings(),
+        Settings(order=4, harmonics=0, states=("x", "y"), system_times=7, mode_false_alarm=1e-3),
+        Settings(period=0.1 + 0.2, channels=("x",), harmonic_false_alarm=1e-8 / 3),
+    ],
+)
+def test_settings_keep_their_values_and_types(bare, settings, tmp_path):
+    save(replace(bare, settings=settings), tmp_path / "r.h5")
+    assert list(differences(settings, load(tmp_path / "r.h5").settings)) == []
+
+
+def test_numbers_of_numpy_among_the_settings_are_numbers(bare, tmp_path):
+    settings = Settings(order=np.int32(4), mode_false_alarm=np.float64(1e-9))
+    save(replace(bare, settings=settings), tmp_path / "r.h5")
+    assert load(tmp_path / "r.h5").settings == settings
+
+
+def test_a_setting_that_a_file_has_no_form_for_is_not_dropped_in_silence(bare, tmp_path):
+    odd = replace(bare.settings)
+    object.__setattr__(odd, "order", {"a": 1})
+    with pytest.raises(TypeError, match="order"):
+        save(replace(bare, settings=odd), tmp_path / "r.h5")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_summary_of_a_loaded_result_is_that_of_the_saved_one(full, saved):
+    assert summary(load(saved)) == summary(full)
+
+
+def test_the_same_analysis_gives_the_same_bytes(full, saved, tmp_path):
+    save(load(saved), tmp_path / "again.h5")
+    assert (tmp_path / "again.h5").read_bytes() == saved.read_bytes()
+
+
+def test_texts_that_hdf5_cannot_hold_are_written_as_escapes(bare, tmp_path):
+    odd = Provenance(sources=("caf\udce9.csv", "nul\0l"))
+    save(replace(bare, model=replace(bare.model, provenance=odd)), tmp_path / "r.h5")
+    assert load(tmp_path / "r.h5").model.provenance.sources == ("caf\\udce9.csv", "nul\\x00l")
+
+
+def test_the_file_describes_itself(saved):
+    """Version and units are attributes, complex numbers are compounds of r and i, and the page names each dataset."""
+    names = []
+    with h5py.File(saved) as file:
+        assert dict(file.attrs) == {"format": "floquid-result", "version": 1, "floquid": floquid.__version__}
+        assert dict(file["model/exponents"].attrs) == {"axes": "modes", "unit": "1/s"}
+        kind = file["model/exponents"].id.get_type()
+        assert [kind.get_member_name(k) for k in range(kind.get_nmembers())] == [b"r", b"i"]
+        assert file["records/hit2/values"].fletcher32
+        file.visit(names.append)
+    page = floquid.store.__doc__
+    words = {word.strip(",;():") for word in page.replace("/", " ").split()}
+    inside = {part for name in names for part in name.split("/")}
+    unnamed = inside - words - {f.name for f in fields(Settings)} - {"cost", "degrees"}
+    assert unnamed == set()
+
+
+def test_version_1_has_the_settings_of_version_1():
+    assert set(_layout.SETTINGS_OF_VERSION_1) <= {field.name for field in fields(Settings)}
+
+
+# Files that are refused. Each scenario: what is done to a good file, and words of the message.
+
+
+def swap(name, data):
+    """Put `data` in the place of the dataset `name`."""
+
+    def change(file):
+        del file[name]
+        file[name] = data
+
+    return change
+
+
+def drop(name):
+    def change(file):
+        del file[name]
+
+    return change
+
+
+def attribute(name, value):
+    def change(file):
+        file.attrs[name] = value
+
+    return change
+
+
+def add_setting(file):
+    file["settings/telepathy"] = 1.0
+
+
+DAMAGE = {
+    "no format": (lambda file: file.attrs.pop("format"), "no attribute `format`"),
+    "another format": (attribute("format", "weather"), "no attribute `format`"),
+    "a format that is no text": (attribute("format", [1.0, 2.0]), "no attribute `format`"),
+    "no version": (lambda file: file.attrs.pop("version"), "its version is None"),
+    "a version in words": (attribute("version", "one"), "its version is 'one'"),
+    "several versions": (attribute("version", [1, 2]), "its version is array"),
+    "version zero": (attribute("version", 0), "its version is"),
+    "a later version": (attribute("version", 2), "is of version 2, written by floquid"),
+    "no settings": (drop("settings"), "it has no group /settings"),
+    "no model": (drop("model"), "it has no group /model"),
+    "no modal": (drop("modal"), "it has no group /modal"),
+    "no lifted": (drop("lifted"), "it has no group /lifted"),
+    "no records": (drop("records"), "it has no group /records/hit1"),
+    "no second record": (drop("records/hit2"), "it has no group /records/hit2"),
+    "no state": (drop("state"), "it has no group /state"),
+    "no warnings": (drop("warnings"), "it has no dataset /warnings"),
+    "no exponents": (drop("model/exponents"), "it has no dataset /model/exponents"),
+    "no covariance": (drop("modal/covariance"), "it has no dataset /modal/covariance"),
+    "no order": (drop("settings/order"), "it has no dataset /settings/order"),
+    "no channels": (drop("model/channels"), "it has no group /model/channels"),
+    "no provenance": (drop("state/provenance"), "it has no group /state/provenance"),
+    "a setting of the future": (add_setting, "the setting 'telepathy'"),
+    "a group for a dataset": (swap("model/exponents", h5py.SoftLink("/modal")), "it has no dataset /model/exponents"),
+    "a link to nowhere": (swap("model", h5py.SoftLink("/nowhere")), "it has no group /model"),
+    "real exponents": (swap("model/exponents", np.ones(4)), "/model/exponents must be complex, (modes)"),
+    "single precision": (swap("model/period", np.float32(1)), "/model/period must be real, a single value"),
+    "texts for numbers": (swap("lifted/noise", ["loud"]), "/lifted/noise must be real, (channels, hits)"),
+    "numbers for texts": (swap("modal/outcome", 3.0), "/modal/outcome must be text, a single value"),
+    "None where there must be a value": (swap("model/period", h5py.Empty("f8")), "/model/period must be real"),
+    "one exponent less": (swap("model/exponents", np.ones(3, complex)), "Argument `coefficients`"),
+    "a matrix of exponents": (swap("model/exponents", np.ones((2, 2), complex)), "/model/exponents must be complex"),
+    "a small covariance": (swap("model/covariance", np.eye(3)), "Argument `covariance` of `PeriodicModel`"),
+    "a small system": (swap("state/system", np.ones((50, 3, 3))), "Argument `system`"),
+    "infinite residues": (swap("modal/residues", np.full((4, 24, 2), np.inf, complex)), "Argument `residues`"),
+    "a negative period": (swap("records/hit1/period", -1.0), "Argument `period` of `ConstantPeriod`"),
+    "no clock": (swap("records/hit1/period", h5py.Empty("f8")), "have a clock"),
+    "another rate": (swap("records/hit2/sample_rate", 1.5), "have the same sample rate"),
+    "a channel without a unit": (swap("records/hit1/channels/unit", ["mm", "mm"]), "differ in length"),
+    "an unknown quantity": (swap("model/channels/quantity", ["luck"] * 3), "Argument `quantity`"),
+    "other lengths": (swap("lifted/lengths", np.array([28, 23])), "lengths is [28, 23], but the records give"),
+    "other phases": (swap("lifted/n_phases", 9), "n_phases is 9, but the records give 8"),
+    "another first phase": (swap("lifted/first_phase", 0.5), "first_phase is 0.5, but the records give 0.25"),
+    "noise of one hit": (swap("lifted/noise", np.ones((3, 1))), "noise is (3, 1), but the records give (3, 2)"),
+    "residues of others": (swap("modal/residues", np.ones((4, 8, 2), complex)), "modal/residues is (8, 2)"),
+    "channels of others": (swap("model/channels/name", ["a", "b", "c"]), "model/channels is ['a', 'b', 'c']"),
+    "an unknown outcome": (swap("modal/outcome", "MAGIC"), "/modal/outcome is 'MAGIC'"),
+    "half an order": (swap("settings/order", 4.5), "Argument `order` of `Settings`"),
+    "a list of orders": (swap("settings/order", np.array([4, 6])), "/settings/order must be integer, a single value"),
+}
+
+
+@pytest.mark.parametrize("scenario", DAMAGE)
+def test_a_damaged_file_is_refused_in_words(saved, scenario):
+    change, words = DAMAGE[scenario]
+    with h5py.File(saved, "r+") as file:
+        change(file)
+    with pytest.raises(InputError) as caught:
+        load(saved)
+    message = str(caught.value)
+    first, remedy = message.split("\n  ")
+    assert first.startswith("Argument `path` of `load` must be a result file")
+    assert str(saved) in first
+    assert words in first
+    assert remedy.startswith(("Write it again", "Update floquid"))
+
+
+def test_the_damage_is_what_is_refused(saved):
+    """The same handling without a change is accepted, so each refusal above is for its own reason."""
+    with h5py.File(saved, "r+") as file:
+        kept = {name: file[name][()] for name in ("model/period", "lifted/lengths", "modal/residues")}
+        for name, data in kept.items():
+            swap(name, data)(file)
+    load(saved)
+
+
+@pytest.mark.parametrize("share", [0.0001, 0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.99999])
+def test_a_truncated_file_is_refused(saved, share):
+    content = saved.read_bytes()
+    saved.write_bytes(content[: max(1, int(share * len(content)))])
+    with pytest.raises(InputError, match=r"result\.h5 is (damaged|no HDF5 file)"):
+        load(saved)
+
+
+def test_a_changed_byte_of_an_array_is_seen(saved):
+    with h5py.File(saved) as file:
+        chunk = file["records/hit1/values"].id.get_chunk_info(0)
+    content = bytearray(saved.read_bytes())
+    content[chunk.byte_offset + chunk.size // 2] ^= 0x10
+    saved.write_bytes(content)
+    with pytest.raises(InputError, match="damaged"):
+        load(saved)
+
+
+@pytest.mark.parametrize("content", [b"", b"time,x\n0,1\n", b"PK\x03\x04 an archive", b"\x89HDF\r\n\x1a\n"])
+def test_another_kind_of_file_is_refused(tmp_path, content):
+    path = tmp_path / "other.h5"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"other\.h5 is"):
+        load(path)
+
+
+def test_what_is_no_file_is_refused(tmp_path):
+    for path in (tmp_path, tmp_path / "none.h5", 3, ""):
+        with pytest.raises(InputError, match="`path` of `load`"):
+            load(path)
+
+
+# Writing.
+
+
+def test_only_an_analysis_is_saved(full, tmp_path):
+    with pytest.raises(InputError, match="Argument `analysis` of `save` must be an Analysis"):
+        save(full.model, tmp_path / "r.h5")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_hold_the_file_is_refused(full, tmp_path):
+    (tmp_path / "file").write_text("not a folder")
+    for path in (tmp_path / "none" / "r.h5", tmp_path / "file" / "r.h5", tmp_path):
+        with pytest.raises(InputError, match="Argument `path` of `save` must be a path that can be written"):
+            save(full, path)
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("exists", [True, False])
+@pytest.mark.parametrize("error", [RuntimeError, MemoryError, KeyboardInterrupt, ValueError])
+def test_a_failure_while_packing_leaves_what_was_there(full, bare, tmp_path, monkeypatch, error, exists):
+    path = tmp_path / "r.h5"
+    if exists:
+        save(bare, path)
+    before = path.read_bytes() if exists else None
+
+    def fail(group, channels):
+        raise error("midway")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(_save, "_put_channels", fail)
+        with pytest.raises(error, match="midway"):
+            save(full, path)
+    assert (path.read_bytes() if path.exists() else None) == before
+    assert list(tmp_path.iterdir()) == ([path] if exists else [])
+
+
+def test_a_disk_that_fails_midway_leaves_what_was_there(full, bare, tmp_path, monkeypatch):
+    path = tmp_path / "r.h5"
+    save(bare, path)
+    before = path.read_bytes()
+
+    def write_half(self, data):
+        with self.open("wb") as stream:
+            stream.write(data[: len(data) // 2])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_bytes", write_half)
+        with pytest.raises(InputError, match=r"r\.h5 cannot be \(No space left on device\)"):
+            save(full, path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_limit_of_the_system_leaves_what_was_there(full, bare, tmp_path):
+    """A real refusal by the operating system in the middle of the file; HDF5 writing itself would crash here."""
+    resource = pytest.importorskip("resource")
+    path = tmp_path / "r.h5"
+    save(bare, path)
+    before = path.read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20000, hard))
+    try:
+        with pytest.raises(InputError, match="cannot be"):
+            save(full, path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_existing_result_is_replaced(full, bare, tmp_path):
+    path = tmp_path / "r.h5"
+    save(bare, path)
+    save(full, path)
+    assert list(differences(full, load(path))) == []
+    shutil.copy(path, tmp_path / "copy.h5")
+    assert list(differences(full, load(tmp_path / "copy.h5"))) == []
