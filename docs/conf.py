@@ -2,12 +2,16 @@
 
 import importlib
 import inspect
+import os
 import re
 from pathlib import Path
 
 from sphinx.util.inspect import TypeAliasForwardRef
 
 import floquid
+
+# Pages that measure read the records of the tests.
+os.environ["FLOQUID_ROOT"] = str(Path(__file__).parents[1])
 
 project = "floquid"
 author = "floquid developers"
@@ -17,6 +21,7 @@ version = release = floquid.__version__
 extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.mathjax",
+    "sphinx-mathjax-offline",  # formulas without a network
     "numpydoc",
     "myst_nb",
     "sphinxcontrib.bibtex",
