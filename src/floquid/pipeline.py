@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 
 import numpy as np
 
 from floquid._checks import input_error, integer, positive
-from floquid.core import ConstantPeriod, Cycles, PeriodicModel, Provenance, Record
+from floquid.core import ConstantPeriod, Cycles, PeriodicModel, Provenance, Record, channels_named
 from floquid.errors import IdentificationError
 from floquid.lifting import Lifted, lift
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
@@ -67,7 +68,8 @@ class Settings:
             object.__setattr__(self, "period", positive(self.period, "period", of, unit="s"))
         for name in ("channels", "states"):
             value = getattr(self, name)
-            if isinstance(value, str) or not all(isinstance(entry, str) for entry in value):
+            listed = isinstance(value, (tuple, list))
+            if not listed or not all(isinstance(entry, str) for entry in value):
                 raise input_error(name, of, "be a list of channel names", f"is {value!r}", 'Pass e.g. ["x", "y"].')
             object.__setattr__(self, name, tuple(value))
         if self.order is not None:
@@ -153,11 +155,8 @@ def identify(
     used = _prepare(records, chosen)
     report("cutting into periods")
     cycles = segment(used)
-    if max(c.n_cycles for c in cycles) < 4:
-        raise IdentificationError(
-            f"The record holds {max(c.n_cycles for c in cycles)} whole periods: fewer than 4 cannot hold a mode and "
-            "the noise beside it. Record longer, or check the period."
-        )
+    _refuse_impossible(chosen, cycles)
+    _refuse_copies(used)
     report("estimating the noise")
     lifted = lift(cycles)
     lifted, modal = _find_poles(lifted, chosen, report)
@@ -214,6 +213,40 @@ def _prepare(records: Record | Sequence[Record], settings: Settings) -> tuple[Re
     return tuple(used)
 
 
+def _refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:
+    """Refuse what cannot end well before any long work."""
+    of, periods, phases = "identify", max(c.n_cycles for c in cycles), cycles[0].n_phases
+    if periods < 4:
+        raise IdentificationError(
+            f"The record holds {periods} whole period{'s' if periods > 1 else ''}: fewer than 4 cannot hold a mode and "
+            "the noise beside it. Record longer, or check the period."
+        )
+    channels_named(cycles[0].channels, settings.states, argument="states", of=of)
+    if settings.order is not None and settings.order >= periods:
+        got = f"is {settings.order}"
+        raise input_error("order", of, f"be less than the {periods} periods of the record", got, "Ask for fewer poles.")
+    if settings.harmonics is not None and 2 * settings.harmonics >= phases:
+        must = f"be less than half the {phases} samples a period"
+        raise input_error("harmonics", of, must, f"is {settings.harmonics}", "Ask for fewer, or sample faster.")
+
+
+def _refuse_copies(records: Sequence[Record]) -> None:
+    """Refuse a channel or a hit that is a copy of another: its noise would count as independent of the other's."""
+    seen: dict[bytes, str] = {}
+    for hit, record in enumerate(records, start=1):
+        for channel, values in zip(record.channels, record.values, strict=True):
+            name = f"channel {channel.name!r}" + (f" of record {hit}" if len(records) > 1 else "")
+            found = seen.setdefault(sha256(values.tobytes()).digest(), name)
+            if found != name and np.ptp(values) > 0.0:
+                raise input_error(
+                    "records",
+                    "identify",
+                    "be independent measurements",
+                    f"{name} is a copy of {found}, sample by sample",
+                    "Leave one of them out: a copy adds no knowledge, but would make the deviations too small.",
+                )
+
+
 def _find_poles(lifted: Lifted, settings: Settings, report: Callable[[str], None]) -> tuple[Lifted, ModalModel]:
     """Poles and noise together: the noise is taken again from the residual until it stays."""
     identifier = MaximumLikelihood(false_alarm=settings.mode_false_alarm)
@@ -228,10 +261,16 @@ def _find_poles(lifted: Lifted, settings: Settings, report: Callable[[str], None
         else:
             modal = identifier.refine(state, modal)
         if modal.outcome is not Outcome.SUCCESS:
-            raise IdentificationError(f"Identification ended without a result: {modal.outcome.value}")
+            words = modal.outcome.value
+            if modal.outcome is Outcome.ORDER_UNREACHED:
+                words = (
+                    f"order {settings.order} cannot be reached, the nearest found is {modal.order}: the data hold no "
+                    "more, or a conjugate pair, which counts as two, would have to be halved. Ask for that order, or "
+                    "let it be found."
+                )
+            raise IdentificationError(f"Identification ended without a result: {words}")
         assert modal.residual_std is not None
         noise = np.sqrt(np.mean(lifted.by_channel(modal.residual_std**2), axis=1))
-        change = np.abs(np.log(np.maximum(noise, 1e-300) / lifted.noise))
         again = lifted.with_noise(noise)
         change = np.abs(np.log(again.noise / lifted.noise)).max()
         lifted = again
@@ -239,7 +278,11 @@ def _find_poles(lifted: Lifted, settings: Settings, report: Callable[[str], None
             break
         if change > 0.1:
             modal = None
-    assert modal is not None
+    if modal is None:
+        raise IdentificationError(
+            "Identification ended without a result: the noise cannot be told from the response, its estimate does not "
+            "settle as modes are fitted. Look at the record: are its samples clipped, or rounded to a few levels?"
+        )
     return lifted, modal
 
 

@@ -1,6 +1,7 @@
 """The command line: one file a subcommand, each a thin call of one public function.
 
-Exit codes: 0 done, 1 identification failed or was refused, 2 usage or bad input. No traceback without `--debug`.
+Exit codes: 0 done, 1 identification failed or was refused, 2 usage or bad input, 130 interrupted. What goes wrong is
+one message on stderr; no traceback without `--debug`.
 """
 
 from __future__ import annotations
@@ -21,4 +22,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     arguments
         The words after `floquid`; those of the process when not given.
     """
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:  # a terminal that cannot show λ, or a file name that is no text, ends nothing
+            reconfigure(errors="backslashreplace")
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))

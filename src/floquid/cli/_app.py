@@ -1,29 +1,35 @@
-"""The subcommands put together, and what an error looks like to a person."""
+"""The subcommands put together, and the way out of each: an exit code and at most one message."""
 
 from __future__ import annotations
 
+import os
+import sys
+import traceback
+import warnings
 from collections.abc import Sequence
 from importlib.metadata import version
 
 from cyclopts import App, CycloptsError
 
 from floquid.cli._demo import demo
+from floquid.cli._errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, explained, explained_usage
 from floquid.cli._identify import identify
 from floquid.cli._info import info
 from floquid.cli._simulate import simulate
 from floquid.cli._terminal import terminal
-from floquid.errors import FloquidError, InputError
-
-DONE, FAILED, BAD_INPUT = 0, 1, 2
 
 app = App(
     name="floquid",
     help="Identify linear time-periodic systems from measured responses.",
+    usage="Usage: floquid COMMAND [OPTIONS]",
     version=version("floquid"),
     help_format="plaintext",
+    suppress_keyboard_interrupt=False,
 )
-for command in (demo, info, identify, simulate):
-    app.command(command)
+app.command(demo, usage="Usage: floquid demo [SYSTEM] [OPTIONS]")
+app.command(info, usage="Usage: floquid info FILE")
+app.command(identify, usage="Usage: floquid identify FILES... [OPTIONS]")
+app.command(simulate, usage="Usage: floquid simulate [SYSTEM] [OPTIONS]")
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -37,29 +43,29 @@ def run(arguments: Sequence[str]) -> int:
     Returns
     -------
     int
-        0 done, 1 identification failed or was refused, 2 usage or bad input.
+        0 done, 1 identification failed or was refused, 2 usage or bad input, 130 interrupted.
     """
-    stderr = terminal(stderr=True)
+    debug = "--debug" in arguments
     try:
-        app(list(arguments), exit_on_error=False, print_error=False, result_action="return_value")
+        # What numpy warns of is either refused where the numbers are checked or harmless: it is nothing for a person.
+        with warnings.catch_warnings(record=not debug):
+            app(list(arguments), exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
     except CycloptsError as error:
-        stderr.print(f"floquid: {error}", soft_wrap=True)
-        stderr.print("Try `floquid --help`, or `floquid COMMAND --help`.", soft_wrap=True)
-        return BAD_INPUT
-    except (FloquidError, OSError, MemoryError) as error:
-        if "--debug" in arguments:
-            raise
-        stderr.print(f"floquid: {_words(error)}", soft_wrap=True)
-        return BAD_INPUT if isinstance(error, (InputError, OSError)) else FAILED
+        return _end(explained_usage(error), BAD_INPUT)
+    except BrokenPipeError:
+        # Whoever read the output has had enough. What is left in the buffer goes nowhere, in silence.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
     except KeyboardInterrupt:
-        stderr.print("floquid: interrupted; nothing was changed after the last message.", soft_wrap=True)
-        return 130
+        return _end("Interrupted: nothing was written.", INTERRUPTED)
+    except Exception as error:  # noqa: BLE001  # the last place where a mistake of ours can be worded
+        if debug:
+            traceback.print_exc()
+        return _end(*explained(error))
     return DONE
 
 
-def _words(error: BaseException) -> str:
-    if isinstance(error, MemoryError):
-        return (
-            "The record is too large for the memory of this machine: use fewer channels (`--channels`) or a part of it."
-        )
-    return str(error)
+def _end(message: str, code: int) -> int:
+    terminal(stderr=True).print(f"floquid: {message}", soft_wrap=True)
+    return code

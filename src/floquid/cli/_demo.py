@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -10,13 +11,16 @@ import numpy as np
 from rich.table import Table
 
 from floquid.cli._identify import STAGES
-from floquid.cli._output import ResultFolder, print_json
+from floquid.cli._options import Debug, Place, Whole
+from floquid.cli._output import print_json, result_folder
 from floquid.cli._progress import progress
+from floquid.cli._settings import Choices
 from floquid.cli._simulate import system_named
-from floquid.cli._terminal import print_analysis, print_title, terminal, with_error
+from floquid.cli._terminal import print_analysis, print_folder, print_title, terminal, with_error
+from floquid.core import Record
+from floquid.errors import IdentificationError
 from floquid.pipeline import Analysis
 from floquid.pipeline import identify as identify_records
-from floquid.readers import write
 from floquid.reconstruction import StateModel, reconstruct
 from floquid.systems import JeffcottRotor
 from floquid.testing import pair_exponents
@@ -25,15 +29,19 @@ PUBLISHED = {"X, Y": 0.013, "X_tt, Y_tt": 0.031}
 """The largest errors of A(t) that the paper states: 0.013 with the mass's displacements, 3.1 % with the turntable's."""
 
 
+STATES = ("X", "Y")
+
+
 def demo(
     system: str = "jeffcott",
+    /,
     *,
-    out: Path = Path("floquid-demo"),
-    periods: int = 1024,
+    out: Place = Path("floquid-demo"),
+    periods: Whole = 1024,
     noise: float = 0.02,
-    seed: int = 0,
+    seed: Whole = 0,
     format: Literal["text", "json"] = "text",  # noqa: A002
-    debug: bool = False,
+    debug: Debug = False,
 ) -> None:
     """Simulate the experiment of Allen's paper, identify it, and compare with the truth.
 
@@ -44,9 +52,9 @@ def demo(
     out
         A folder for record.npz, result.h5, summary.json, settings.toml and figures/.
     periods
-        The length of the record, in periods.
+        The length of the record, in periods of the system.
     noise
-        Standard deviation of white noise, as a share of the largest free response of each channel.
+        Standard deviation of white noise, as a share of the largest free response of each channel: 0.02 is 2 %.
     seed
         The seed of the noise.
     format
@@ -56,20 +64,34 @@ def demo(
     """
     del debug
     rotor = system_named(system)
-    folder = ResultFolder.prepare(out)
-    with progress(STAGES + 4) as report:
+    with result_folder(out) as folder, progress(STAGES + 4) as report:
         report("simulating")
         record = rotor.simulate(n_periods=periods, noise=noise, seed=seed)
-        write(record, folder.path / "record.npz")
-        analysis = identify_records(record, states=("X", "Y"), report=report)
+        analysis = _identify(rotor, record, report)
         comparison = compare(rotor, analysis)
         dense = np.linspace(0.0, rotor.period, 361)
-        folder.write(analysis, report, truth=(dense, rotor.system(dense)))
+        settings = Choices(settings=analysis.settings).text()
+        folder.write(analysis, settings, report, record=record, truth=(dense, rotor.system(dense)))
     if format == "json":
         print_json(analysis)
         return
-    print_analysis(analysis, folder.path)
+    print_analysis(analysis)
     print_comparison(comparison)
+    print_folder(out, "record.npz")
+
+
+def _identify(rotor: JeffcottRotor, record: Record, report: Callable[[str], None]) -> Analysis:
+    """The analysis with A(t); its order is found first, since states can only be chosen for the modes there are."""
+    analysis = identify_records(record, report=report)
+    order, true_order = analysis.model.order, len(rotor.exponents())
+    if order != true_order:
+        raise IdentificationError(
+            f"{order} exponents were found where the system has {true_order}: too much noise in too short a record to "
+            "compare them.\n  Use more --periods or less --noise."
+        )
+    settings = replace(analysis.settings, states=STATES)
+    state = reconstruct(analysis.model, STATES, times=settings.system_times)
+    return replace(analysis, settings=settings, state=state)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,38 +2,39 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from cyclopts import Parameter
+from typing import Literal
 
 from floquid._checks import input_error, positive
-from floquid.cli._output import ResultFolder, print_json
+from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, Place, split
+from floquid.cli._output import print_json, result_folder
 from floquid.cli._progress import progress
-from floquid.cli._terminal import print_analysis
-from floquid.errors import InputError
-from floquid.pipeline import Settings
+from floquid.cli._settings import Choices, load_choices
+from floquid.cli._terminal import print_analysis, print_folder
+from floquid.core import Record
 from floquid.pipeline import identify as identify_records
 from floquid.readers import read
 
+OF = "floquid identify"
 STAGES = 8
 
 
 def identify(
-    *files: Path,
+    *files: Place,
     period: float | None = None,
-    frequency: Annotated[float | None, Parameter(name="--frequency")] = None,
-    origin: float = 0.0,
+    frequency: float | None = None,
+    origin: float | None = None,
     rate: float | None = None,
     channels: str | None = None,
-    order: int | None = None,
-    harmonics: int | None = None,
+    order: OptionalWhole = None,
+    harmonics: OptionalWhole = None,
     states: str | None = None,
-    out: Path | None = None,
+    out: OptionalPlace = None,
     format: Literal["text", "json"] = "text",  # noqa: A002
-    settings: Path | None = None,
-    debug: bool = False,
+    settings: OptionalPlace = None,
+    debug: Debug = False,
 ) -> None:
     """Identify the Floquet exponents, the periodic mode shapes and A(t) from free responses.
 
@@ -46,7 +47,7 @@ def identify(
     frequency
         The fundamental frequency [Hz], one over the period; instead of --period.
     origin
-        The time of phase zero [s].
+        The time of phase zero [s]; 0 when not given.
     rate
         The sampling rate [Hz], overriding what the files say.
     channels
@@ -60,87 +61,80 @@ def identify(
     out
         A folder for result.h5, summary.json, settings.toml and figures/.
     format
-        text prints a table; json prints summary.json alone.
+        text prints tables; json prints summary.json alone.
     settings
         A settings.toml written by an earlier run; options given here come first.
     debug
         Show the traceback of an error.
     """
     del debug
-    if not files:
-        raise input_error(
-            "FILE",
-            "floquid identify",
-            "name at least one record",
-            "none was given",
-            "For example: floquid identify run.npz --period 0.02",
-        )
-    chosen = _settings(settings, period, frequency, channels, order, harmonics, states)
-    folder = ResultFolder.prepare(out) if out is not None else None
-    with progress(STAGES + (3 if folder else 0)) as report:
-        records = []
-        for file in files:
-            report(f"reading {file.name}")
-            records.append(read(file, period=chosen.period, rate=rate, channels=chosen.channels or None, origin=origin))
-        analysis = identify_records(records, chosen, report=report)
+    _check_files(files)
+    if period is not None and frequency is not None:
+        raise input_error("--frequency", OF, "not be given beside --period", "both are given", "Give one of them.")
+    if frequency is not None:
+        period = positive(1.0 / positive(frequency, "--frequency", OF, unit="Hz"), "period", "Settings", unit="s")
+    choices = (Choices() if settings is None else load_choices(settings)).with_given(
+        period=period,
+        rate=rate,
+        origin=origin,
+        channels=None if channels is None else split(channels),
+        order=order,
+        harmonics=harmonics,
+        states=None if states is None else split(states),
+    )
+    with (
+        nullcontext() if out is None else result_folder(out) as folder,
+        progress(STAGES + (3 if out else 0)) as report,
+    ):
+        records = _read(files, choices, report)
+        analysis = identify_records(records, choices.settings, report=report)
         if folder is not None:
-            folder.write(analysis, report)
+            folder.write(analysis, choices.text(), report)
     if format == "json":
         print_json(analysis)
-    else:
-        print_analysis(analysis, folder.path if folder else None)
+        return
+    print_analysis(analysis)
+    print_folder(out)
 
 
-def _settings(
-    file: Path | None,
-    period: float | None,
-    frequency: float | None,
-    channels: str | None,
-    order: int | None,
-    harmonics: int | None,
-    states: str | None,
-) -> Settings:
-    """The settings of the file, with what was given on the command line put over them."""
-    if period is not None and frequency is not None:
+def _check_files(files: Sequence[Path]) -> None:
+    """Refuse no record at all, and one record as two: its noise would count as two independent ones."""
+    if not files:
         raise input_error(
-            "--frequency", "floquid identify", "not be given beside --period", "both are given", "Give one of them."
+            "FILES", OF, "name at least one record", "none was given", f"For example: {OF} run.npz --period 0.02"
         )
-    if frequency is not None:
-        period = 1.0 / positive(frequency, "--frequency", "floquid identify", unit="Hz")
-    given = {
-        "period": period,
-        "channels": None if channels is None else split(channels),
-        "order": order,
-        "harmonics": harmonics,
-        "states": None if states is None else split(states),
-    }
-    base = load_settings(file) if file is not None else Settings()
-    return replace(base, **{name: value for name, value in given.items() if value is not None})
-
-
-def split(text: str) -> tuple[str, ...]:
-    """A comma-separated list."""
-    return tuple(word.strip() for word in text.split(",") if word.strip())
-
-
-def load_settings(file: Path) -> Settings:
-    """The settings of a TOML file.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or holds what is not a setting.
-    """
-    import tomllib
-
-    known = [f.name for f in fields(Settings)]
-    try:
-        content: dict[str, Any] = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"Cannot read the settings {file}: {error}.") from None
-    for name in content:
-        if name not in known:
+    seen: dict[Path, Path] = {}
+    for file in files:
+        place = file.resolve()
+        if place in seen:
             raise input_error(
-                name, str(file), "be a setting", "there is none of that name", f"The settings are: {', '.join(known)}."
+                "FILES",
+                OF,
+                "name each record once",
+                f"{seen[place]} is given twice" if file == seen[place] else f"{seen[place]} and {file} are one file",
+                "A record counted twice would halve its variance, and nothing more would be known.",
             )
-    return Settings(**content)
+        seen[place] = file
+
+
+def _read(files: Sequence[Path], choices: Choices, report: Callable[[str], None]) -> list[Record]:
+    chosen, records = choices.settings, []
+    for file in files:
+        report(f"reading {file.name}")
+        record = read(
+            file,
+            period=chosen.period,
+            rate=choices.rate,
+            channels=chosen.channels or None,
+            origin=choices.origin,
+        )
+        if record.clock is None:
+            raise input_error(
+                "--period",
+                OF,
+                "be given",
+                f"neither it nor --frequency is, and {file} does not state one",
+                "Give the period of the system [s], as in --period 0.02, or its frequency [Hz], as in --frequency 50.",
+            )
+        records.append(record)
+    return records

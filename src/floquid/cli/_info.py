@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from rich.table import Table
 
-from floquid.cli._terminal import terminal
+from floquid.cli._options import Debug, Place
+from floquid.cli._terminal import counted, terminal
 from floquid.readers import FileSummary, describe_file
 
 
-def info(file: Path, *, debug: bool = False) -> None:
+def info(file: Place, /, *, debug: Debug = False) -> None:
     """Show what is in a record file: channels, units, rate, candidates for the clock.
 
     Parameters
@@ -30,13 +29,15 @@ def print_summary(found: FileSummary) -> None:
     rate = "rate unknown" if found.sample_rate is None else f"{found.sample_rate:.10g} Hz"
     length = "" if found.duration is None else f", {found.duration:.6g} s"
     console.print(
-        f"{found.path}: {found.format}, {len(found.channels)} channels, {found.n_samples} samples, {rate}{length}"
+        f"{found.path}: {found.format}, {counted(len(found.channels), 'channel')}, "
+        f"{counted(found.n_samples, 'sample')}, {rate}{length}",
+        soft_wrap=True,
     )
     table = Table(box=None)
     for name in ("channel", "quantity", "unit"):
         table.add_column(name)
     for name in ("min", "max", "std", "missing"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
     for c in found.channels:
         numbers = [("-" if value is None else f"{value:.4g}") for value in (c.minimum, c.maximum, c.std)]
         table.add_row(c.name, str(c.quantity), c.unit, *numbers, str(c.n_missing) if c.n_missing else "-")

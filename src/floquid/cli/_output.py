@@ -3,65 +3,120 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from tempfile import mkdtemp
 
 import numpy as np
 
-from floquid._files import atomic_path
-from floquid.errors import InputError
-from floquid.pipeline import Analysis, Settings
+from floquid._checks import input_error
+from floquid.core import Record
+from floquid.pipeline import Analysis
+from floquid.readers import write
 from floquid.store import save, summary
 
 Truth = tuple[np.ndarray, np.ndarray]
 """Instants (times,) [s] and the true A at each (times, n, n)."""
 
+FILES = ("record.npz", "result.h5", "summary.json", "settings.toml")
+FIGURES = ("time_record.png", "composite.png", "system_elements.png")
+UNFINISHED = ".floquid-unfinished-"
+"""What the folder is called in which a result is put together; it is left behind when the machine or a kill ends it."""
+
 
 @dataclass(frozen=True, slots=True)
 class ResultFolder:
-    """A folder that can be written to, holding or about to hold one result."""
+    """A folder that can be written to, holding or about to hold one result, and a folder in it to prepare the next."""
 
     path: Path
+    unfinished: Path
 
-    @staticmethod
-    def prepare(path: Path) -> ResultFolder:
-        """Make the folder and try it before any long work.
+    def write(
+        self,
+        analysis: Analysis,
+        settings: str,
+        report: Callable[[str], None],
+        *,
+        record: Record | None = None,
+        truth: Truth | None = None,
+    ) -> None:
+        """Write result.h5, summary.json, settings.toml and the figures, then move them to their names together.
 
-        Raises
-        ------
-        InputError
-            It cannot be made or written to.
+        Nothing of an earlier result is touched before all of this one is on the disk.
         """
-        try:
-            (path / "figures").mkdir(parents=True, exist_ok=True)
-            probe = path / ".floquid-probe"
-            probe.touch()
-            probe.unlink()
-        except OSError as error:
-            raise InputError(
-                f"Argument `--out` of `floquid` must be a folder that can be written to, but {path} is not: "
-                f"{error.strerror or error}.\n  Choose another folder."
-            ) from None
-        return ResultFolder(path)
-
-    def write(self, analysis: Analysis, report: Callable[[str], None], truth: Truth | None = None) -> None:
-        """Write result.h5, summary.json, settings.toml and the figures, each of them whole or not at all."""
         from floquid.plot import save_figures
 
         report("writing the result")
-        save(analysis, self.path / "result.h5")
-        self.write_text("summary.json", json_text(analysis))
-        self.write_text("settings.toml", settings_text(analysis.settings))
+        if record is not None:
+            write(record, self.unfinished / "record.npz")
+        save(analysis, self.unfinished / "result.h5")
+        (self.unfinished / "summary.json").write_text(json_text(analysis), encoding="utf-8")
+        (self.unfinished / "settings.toml").write_text(settings, encoding="utf-8")
         report("drawing the figures")
-        save_figures(analysis, self.path / "figures", truth=truth)
+        (self.unfinished / "figures").mkdir()
+        save_figures(analysis, self.unfinished / "figures", truth=truth)
+        self._publish()
 
-    def write_text(self, name: str, text: str) -> None:
-        """Write one text file, whole or not at all."""
-        with atomic_path(self.path / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+    def _publish(self) -> None:
+        figures = self.path / "figures"
+        figures.mkdir(exist_ok=True)
+        for name in FIGURES:
+            new = self.unfinished / "figures" / name
+            if new.exists():
+                new.replace(figures / name)
+            else:
+                (figures / name).unlink(missing_ok=True)  # of an earlier result, and not of this one
+        for name in FILES:
+            new = self.unfinished / name
+            if new.exists():
+                new.replace(self.path / name)
+
+
+@contextmanager
+def result_folder(path: Path) -> Iterator[ResultFolder]:
+    """The folder `path`, made if need be and tried before any long work; without a result it is left as it was.
+
+    Raises
+    ------
+    InputError
+        It cannot be made or written to, or something in it stands in the way of a result.
+    """
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    unfinished: Path | None = None
+    try:
+        try:
+            if path.exists() and not path.is_dir():
+                raise _unusable(path, f"{path} is a file")
+            path.mkdir(parents=True, exist_ok=True)
+            _refuse_obstacles(path)
+            unfinished = Path(mkdtemp(prefix=UNFINISHED, dir=path))
+        except OSError as error:
+            raise _unusable(path, f"{path} is not: {error.strerror or error}") from None
+        yield ResultFolder(path, unfinished)
+    finally:
+        if unfinished is not None:
+            shutil.rmtree(unfinished, ignore_errors=True)
+        for folder in made:
+            with suppress(OSError):
+                folder.rmdir()  # which only takes what is empty
+
+
+def _refuse_obstacles(path: Path) -> None:
+    figures = path / "figures"
+    if figures.exists() and not figures.is_dir():
+        raise _unusable(path, f"{figures} is a file")
+    for file in [*(path / name for name in FILES), *(figures / name for name in FIGURES)]:
+        if file.is_dir():
+            raise _unusable(path, f"{file} is a folder")
+
+
+def _unusable(path: Path, got: str) -> Exception:
+    must = "be a folder that a result can be written to"
+    return input_error("--out", "floquid", must, got, f"Choose another folder than {path}.")
 
 
 def json_text(analysis: Analysis) -> str:
@@ -72,11 +127,3 @@ def json_text(analysis: Analysis) -> str:
 def print_json(analysis: Analysis) -> None:
     """`summary.json`, alone on stdout."""
     sys.stdout.write(json_text(analysis))
-
-
-def settings_text(settings: Settings) -> str:
-    """The settings as TOML; those that are None are left out, and mean the same when read back."""
-    import tomli_w
-
-    content: dict[str, Any] = {name: value for name, value in asdict(settings).items() if value is not None}
-    return tomli_w.dumps({name: list(value) if isinstance(value, tuple) else value for name, value in content.items()})

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 from floquid._checks import input_error
+from floquid.cli._options import Debug, Place, Whole
 from floquid.cli._progress import progress
 from floquid.cli._terminal import terminal
 from floquid.readers import write
@@ -13,14 +15,15 @@ from floquid.systems import SYSTEMS, JeffcottRotor
 
 def simulate(
     system: str = "jeffcott",
+    /,
     *,
-    out: Path = Path("record.npz"),
-    periods: int = 1024,
-    samples_per_period: int = 50,
+    out: Place = Path("record.npz"),
+    periods: Whole = 1024,
+    samples_per_period: Whole = 50,
     noise: float = 0.02,
-    seed: int = 0,
+    seed: Whole = 0,
     impulse_deg: float = 45.0,
-    debug: bool = False,
+    debug: Debug = False,
 ) -> None:
     """Write the free response of an example system to a file.
 
@@ -35,7 +38,7 @@ def simulate(
     samples_per_period
         Samples a period.
     noise
-        Standard deviation of white noise, as a share of the largest free response of each channel.
+        Standard deviation of white noise, as a share of the largest free response of each channel: 0.02 is 2 %.
     seed
         The seed of the noise.
     impulse_deg
@@ -55,9 +58,12 @@ def simulate(
     console = terminal()
     console.print(
         f"Written to {out}: {record.n_channels} channels, {record.n_samples} samples at {record.sample_rate:.8g} Hz, "
-        f"period {rotor.period:.12g} s."
+        f"period {rotor.period:.12g} s.",
+        soft_wrap=True,
     )
-    console.print(f"Identify it: floquid identify {out} --period {rotor.period!r} --states X,Y")
+    console.print(
+        f"Identify it: floquid identify {shlex.quote(str(out))} --period {rotor.period!r} --states X,Y", soft_wrap=True
+    )
 
 
 def system_named(name: str) -> JeffcottRotor:

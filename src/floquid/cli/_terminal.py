@@ -7,11 +7,25 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 
 from floquid.core import PeriodicModel
 from floquid.periodic import participation
 from floquid.pipeline import CONFIDENT, Analysis
+
+LEGEND = (
+    "A row with ± is a conjugate pair; (53) is one standard deviation in the last digits. λ: Floquet exponent, on "
+    "the branch of its physical frequency; f = |λ|/2π; ζ = -Re λ/|λ|; |μ| = e^(Re λ T), the decay in one period; "
+    "folded: |Im λ| modulo ω, over ω; m: harmonics of the shape that rise above the noise"
+)
+NOTES = {
+    "weak": "weakly determined",
+    "μ<0": "a negative real multiplier, no pair",
+    "μ>0": "a positive real multiplier, no pair",
+    "grows": "unstable",
+}
+"""The words of the modes' table and what they mean; they are short, for the table has to fit 80 columns."""
 
 
 def terminal(*, stderr: bool = False) -> Console:
@@ -24,61 +38,64 @@ def with_error(value: float, std: float) -> str:
     if not np.isfinite(std) or std <= 0:
         return f"{value:.6g}"
     digits = max(0, 1 - int(np.floor(np.log10(std))))
-    return f"{value:.{digits}f}({round(std * 10**digits)})" if digits <= 14 else f"{value:.12g}"
+    return f"{value:.{digits}f}({round(std * 10**digits)})" if digits <= 10 else f"{value:.10g}"
 
 
-def print_analysis(analysis: Analysis, folder: Path | None) -> None:
+def print_analysis(analysis: Analysis) -> None:
     """The record, the modes, A(t) and the warnings, in that order."""
     console = terminal()
     _print_record(console, analysis)
     print_title(console, f"Modes: order {analysis.model.order}, conjugates counted one by one")
-    console.print(modes_table(analysis))
-    console.print(
-        "A row with ± is a conjugate pair; (53) is one standard deviation in the last digits. λ: Floquet exponent, on "
-        "the branch of its physical frequency; "
-        "f = |λ|/2π; ζ = -Re λ/|λ|; |μ| = e^(Re λ T), the decay in one period; folded: |Im λ| modulo ω, over ω; "
-        "m: harmonics of the shape that rise above the noise.",
-        style="dim",
-    )
+    _print_whole(console, modes_table(analysis))
+    used = {word for r in upper_modes(analysis.model) for word in _notes(analysis.model, r)}
+    meanings = [f"{word}: {meaning}" for word, meaning in NOTES.items() if word in used]
+    console.print("; ".join([LEGEND, *meanings]) + ".", style="dim")
     if analysis.state is not None:
         print_state(console, analysis)
     for warning in analysis.warnings:
         console.print(f"Warning: {warning}", style="yellow")
-    if folder is not None:
-        console.print(f"Written to {folder}/: result.h5, summary.json, settings.toml, figures/")
-    else:
-        console.print("Add --out DIR to keep the result and the figures.", style="dim")
+
+
+def print_folder(folder: Path | None, *others: str) -> None:
+    """Where the result is, or how to keep it."""
+    if folder is None:
+        terminal().print("Add --out DIR to keep the result and the figures.", style="dim")
+        return
+    names = ", ".join([*others, "result.h5", "summary.json", "settings.toml", "figures/"])
+    terminal().print(f"Written to {folder}/: {names}", soft_wrap=True)
 
 
 def _print_record(console: Console, analysis: Analysis) -> None:
     first, cycles = analysis.records[0], analysis.cycles
-    one = cycles[0]
     hits = ", ".join(str(c.n_cycles) for c in cycles)
-    plural = "s" if len(cycles) > 1 else ""
     console.print(
-        f"{len(cycles)} record{plural}, {first.n_channels} channels at {first.sample_rate:.8g} Hz; "
+        f"{counted(len(cycles), 'record')}, {counted(first.n_channels, 'channel')} at {first.sample_rate:.8g} Hz; "
         f"period {analysis.model.period:.8g} s (ω = {analysis.model.fundamental:.6g} rad/s): "
-        f"{one.n_phases} samples a period, {hits} periods."
+        f"{counted(cycles[0].n_phases, 'sample')} a period, {hits} periods."
     )
     for step in dict.fromkeys(step for record in analysis.records for step in record.provenance.steps):
         console.print(f"  {step}", style="dim")
     print_title(console, "White noise found, standard deviation")
+    console.print(_noise_table(analysis))
+
+
+def _noise_table(analysis: Analysis) -> Table:
+    """The noise of each channel in each hit; of more than two hits, the quietest and the loudest."""
+    noise = analysis.lifted.noise
+    peaks = np.array([np.abs(hit.values).max(axis=(1, 2)) for hit in analysis.cycles]).T
+    several = noise.shape[1]
+    titles = {1: ["noise"], 2: ["hit 1", "hit 2"]}.get(several, [f"least of {several} hits", "most"])
     table = Table(box=None)
     table.add_column("channel")
-    for hit in range(len(cycles)):
-        table.add_column("noise" if len(cycles) == 1 else f"hit {hit + 1}", justify="right")
+    for title in titles:
+        table.add_column(title, justify="right")
         table.add_column("of the peak", justify="right")
-    for c, channel in enumerate(first.channels):
-        cells = []
-        for hit in range(len(cycles)):
-            noise = analysis.lifted.noise[c, hit]
-            peak = np.abs(cycles[hit].values[c]).max()
-            cells += [
-                f"{noise:.3g} {channel.unit if channel.unit != '-' else ''}".strip(),
-                f"{100 * noise / peak:.2g} %",
-            ]
+    for channel, own, peak in zip(analysis.records[0].channels, noise, peaks, strict=True):
+        shown = range(several) if several <= 2 else (int(np.argmin(own / peak)), int(np.argmax(own / peak)))
+        unit = f" {channel.unit}" if channel.unit != "-" else ""
+        cells = [cell for hit in shown for cell in (f"{own[hit]:.3g}{unit}", f"{100 * own[hit] / peak[hit]:.2g} %")]
         table.add_row(channel.name, *cells)
-    console.print(table)
+    return table
 
 
 def modes_table(analysis: Analysis) -> Table:
@@ -92,13 +109,6 @@ def modes_table(analysis: Analysis) -> Table:
         error = std[r] if std is not None else complex(np.nan, np.nan)
         value, real = model.exponents[r], is_real(model, r)
         harmonics, _ = participation(model, r, 1.0 / analysis.lifted.noise)
-        notes = []
-        if max(error.real, error.imag) > CONFIDENT * model.fundamental:
-            notes.append("weak")
-        if real:
-            notes.append(f"{'negative' if model.multipliers[r].real < 0 else 'positive'} multiplier")
-        if value.real > 4 * error.real:
-            notes.append("grows")
         table.add_row(
             str(number),
             with_error(value.real, error.real),
@@ -108,9 +118,22 @@ def modes_table(analysis: Analysis) -> Table:
             f"{abs(model.multipliers[r]):.4f}",
             f"{abs(model.principal()[r].imag) / model.fundamental:.4f}",
             f"{harmonics[0]}…{harmonics[-1]}" if len(harmonics) > 1 else f"{harmonics[0]}",
-            ", ".join(notes),
+            " ".join(_notes(model, r)),
         )
     return table
+
+
+def _notes(model: PeriodicModel, mode: int) -> list[str]:
+    """The words of `NOTES` that a mode deserves."""
+    error = complex(np.nan, np.nan) if model.exponent_std is None else model.exponent_std[mode]
+    real, multiplier = is_real(model, mode), model.multipliers[mode]
+    deserved = {
+        "weak": max(error.real, error.imag) > CONFIDENT * model.fundamental,
+        "μ<0": real and multiplier.real < 0,
+        "μ>0": real and multiplier.real >= 0,
+        "grows": model.exponents[mode].real > 4 * error.real,
+    }
+    return [word for word in NOTES if deserved[word]]
 
 
 def is_real(model: PeriodicModel, mode: int) -> bool:
@@ -133,13 +156,17 @@ def print_state(console: Console, analysis: Analysis) -> None:
     table = Table(box=None)
     table.add_column("")
     for name in state.states:
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
     mean, swing = state.system.mean(axis=0), 0.5 * np.ptp(state.system, axis=0)
     for i, name in enumerate(state.states[:half], start=half):
         blocks = (slice(0, half), slice(half, None))
         cells = [cell for block in blocks for cell in _alike(mean[i, block], swing[i, block])]
         table.add_row(f"d²/dt² {name}", *cells)
-    console.print(table)
+    if _width(console, table) <= console.width:
+        console.print(table)
+    else:
+        size = len(state.states)
+        console.print(f"{size} × {size}, too wide for here: summary.json has it (--out DIR or --format json).")
     console.print(f"Condition number of the modes' shapes in these states: {state.condition.max():.3g} at most.")
 
 
@@ -156,3 +183,18 @@ def print_title(console: Console, words: str) -> None:
     """A table's title on a line of its own: it may be wider than the table."""
     console.print()
     console.print(words, style="bold")
+
+
+def _width(console: Console, table: Table) -> int:
+    return Measurement.get(console, console.options.update(max_width=10_000), table).maximum
+
+
+def _print_whole(console: Console, table: Table) -> None:
+    """Print a table of numbers that are not to be cut short, however narrow the terminal."""
+    width = max(console.width, _width(console, table))
+    Console(file=console.file, width=width, markup=False, emoji=False, highlight=False).print(table)
+
+
+def counted(number: int, word: str) -> str:
+    """A number of things: 1 record, 2 records."""
+    return f"{number} {word}" + ("" if number == 1 else "s")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from floquid._checks import finite, positive
+from floquid._checks import finite, input_error, positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +24,7 @@ class ConstantPeriod:
     Raises
     ------
     InputError
-        `period` is not a positive finite number, or `origin` is not finite.
+        `period` is not a positive finite number, or `origin` is not finite or so far off that phases are rounded away.
     """
 
     period: float
@@ -33,6 +33,14 @@ class ConstantPeriod:
     def __post_init__(self) -> None:
         object.__setattr__(self, "period", positive(self.period, "period", "ConstantPeriod", unit="s"))
         object.__setattr__(self, "origin", finite(self.origin, "origin", "ConstantPeriod", unit="s"))
+        if np.spacing(abs(self.origin)) > 1e-3 * self.period:
+            raise input_error(
+                "origin",
+                "ConstantPeriod",
+                "be near enough to zero for phases to be told",
+                f"is {self.origin:g} s, with a period of {self.period:g} s",
+                "Count time from a nearer start.",
+            )
 
     @property
     def fundamental(self) -> float:

@@ -15,6 +15,9 @@ from floquid.lti import TimeResponses, white_noise_std
 ROUNDING = 1e-10
 """The noise is taken to be at least this share of a channel's largest value: records are never exact beyond it."""
 
+SMALLEST, LARGEST = 1e-75, 1e75
+"""Bounds on a channel's largest value: sums of fourth powers of what lies beyond leave the range of floating point."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lifted:
@@ -103,7 +106,7 @@ def lift(cycles: Cycles | Sequence[Cycles]) -> Lifted:
     Raises
     ------
     InputError
-        Hits are not alike, samples are missing, or a channel is constant.
+        Hits are not alike, samples are missing, or a channel is constant or too large or small for its square.
     """
     hits = (cycles,) if isinstance(cycles, Cycles) else tuple(cycles)
     if not hits:
@@ -174,7 +177,16 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
     if np.isnan(hit.values).any():
         raise input_error("cycles", "lift", "have no missing samples", f"hit {number} has NaN", "Cut the gap out.")
     for channel, block in zip(hit.channels, hit.values, strict=True):
-        if np.ptp(block) <= 1e-13 * np.abs(block).max():
+        largest = np.abs(block).max()
+        if largest > LARGEST or 0.0 < largest < SMALLEST:
+            raise input_error(
+                "cycles",
+                "lift",
+                f"have values whose squares can be computed with, between {SMALLEST:g} and {LARGEST:g}",
+                f"channel {channel.name!r} of hit {number} reaches {largest:.3g}",
+                "Give it in another unit, or leave it out with `--channels`.",
+            )
+        if np.ptp(block) <= 1e-13 * largest:
             raise input_error(
                 "cycles",
                 "lift",

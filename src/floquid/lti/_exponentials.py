@@ -147,6 +147,10 @@ def _positive_part(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> 
     return kept * np.outer(scale, scale)
 
 
+LEAST_DAMPING = 1e-12
+"""Levenberg-Marquardt's damping stays above rounding: a pole that does nothing leaves the matrix singular."""
+
+
 def polish(
     poles: PoleSet,
     factors: Sequence[Factor],
@@ -176,7 +180,7 @@ def polish(
         else:
             return now
         done = np.abs(step * scale).max() < tolerance or np.abs(step).max() < 1e-14
-        now, damping = trial, 0.1 * damping
+        now, damping = trial, max(0.1 * damping, LEAST_DAMPING)
         if done or now.cost < enough:
             break
     return now

@@ -57,11 +57,14 @@ class Threshold:
 def rise_limit(probability: float, degrees: int, samples: int) -> float:
     """The rise that noise exceeds with `probability`: `degrees` times the limit of an F ratio.
 
-    The noise is estimated from as many numbers as there are samples; with many of them this is a chi-square.
+    The noise is estimated from as many numbers as there are samples; with many of them this is a chi-square. The
+    tail is that of the beta distribution, since 1 - `probability` would be rounded to 1.
     """
-    from scipy.special import fdtri
+    from scipy.special import betaincinv
 
-    return degrees * float(fdtri(degrees, max(samples - degrees, 1), 1.0 - probability))
+    left = max(samples - degrees, 1)
+    share = float(betaincinv(0.5 * left, 0.5 * degrees, probability))
+    return left * (1.0 - share) / share
 
 
 def choose(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.pipeline import Analysis
-from floquid.plot._style import BLACK, BLUE, GREY, ORANGE, VERMILION, envelope, legend_above, new_figure, style
+from floquid.plot._style import BLACK, BLUE, GREY, ORANGE, VERMILION, envelope, finish, new_figure, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,7 +25,7 @@ BLOCK = 2**22
 
 @dataclass(frozen=True, slots=True)
 class Composites:
-    """Mean magnitudes of the spectra of all lifted responses over their noise, and the frequencies [Hz], all (lines,)."""
+    """Mean magnitudes of the spectra of all lifted responses over their noise, at frequencies [Hz], all (lines,)."""
 
     frequencies: NDArray[np.float64]
     data: NDArray[np.float64]
@@ -103,7 +103,7 @@ def composite(analysis: Analysis, *, points: int = 4000) -> Figure:
             ylabel="mean magnitude / noise [-]",
         )
         axes.set_ylim(bottom=_floor(found))
-        legend_above(figure, axes)
+        finish(figure)
     return figure
 
 

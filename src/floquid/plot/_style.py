@@ -25,11 +25,16 @@ LONGEST = 38
 PLAIN_FROM, PLAIN_TO = 5e-3, 1e4
 """Values of this size are written out."""
 
+SIZE = 9.0
+"""Of all text [pt]."""
+
 _LOOK = {
     "figure.constrained_layout.h_pad": 0.06,
     "figure.constrained_layout.w_pad": 0.06,
-    "font.size": 9.0,
-    "axes.titlesize": 9.0,
+    # A size in words, such as "medium", would be looked up when the figure is drawn: under the reader's own settings.
+    **dict.fromkeys(
+        ["font.size", "axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize"], SIZE
+    ),
     "axes.linewidth": 0.7,
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -37,7 +42,6 @@ _LOOK = {
     "grid.linewidth": 0.5,
     "lines.linewidth": 1.0,
     "legend.frameon": False,
-    "legend.fontsize": 9.0,
     "pdf.fonttype": 42,  # text stays text
     "svg.fonttype": "none",
     "svg.hashsalt": "floquid",  # the same figure gives the same file
@@ -46,7 +50,7 @@ _LOOK = {
 
 @contextmanager
 def style() -> Iterator[None]:
-    """matplotlib's own defaults with floquid's look over them, until the block ends."""
+    """The defaults of matplotlib with floquid's look over them, until the block ends."""
     import matplotlib.style
 
     with matplotlib.style.context(["default", _LOOK]):
@@ -60,9 +64,11 @@ def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def legend_above(figure: Figure, axes: Axes) -> None:
-    """The legend of `axes` in a row of its own above the figure, where it covers nothing."""
-    handles, labels = axes.get_legend_handles_labels()
+def finish(figure: Figure) -> None:
+    """Give the figure the legend of its first axes, in a row of its own above them, where it covers nothing."""
+    for axes in figure.axes:
+        axes.tick_params(labelsize=SIZE)  # or else the number of ticks depends on the reader's own settings
+    handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
 from floquid.core import Channel
-from floquid.plot._style import BLACK, BLUE, label_values, legend_above, new_figure, style
+from floquid.plot._style import BLACK, BLUE, finish, label_values, new_figure, style
 from floquid.reconstruction import StateModel
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def system_elements(
             label_values(axes, f"A({i},{j})", _unit(state, i - 1, j - 1, channels), largest)
         panels[-1].set(xlabel="phase of the period [deg]", xlim=(-6.0, 366.0), xticks=np.arange(0, 361, 45))
         figure.align_ylabels(panels)
-        legend_above(figure, panels[0])
+        finish(figure)
     return figure
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from floquid._checks import input_error, integer
 from floquid.core import channels_named
 from floquid.pipeline import Analysis
-from floquid.plot._style import BLUE, VERMILION, envelope, label_values, legend_above, new_figure, plain, style
+from floquid.plot._style import BLUE, VERMILION, envelope, finish, label_values, new_figure, plain, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,7 +81,7 @@ def time_record(
         label = plain(shown.name) + (f", hit {hit + 1}" if len(analysis.records) > 1 else "")
         axes.plot(*envelope(times, values, points), color=BLUE, linewidth=0.7, label=label)
         marks = f"phase {phase} of {cycles.n_phases}, once a period"
-        ring = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "color": VERMILION}
+        ring: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "color": VERMILION}
         axes.plot(*envelope(instants, samples, points), **ring, markersize=2.5, markeredgewidth=0.6, label=marks)
         axes.set(xlabel="time [s]", xlim=(times[0], times[-1]))
         largest = float(np.nanmax(np.abs(values)))
@@ -96,7 +96,7 @@ def time_record(
         label_values(inset, "", shown.unit, largest)
         inset.set_title(f"the first {min(inset_cycles, cycles.n_cycles)} periods, same units", fontsize=8.0, pad=3.0)
         inset.tick_params(labelsize=8.0)
-        legend_above(figure, axes)
+        finish(figure)
     return figure
 
 

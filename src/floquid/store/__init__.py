@@ -3,9 +3,9 @@
 `result.h5` is an HDF5 file, so MATLAB, Julia and others read it too. Nothing in it is code: loading runs nothing.
 
 Attributes of the file: `format` is "floquid-result", `version` is 1, `floquid` is the version of floquid that wrote it.
-Every array carries the attributes `axes` (their names, slowest first, as C and Python order them) and `unit`. Real
+Every array names its `axes`, slowest first (as C and Python have them), and its `unit` if it has one. Real
 numbers are float64, integers int64, texts UTF-8. A complex number is a compound of float64 `r` and `i`. A dataset
-without content (a null dataspace) stands for None: "not estimated", or "not given".
+without content (a null dataspace) stands for None: "not estimated", or "not given". The datasets are::
 
     /warnings                       texts
     /settings/                      period, channels, order, harmonics, ...: one dataset a field of `Settings`
@@ -27,6 +27,6 @@ that of the file. A field of `Settings` younger than the file has its default.
 
 from floquid.store._load import load
 from floquid.store._save import save
-from floquid.store._summary import participation, summary
+from floquid.store._summary import summary
 
-__all__ = ["load", "participation", "save", "summary"]
+__all__ = ["load", "save", "summary"]

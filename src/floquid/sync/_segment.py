@@ -58,6 +58,14 @@ def samples_per_period(record: Record) -> int:
     """
     period = _clock(record).period
     exact = period * record.sample_rate
+    if exact < 0.5:
+        raise input_error(
+            "period",
+            "segment",
+            f"be at least one sampling interval ({1.0 / record.sample_rate:.6g} s)",
+            f"is {period:.6g} s",
+            "Check the units of the period and of the sampling rate.",
+        )
     cycles = record.n_samples / exact
     if cycles < 1.0:
         raise input_error(
@@ -68,16 +76,15 @@ def samples_per_period(record: Record) -> int:
             "Check the unit of the period, or use a longer record.",
         )
     phases = round(exact)
-    if phases < 1 or abs(exact - phases) * cycles > LARGEST_DRIFT:
+    if abs(exact - phases) * cycles > LARGEST_DRIFT:
         raise input_error(
             "period",
             "segment",
             "be a whole number of sampling intervals",
             f"{period:.12g} s is {exact:.8g} samples at {record.sample_rate:.12g} Hz: over the {cycles:.0f} periods of "
             f"the record the phase would slip by {abs(exact - phases) * cycles:.3g} samples",
-            f"If the period is really {max(phases, 1)} samples, pass "
-            f"period={max(phases, 1) / record.sample_rate:.12g}; if not, resample the record to a whole number of "
-            "samples a period first.",
+            f"If the period is really {phases} samples, it is {phases / record.sample_rate:.16g} s: pass that; if not, "
+            "resample the record to a whole number of samples a period first.",
         )
     return phases
 
@@ -115,6 +122,11 @@ def _clock(record: Record) -> ConstantPeriod:
             "Give the period: `--period SECONDS` or `--frequency HZ`, or `read(path, period=...)`.",
         )
     return record.clock
+
+
+def _named(record: Record) -> str:
+    """How a message names one of several records."""
+    return record.provenance.sources[0] if len(record.provenance.sources) == 1 else "one"
 
 
 def _check_alike(first: Record, record: Record, number: int) -> None:
@@ -155,7 +167,8 @@ def _cut(record: Record, phases: int, phase: float) -> Cycles:
             "records",
             "segment",
             "have no missing samples",
-            f"{len(rows)} are missing, the first in channel {record.channels[rows[0]].name!r} at sample {columns[0]}",
+            f"{_named(record)} lacks {len(rows)}, the first in channel {record.channels[rows[0]].name!r} at sample "
+            f"{columns[0]}",
             "Cut the record to a part without gaps, or leave the channel out with `--channels`.",
         )
     clock = _clock(record)

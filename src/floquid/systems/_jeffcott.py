@@ -15,6 +15,9 @@ from floquid.systems._propagation import free_response
 
 DampingForm = Literal["identity", "support"]
 
+LONGEST = 10**10
+"""Samples of each channel beyond which a record is a slip of the keyboard."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JeffcottRotor:
@@ -173,6 +176,14 @@ class JeffcottRotor:
         of = "JeffcottRotor.simulate"
         periods = integer(n_periods, "n_periods", of, at_least=1)
         samples = integer(samples_per_period, "samples_per_period", of, at_least=1)
+        if periods * samples > LONGEST:
+            raise input_error(
+                "n_periods",
+                of,
+                f"make at most {LONGEST:.0e} samples",
+                f"is {periods} of {samples} samples",
+                "Ask for less.",
+            )
         level = _not_negative(noise, "noise", of, remedy="It is a fraction: 0.02 is 2 %.")
         generator = np.random.default_rng(integer(seed, "seed", of, at_least=0))
         direction = np.deg2rad(finite(impulse_deg, "impulse_deg", of, unit="deg"))
@@ -199,6 +210,8 @@ class JeffcottRotor:
             )
         if level > 0.0:
             largest = np.abs(values).max(axis=1, keepdims=True)
+            if not level * largest.max() < 1e300:
+                raise input_error("noise", of, "leave the response in range", f"is {level:g}", "0.02 is 2 %.")
             values = values + level * largest * generator.standard_normal(values.shape)
         values.flags.writeable = False
         words = (

@@ -1,0 +1,88 @@
+"""What an error looks like to a person: one message, in the words of the command line, and an exit code."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from cyclopts import CycloptsError, UnusedCliTokensError
+
+from floquid.errors import IdentificationError, InputError
+
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+_SUBJECT = re.compile(r"Argument `([^`]*)` of `([^`]*)` must ")
+
+_OPTIONS = {
+    "read": {"rate": "`--rate`", "channels": "`--channels`", "origin": "`--origin`", "period": "The period"},
+    "Settings": {
+        "period": "The period",
+        **{name: f"`--{name}`" for name in ("channels", "order", "harmonics", "states")},
+    },
+    "ConstantPeriod": {"period": "The period", "origin": "`--origin`"},
+    "segment": {"period": "The period", "records": "The records"},
+    "lift": {"cycles": "The records"},
+    "identify": {"records": "The records", **{name: f"`--{name}`" for name in ("order", "harmonics", "states")}},
+    "reconstruct": {"states": "`--states`"},
+    "assemble": {"harmonics": "`--harmonics`"},
+    "describe_file": {"path": "`FILE`"},
+    "write": {"path": "`--out`", "record": "The record"},
+    "save": {"path": "`--out`"},
+    "save_figures": {"folder": "`--out`"},
+    "JeffcottRotor.simulate": {
+        "n_periods": "`--periods`",
+        "samples_per_period": "`--samples-per-period`",
+        "noise": "`--noise`",
+        "seed": "`--seed`",
+        "impulse_deg": "`--impulse-deg`",
+    },
+}
+_OPTIONS["read"]["path"] = "`FILE`"
+"""What a person who typed a command calls the arguments of the library's callables, by callable and argument."""
+
+
+def explained(error: BaseException) -> tuple[str, int]:
+    """The message, and the exit code."""
+    if isinstance(error, InputError):
+        return in_options(str(error)), BAD_INPUT
+    if isinstance(error, IdentificationError):
+        return str(error), FAILED
+    if isinstance(error, MemoryError):
+        return (
+            "This needs more memory than there is: use a shorter record or fewer channels (`identify --channels`).",
+            FAILED,
+        )
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return f"{where}{error.strerror or error}.", BAD_INPUT
+    if isinstance(error, (FloatingPointError, np.linalg.LinAlgError)):
+        words = (
+            f"The numbers of this record cannot be worked with ({error}): are there wrong samples, or channels that "
+            "say nothing? `floquid info FILE` shows their range; choose others with `--channels`."
+        )
+        return words, FAILED
+    words = (
+        f"Unexpected {type(error).__name__}: {error}\n"
+        "  This is a mistake in floquid. Run the command again with --debug and report what it prints."
+    )
+    return words, FAILED
+
+
+def in_options(message: str) -> str:
+    """A message about an argument of a callable as one about an option: «`--rate` must be …»."""
+    match = _SUBJECT.match(message)
+    if match is None:
+        return message
+    argument, of = match[1], match[2]
+    subject = f"`{argument}`" if of.startswith("floquid") else _OPTIONS.get(of, {}).get(argument)
+    return message if subject is None else f"{subject} must {message[match.end() :]}"
+
+
+def explained_usage(error: CycloptsError) -> str:
+    """What is wrong with the words typed, and where to read on."""
+    if isinstance(error, UnusedCliTokensError):
+        words = f"Too many words: {' '.join(error.unused_tokens or [])}."
+    else:
+        words = str(error)
+    command = " ".join(["floquid", *(error.command_chain or ())])
+    return f"{words}\n  Try `{command} --help`."

@@ -1,0 +1,41 @@
+"""The kinds of words that options take, stricter than the parser's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter, Token
+
+
+def _whole_number(_type: Any, tokens: Sequence[Token]) -> int:
+    """The parser's own would round 2.5 down to 2 without a word."""
+    text = tokens[0].value
+    try:
+        number = float(text)
+        if number.is_integer():
+            return int(text) if text.strip("+-").isdigit() else int(number)
+    except (ValueError, OverflowError):
+        pass
+    raise ValueError(f'"{text}" is not a whole number.')
+
+
+def _path(_type: Any, tokens: Sequence[Token]) -> Path:
+    """An empty word would otherwise mean the folder that one happens to be in."""
+    text = tokens[0].value
+    if not text:
+        raise ValueError("an empty word names no file or folder; was a shell variable not set?")
+    return Path(text)
+
+
+Whole = Annotated[int, Parameter(converter=_whole_number)]
+OptionalWhole = Annotated[int | None, Parameter(converter=_whole_number)]
+Place = Annotated[Path, Parameter(converter=_path)]
+OptionalPlace = Annotated[Path | None, Parameter(converter=_path)]
+Debug = Annotated[bool, Parameter(negative="", show_default=False)]
+
+
+def split(text: str) -> tuple[str, ...]:
+    """A comma-separated list."""
+    return tuple(word.strip() for word in text.split(",") if word.strip())

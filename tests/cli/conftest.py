@@ -1,0 +1,56 @@
+"""Records to type commands about, and a folder that holds an earlier result."""
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from floquid.systems import JeffcottRotor
+
+ROOT = Path(__file__).parents[2]
+ROTOR = [str(ROOT / "examples" / "rotor" / f"hit{number}.npz") for number in (1, 2)]
+ROTOR_PERIOD = "0.015789473684210523"
+EARLIER = {
+    "result.h5": b"an earlier result, not to be touched",
+    "summary.json": b'{"format": "earlier"}',
+    "settings.toml": b"period = 1.0\n",
+    "record.npz": b"an earlier record",
+    "notes.txt": b"what the owner wrote",
+    "figures/time_record.png": b"an earlier picture",
+    "figures/composite.png": b"another",
+    "figures/system_elements.png": b"and another",
+}
+
+
+@functools.cache
+def simulated(periods=40, samples=8):
+    """A record of the example rotor: 4 channels, 2 % noise."""
+    return JeffcottRotor().simulate(n_periods=periods, samples_per_period=samples, noise=0.02, seed=1)
+
+
+def save_npz(path, values=None, **changes):
+    """Write a .npz file as its documentation says, but for `changes`; one that is None is left out."""
+    record = simulated()
+    values = record.values if values is None else values
+    content = {"values": values, "sample_rate": record.sample_rate, "channels": [c.name for c in record.channels]}
+    content |= changes
+    np.savez(path, **{key: value for key, value in content.items() if value is not None})
+
+
+def contents(folder):
+    """Every file under `folder` with its bytes."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty current folder with `good.npz`, and an earlier result in `out`."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+    save_npz(tmp_path / "good.npz")
+    for name, data in EARLIER.items():
+        path = tmp_path / "out" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    return tmp_path

@@ -1,0 +1,219 @@
+"""Every modal identifier through the same laws: one table, on noise-free decays of known poles."""
+
+import copy
+import dataclasses
+import inspect
+import typing
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.optimize import linear_sum_assignment
+
+import floquid.lti
+from floquid.errors import InputError
+from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, TimeResponses
+
+IDENTIFIERS = [MaximumLikelihood()]
+EVERY = pytest.mark.parametrize("identifier", IDENTIFIERS, ids=lambda identifier: type(identifier).__name__)
+
+DT = 0.25
+SETS = {
+    "pair": [np.exp(-0.02 + 1.0j)],
+    "two pairs": [np.exp(-0.02 + 1.0j), np.exp(-0.05 + 2.5j)],
+    "positive": [0.95],
+    "negative": [-0.9],
+    "mixed": [np.exp(-0.02 + 1.0j), 0.95, -0.9],
+}
+EVERY_SET = pytest.mark.parametrize("multipliers", SETS.values(), ids=SETS)
+
+
+def decays(multipliers, *, outputs=5, inputs=2, samples=80, seed=0):
+    """The multipliers with their conjugates, their residues, and the responses to machine precision."""
+    generator = np.random.default_rng(seed)
+    full, residues = [], []
+    for mu in multipliers:
+        real, imag = generator.standard_normal((2, outputs, inputs))
+        if np.imag(mu):
+            full += [mu, np.conj(mu)]
+            residues += [real + 1j * imag, real - 1j * imag]
+        else:
+            full.append(mu)
+            residues.append(real)
+    full, residues = np.array(full, complex), np.array(residues, complex)
+    values = np.einsum("roi,rk->oik", residues, full[:, None] ** np.arange(samples)).real
+    return full, residues, TimeResponses(values=values, dt=DT, noise=1e-10 * np.abs(values).max(axis=2))
+
+
+def identified(identifier, data, order=None):
+    return identifier.extract(identifier.prepare(data), order)
+
+
+def farthest(found, expected):
+    """The largest distance when multipliers are paired so that the sum of distances is least."""
+    assert len(found) == len(expected)
+    distance = np.abs(np.subtract.outer(found, expected))
+    return distance[linear_sum_assignment(distance)].max()
+
+
+def test_the_table_holds_every_identifier():
+    named = [getattr(floquid.lti, name) for name in floquid.lti.__all__]
+    classes = {c for c in named if inspect.isclass(c) and issubclass(c, AbstractIdentifier)} - {AbstractIdentifier}
+    assert classes == {type(identifier) for identifier in IDENTIFIERS}
+
+
+def test_the_contract_cannot_be_instantiated():
+    with pytest.raises(TypeError, match="abstract"):
+        AbstractIdentifier()
+
+
+@EVERY
+def test_it_is_a_final_frozen_object_with_its_options_as_fields(identifier):
+    kind = type(identifier)
+    assert kind.__bases__ == (AbstractIdentifier,)
+    assert getattr(kind, "__final__", False), "mark it @typing.final"
+    assert typing.get_type_hints(kind)
+    for field in dataclasses.fields(identifier):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(identifier, field.name, None)
+    assert dataclasses.replace(identifier) == identifier
+    assert not hasattr(identifier, "__dict__")
+
+
+@EVERY
+@EVERY_SET
+def test_exact_decays_are_recovered(identifier, multipliers):
+    full, _, data = decays(multipliers)
+    found = identified(identifier, data, None)
+    assert isinstance(found, ModalModel)
+    assert found.outcome is Outcome.SUCCESS
+    assert found.dt == DT
+    assert farthest(found.multipliers, full) < 1e-10
+
+
+@EVERY
+@EVERY_SET
+def test_the_model_gives_the_data_back(identifier, multipliers):
+    _, _, data = decays(multipliers)
+    found = identified(identifier, data)
+    powers = found.multipliers[:, None] ** np.arange(data.values.shape[2])
+    back = np.einsum("roi,rk->oik", found.residues, powers)
+    assert_allclose(back.imag, 0.0, atol=1e-11)
+    assert_allclose(back.real, data.values, atol=1e-9)
+
+
+@EVERY
+@EVERY_SET
+def test_conjugates_are_neighbours_and_have_conjugate_residues(identifier, multipliers):
+    found = identified(identifier, decays(multipliers)[2])
+    index = 0
+    while index < found.order:
+        if found.multipliers[index].imag == 0.0:
+            assert_array_equal(found.residues[index].imag, 0.0)
+            index += 1
+        else:
+            assert found.multipliers[index + 1] == found.multipliers[index].conj()
+            assert_array_equal(found.residues[index + 1], found.residues[index].conj())
+            index += 2
+
+
+@EVERY
+@pytest.mark.parametrize("order", [2, 4])
+def test_an_order_that_the_data_hold_is_reached(identifier, order):
+    full, _, data = decays(SETS["two pairs"][: order // 2])
+    found = identified(identifier, data, order)
+    assert (found.order, found.outcome) == (order, Outcome.SUCCESS)
+    assert farthest(found.multipliers, full) < 1e-10
+
+
+@EVERY
+def test_an_order_that_cannot_be_reached_is_an_outcome(identifier):
+    """A single pair without noise holds no third pole: half a pair is none, and the residual is rounding."""
+    _, _, data = decays(SETS["pair"])
+    found = identified(identifier, data, 1)
+    assert found.outcome is Outcome.ORDER_UNREACHED
+    assert found.order != 1
+
+
+@EVERY
+@pytest.mark.parametrize("wrong", [0, -2, 80, 81, 2.0, True, "2"])
+def test_an_order_that_is_no_order_is_refused(identifier, wrong):
+    state = identifier.prepare(decays(SETS["pair"])[2])
+    with pytest.raises(InputError, match=r"^Argument `order` of `\w+\.extract` must .+, but is "):
+        identifier.extract(state, wrong)
+
+
+@EVERY
+def test_extracting_is_repeatable_and_leaves_the_data_alone(identifier):
+    data = decays(SETS["mixed"])[2]
+    before = copy.deepcopy(data.values)
+    state = identifier.prepare(data)
+    first = identifier.extract(state)
+    identifier.extract(state, 2)
+    again = identifier.extract(state)
+    assert_array_equal(first.multipliers, again.multipliers)
+    assert_array_equal(first.residues, again.residues)
+    assert_array_equal(data.values, before)
+
+
+@EVERY
+def test_units_of_the_responses_do_not_matter(identifier):
+    """Values and noise times a factor a response: the same poles, and residues times the factor."""
+    data = decays(SETS["two pairs"])[2]
+    factor = 10.0 ** np.random.default_rng(1).uniform(-6, 6, data.noise.shape)
+    scaled = TimeResponses(values=data.values * factor[..., None], dt=data.dt, noise=data.noise * factor)
+    found, other = identified(identifier, data), identified(identifier, scaled)
+    assert farthest(found.multipliers, other.multipliers) < 1e-10
+    powers = other.multipliers[:, None] ** np.arange(80)
+    back = np.einsum("roi,rk->oik", other.residues, powers).real / factor[..., None]
+    assert_allclose(back, data.values, atol=1e-9)
+
+
+@EVERY
+def test_the_unit_of_time_does_not_matter(identifier):
+    data = decays(SETS["two pairs"])[2]
+    slow = TimeResponses(values=data.values, dt=8.0 * DT, noise=data.noise)
+    assert_allclose(identified(identifier, slow).poles, identified(identifier, data).poles / 8.0, rtol=1e-12)
+
+
+@EVERY
+def test_the_order_of_the_responses_does_not_matter(identifier):
+    data = decays(SETS["mixed"])[2]
+    turned = TimeResponses(values=data.values[::-1, ::-1], dt=DT, noise=data.noise[::-1, ::-1])
+    found, other = identified(identifier, data), identified(identifier, turned)
+    assert farthest(found.multipliers, other.multipliers) < 1e-10
+
+
+@EVERY
+@pytest.mark.parametrize("lengths", [(80, 80), (80, 37), (20, 80)])
+def test_samples_beyond_an_inputs_length_are_not_looked_at(identifier, lengths):
+    full, _, data = decays(SETS["two pairs"])
+    values = np.array(data.values)
+    for hit, length in enumerate(lengths):
+        values[:, hit, length:] = 1e3
+    found = identified(identifier, TimeResponses(values=values, dt=DT, noise=data.noise, lengths=lengths))
+    assert farthest(found.multipliers, full) < 1e-10
+
+
+@EVERY
+@pytest.mark.parametrize(
+    ("outputs", "inputs", "samples"),
+    [(1, 1, 80), (1, 3, 40), (1, 1, 6), (3, 1, 6), (50, 1, 6), (100, 4, 12), (2, 1, 1000)],
+)
+def test_every_shape_of_data(identifier, outputs, inputs, samples):
+    full, _, data = decays(SETS["pair"], outputs=outputs, inputs=inputs, samples=samples)
+    found = identified(identifier, data)
+    assert found.residues.shape == (2, outputs, inputs)
+    assert farthest(found.multipliers, full) < 1e-10
+
+
+@EVERY
+def test_a_covariance_where_there_is_one_is_that_of_conjugates_moving_together(identifier):
+    """Stacked real parts, then imaginary parts: a conjugate's real part moves alike, its imaginary part against."""
+    found = identified(identifier, decays(SETS["pair"])[2])
+    if found.covariance is None:
+        pytest.skip("this identifier estimates no covariance")
+    alike = np.array([[1, 0], [1, 0], [0, 1], [0, -1]])
+    own = found.covariance[np.ix_([0, 2], [0, 2])]
+    assert_allclose(found.covariance, alike @ own @ alike.T, rtol=1e-9, atol=1e-12 * np.abs(own).max())
+    assert (np.linalg.eigvalsh(own) > 0).all()
