@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest_cli import EARLIER, contents, save_npz, simulated
+from tests.cli.conftest import EARLIER, contents, save_npz, simulated
 
 from floquid.cli import run
 
