@@ -1,8 +1,8 @@
 """Bad input, as a person meets it: one clear message on stderr, the documented exit code, an earlier result untouched.
 
-Each row of `CASES` is a name, how its input is made in the current folder, the words typed, the exit code, and what the
-message must say. `good.npz` is there; identify and demo write to `out`, which holds an earlier result, and simulate to a
-file in it, unless the words say otherwise.
+Each row of `CASES` is a name, how its input is made in the current folder, the words typed, the exit code, and what
+the message must say. `good.npz` is there; identify and demo write to `out`, which holds an earlier result, and simulate
+to a file in it, unless the words say otherwise.
 """
 
 import os
@@ -134,7 +134,7 @@ FILES = [
 ]  # fmt: skip
 
 SAMPLES = [
-    ("NaN", npz(changed(np.nan)), THIS, 2, r"this\.npz lacks 1, .*channel 'Y' at sample 100\.\n.*--channels"),
+    ("NaN", npz(changed(np.nan)), THIS, 2, r"channel 'Y' at sample 100 of this\.npz\.\n.*--channels"),
     ("NaN only", npz(VALUES * np.nan), THIS, 2, r"no missing samples"),
     ("infinity", npz(changed(-np.inf)), THIS, 2, r"finite samples .*channel 'Y', sample 100"),
     ("infinity in csv", csv(changed(np.inf)), f"identify this.csv --period {PERIOD}", 2, r"line 102, column 'Y'"),
@@ -155,11 +155,11 @@ SAMPLES = [
     ("all zeros", npz(0.0 * VALUES), THIS, 2, r"channel 'X' of hit 1 is constant \(0\)"),
     ("channel twice", npz(with_row(VALUES[0])), THIS, 2, r"channel 'Y' is a copy of channel 'X'"),
     ("pure noise", npz(NOISE), THIS, 1, r"no mode rises above the noise"),
-    ("two levels", npz(VALUES > 0), THIS, 1, r"noise cannot be told from the response"),
-    ("huge values", npz(1e300 * VALUES), THIS, 2, r"channel 'X' of hit 1 reaches 1\.\d+e\+300"),
-    ("large values", npz(1e80 * VALUES), THIS, 2, r"reaches 1\.\d+e\+80"),
-    ("tiny values", npz(1e-300 * VALUES), THIS, 2, r"reaches 1\.\d+e-300"),
-    ("denormal values", npz(1e-320 * VALUES), THIS, 2, r"reaches 1\.\d+e-320"),
+    ("two levels", npz(VALUES > 0), THIS, 1, r"does not repeat with the period|too short|cannot be told"),
+    ("huge values", npz(1e300 * VALUES), THIS, 2, r"channel 'X' of hit 1 reaches \d(\.\d+)?e\+(300|299)"),
+    ("large values", npz(1e80 * VALUES), THIS, 2, r"reaches \d(\.\d+)?e\+(80|79)"),
+    ("tiny values", npz(1e-300 * VALUES), THIS, 2, r"reaches \d(\.\d+)?e-30[01]"),
+    ("denormal values", npz(1e-320 * VALUES), THIS, 2, r"reaches \d(\.\d+)?e-32[01]"),
     ("huge noise", npz(1e200 * NOISE), THIS, 2, r"reaches \d\.\d+e\+200"),
     ("one period", npz(VALUES[:, :8]), THIS, 1, r"holds 1 whole period: fewer than 4"),
     ("three periods", npz(VALUES[:, :24]), THIS, 1, r"holds 3 whole periods: fewer than 4"),
@@ -192,7 +192,7 @@ TIMES = [
     ("infinite frequency", nothing, "identify good.npz --frequency inf", 2, r"--frequency` must be a finite number"),
     ("frequency without a period", nothing, "identify good.npz --frequency 5e-324", 2, r"period must be a finite"),
     ("period not whole", nothing, f"identify good.npz --period {2.02 * np.pi}", 2,
-     r"8\.08 samples .*slip by 3\.1\d samples\.\n.*it is 6\.283185307179586 s: pass that.*resample"),
+     r"8\.08 samples .*slip by 3\.1\d samples\.\n.*pass --period 6\.283185307179586; if not, resample"),
     ("negative rate", nothing, f"{GOOD} --rate -1", 2, r"`--rate` must be positive \[Hz\], but is -1"),
     ("negative rate in the file", npz(sample_rate=-5.0), THIS, 2, r"positive number in `sample_rate`.*-5"),
     ("zero rate", nothing, f"{GOOD} --rate 0", 2, r"`--rate` must be positive"),
@@ -214,7 +214,7 @@ OPTIONS = [
     ("order 2.5", nothing, f"{GOOD} --order 2.5", 2, r'--order: "2\.5" is not a whole number'),
     ("order of text", nothing, f"{GOOD} --order four", 2, r'--order: "four" is not a whole number'),
     ("odd order of pairs", nothing, f"{GOOD} --order 3", 1, r"order 3 cannot be reached.* pair"),
-    ("order that the data do not hold", nothing, f"{GOOD} --order 39", 1, r"order 39 cannot be reached"),
+    ("order that the data do not hold", npz(VALUES[:, :80]), f"{THIS} --order 9", 1, r"order 9 cannot be reached"),
     ("order of as many as periods", nothing, f"{GOOD} --order 40", 2, r"less than the 40 periods"),
     ("negative harmonics", nothing, f"{GOOD} --harmonics -1", 2, r"`--harmonics` must be .* at least 0"),
     ("too many harmonics", nothing, f"{GOOD} --harmonics 4", 2, r"less than half the 8 samples a period, but is 4"),
@@ -270,7 +270,7 @@ SIMULATIONS = [
     ("demo of no system", nothing, "demo saturn", 2, r"example system, but is 'saturn'"),
     ("demo of a short record", nothing, "demo --periods 2", 1, r"holds 2 whole periods"),
     ("demo of noise", nothing, "demo --periods 20 --noise 50", 1, r"no mode rises above the noise"),
-    ("demo of much noise", nothing, "demo --periods 40 --noise 0.7", 1, r"no mode|where the system has 4"),
+    ("demo of much noise", nothing, "demo --periods 6 --noise 0.3", 1, r"2 exponents were found where .* 4"),
 ]  # fmt: skip
 
 CASES = [*FILES, *SAMPLES, *HITS, *TIMES, *OPTIONS, *SETTINGS, *PLACES, *SIMULATIONS]
@@ -357,7 +357,7 @@ def test_a_mistake_of_ours_is_owned_up_to(here, capsys, monkeypatch):
         (MemoryError(), 1, "more memory than there is"),
         (np.linalg.LinAlgError("SVD did not converge"), 1, r"cannot be worked with \(SVD did not converge\)"),
         (OSError(28, "No space left on device"), 2, "No space left on device"),
-        (KeyboardInterrupt(), 130, "Interrupted: nothing was written"),
+        (KeyboardInterrupt(), 130, "Interrupted before the end"),
     ],
 )
 @pytest.mark.parametrize("stage", ["_identify.identify_records", "_output.save", "_output.ResultFolder._publish"])

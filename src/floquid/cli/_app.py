@@ -58,7 +58,7 @@ def run(arguments: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except KeyboardInterrupt:
-        return _end("Interrupted: nothing was written.", INTERRUPTED)
+        return _end("Interrupted before the end. A result is only ever written whole.", INTERRUPTED)
     except Exception as error:  # noqa: BLE001  # the last place where a mistake of ours can be worded
         if debug:
             traceback.print_exc()

@@ -14,7 +14,13 @@ DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 _SUBJECT = re.compile(r"Argument `([^`]*)` of `([^`]*)` must ")
 
 _OPTIONS = {
-    "read": {"rate": "`--rate`", "channels": "`--channels`", "origin": "`--origin`", "period": "The period"},
+    "read": {
+        "path": "`FILE`",
+        "rate": "`--rate`",
+        "channels": "`--channels`",
+        "origin": "`--origin`",
+        "period": "The period",
+    },
     "Settings": {
         "period": "The period",
         **{name: f"`--{name}`" for name in ("channels", "order", "harmonics", "states")},
@@ -37,7 +43,6 @@ _OPTIONS = {
         "impulse_deg": "`--impulse-deg`",
     },
 }
-_OPTIONS["read"]["path"] = "`FILE`"
 """What a person who typed a command calls the arguments of the library's callables, by callable and argument."""
 
 
@@ -71,6 +76,7 @@ def explained(error: BaseException) -> tuple[str, int]:
 def in_options(message: str) -> str:
     """A message about an argument of a callable as one about an option: «`--rate` must be …»."""
     match = _SUBJECT.match(message)
+    message = message.replace("pass period=", "pass --period ")
     if match is None:
         return message
     argument, of = match[1], match[2]

@@ -85,10 +85,11 @@ def result_folder(path: Path) -> Iterator[ResultFolder]:
     InputError
         It cannot be made or written to, or something in it stands in the way of a result.
     """
-    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    made: list[Path] = []
     unfinished: Path | None = None
     try:
         try:
+            made = [folder for folder in (path, *path.parents) if not folder.exists()]
             if path.exists() and not path.is_dir():
                 raise _unusable(path, f"{path} is a file")
             path.mkdir(parents=True, exist_ok=True)

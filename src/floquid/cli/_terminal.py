@@ -190,7 +190,9 @@ def _width(console: Console, table: Table) -> int:
 
 
 def _print_whole(console: Console, table: Table) -> None:
-    """Print a table of numbers that are not to be cut short, however narrow the terminal."""
+    """Print a table of numbers that are not to be cut short, however narrow the terminal: first the gaps shrink."""
+    if _width(console, table) > console.width:
+        table.padding, table.pad_edge = (0, 1, 0, 0), False
     width = max(console.width, _width(console, table))
     Console(file=console.file, width=width, markup=False, emoji=False, highlight=False).print(table)
 

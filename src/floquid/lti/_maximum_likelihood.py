@@ -43,7 +43,7 @@ class MaximumLikelihood(AbstractIdentifier):
     most
         The highest order considered; never more than half the samples.
     starts
-        The orders at which ESPRIT is asked.
+        The orders at which ESPRIT is asked, as far as the samples allow.
     time_constants
         The fit looks at samples out to this many time constants of the slowest pole; what comes later is noise.
     """
@@ -97,18 +97,17 @@ class MaximumLikelihood(AbstractIdentifier):
         InputError
             `order` is not a positive integer below the number of samples.
         """
-        shortest = int(state.data.lengths.max())
-        most = min(self.most, shortest // 2)
-        starts = tuple(s for s in self.starts if s <= shortest // 3) or (max(1, shortest // 3),)
-        if order is not None and integer(order, "order", "MaximumLikelihood.extract", at_least=1) >= shortest:
+        longest = int(state.data.lengths.max())
+        most = min(self.most, longest // 2)
+        if order is not None and integer(order, "order", "MaximumLikelihood.extract", at_least=1) >= longest:
             raise input_error(
                 "order",
                 "MaximumLikelihood.extract",
-                f"be less than the {shortest} samples",
+                f"be less than the {longest} samples",
                 f"is {order}",
                 "Record more samples, or ask for fewer poles.",
             )
-        found, factors = self._choose(state, most, starts, report)
+        found, factors = self._choose(state, most, report)
         outcome = Outcome.SUCCESS
         if order is not None:
             found = force_order(found, factors, order, self.false_alarm)
@@ -138,15 +137,13 @@ class MaximumLikelihood(AbstractIdentifier):
         samples = self._horizon(poles, state)
         return self._model(state, polish(poles, [f.cut(samples) for f in state.factors]), model.outcome)
 
-    def _choose(
-        self, state: Prepared, most: int, starts: tuple[int, ...], report: Callable[[str], None]
-    ) -> tuple[Fit, list[Factor]]:
+    def _choose(self, state: Prepared, most: int, report: Callable[[str], None]) -> tuple[Fit, list[Factor]]:
         """The poles from the samples that hold energy, and again from more when a mode lasts longer than those."""
         whole = int(state.data.lengths.max())
         samples = energetic_length(state.factors)
         while True:
             factors = [f.cut(samples) for f in state.factors]
-            found = choose(factors, false_alarm=self.false_alarm, most=most, starts=starts, report=report)
+            found = choose(factors, false_alarm=self.false_alarm, most=most, starts=self.starts, report=report)
             horizon = self._horizon(found.poles, state)
             if horizon <= samples or samples == whole:
                 return found, factors

@@ -80,9 +80,7 @@ def choose(
     window = search_window(factors)
     _, vectors = signal_vectors(factors, window)
     best: Fit | None = None
-    for order in starts:
-        if order >= window:
-            continue
+    for order in sorted({max(1, min(order, window - 1)) for order in starts}):
         begin = plausible(PoleSet.from_multipliers(shift_poles(vectors, order)))
         now = _settle(polish(prune_linear(begin, factors, threshold), factors), factors, threshold, most)
         report(f"start of order {order}: {now.poles.order} poles kept")
@@ -111,8 +109,8 @@ def energetic_length(factors: Sequence[Factor], *, short: int = 600, margin: flo
 
 
 def search_window(factors: Sequence[Factor]) -> int:
-    """The length of the Hankel window: a third of the longest block, at most 300."""
-    return max(2, min(300, max(len(f.values) for f in factors) // 3))
+    """The length of the Hankel window: half of the longest block, so that a short one holds most poles; at most 300."""
+    return max(2, min(300, max(len(f.values) for f in factors) // 2))
 
 
 def plausible(poles: PoleSet) -> PoleSet:

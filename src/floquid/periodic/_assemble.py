@@ -48,23 +48,10 @@ def assemble(
     Raises
     ------
     InputError
-        The models do not belong together, or more harmonics are asked for than there are phases.
+        The models do not belong together, more harmonics are asked for than there are phases, or none while the modal
+        model has no deviations to choose them by.
     """
-    if modal.residues.shape[1:] != (lifted.n_channels * lifted.n_phases, lifted.n_hits):
-        raise input_error(
-            "modal",
-            "assemble",
-            "be a model of `lifted.responses`",
-            f"its residues have shape {modal.residues.shape} and the responses {lifted.responses.values.shape}",
-        )
-    if harmonics is not None and not 0 <= 2 * harmonics < lifted.n_phases:
-        raise input_error(
-            "harmonics",
-            "assemble",
-            f"be at least 0 and less than half the {lifted.n_phases} samples a period",
-            f"is {harmonics}",
-            "Ask for fewer harmonics, or sample faster.",
-        )
+    _check(modal, lifted, harmonics)
     modal = _sorted(modal)
     found = _expand(modal, lifted)
     if harmonics is None:
@@ -83,9 +70,40 @@ def assemble(
         period=lifted.period,
         channels=lifted.channels,
         covariance=_reordered(modal, order).covariance,
-        coefficient_std=None if modal.covariance is None else found.std[order][..., used] * mask,
+        coefficient_std=found.std[order][..., used] * mask if _has_deviations(modal) else None,
         provenance=lifted.provenance,
     )
+
+
+def _has_deviations(modal: ModalModel) -> bool:
+    return not (modal.covariance is None or modal.residue_spread is None or modal.residue_slope is None)
+
+
+def _check(modal: ModalModel, lifted: Lifted, harmonics: int | None) -> None:
+    """Refuse models that do not belong together and harmonics that cannot be had."""
+    if modal.residues.shape[1:] != (lifted.n_channels * lifted.n_phases, lifted.n_hits):
+        raise input_error(
+            "modal",
+            "assemble",
+            "be a model of `lifted.responses`",
+            f"its residues have shape {modal.residues.shape} and the responses {lifted.responses.values.shape}",
+        )
+    if harmonics is not None and not 0 <= 2 * harmonics < lifted.n_phases:
+        raise input_error(
+            "harmonics",
+            "assemble",
+            f"be at least 0 and less than half the {lifted.n_phases} samples a period",
+            f"is {harmonics}",
+            "Ask for fewer harmonics, or sample faster.",
+        )
+    if harmonics is None and not _has_deviations(modal):
+        raise input_error(
+            "harmonics",
+            "assemble",
+            "be given when the modal model has no deviations",
+            "is None: which harmonics rise above the noise cannot be told",
+            "Pass the number of harmonics to keep on each side.",
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +187,7 @@ def _coefficients(
     residues = lifted.by_channel(modal.residues)
     own = np.einsum("mk,ckh->chm", kernel, residues[mode])
     if modal.residue_spread is None or modal.residue_slope is None or modal.covariance is None:
-        return own, np.zeros_like(own)
+        return own, np.zeros_like(own)  # `_has_deviations` is false: they are not handed on
     partner = _partner(modal, mode)
     strength = np.sum(np.abs(kernel) ** 2, axis=1)
     pseudo = np.sum(kernel**2, axis=1)

@@ -51,10 +51,9 @@ def select_bands(
 
     terms = coefficients.shape[1] * coefficients.shape[2]
     limit = float(chdtri(2 * terms, false_alarm))
-    tiny = np.finfo(float).tiny
+    score = _squares(coefficients.real, std.real, std.real > 0)
     # The imaginary part of a real mode's zeroth coefficient is exactly zero, and so is its deviation.
-    score = (coefficients.real / np.maximum(std.real, tiny)) ** 2
-    score += np.where(std.imag > 1e-9 * std.real, (coefficients.imag / np.maximum(std.imag, tiny)) ** 2, 0.0)
+    score += _squares(coefficients.imag, std.imag, std.imag > 1e-9 * std.real)
     significant = score.sum(axis=(1, 2)) > limit
     kept = np.zeros(significant.shape, bool)
     for mode, row in enumerate(significant):
@@ -63,6 +62,13 @@ def select_bands(
         low = len(row) - 1 - _grow(row[::-1], len(row) - 1 - int(low))
         kept[mode, low : _grow(row, high) + 1] = True
     return kept
+
+
+def _squares(
+    values: NDArray[np.float64], std: NDArray[np.float64], counted: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """The squares of values over their deviations; zero where they are not `counted`."""
+    return np.divide(values, std, out=np.zeros(values.shape), where=counted) ** 2
 
 
 def _grow(significant: NDArray[np.bool_], end: int) -> int:

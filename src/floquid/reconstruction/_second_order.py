@@ -109,8 +109,16 @@ def _chosen(model: PeriodicModel, states: Sequence[str]) -> list[int]:
                 f"channel {channel.name!r} measures {channel.quantity} [{channel.unit}]",
                 "Choose motions, or give the channel its quantity.",
             )
+    if model.order % 2:
+        raise input_error(
+            "model",
+            "reconstruct",
+            "have an even number of modes: a channel gives two states, displacement and velocity",
+            f"has {model.order}",
+            "Identify again with an even `order`, or leave A(t) out.",
+        )
     if 2 * len(rows) != model.order:
-        needed = -(-model.order // 2)
+        needed = model.order // 2
         raise input_error(
             "states",
             "reconstruct",

@@ -63,7 +63,7 @@ def samples_per_period(record: Record) -> int:
             "period",
             "segment",
             f"be at least one sampling interval ({1.0 / record.sample_rate:.6g} s)",
-            f"is {period:.6g} s",
+            f"{period:.6g} s is {exact:.4g} samples",
             "Check the units of the period and of the sampling rate.",
         )
     cycles = record.n_samples / exact
@@ -83,7 +83,7 @@ def samples_per_period(record: Record) -> int:
             "be a whole number of sampling intervals",
             f"{period:.12g} s is {exact:.8g} samples at {record.sample_rate:.12g} Hz: over the {cycles:.0f} periods of "
             f"the record the phase would slip by {abs(exact - phases) * cycles:.3g} samples",
-            f"If the period is really {phases} samples, it is {phases / record.sample_rate:.16g} s: pass that; if not, "
+            f"If the period is really {phases} samples, pass period={phases / record.sample_rate:.16g}; if not, "
             "resample the record to a whole number of samples a period first.",
         )
     return phases
@@ -124,11 +124,6 @@ def _clock(record: Record) -> ConstantPeriod:
     return record.clock
 
 
-def _named(record: Record) -> str:
-    """How a message names one of several records."""
-    return record.provenance.sources[0] if len(record.provenance.sources) == 1 else "one"
-
-
 def _check_alike(first: Record, record: Record, number: int) -> None:
     """Refuse a record that cannot be a hit on the same system as the first."""
     facts = {
@@ -167,8 +162,8 @@ def _cut(record: Record, phases: int, phase: float) -> Cycles:
             "records",
             "segment",
             "have no missing samples",
-            f"{_named(record)} lacks {len(rows)}, the first in channel {record.channels[rows[0]].name!r} at sample "
-            f"{columns[0]}",
+            f"{len(rows)} are missing, the first in channel {record.channels[rows[0]].name!r} at sample {columns[0]}"
+            + (f" of {record.provenance.sources[0]}" if len(record.provenance.sources) == 1 else ""),
             "Cut the record to a part without gaps, or leave the channel out with `--channels`.",
         )
     clock = _clock(record)

@@ -1,0 +1,286 @@
+"""A(t) and Φ(t, t0) from a model: exact on the paper's rotor, for any motion, and refused where states cannot be had.
+
+The truth is JeffcottRotor's own A(t) and the transition matrix integrated from it, which share no code with the chain.
+"""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from floquid import floquet, identify
+from floquid.core import Channel, PeriodicModel
+from floquid.errors import IdentificationError, InputError
+from floquid.reconstruction import StateModel, reconstruct
+from floquid.systems import JeffcottRotor
+
+ROTOR = JeffcottRotor()
+
+
+@pytest.fixture(scope="module")
+def model() -> PeriodicModel:
+    """The rotor's response, identified without noise from two hits at two phases of the shaft."""
+    records = [
+        ROTOR.simulate(noise=0.0, impulse_deg=45.0),
+        ROTOR.simulate(noise=0.0, impulse_deg=-20.0, first_phase=0.3),
+    ]
+    return identify(records).model
+
+
+def changed(model, **fields) -> PeriodicModel:
+    return dataclasses.replace(model, **fields)
+
+
+def measured_as(model, quantities) -> PeriodicModel:
+    """The same motion seen by other sensors: coefficients times (λ + imω)^p, exactly."""
+    powers = {"displacement": 0, "velocity": 1, "acceleration": 2}
+    rates = model.exponents[:, None] + 1j * model.harmonics * model.fundamental
+    p = np.array([powers[q] for q in quantities])
+    coefficients = model.coefficients * (rates[:, None, :] ** p[:, None])[:, :, None, :]
+    channels = [Channel(name=c.name, quantity=q) for c, q in zip(model.channels, quantities, strict=True)]
+    return changed(model, coefficients=coefficients, coefficient_std=None, channels=channels)
+
+
+STATES = {"mass": (["X", "Y"], ROTOR.system), "turntable": (["X_tt", "Y_tt"], ROTOR.turntable_system)}
+EVERY_STATES = pytest.mark.parametrize(("states", "truth"), STATES.values(), ids=STATES)
+
+
+@EVERY_STATES
+@pytest.mark.parametrize("times", [50, 7, np.array([0.3, 5.0, 40.0, -2.0])], ids=["50", "7", "any"])
+def test_the_state_matrix_is_exact_without_noise(model, states, truth, times):
+    state = reconstruct(model, states, times=times)
+    assert_allclose(state.system, truth(state.times), atol=1e-6)
+    assert state.states == (*states, f"d/dt {states[0]}", f"d/dt {states[1]}")
+    assert state.system_std is None
+
+
+@EVERY_STATES
+def test_the_transition_matrix_is_exact_without_noise(model, states, truth):
+    times = np.array([0.7, 1.0, 3.0, 6.0, 25.0])
+    state = reconstruct(model, states, times=times)
+    assert_allclose(state.transition, floquet.transition(truth, ROTOR.period, times, start=times[0]), atol=1e-7)
+    assert_allclose(state.transition[0], np.eye(4), atol=1e-12)
+
+
+def test_phi_solves_its_own_equation(model):
+    """Φ' = A Φ with the A that comes with it, by central differences."""
+    step, t = 1e-3, 1.9
+    state = reconstruct(model, ["X", "Y"], times=[0.4, t - step, t, t + step])
+    rate = (state.transition[3] - state.transition[1]) / (2.0 * step)
+    assert_allclose(rate, state.system[2] @ state.transition[2], atol=1e-6)
+
+
+def test_times_by_number_are_the_instants_of_one_period(model):
+    state = reconstruct(model, ["X", "Y"], times=8)
+    assert_allclose(state.times, np.arange(8) * model.period / 8.0)
+    assert reconstruct(model, ["X", "Y"]).times.shape == (50,)
+
+
+@pytest.mark.parametrize(
+    "quantities",
+    [
+        ("velocity",) * 4,
+        ("acceleration",) * 4,
+        ("acceleration", "displacement", "velocity", "displacement"),
+    ],
+    ids=["velocity", "acceleration", "mixed"],
+)
+@EVERY_STATES
+def test_any_motion_gives_the_same_state_matrix(model, quantities, states, truth):
+    """The states are the displacements behind the sensors, whatever these measure."""
+    state = reconstruct(measured_as(model, quantities), states)
+    assert_allclose(state.system, truth(state.times), atol=1e-6)
+
+
+def test_the_order_of_the_states_is_that_asked_for(model):
+    straight, turned = (reconstruct(model, names, times=5).system for names in (["X", "Y"], ["Y", "X"]))
+    swap = [1, 0, 3, 2]
+    assert_allclose(turned, straight[:, swap][:, :, swap], atol=1e-12)
+    mixed = reconstruct(model, ["X", "Y_tt"], times=5)
+    assert mixed.states == ("X", "Y_tt", "d/dt X", "d/dt Y_tt")
+    assert np.isfinite(mixed.system).all()
+
+
+def test_the_size_and_phase_of_a_hit_do_not_matter(model):
+    """A mode's shape is known up to a factor a hit and mode; any such factors leave Φ and A as they are."""
+    expected = reconstruct(model, ["X", "Y"], times=9)
+    generator = np.random.default_rng(0)
+    for hits in ([0], [1], [0, 1], [1, 0, 1]):
+        factors = generator.uniform(0.1, 30.0, (2, len(hits))) * np.exp(2j * np.pi * generator.random((2, len(hits))))
+        # A conjugate's shape is the conjugate: its factor too.
+        factors = np.stack([factors, factors.conj()], axis=1).reshape(4, 1, len(hits), 1)
+        other = changed(model, coefficients=model.coefficients[:, :, hits] * factors, coefficient_std=None)
+        found = reconstruct(other, ["X", "Y"], times=9)
+        assert_allclose(found.system, expected.system, atol=1e-8)
+        assert_allclose(found.transition, expected.transition, atol=1e-8)
+
+
+def test_hits_are_combined_by_their_strength():
+    """A mode that hit 2 does not excite is taken from hit 1, where it is clear, and not averaged with noise."""
+    generator = np.random.default_rng(0)
+    shape = np.array([1.0, 0.5j]).reshape(1, 2, 1, 1)
+    coefficients = np.concatenate([shape, 1e-6 * generator.standard_normal((1, 2, 1, 1))], axis=2)
+    other = np.array([0.3j, 1.0]).reshape(1, 2, 1, 1) * np.ones((1, 1, 2, 1))
+    pairs = np.concatenate([coefficients, coefficients.conj(), other, other.conj()])
+    exponents = np.array([-0.1 + 1j, -0.1 - 1j, -0.2 + 2.5j, -0.2 - 2.5j])
+    both, one = (
+        PeriodicModel(
+            exponents=exponents,
+            coefficients=pairs[:, :, chosen],
+            harmonics=[0],
+            period=1.0,
+            channels=["a", "b"],
+        )
+        for chosen in ([0, 1], [0])
+    )
+    first, second = (reconstruct(m, ["a", "b"], times=3).system for m in (both, one))
+    assert_allclose(first, second, atol=1e-5)
+
+
+def test_the_branch_of_an_exponent_does_not_matter(model):
+    k = 3
+    exponents = model.exponents + 1j * k * model.fundamental * np.array([1, -1, 0, 0])
+    width = np.pad(model.coefficients, [(0, 0)] * 3 + [(k, k)])
+    width[0], width[1] = np.roll(width[0], -k, axis=-1), np.roll(width[1], k, axis=-1)
+    harmonics = np.arange(model.harmonics[0] - k, model.harmonics[-1] + k + 1)
+    other = changed(model, exponents=exponents, coefficients=width, harmonics=harmonics, coefficient_std=None)
+    assert_allclose(
+        reconstruct(other, ["X", "Y"], times=9).system, reconstruct(model, ["X", "Y"], times=9).system, atol=1e-8
+    )
+
+
+def test_units_of_the_states_do_not_matter_to_the_condition(model):
+    """X in micrometres: A is transformed, and the equilibrated condition number is the same."""
+    factor = np.array([1e6, 1.0, 1.0, 1.0])[:, None, None]
+    other = changed(model, coefficients=model.coefficients * factor, coefficient_std=None)
+    here, there = reconstruct(model, ["X", "Y"], times=5), reconstruct(other, ["X", "Y"], times=5)
+    assert_allclose(there.condition, here.condition, rtol=1e-6)
+    scale = np.array([1e6, 1.0, 1e6, 1.0])
+    assert_allclose(there.system * scale / scale[:, None], here.system, atol=1e-7)
+
+
+def refused(model, states, **options):
+    with pytest.raises(InputError) as error:
+        reconstruct(model, states, **options)
+    assert str(error.value).startswith("Argument `")
+    return str(error.value)
+
+
+def test_an_unknown_channel_is_refused(model):
+    message = refused(model, ["X", "Z"])
+    assert "`states` of `reconstruct` must name channels of the record, but has 'Z'" in message
+    assert "X, Y, X_tt, Y_tt" in message
+
+
+def test_a_channel_given_twice_is_refused(model):
+    assert "must name each channel once, but has 'X' twice" in refused(model, ["X", "X"])
+
+
+def test_a_name_in_place_of_a_list_is_refused(model):
+    assert "must be a list of channel names, but is 'X'" in refused(model, "X")
+
+
+@pytest.mark.parametrize("states", [[], ["X"], ["X", "Y", "X_tt"]])
+def test_a_wrong_number_of_states_is_refused(model, states):
+    message = refused(model, states)
+    assert "must name 2 channels: 4 modes" in message
+    assert f"but names {len(states)}" in message
+
+
+def test_too_few_channels_for_the_modes_are_told(model):
+    one = changed(
+        model, coefficients=model.coefficients[:, :1], coefficient_std=None, channels=[model.channels[0]]
+    )
+    assert "There are too few of them to span these modes." in refused(one, ["X"])
+
+
+def test_an_odd_number_of_modes_is_refused():
+    odd = PeriodicModel(
+        exponents=[-0.1], coefficients=np.ones((1, 2, 1, 1)), harmonics=[0], period=1.0, channels=["a", "b"]
+    )
+    assert "`model` of `reconstruct` must have an even number of modes" in refused(odd, ["a"])
+
+
+@pytest.mark.parametrize("quantity", ["force", "strain", "angle", "pulse", "other"])
+def test_what_is_no_motion_is_refused(model, quantity):
+    channels = [Channel(name="X", quantity=quantity), *model.channels[1:]]
+    message = refused(changed(model, channels=channels), ["X", "Y"])
+    assert "must name channels of displacement, velocity or acceleration" in message
+    assert f"channel 'X' measures {quantity}" in message
+
+
+def test_no_instants_are_refused(model):
+    assert "`times` of `reconstruct` must hold at least one instant" in refused(model, ["X", "Y"], times=0)
+    assert "`times` of `reconstruct` must" in refused(model, ["X", "Y"], times=[])
+    assert "`times` of `reconstruct` must be finite" in refused(model, ["X", "Y"], times=[0.0, np.nan])
+
+
+def doubled(model, factor):
+    """X measured twice, the second time `factor` times X with 1e-12 of Y."""
+    coefficients = np.array(model.coefficients)
+    coefficients[:, 1] = factor * coefficients[:, 0] + 1e-12 * coefficients[:, 1]
+    return changed(model, coefficients=coefficients, coefficient_std=None)
+
+
+@pytest.mark.parametrize("factor", [1.0, -250.0])
+def test_linearly_dependent_channels_are_refused(model, factor):
+    with pytest.raises(IdentificationError, match=r"shapes in X, Y are linearly dependent \(condition number") as error:
+        reconstruct(doubled(model, factor), ["X", "Y"])
+    condition = float(re.search(r"condition number ([\d.e+]+) ", str(error.value))[1])
+    assert condition > 1e8
+
+
+def test_a_channel_without_a_part_in_any_mode_is_refused(model):
+    coefficients = np.array(model.coefficients)
+    coefficients[:, 1] = 0.0
+    with pytest.raises(IdentificationError, match="no part in any mode"):
+        reconstruct(changed(model, coefficients=coefficients, coefficient_std=None), ["X", "Y"])
+
+
+def test_a_displacement_that_is_not_in_a_velocity_record_is_refused():
+    """A harmonic at zero frequency without decay: its displacement is a constant that no velocity shows."""
+    still = PeriodicModel(
+        exponents=[0.0, -0.1],
+        coefficients=np.ones((2, 1, 1, 1)),
+        harmonics=[0],
+        period=1.0,
+        channels=[Channel(name="v", quantity="velocity")],
+    )
+    with pytest.raises(IdentificationError, match="its displacement is not in the record"):
+        reconstruct(still, ["v"])
+
+
+def test_a_constant_system_has_a_constant_state_matrix():
+    """Two real exponents in one channel: x'' + 3x' + 2x = 0."""
+    still = PeriodicModel(
+        exponents=[-1.0, -2.0], coefficients=np.ones((2, 1, 1, 1)), harmonics=[0], period=1.0, channels=["x"]
+    )
+    state = reconstruct(still, ["x"], times=4)
+    assert_allclose(state.system, np.broadcast_to([[0.0, 1.0], [-2.0, -3.0]], (4, 2, 2)), atol=1e-12)
+
+
+def test_the_result_is_read_only_and_says_where_it_is_from(model):
+    state = reconstruct(model, ["X", "Y"])
+    for name in ("times", "transition", "system", "condition"):
+        assert not getattr(state, name).flags.writeable
+    assert state.provenance.steps[-1] == "state matrix in second-order form from X, Y"
+    assert (state.condition >= 1.0).all()
+
+
+@pytest.mark.parametrize(
+    ("field", "wrong"),
+    [("system", np.zeros((3, 4, 4))), ("transition", np.zeros((2, 4, 3))), ("condition", np.zeros(3))],
+)
+def test_a_state_model_of_wrong_shape_is_refused(field, wrong):
+    valid = {
+        "times": np.zeros(2),
+        "transition": np.zeros((2, 4, 4)),
+        "system": np.zeros((2, 4, 4)),
+        "condition": np.ones(2),
+        "states": ("X", "Y", "d/dt X", "d/dt Y"),
+    }
+    assert_array_equal(StateModel(**valid).times, valid["times"])
+    with pytest.raises(InputError, match=f"^Argument `{field}` of `StateModel` must have shape"):
+        StateModel(**(valid | {field: wrong}))
