@@ -46,6 +46,8 @@ class Settings:
         The probability at which noise may pass for a mode.
     harmonic_false_alarm
         The probability at which noise may pass for a harmonic.
+    trust_period
+        Warn instead of refusing when the response seems to repeat with another period than the one given.
 
     Raises
     ------
@@ -61,6 +63,7 @@ class Settings:
     system_times: int = 50
     mode_false_alarm: float = 1e-9
     harmonic_false_alarm: float = 1e-8
+    trust_period: bool = False
 
     def __post_init__(self) -> None:
         of = "Settings"
@@ -77,6 +80,9 @@ class Settings:
         if self.harmonics is not None:
             integer(self.harmonics, "harmonics", of, at_least=0)
         integer(self.system_times, "system_times", of, at_least=1)
+        if not isinstance(self.trust_period, (bool, np.bool_)):
+            raise input_error("trust_period", of, "be true or false", f"is {self.trust_period!r}")
+        object.__setattr__(self, "trust_period", bool(self.trust_period))
         for name in ("mode_false_alarm", "harmonic_false_alarm"):
             if not 0.0 < positive(getattr(self, name), name, of) < 1.0:
                 raise input_error(name, of, "lie between 0 and 1", f"is {getattr(self, name)}")
@@ -162,7 +168,12 @@ def identify(
     lifted, modal = _find_poles(lifted, chosen, report)
     report("expanding the shapes in harmonics")
     model = assemble(modal, lifted, false_alarm=chosen.harmonic_false_alarm, harmonics=chosen.harmonics)
-    _refuse_wrong_period(model, lifted)
+    doubt = _wrong_period(model, lifted)
+    if doubt and not chosen.trust_period:
+        raise IdentificationError(
+            f"{doubt}\n  Correct the period; if it is no whole number of samples, resample the record. If you know the "
+            "period to be right, pass `trust_period=True` (`--trust-period`)."
+        )
     state = None
     if chosen.states:
         report("rebuilding the state matrix")
@@ -175,7 +186,7 @@ def identify(
         modal=modal,
         model=model,
         state=state,
-        warnings=_warnings(model),
+        warnings=((doubt,) if doubt else ()) + _warnings(model),
     )
 
 
@@ -286,17 +297,16 @@ def _find_poles(lifted: Lifted, settings: Settings, report: Callable[[str], None
     return lifted, modal
 
 
-def _refuse_wrong_period(model: PeriodicModel, lifted: Lifted) -> None:
-    """Refuse a record whose response repeats with another period than the one given."""
+def _wrong_period(model: PeriodicModel, lifted: Lifted) -> str:
+    """What is wrong with a period other than that of the response; empty when nothing is."""
     found = synchrony(model, lifted)
     if found is None or not found.broken:
-        return
+        return ""
     own = model.period * (1.0 + found.relative)
-    raise IdentificationError(
+    return (
         f"The response does not repeat with the period given: its own is {own:.10g} ± "
         f"{model.period * found.std:.1g} s, not {model.period:.10g} s; over the record the phase slips by "
-        f"{found.slip:.3g} samples. Exponents and shapes would look right and be wrong.\n"
-        "  Correct the period; if it is no whole number of samples, resample the record."
+        f"{found.slip:.3g} samples. Exponents and shapes would look right and be wrong."
     )
 
 

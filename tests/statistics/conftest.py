@@ -127,7 +127,7 @@ class Experiment:
         clean = Experiment(self.truth, self.n_cycles, self.n_phases, 0.0 * self.noise)
         multipliers = self.truth.multipliers[::2]
         n, k = len(multipliers), np.arange(self.n_cycles)
-        powers = multipliers**k[:, None]
+        powers = multipliers ** k[:, None]
         columns = np.concatenate([powers.real, powers.imag], axis=1)
         information = np.zeros((2 * n, 2 * n))
         for hit, cycles in enumerate(segment(clean.records(0))):

@@ -17,18 +17,22 @@ SEEDS = range(40)
 IDENTIFIER = MaximumLikelihood()
 
 
-# Deviations and coefficients.
+# Deviations and coefficients. An estimator makes a model of an analysis, which is done once for all of them.
 
 
-def right(records):
-    return identify(records, harmonics=2).model
+@pytest.fixture(scope="module")
+def analyses(plain):
+    return [identify(plain.records(seed), harmonics=2) for seed in SEEDS]
+
+
+def right(analysis):
+    return analysis.model
 
 
 def without_delay(part):
     """Shapes from residues whose turn (or decay alone) between phase zero and each phase is not taken off (eq. 9)."""
 
-    def estimate(records):
-        analysis = identify(records, harmonics=2)
+    def estimate(analysis):
         model, lifted, modal = analysis.model, analysis.lifted, analysis.modal
         coefficients = np.array(model.coefficients)
         for r, exponent in enumerate(model.exponents):
@@ -44,8 +48,8 @@ def without_delay(part):
 def biased_damping(deviations):
     """Each real part too large by some of its own standard deviations."""
 
-    def estimate(records):
-        model = right(records)
+    def estimate(analysis):
+        model = analysis.model
         return dataclasses.replace(model, exponents=model.exponents + deviations * model.exponent_std.real)
 
     return estimate
@@ -54,8 +58,8 @@ def biased_damping(deviations):
 def wrong_size(factor):
     """Deviations that are a factor of what they should be."""
 
-    def estimate(records):
-        model = right(records)
+    def estimate(analysis):
+        model = analysis.model
         return dataclasses.replace(
             model, covariance=factor**2 * model.covariance, coefficient_std=factor * model.coefficient_std
         )
@@ -63,18 +67,14 @@ def wrong_size(factor):
     return estimate
 
 
-def exponents_err_as_they_say(known, estimate, assert_that):
-    errors, covariances = map(
-        np.array, zip(*(known.exponent_errors(estimate(known.records(seed))) for seed in SEEDS), strict=True)
-    )
+def exponents_err_as_they_say(known, models, assert_that):
+    errors, covariances = map(np.array, zip(*(known.exponent_errors(model) for model in models), strict=True))
     assert_that.errors_have_the_covariance(errors, covariances)
     assert_that.pulls_have_unit_variance(errors / np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
 
 
-def coefficients_err_as_they_say(known, estimate, assert_that):
-    assert_that.pulls_have_unit_variance(
-        np.array([known.coefficient_pulls(estimate(known.records(seed))) for seed in SEEDS])
-    )
+def coefficients_err_as_they_say(known, models, assert_that):
+    assert_that.pulls_have_unit_variance(np.array([known.coefficient_pulls(model) for model in models]))
 
 
 EXPONENT_MUTANTS = {
@@ -91,24 +91,31 @@ COEFFICIENT_MUTANTS = {
 }
 
 
-def test_the_right_estimator_passes_both(plain, assert_that):
-    exponents_err_as_they_say(plain, right, assert_that)
-    coefficients_err_as_they_say(plain, right, assert_that)
+def test_the_right_estimator_passes_both(plain, analyses, assert_that):
+    models = [right(analysis) for analysis in analyses]
+    exponents_err_as_they_say(plain, models, assert_that)
+    coefficients_err_as_they_say(plain, models, assert_that)
 
 
 @pytest.mark.parametrize("mutant", EXPONENT_MUTANTS.values(), ids=EXPONENT_MUTANTS)
-def test_exponents_that_do_not_err_as_they_say_are_caught(plain, assert_that, mutant):
-    with pytest.raises(AssertionError, match="mean square|bias"):
-        exponents_err_as_they_say(plain, mutant, assert_that)
+def test_exponents_that_do_not_err_as_they_say_are_caught(plain, analyses, assert_that, mutant):
+    with pytest.raises(AssertionError, match=r"mean square|bias"):
+        exponents_err_as_they_say(plain, [mutant(analysis) for analysis in analyses], assert_that)
 
 
 @pytest.mark.parametrize("mutant", COEFFICIENT_MUTANTS.values(), ids=COEFFICIENT_MUTANTS)
-def test_coefficients_that_do_not_err_as_they_say_are_caught(plain, assert_that, mutant):
-    with pytest.raises(AssertionError, match="mean square|bias"):
-        coefficients_err_as_they_say(plain, mutant, assert_that)
+def test_coefficients_that_do_not_err_as_they_say_are_caught(plain, analyses, assert_that, mutant):
+    with pytest.raises(AssertionError, match=r"mean square|bias"):
+        coefficients_err_as_they_say(plain, [mutant(analysis) for analysis in analyses], assert_that)
 
 
-# Efficiency.
+# Efficiency. An estimator makes multipliers of lifted responses, from the right model of them.
+
+
+def started(known):
+    """The responses and the right model of each draw."""
+    drawn = [known.lifted(seed).responses for seed in SEEDS]
+    return [(data, IDENTIFIER.extract(IDENTIFIER.prepare(data))) for data in drawn]
 
 
 def logs_near_the_truth(known, multipliers):
@@ -119,22 +126,18 @@ def logs_near_the_truth(known, multipliers):
 
 
 def refined(noise_of):
-    """Maximum likelihood started at the right model, with the noise as `noise_of` would have it."""
+    """Maximum likelihood from there, with the noise as `noise_of` would have it."""
 
-    def estimate(known, seed):
-        data = known.lifted(seed).responses
-        start = IDENTIFIER.extract(IDENTIFIER.prepare(data))
+    def estimate(data, start):
         other = TimeResponses(values=data.values, dt=data.dt, noise=noise_of(data.noise), lengths=data.lengths)
         return IDENTIFIER.refine(IDENTIFIER.prepare(other), start).multipliers
 
     return estimate
 
 
-def continuous_form(known, seed):
+def continuous_form(data, start):
     """Eq. (10) as printed: Σ R/(iω - λ) fitted to the transform of the lifted response, by least squares."""
-    data = known.lifted(seed).responses
-    start = IDENTIFIER.extract(IDENTIFIER.prepare(data)).poles
-    upper = start[start.imag > 0]
+    upper = start.poles[start.poles.imag > 0]
     lines = np.fft.rfft(data.values[:, 0] / data.noise, axis=1).T
     omega = 2.0 * np.pi * np.fft.rfftfreq(data.values.shape[2], data.dt)
 
@@ -145,11 +148,12 @@ def continuous_form(known, seed):
         return np.concatenate([residual.real.ravel(), residual.imag.ravel()])
 
     parts = least_squares(left, np.concatenate([upper.real, upper.imag]), x_scale="jac").x
-    return np.exp((parts[: len(upper)] + 1j * parts[len(upper) :]) * data.dt)
+    poles = parts[: len(upper)] + 1j * parts[len(upper) :]
+    return np.exp(np.concatenate([poles, poles.conj()]) * data.dt)
 
 
-def is_efficient(known, estimate, assert_that, seeds=SEEDS):
-    errors = np.array([logs_near_the_truth(known, estimate(known, seed)) for seed in seeds])
+def is_efficient(known, draws, estimate, assert_that):
+    errors = np.array([logs_near_the_truth(known, estimate(*draw)) for draw in draws])
     assert np.abs(errors).max() < 0.05, "not even plausible"
     assert_that.is_efficient(errors, known.bound(), loss=1.05)
 
@@ -157,11 +161,12 @@ def is_efficient(known, estimate, assert_that, seeds=SEEDS):
 @pytest.fixture(scope="module")
 def uneven(experiment):
     """Channels of very different noise."""
-    return experiment([-0.03 + 0.85j, -0.02 + 0.32j], units=[0.3, 5.0])
+    known = experiment([-0.03 + 0.85j, -0.02 + 0.32j], units=[0.3, 5.0])
+    return known, started(known)
 
 
 def test_the_right_weights_are_efficient(uneven, assert_that):
-    is_efficient(uneven, refined(lambda noise: noise), assert_that)
+    is_efficient(*uneven, refined(lambda noise: noise), assert_that)
 
 
 @pytest.mark.parametrize(
@@ -171,13 +176,12 @@ def test_the_right_weights_are_efficient(uneven, assert_that):
 )
 def test_wrong_weights_are_caught(uneven, assert_that, noise_of):
     with pytest.raises(AssertionError, match="times the Cramér-Rao bound"):
-        is_efficient(uneven, refined(noise_of), assert_that)
+        is_efficient(*uneven, refined(noise_of), assert_that)
 
 
-def test_the_continuous_form_of_the_transform_is_caught(plain, assert_that):
-    is_efficient(plain, refined(lambda noise: noise), assert_that, seeds=range(15))
+def test_the_continuous_form_of_the_transform_is_caught(uneven, assert_that):
     with pytest.raises(AssertionError, match="times the Cramér-Rao bound"):
-        is_efficient(plain, continuous_form, assert_that, seeds=range(15))
+        is_efficient(*uneven, continuous_form, assert_that)
 
 
 # The order.
@@ -195,7 +199,7 @@ class AlwaysFour(AbstractIdentifier):
         return IDENTIFIER.extract(state, order or 4)
 
 
-CREDULOUS = MaximumLikelihood(false_alarm=0.5)
+CREDULOUS = MaximumLikelihood(false_alarm=0.5, most=8, starts=(6,))
 ORDER_MUTANTS = pytest.mark.parametrize("mutant", [AlwaysFour(), CREDULOUS], ids=["always four", "credulous"])
 
 
@@ -215,4 +219,4 @@ def test_a_wrong_order_is_caught(orders, assert_that, mutant):
 @ORDER_MUTANTS
 def test_modes_seen_in_noise_are_caught(orders, mutant):
     assert orders.seen_in_noise(IDENTIFIER, range(5)) == 0
-    assert orders.seen_in_noise(mutant, range(5)) > 0
+    assert orders.seen_in_noise(mutant, range(2)) > 0

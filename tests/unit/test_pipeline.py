@@ -189,7 +189,7 @@ def test_a_fixed_order_and_fixed_harmonics():
     ("option", "wrong"), [("order", 60), ("harmonics", 6), ("states", ["c0", "c9"]), ("channels", ["c0", "c0"])]
 )
 def test_what_the_record_cannot_hold_is_refused(option, wrong):
-    with pytest.raises(InputError, match="^Argument `"):
+    with pytest.raises(InputError, match=r"^Argument `"):
         identify(ringing(pairs(TWO)), **{option: wrong})
 
 
@@ -228,7 +228,7 @@ def test_zeros_and_a_constant_channel_are_refused():
     (record,) = ringing(pairs(TWO))
     values = np.array(record.values)
     values[1] = 3.0
-    with pytest.raises(InputError, match="channel 'c1' .* is constant"):
+    with pytest.raises(InputError, match=r"channel 'c1' .* is constant"):
         identify(dataclasses.replace(record, values=values))
     with pytest.raises(InputError, match="is constant"):
         identify(dataclasses.replace(record, values=0.0 * values))

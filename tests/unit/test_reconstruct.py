@@ -190,9 +190,7 @@ def test_a_wrong_number_of_states_is_refused(model, states):
 
 
 def test_too_few_channels_for_the_modes_are_told(model):
-    one = changed(
-        model, coefficients=model.coefficients[:, :1], coefficient_std=None, channels=[model.channels[0]]
-    )
+    one = changed(model, coefficients=model.coefficients[:, :1], coefficient_std=None, channels=[model.channels[0]])
     assert "There are too few of them to span these modes." in refused(one, ["X"])
 
 

@@ -82,6 +82,13 @@ def test_a_period_wrong_by_1e_4_is_refused_and_the_true_one_named(rotor, wrong):
     assert std < 2e-4
 
 
+def test_a_period_that_is_trusted_is_warned_of_instead(rotor):
+    record = sampled(rotor, TRUE_PERIOD / 50 * (1.0 + 1e-4))
+    analysis = identify(record, trust_period=True)
+    assert analysis.model.order == 4
+    assert "does not repeat with the period given" in analysis.warnings[0]
+
+
 def test_the_papers_step_taken_literally_is_refused_and_the_true_period_named(rotor):
     """Δt = 0.126 is 2π/50 rounded: a period wrong by 0.27 %, which tears each harmonic into a mode of its own."""
     with pytest.raises(IdentificationError, match="does not repeat with the period given") as error:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
 
 from floquid._checks import input_error, positive
 from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, Place, split
@@ -31,6 +33,7 @@ def identify(
     order: OptionalWhole = None,
     harmonics: OptionalWhole = None,
     states: str | None = None,
+    trust_period: Annotated[bool | None, Parameter(negative=())] = None,
     out: OptionalPlace = None,
     format: Literal["text", "json"] = "text",  # noqa: A002
     settings: OptionalPlace = None,
@@ -58,6 +61,8 @@ def identify(
         Keep the harmonics from minus to plus this of each mode; those above the noise when not given.
     states
         The channels that are the displacement states of A(t), comma-separated; no A(t) when not given.
+    trust_period
+        Warn instead of refusing when the response seems to repeat with another period than the one given.
     out
         A folder for result.h5, summary.json, settings.toml and figures/.
     format
@@ -81,6 +86,7 @@ def identify(
         order=order,
         harmonics=harmonics,
         states=None if states is None else split(states),
+        trust_period=trust_period,
     )
     with (
         nullcontext() if out is None else result_folder(out) as folder,

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from floquid.lti._exponentials import Factor
 
-
 LARGEST_GRAM = 2000
 """Samples up to which the Gram matrix is formed whole; beyond, only the diagonals that the window reaches."""
 

@@ -64,9 +64,7 @@ def select_bands(
     return kept
 
 
-def _squares(
-    values: NDArray[np.float64], std: NDArray[np.float64], counted: NDArray[np.bool_]
-) -> NDArray[np.float64]:
+def _squares(values: NDArray[np.float64], std: NDArray[np.float64], counted: NDArray[np.bool_]) -> NDArray[np.float64]:
     """The squares of values over their deviations; zero where they are not `counted`."""
     return np.divide(values, std, out=np.zeros(values.shape), where=counted) ** 2
 

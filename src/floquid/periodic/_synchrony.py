@@ -16,7 +16,7 @@ SIGNIFICANT = 6.0
 NEGLIGIBLE_SLIP = 0.01
 """Samples of slip over the record below which a difference of periods does no harm, however significant."""
 
-LARGEST_DIFFERENCE = 0.02
+LARGEST_DIFFERENCE = 0.1
 """The relative difference of periods up to which two modes are looked at as one mode torn apart."""
 
 
@@ -70,7 +70,9 @@ def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
 def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     r"""The period from modes that are harmonics of one mode torn apart by a wrong period.
 
-    Modes a, b of equal real part with Im(λ_a - λ_b) = mω/(1 + ε), m ≠ 0. At least two such pairs must agree on ε.
+    Modes a, b of equal real part with Im(λ_a - λ_b) = mω/(1 + ε), m ≠ 0. At least two such pairs must agree on ε, and
+    half of the modes must be in them: two close modes of nearly equal decay are no sign of a wrong period. Of several
+    ε the one with most pairs counts.
 
     Parameters
     ----------
@@ -82,7 +84,7 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     Returns
     -------
     Synchrony or None
-        None when no two pairs of modes agree.
+        None when no two pairs of modes agree, or too few modes are in them.
     """
     std = model.exponent_std
     if std is None:
@@ -100,16 +102,17 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     )
     # A pair and the pair of its conjugates are one witness.
     alike &= model.exponents[first].imag + model.exponents[second].imag > 0
-    relative, error = relative[alike], error[alike]
-    best: Synchrony | None = None
+    relative, error, members = relative[alike], error[alike], np.stack([first, second])[:, alike]
+    # A mode and its conjugate are one member.
+    mode = np.array([np.argmin(np.abs(model.exponents - e.real - 1j * abs(e.imag))) for e in model.exponents], int)
+    best, most = None, 1
     for value, own in zip(relative, error, strict=True):
         near = np.abs(relative - value) < 4.0 * np.hypot(error, own)
-        if near.sum() < 2:
+        if near.sum() <= most or 2 * len(np.unique(mode[members[:, near]])) < len(np.unique(mode)):
             continue
         weight = 1.0 / error[near] ** 2
         mean, sigma = float(np.sum(weight * relative[near]) / weight.sum()), float(weight.sum() ** -0.5)
-        if best is None or sigma < best.std:
-            best = _difference(mean, sigma, lifted)
+        best, most = _difference(mean, sigma, lifted), int(near.sum())
     return best
 
 

@@ -137,9 +137,9 @@ def _get_settings(group: h5py.Group) -> Settings:
     for name in group:
         if name not in known:
             raise _DamagedError(f"it has the setting {name!r}, which this floquid does not know (update floquid)")
-    return Settings(
-        **{name: _get_any(group, name) for name in known if name in group or name in layout.SETTINGS_OF_VERSION_1}
-    )
+    found = {name: _get_any(group, name) for name in known if name in group or name in layout.SETTINGS_OF_VERSION_1}
+    flags = {field.name for field in fields(Settings) if isinstance(field.default, bool)}
+    return Settings(**{name: value == 1 if name in flags else value for name, value in found.items()})
 
 
 def _get_any(group: h5py.Group, name: str) -> Any:

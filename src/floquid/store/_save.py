@@ -91,9 +91,10 @@ def _put_settings(group: h5py.Group, settings: Settings) -> None:
     """Each field by what it holds, so that a field that `Settings` gains is written without a word here."""
     for field in fields(settings):
         value = getattr(settings, field.name)
-        if isinstance(value, Integral) and not isinstance(value, bool):
-            item = Item(field.name, "integer")
-        elif value is None or (isinstance(value, Real) and not isinstance(value, bool)):
+        if isinstance(value, Integral):
+            # HDF5 has no truth values: 0 and 1, which `load` turns back by the field's default.
+            item, value = Item(field.name, "integer"), int(value)
+        elif value is None or isinstance(value, Real):
             item = Item(field.name, optional=True)
         elif isinstance(value, str):
             item = Item(field.name, "text")
