@@ -204,6 +204,14 @@ class Orders:
         values = values + sigma[:, None] * generator.standard_normal(values.shape)
         return TimeResponses(values=values[:, None], dt=1.0, noise=sigma[:, None])
 
+    @staticmethod
+    def fixed(logs, outputs, samples, *, noise, seed=0) -> TimeResponses:
+        """The same residues for every seed, of unit parts, and noise of this deviation (rounding for none)."""
+        residues = np.random.default_rng(2**32).standard_normal((2, outputs, len(logs)))
+        values = ((residues[0] + 1j * residues[1]) @ np.exp(np.multiply.outer(logs, np.arange(samples)))).real
+        values = values + noise * np.random.default_rng(seed).standard_normal(values.shape)
+        return TimeResponses(values=values[:, None], dt=1.0, noise=np.full((outputs, 1), max(noise, 1e-9)))
+
     @classmethod
     def decays(cls, n_modes, *, outputs, samples, noise=0.02, seed=0) -> tuple[NDArray, TimeResponses]:
         """Random pairs, one in each of `n_modes` bands of frequency, of damping 0.01 to 0.05 a sample."""

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from floquid.lti import MaximumLikelihood
+
 EXPERIMENTS = {
     "two pairs": {"exponents": [-0.03 + 0.85j, -0.02 + 0.32j]},
     "a close pair": {"exponents": [-0.03 + 0.85j, -0.03 + 0.865j], "hits": 2, "noise": 0.01},
@@ -41,6 +43,23 @@ def check(known, chain, seeds, assert_that):
 @FEW
 def test_exponents_and_coefficients_err_as_they_say(experiment, chain, assert_that, name):
     check(experiment(**EXPERIMENTS[name]), chain, SEEDS, assert_that)
+
+
+def test_a_mode_that_is_weak_in_very_many_responses_errs_as_it_says(assert_that, orders):
+    """300 responses in which a pair is hardly seen: their free residues, so many, make the pole less certain.
+
+    The plain inverse of the information is a fifth too small here.
+    """
+    logs, identifier, found = np.array([-0.03 + 1.0j]), MaximumLikelihood(), []
+    start = identifier.extract(identifier.prepare(orders.fixed(logs, 300, 100, noise=0.0)))
+    for seed in range(200):
+        state = identifier.prepare(orders.fixed(logs, 300, 100, noise=3.0, seed=seed))
+        model = identifier.refine(state, start)
+        upper = np.flatnonzero(model.multipliers.imag > 0)[0]
+        off = np.log(model.multipliers[upper]) - logs[0]
+        deviations = np.sqrt(np.diag(model.covariance)[[upper, upper + model.order]])
+        found.append(np.array([off.real, off.imag]) / deviations)
+    assert_that.pulls_have_unit_variance(np.array(found))
 
 
 @pytest.mark.slow

@@ -1,5 +1,7 @@
 """A modal model of lifted responses made periodic: delay, branch, bands of harmonics, real multipliers, order."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -218,14 +220,7 @@ def test_the_noise_of_a_coefficient_is_what_least_squares_says():
     lifted = lifted_from(truth, noise=0.02, n_cycles=80).with_noise(np.array([[0.1]]))
     identifier = MaximumLikelihood()
     modal = identifier.extract(identifier.prepare(lifted.responses))
-    still = ModalModel(
-        multipliers=modal.multipliers,
-        residues=modal.residues,
-        dt=modal.dt,
-        covariance=np.zeros_like(modal.covariance),
-        residue_spread=modal.residue_spread,
-        residue_slope=modal.residue_slope,
-    )
+    still = dataclasses.replace(modal, covariance=np.zeros_like(modal.covariance))
     found = assemble(still, lifted, harmonics=1)
     powers = modal.multipliers ** np.arange(80)[:, None]
     spread = np.linalg.inv(powers.conj().T @ powers)[0, 0].real
@@ -234,6 +229,42 @@ def test_the_noise_of_a_coefficient_is_what_least_squares_says():
         whole = np.abs(found.coefficient_std[0, 0, 0, column].real) ** 2
         whole += np.abs(found.coefficient_std[0, 0, 0, column].imag) ** 2
         assert whole == pytest.approx(0.1**2 * spread * np.sum(np.abs(kernel) ** 2), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "exponents", [[-0.05 + 0.8j, -0.08 + 0.83j], [-0.3 + 0.8j, -0.4 + 1.7j]], ids=["close", "fast"]
+)
+def test_what_an_error_of_the_poles_does_to_a_coefficient_is_its_derivative(exponents):
+    """With no noise on the residues, the deviations are D C Dᵀ, D by differences of the whole way from the poles.
+
+    The poles are moved, the residues fitted again by plain least squares, the delay taken off, the branch kept.
+    """
+    truth = pair_model(exponents, shapes_of(2, hits=2), np.arange(-2, 3))
+    lifted = lifted_from(truth, n_cycles=20).with_noise(np.full((2, 2), 0.01))
+    identifier = MaximumLikelihood()
+    modal = identifier.refine(identifier.prepare(lifted.responses), exact_modal(lifted, truth.multipliers))
+    still = dataclasses.replace(modal, residue_spread=np.zeros_like(modal.residue_spread))
+    found = assemble(still, lifted, harmonics=2)
+
+    def coefficients(poles):
+        moved = assemble(exact_modal(lifted, np.exp(poles * lifted.period)), lifted, harmonics=2)
+        return moved.coefficients[np.argsort(np.abs(moved.exponents), kind="stable")][::2]
+
+    size, slopes = 1e-6, []
+    upper = np.flatnonzero(modal.multipliers.imag > 0)
+    lower = [int(np.argmin(np.abs(modal.multipliers - modal.multipliers[u].conj()))) for u in upper]
+    for turn in (1.0, 1.0j):
+        for u, v in zip(upper, lower, strict=True):
+            step = np.zeros(4, complex)
+            step[u], step[v] = size * turn, size * np.conj(turn)
+            slopes.append((coefficients(modal.poles + step) - coefficients(modal.poles - step)) / (2.0 * size))
+    slopes = np.array(slopes)
+    both = np.concatenate([upper, upper + 4])
+    covariance = modal.covariance[np.ix_(both, both)]
+    real = np.sqrt(np.einsum("i...,ij,j...->...", slopes.real, covariance, slopes.real))
+    imag = np.sqrt(np.einsum("i...,ij,j...->...", slopes.imag, covariance, slopes.imag))
+    assert_allclose(found.coefficient_std[::2].real, real, rtol=1e-4, atol=1e-4 * real.max())
+    assert_allclose(found.coefficient_std[::2].imag, imag, rtol=1e-4, atol=1e-4 * real.max())
 
 
 def test_models_that_do_not_belong_together_are_refused():

@@ -263,6 +263,20 @@ def test_an_offset_is_told_apart_from_the_modes():
     assert_exponents_close(others, pairs(TWO).exponents, PERIOD, atol=2e-3)
 
 
+def test_a_real_mode_that_decays_is_not_taken_for_an_offset():
+    truth = pairs(TWO)
+    generator = np.random.default_rng(1)
+    half = generator.standard_normal((1, 2, 1, 5)) + 1j * generator.standard_normal((1, 2, 1, 5))
+    truth = dataclasses.replace(
+        truth,
+        exponents=np.append(truth.exponents, -0.03),
+        coefficients=np.concatenate([truth.coefficients, half + half[..., ::-1].conj()]),
+    )
+    found = identify(ringing(truth))
+    assert_exponents_close(found.model.exponents, truth.exponents, PERIOD, atol=2e-3)
+    assert found.warnings == ()
+
+
 def test_a_constant_system_is_warned_of():
     found = identify(ringing(pairs(TWO, width=0)))
     assert any("No mode has a second harmonic" in warning for warning in found.warnings)

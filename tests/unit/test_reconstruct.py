@@ -117,6 +117,14 @@ def test_the_size_and_phase_of_a_hit_do_not_matter(model):
         assert_allclose(found.transition, expected.transition, atol=1e-8)
 
 
+def test_hits_of_opposite_phase_do_not_cancel(model):
+    """Factors 1 and i: their squares add up to zero, their sizes do not."""
+    factors = np.array([[1.0, 1j], [1.0, -1j], [1.0, 1j], [1.0, -1j]])[:, None, :, None]
+    other = changed(model, coefficients=model.coefficients[:, :, [0, 0]] * factors, coefficient_std=None)
+    expected = reconstruct(model, ["X", "Y"], times=9).system
+    assert_allclose(reconstruct(other, ["X", "Y"], times=9).system, expected, atol=1e-8)
+
+
 def test_hits_are_combined_by_their_strength():
     """A mode that hit 2 does not excite is taken from hit 1, where it is clear, and not averaged with noise."""
     generator = np.random.default_rng(0)

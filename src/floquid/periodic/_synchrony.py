@@ -19,6 +19,12 @@ NEGLIGIBLE_SLIP = 0.01
 LARGEST_DIFFERENCE = 0.1
 """The relative difference of periods up to which two modes are looked at as one mode torn apart."""
 
+EVIDENT = 0.1
+"""Equal decays say something where the deviation of their difference is below this share of the decay."""
+
+WITNESSES = 3
+"""Pairs of modes that must agree on a difference of periods."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Synchrony:
@@ -70,9 +76,9 @@ def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
 def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     r"""The period from modes that are harmonics of one mode torn apart by a wrong period.
 
-    Modes a, b of equal real part with Im(λ_a - λ_b) = mω/(1 + ε), m ≠ 0. At least two such pairs must agree on ε, and
-    half of the modes must be in them: two close modes of nearly equal decay are no sign of a wrong period. Of several
-    ε the one with most pairs counts.
+    Modes a, b of equal real part with Im(λ_a - λ_b) = mω/(1 + ε), m ≠ 0. At least `WITNESSES` such pairs must agree on
+    ε, and half of the modes must be in them: two close modes of nearly equal decay are no sign of a wrong period. Of
+    several ε the one with most pairs counts.
 
     Parameters
     ----------
@@ -84,7 +90,7 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     Returns
     -------
     Synchrony or None
-        None when no two pairs of modes agree, or too few modes are in them.
+        None when too few pairs of modes agree, or too few modes are in them.
     """
     std = model.exponent_std
     if std is None:
@@ -97,6 +103,7 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     error = np.divide(deviation[1], np.abs(turns) * model.fundamental, out=np.full(len(gap), np.inf), where=turns != 0)
     alike = (
         (np.abs(gap.real) < 5.0 * deviation[0])
+        & (deviation[0] < EVIDENT * np.abs(model.exponents[first].real))
         & (np.abs(relative) < LARGEST_DIFFERENCE)
         & (error < np.abs(relative) / SIGNIFICANT)
     )
@@ -105,7 +112,7 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     relative, error, members = relative[alike], error[alike], np.stack([first, second])[:, alike]
     # A mode and its conjugate are one member.
     mode = np.array([np.argmin(np.abs(model.exponents - e.real - 1j * abs(e.imag))) for e in model.exponents], int)
-    best, most = None, 1
+    best, most = None, WITNESSES - 1
     for value, own in zip(relative, error, strict=True):
         near = np.abs(relative - value) < 4.0 * np.hypot(error, own)
         if near.sum() <= most or 2 * len(np.unique(mode[members[:, near]])) < len(np.unique(mode)):
