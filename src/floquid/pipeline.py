@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 
 import numpy as np
+from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer, positive
 from floquid.core import ConstantPeriod, Cycles, PeriodicModel, Provenance, Record, channels_named
@@ -19,6 +20,9 @@ from floquid.sync import segment
 
 CONFIDENT = 2e-3
 """A mode counts as well determined when both parts of its exponent have a deviation below this share of ω."""
+
+ENOUGH_CYCLES = 3
+"""Cycles a pole that a hit must hold for its noise to be judged by itself."""
 
 NOISE_ROUNDS = 4
 """How often the noise may be estimated again from the residual."""
@@ -46,6 +50,9 @@ class Settings:
         The probability at which noise may pass for a mode.
     harmonic_false_alarm
         The probability at which noise may pass for a harmonic.
+    noise_floor
+        The least share of a channel's largest value that the noise is taken to be: the level down to which the record
+        can be believed.
     trust_period
         Warn instead of refusing when the response seems to repeat with another period than the one given.
 
@@ -63,6 +70,7 @@ class Settings:
     system_times: int = 50
     mode_false_alarm: float = 1e-9
     harmonic_false_alarm: float = 1e-8
+    noise_floor: float = 1e-10
     trust_period: bool = False
 
     def __post_init__(self) -> None:
@@ -83,7 +91,7 @@ class Settings:
         if not isinstance(self.trust_period, (bool, np.bool_)):
             raise input_error("trust_period", of, "be true or false", f"is {self.trust_period!r}")
         object.__setattr__(self, "trust_period", bool(self.trust_period))
-        for name in ("mode_false_alarm", "harmonic_false_alarm"):
+        for name in ("mode_false_alarm", "harmonic_false_alarm", "noise_floor"):
             if not 0.0 < positive(getattr(self, name), name, of) < 1.0:
                 raise input_error(name, of, "lie between 0 and 1", f"is {getattr(self, name)}")
 
@@ -164,7 +172,7 @@ def identify(
     _refuse_impossible(chosen, cycles)
     _refuse_copies(used)
     report("estimating the noise")
-    lifted = lift(cycles)
+    lifted = lift(cycles, floor=chosen.noise_floor)
     lifted, modal = _find_poles(lifted, chosen, report)
     report("expanding the shapes in harmonics")
     model = assemble(modal, lifted, false_alarm=chosen.harmonic_false_alarm, harmonics=chosen.harmonics)
@@ -227,10 +235,11 @@ def _prepare(records: Record | Sequence[Record], settings: Settings) -> tuple[Re
 def _refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:
     """Refuse what cannot end well before any long work."""
     of, periods, phases = "identify", max(c.n_cycles for c in cycles), cycles[0].n_phases
-    if periods < 4:
+    shortest = min(c.n_cycles for c in cycles)
+    if shortest < 4:
         raise IdentificationError(
-            f"The record holds {periods} whole period{'s' if periods > 1 else ''}: fewer than 4 cannot hold a mode and "
-            "the noise beside it. Record longer, or check the period."
+            f"The record holds {shortest} whole period{'s' if shortest > 1 else ''}: fewer than 4 cannot hold a mode "
+            "and the noise beside it. Record longer, or check the period."
         )
     channels_named(cycles[0].channels, settings.states, argument="states", of=of)
     if settings.order is not None and settings.order >= periods:
@@ -280,8 +289,7 @@ def _find_poles(lifted: Lifted, settings: Settings, report: Callable[[str], None
                     "let it be found."
                 )
             raise IdentificationError(f"Identification ended without a result: {words}")
-        assert modal.residual_std is not None
-        noise = np.sqrt(np.mean(lifted.by_channel(modal.residual_std**2), axis=1))
+        noise = _noise_left(lifted, modal)
         again = lifted.with_noise(noise)
         change = np.abs(np.log(again.noise / lifted.noise)).max()
         lifted = again
@@ -295,6 +303,23 @@ def _find_poles(lifted: Lifted, settings: Settings, report: Callable[[str], None
             "settle as modes are fitted. Look at the record: are its samples clipped, or rounded to a few levels?"
         )
     return lifted, modal
+
+
+def _noise_left(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64]:
+    """The noise in what the fit leaves (channels, hits).
+
+    A hit with hardly more cycles than there are poles leaves nothing to judge it by: it has the noise of the channel's
+    other hits.
+    """
+    assert modal.residual_std is not None
+    variance = np.mean(lifted.by_channel(modal.residual_std**2), axis=1)
+    lengths = lifted.responses.lengths
+    long = lengths >= ENOUGH_CYCLES * modal.order
+    if long.any() and not long.all():
+        weights = np.where(long, lengths - modal.order, 0)
+        pooled = variance @ weights / weights.sum()
+        variance = np.where(long, variance, pooled[:, None])
+    return np.sqrt(variance)
 
 
 def _wrong_period(model: PeriodicModel, lifted: Lifted) -> str:
@@ -323,6 +348,7 @@ def _warnings(model: PeriodicModel) -> tuple[str, ...]:
                 "fundamental): each may stand for several modes that this record cannot tell apart."
             )
         still = np.abs(np.angle(model.multipliers)) < 3.0 * std.imag * model.period + 1e-12
+        still &= np.maximum(std.real, std.imag) < CONFIDENT * model.fundamental
         still &= np.abs(model.exponents.real) < 4.0 * std.real + 1e-9 * model.fundamental
         if still.any():
             words.append(

@@ -21,7 +21,7 @@ class PeriodicModel:
     .. math:: y_h(t) = \sum_r \sum_m B_{r,h,m}\, e^{(\lambda_r + i m \omega) t}, \qquad \omega = 2\pi/T
 
     (Allen 2009, eqs. 11-12), with t = 0 at phase zero of the clock: the instant of phase zero at or before the first
-    sample of each hit. Modes come with their conjugates, one by one, so the response is real.
+    sample used of each hit. Modes come with their conjugates, one by one, so the response is real.
 
     Parameters
     ----------

@@ -15,6 +15,9 @@ from floquid.lti import TimeResponses, white_noise_std
 ROUNDING = 1e-10
 """The noise is taken to be at least this share of a channel's largest value: records are never exact beyond it."""
 
+SINGLE = 2.0**-24
+"""The same for samples that were stored in single precision."""
+
 SMALLEST, LARGEST = 1e-75, 1e75
 """Bounds on a channel's largest value: sums of fourth powers of what lies beyond leave the range of floating point."""
 
@@ -38,6 +41,8 @@ class Lifted:
         The phase of the first of them, in periods.
     provenance
         Where the responses come from.
+    floor
+        The least share of a channel's largest value that the noise is taken to be.
     """
 
     responses: TimeResponses
@@ -45,6 +50,7 @@ class Lifted:
     n_phases: int
     first_phase: float
     provenance: Provenance
+    floor: float = ROUNDING
 
     @property
     def n_channels(self) -> int:
@@ -78,7 +84,7 @@ class Lifted:
 
     def with_noise(self, noise: NDArray[np.float64]) -> Lifted:
         """The same responses with another noise (channels, hits)."""
-        at_least = ROUNDING * _largest(self.responses.values, self.n_channels)
+        at_least = self.floor * _largest(self.responses.values, self.n_channels)
         spread = np.repeat(np.maximum(noise, at_least), self.n_phases, axis=0)
         responses = TimeResponses(
             values=self.responses.values, dt=self.period, noise=spread, lengths=self.responses.lengths
@@ -86,7 +92,7 @@ class Lifted:
         return replace(self, responses=responses)
 
 
-def lift(cycles: Cycles | Sequence[Cycles]) -> Lifted:
+def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING) -> Lifted:
     r"""The lifted responses of one or several hits, with an estimate of the noise of each channel and hit.
 
     .. math:: y^L[m] = [y_0^T, \dots, y_{P-1}^T]^T[m] = \sum_r R^{Ld}_r e^{\lambda_r m T}
@@ -97,6 +103,9 @@ def lift(cycles: Cycles | Sequence[Cycles]) -> Lifted:
     ----------
     cycles
         One `Cycles` a hit, alike in channels, phases, first phase and period; their numbers of cycles may differ.
+    floor
+        The least share of a channel's largest value that the noise is taken to be. Samples that are all in single
+        precision raise it to 2⁻²⁴.
 
     Returns
     -------
@@ -129,6 +138,7 @@ def lift(cycles: Cycles | Sequence[Cycles]) -> Lifted:
         n_phases=first.n_phases,
         first_phase=first.first_phase,
         provenance=Provenance.merge(tuple(hit.provenance for hit in hits)),
+        floor=max(floor, SINGLE) if np.array_equal(values, values.astype(np.float32)) else floor,
     )
     return lifted.with_noise(noise)
 

@@ -50,7 +50,7 @@ def factor(responses: NDArray[np.float64]) -> Factor:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """The least-squares fit of one set of poles: cost, gradient step matrices, residues of the factors."""
+    """The least-squares fit of one set of poles: its cost, and what a step and the covariance need."""
 
     poles: PoleSet
     cost: float
@@ -59,9 +59,14 @@ class Fit:
     information: NDArray[np.float64]
 
     def covariance(self) -> NDArray[np.float64]:
-        """The covariance of the real parameters (order, order), for noise of unit variance."""
-        inverse = np.linalg.pinv(self.information, rcond=1e-14, hermitian=True)
-        return inverse @ self.gauss_newton @ inverse
+        """The covariance of the real parameters (order, order), for noise of unit variance.
+
+        Information is brought to a unit diagonal first: a weak mode beside a strong one is not a null direction.
+        """
+        scale = np.sqrt(np.maximum(np.diag(self.information), np.finfo(float).tiny))
+        both = np.outer(scale, scale)
+        inverse = np.linalg.pinv(self.information / both, rcond=1e-14, hermitian=True)
+        return inverse @ (self.gauss_newton / both) @ inverse / both
 
 
 def basis(poles: PoleSet, samples: int) -> NDArray[np.complex128]:

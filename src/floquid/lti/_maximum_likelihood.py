@@ -107,13 +107,15 @@ class MaximumLikelihood(AbstractIdentifier):
                 f"is {order}",
                 "Record more samples, or ask for fewer poles.",
             )
-        found, factors = self._choose(state, most, report)
+        found, factors, ended = self._choose(state, most, report)
         outcome = Outcome.SUCCESS
         if order is not None:
             found = force_order(found, factors, order, self.false_alarm)
             outcome = Outcome.SUCCESS if found.poles.order == order else Outcome.ORDER_UNREACHED
         elif not len(found.poles):
             outcome = Outcome.NO_MODE
+        elif not ended:
+            outcome = Outcome.NOT_WHITE
         elif found.poles.order >= most:
             outcome = Outcome.TOO_FEW_SAMPLES
         return self._model(state, polish(found.poles, factors), outcome)
@@ -137,16 +139,16 @@ class MaximumLikelihood(AbstractIdentifier):
         samples = self._horizon(poles, state)
         return self._model(state, polish(poles, [f.cut(samples) for f in state.factors]), model.outcome)
 
-    def _choose(self, state: Prepared, most: int, report: Callable[[str], None]) -> tuple[Fit, list[Factor]]:
+    def _choose(self, state: Prepared, most: int, report: Callable[[str], None]) -> tuple[Fit, list[Factor], bool]:
         """The poles from the samples that hold energy, and again from more when a mode lasts longer than those."""
         whole = int(state.data.lengths.max())
         samples = energetic_length(state.factors)
         while True:
             factors = [f.cut(samples) for f in state.factors]
-            found = choose(factors, false_alarm=self.false_alarm, most=most, starts=self.starts, report=report)
+            found, ended = choose(factors, false_alarm=self.false_alarm, most=most, starts=self.starts, report=report)
             horizon = self._horizon(found.poles, state)
-            if horizon <= samples or samples == whole:
-                return found, factors
+            if horizon <= samples or samples == whole or not ended:
+                return found, factors, ended
             samples = horizon
 
     def _horizon(self, poles: PoleSet, state: Prepared) -> int:

@@ -45,7 +45,9 @@ def _quartile(responses: NDArray[np.float64], window: int) -> float:
     """The lower quartile of the eigenvalues of the Hankel covariance, a column."""
     outputs, samples = responses.shape
     values = np.linalg.eigvalsh(hankel_covariance([factor(responses.T)], window))
-    return float(np.quantile(values, QUARTILE)) / (outputs * (samples - window + 1))
+    # Eigenvalues of a squared matrix: below this share of the largest they are rounding, not noise.
+    rounding = 8.0 * np.finfo(float).eps * values[-1]
+    return max(float(np.quantile(values, QUARTILE)), rounding) / (outputs * (samples - window + 1))
 
 
 @lru_cache(maxsize=64)

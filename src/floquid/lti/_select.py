@@ -22,9 +22,12 @@ from floquid.lti._esprit import shift_poles, signal_vectors
 from floquid.lti._exponentials import Factor, Fit, basis, fit, polish, real_basis, residual_of
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 
-FASTEST = (-3.0, 0.5)
+FASTEST = (-3.0, 2.0)
 """Logarithms of the fastest decay and growth a sample at which a mode differs from a blow to a single sample."""
 
+
+SEARCHES = 16
+"""How often the residual of one start may be searched and still hold another mode, before it counts as not white."""
 
 RESOLVED = 3.0
 """Standard deviations by which two real poles must differ to be preferred to a conjugate pair."""
@@ -74,19 +77,19 @@ def choose(
     most: int,
     starts: Sequence[int],
     report: Callable[[str], None] = lambda _: None,
-) -> Fit:
-    """The poles that the data support, fitted by maximum likelihood."""
+) -> tuple[Fit, bool]:
+    """The poles that the data support, fitted by maximum likelihood, and whether the search came to an end."""
     threshold = Threshold.for_(factors, false_alarm)
     window = search_window(factors)
     _, vectors = signal_vectors(factors, window)
-    best: Fit | None = None
-    for order in sorted({max(1, min(order, window - 1)) for order in starts}):
+    best, ended = fit(PoleSet.empty(), factors), False
+    for number, order in enumerate(sorted({max(1, min(order, window - 1)) for order in starts})):
         begin = plausible(PoleSet.from_multipliers(shift_poles(vectors, order)))
-        now = _settle(polish(prune_linear(begin, factors, threshold), factors), factors, threshold, most)
+        now, settled = _settle(polish(prune_linear(begin, factors, threshold), factors), factors, threshold, most)
         report(f"start of order {order}: {now.poles.order} poles kept")
-        if best is None or threshold.penalised(now) < threshold.penalised(best) - 1e-6 * abs(best.cost):
-            best = now
-    return best if best is not None else _settle(fit(PoleSet.empty(), factors), factors, threshold, most)
+        if not number or threshold.penalised(now) < threshold.penalised(best) - 1e-6 * abs(best.cost):
+            best, ended = now, settled
+    return best, ended
 
 
 def energetic_length(factors: Sequence[Factor], *, short: int = 600, margin: float = 1.5) -> int:
@@ -118,6 +121,11 @@ def plausible(poles: PoleSet) -> PoleSet:
     return poles.keep((poles.s.real > FASTEST[0]) & (poles.s.real < FASTEST[1]))
 
 
+def _possible(found: Fit) -> bool:
+    """Whether all poles of a fit are within `FASTEST`."""
+    return len(plausible(found.poles)) == len(found.poles)
+
+
 def prune_linear(poles: PoleSet, factors: Sequence[Factor], threshold: Threshold) -> PoleSet:
     """Take away, one by one, what the free residues of the others can do without."""
     while len(poles):
@@ -143,17 +151,20 @@ def removal_rises(poles: PoleSet, factors: Sequence[Factor]) -> NDArray[np.float
     return rises
 
 
-def _settle(now: Fit, factors: Sequence[Factor], threshold: Threshold, most: int) -> Fit:
-    """Prune, add from the residual, and try the real axis, until nothing changes."""
-    for _ in range(2 * most + 2):
+def _settle(now: Fit, factors: Sequence[Factor], threshold: Threshold, most: int) -> tuple[Fit, bool]:
+    """Prune, try the real axis and add from the residual, until nothing gets better; and whether that came to pass."""
+    lowest = np.inf
+    for _ in range(SEARCHES):
         before = now.poles
         now = _prune(now, factors, threshold)
         now = _straighten(now, factors, threshold)
         if now.poles.order < most:
             now = _add(now, factors, threshold)
-        if now.poles is before:
-            break
-    return now
+        score = threshold.penalised(now)
+        if now.poles is before or score >= lowest:
+            return now, True
+        lowest = score
+    return now, False
 
 
 def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
@@ -197,11 +208,11 @@ def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fi
                 continue
             rest = now.poles.without(int(entry))
             one = polish(rest.plus([real_poles(kind, s.real)]), factors)
-            if one.cost - now.cost < threshold.of(2) - threshold.of(1):
+            if _possible(one) and one.cost - now.cost < threshold.of(2) - threshold.of(1):
                 return one
             gap = max(angle, 0.2 * abs(s.real), 1e-3)
             two = polish(rest.plus([real_poles(kind, s.real - gap, s.real + gap)]), factors)
-            if two.cost - now.cost < -(RESOLVED**2) and _told_apart(two, -2, -1):
+            if _possible(two) and two.cost - now.cost < -(RESOLVED**2) and _told_apart(two, -2, -1):
                 return two
     for kind in (POSITIVE, NEGATIVE):
         along = np.flatnonzero(now.poles.kind == kind)
@@ -240,9 +251,7 @@ def _add(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
         if promised < 0.5 * threshold.of(int(candidate.sizes[0])):
             continue
         more = polish(now.poles.plus([candidate]), factors)
-        if len(plausible(more.poles)) == len(more.poles) and now.cost - more.cost > threshold.of(
-            int(candidate.sizes[0])
-        ):
+        if _possible(more) and now.cost - more.cost > threshold.of(int(candidate.sizes[0])):
             return more
     return now
 
@@ -314,7 +323,7 @@ def force_order(now: Fit, factors: Sequence[Factor], order: int, false_alarm: fl
     while now.poles.order < order:
         room = order - now.poles.order
         trials = [polish(now.poles.plus([c]), factors) for c, _ in candidates(now.poles, factors) if c.order <= room]
-        trials = [t for t in trials if len(plausible(t.poles)) == len(t.poles) and t.cost < now.cost]
+        trials = [t for t in trials if _possible(t) and t.cost < now.cost]
         if not trials:
             break
         now = min(trials, key=threshold.penalised)

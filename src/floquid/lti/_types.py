@@ -25,6 +25,11 @@ class Outcome(Enum):
         "the responses are too short for the modes in them: the order reached the most that this many samples can "
         "hold. Record more samples, or fix a lower order."
     )
+    NOT_WHITE = (
+        "mode after mode was found in what the fit leaves, without an end: the residual is not white noise. Samples "
+        "may be rounded to a few levels, the noise coloured, the simulation coarse, or the response nonlinear. Raise "
+        "the noise floor (`noise_floor`) to the level down to which the record can be believed, or fix the order."
+    )
     ORDER_UNREACHED = "the data do not hold as many poles as were asked for: ask for fewer, or let the order be found."
 
 

@@ -59,6 +59,7 @@ def assemble(
     else:
         low, high = found.seeds[:, :1] - harmonics, found.seeds[:, 1:] + harmonics
         kept = (found.harmonics >= low) & (found.harmonics <= high)
+        kept &= (found.coefficients != 0).any(axis=(1, 2)) | (found.harmonics == 0)
     order = _by_frequency(modal, found)
     kept = kept[order]
     used = kept.any(axis=0)
@@ -108,7 +109,10 @@ def _check(modal: ModalModel, lifted: Lifted, harmonics: int | None) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Expansion:
-    """All coefficients of every mode on the branch reported, and the band that a real response needs at least."""
+    """All coefficients of every mode on the branch reported, and the band that a real response needs at least.
+
+    Of each mode, the harmonics up to the Nyquist frequency are filled, |Im λ/ω + m| ≤ P/2; the others are zero.
+    """
 
     exponents: NDArray[np.complex128]
     coefficients: NDArray[np.complex128]
@@ -143,8 +147,7 @@ def _partner(modal: ModalModel, index: int) -> int:
 
 
 def _expand(modal: ModalModel, lifted: Lifted) -> _Expansion:
-    half = (lifted.n_phases - 1) // 2
-    harmonics = np.arange(-half, half + 1)
+    harmonics = np.arange(-lifted.n_phases, lifted.n_phases + 1)
     shape = (modal.order, lifted.n_channels, lifted.n_hits, len(harmonics))
     exponents = np.array(modal.poles)
     coefficients, std = np.zeros((2, *shape), complex)
@@ -158,12 +161,21 @@ def _expand(modal: ModalModel, lifted: Lifted) -> _Expansion:
             continue
         turn = _physical_turn(modal, lifted, r)
         exponents[r] = modal.poles[r] + 1j * turn * 2.0 * np.pi / lifted.period
-        coefficients[r], std[r] = _coefficients(modal, lifted, r, exponents[r], harmonics)
+        share = _share_of_nyquist(exponents[r].imag * lifted.period / (2.0 * np.pi) + harmonics, lifted.n_phases)
+        seen = share > 0
+        own, deviation = _coefficients(modal, lifted, r, exponents[r], harmonics[seen])
+        coefficients[r][..., seen], std[r][..., seen] = own * share[seen], deviation * share[seen]
         if partner == r:
             # A real multiplier's shape is its own conjugate: harmonic m belongs with this mirror image of it.
             mirror = -2 * turn - (1 if modal.multipliers[r].real < 0 else 0)
             seeds[r] = min(0, mirror), max(0, mirror)
     return _Expansion(exponents, coefficients, std, harmonics, seeds)
+
+
+def _share_of_nyquist(turns: NDArray[np.float64], n_phases: int) -> NDArray[np.float64]:
+    """1 below the Nyquist frequency of P/2 turns a period, 0 above; on it two harmonics are one, and each has half."""
+    beyond = np.abs(turns) - 0.5 * n_phases
+    return np.where(np.abs(beyond) < 1e-9, 0.5, np.where(beyond < 0, 1.0, 0.0))
 
 
 def _physical_turn(modal: ModalModel, lifted: Lifted, mode: int) -> int:
@@ -174,6 +186,7 @@ def _physical_turn(modal: ModalModel, lifted: Lifted, mode: int) -> int:
     residues = lifted.by_channel(modal.residues[mode]) / lifted.noise[:, None, :]
     energy = np.sum(np.abs(np.einsum("mk,ckh->mch", kernel, residues)) ** 2, axis=(1, 2))
     imag = modal.poles[mode].imag * lifted.period / (2 * np.pi) + turns
+    energy = np.where(_share_of_nyquist(imag, lifted.n_phases) > 0, energy, 0.0)
     ties = np.flatnonzero(energy > (1.0 - 1e-6) * energy.max())
     return int(turns[ties[np.argmax(np.abs(imag[ties]) + 1e-9 * np.sign(imag[ties]))]])
 

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
 
-GAP = 2
-"""A band goes on over this many harmonics that do not rise above the noise: symmetric systems have every other one."""
+GAP = 3
+"""A band goes on over this many harmonics that do not rise above the noise: a symmetric system has every second,
+and one whose period was given four times too long every fourth."""
 
 
 def select_bands(

@@ -67,10 +67,10 @@ def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     Returns
     -------
     Synchrony or None
-        The clearer of the two; None when the response does not tell the period.
+        The one with the smaller deviation; None when the response does not tell the period.
     """
     found = [sign for sign in (drift(model, lifted), spacing(model, lifted)) if sign is not None]
-    return max(found, key=lambda sign: abs(sign.relative) / sign.std, default=None)
+    return min(found, key=lambda sign: sign.std, default=None)
 
 
 def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:

@@ -1,0 +1,45 @@
+"""Harmonics end at the Nyquist frequency, and the response of a real multiplier is real between the samples too."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import floquid as fq
+
+PERIOD, CYCLES = 1.0, 60
+OMEGA = 2.0 * np.pi / PERIOD
+
+
+def record_of(turns, coefficients, phases):
+    """A mode at `turns` turns a period with a decay of 0.05 a period, harmonics -1, 0, 1."""
+    times = np.arange(phases * CYCLES) * PERIOD / phases
+    exponent = -0.05 + 1j * turns * OMEGA
+    shape = np.tensordot(coefficients, np.exp(1j * OMEGA * np.outer([-1, 0, 1], times)), 1)
+    values = (shape * np.exp(exponent * times)).real
+    return fq.Record(
+        values=values, sample_rate=phases / PERIOD, channels=["a", "b"], clock=fq.ConstantPeriod(period=PERIOD)
+    )
+
+
+def complex_response(model, times):
+    return np.einsum("rchn,rn->chn", model.shapes(times), np.exp(np.multiply.outer(model.exponents, times)))[:, 0]
+
+
+@pytest.mark.parametrize(("turns", "phases"), [(1.9, 4), (3.7, 8), (1.2, 3), (0.3, 2), (1.3, 5)])
+def test_a_branch_above_the_nyquist_frequency_is_never_reported(turns, phases):
+    found = fq.identify(record_of(turns, np.array([[0, 1.0, 0], [0, 0.5j, 0]]), phases)).model
+    assert_allclose(np.abs(found.exponents.imag), turns * OMEGA, rtol=1e-8)
+
+
+@pytest.mark.parametrize("turns", [0.0, 0.5, 1.0, 1.5])
+@pytest.mark.parametrize("phases", [1, 2, 3, 4, 6, 7, 8, 16])
+@pytest.mark.parametrize("harmonics", [None, 0, 2])
+def test_the_response_of_a_real_multiplier_is_real(turns, phases, harmonics):
+    if harmonics is not None and 2 * harmonics >= phases:
+        pytest.skip("more harmonics than samples a period allow")
+    record = record_of(turns, np.array([[0.1, 1.0, 0.2], [0.3, 0.5, 0.1]]), phases)
+    model = fq.identify(record, order=1, harmonics=harmonics).model
+    response = complex_response(model, np.linspace(0.0, 5.0, 333))
+    assert np.abs(response.imag).max() < 1e-12 * np.abs(response).max()
+    if harmonics is None:
+        assert_allclose(complex_response(model, record.times).real, record.values, atol=1e-7)
