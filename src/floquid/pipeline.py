@@ -308,18 +308,19 @@ def _find_poles(lifted: Lifted, settings: Settings, report: Callable[[str], None
 def _noise_left(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64]:
     """The noise in what the fit leaves (channels, hits).
 
-    A hit with hardly more cycles than there are poles leaves nothing to judge it by: it has the noise of the channel's
-    other hits.
+    A hit with hardly more cycles than there are poles leaves nothing to judge its noise by, and would be weighted by
+    chance: beside longer ones it is refused.
     """
     assert modal.residual_std is not None
-    variance = np.mean(lifted.by_channel(modal.residual_std**2), axis=1)
     lengths = lifted.responses.lengths
     long = lengths >= ENOUGH_CYCLES * modal.order
     if long.any() and not long.all():
-        weights = np.where(long, lengths - modal.order, 0)
-        pooled = variance @ weights / weights.sum()
-        variance = np.where(long, variance, pooled[:, None])
-    return np.sqrt(variance)
+        short = int(np.argmin(lengths))
+        raise IdentificationError(
+            f"Hit {short + 1} holds {lengths[short]} whole periods, fewer than {ENOUGH_CYCLES} for each of the "
+            f"{modal.order} poles found: its noise cannot be judged beside that of the longer hits. Leave it out."
+        )
+    return np.sqrt(np.mean(lifted.by_channel(modal.residual_std**2), axis=1))
 
 
 def _wrong_period(model: PeriodicModel, lifted: Lifted) -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 from scipy.stats import binom, chi2
 
 from floquid import PeriodicModel, Record, identify
@@ -101,7 +102,7 @@ class Experiment:
         wanted = self.truth.exponents[::2]
         assert model.order == self.truth.order, f"order {model.order}, not {self.truth.order}"
         off = np.abs(np.subtract.outer(wanted, model.exponents))
-        return np.argmin(off, axis=1)
+        return linear_sum_assignment(off)[1]
 
     def exponent_errors(self, model: PeriodicModel) -> tuple[NDArray, NDArray]:
         """Errors of the real, then the imaginary parts of the upper modes, and their covariance."""

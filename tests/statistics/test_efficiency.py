@@ -35,7 +35,16 @@ def test_the_covariance_is_that_of_the_bound(plain, chain):
     ("options", "loss"),
     [
         ({"exponents": [-0.03 + 0.85j, -0.02 + 0.32j]}, 1.02),
-        ({"exponents": [-0.03 + 0.85j, -0.03 + 0.853j], "noise": 0.01, "hits": 2}, 1.1),
+        (
+            {
+                "exponents": [-0.03 + 0.85j, -0.03 + 0.853j],
+                "noise": 0.005,
+                "n_phases": 24,
+                "channels": 4,
+                "hits": 2,
+            },
+            1.1,
+        ),
         ({"exponents": [-0.03 + 0.85j, -0.02 + 0.32j], "units": [0.1, 10.0]}, 1.05),
         ({"exponents": [-0.01 + 0.85j, -0.008 + 0.32j], "noise": 0.2, "n_cycles": 200}, 1.1),
         ({"exponents": [-0.15 + 0.85j, -0.1 + 0.32j], "noise": 0.01}, 1.05),

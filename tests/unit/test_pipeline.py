@@ -10,6 +10,7 @@ from floquid import floquet
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import IdentificationError, InputError
 from floquid.pipeline import Analysis, Settings, identify
+from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close
 
 PERIOD, PHASES = 6.0, 12
@@ -343,3 +344,12 @@ def test_a_locked_system_with_real_negative_multipliers(noise, atol, system_atol
     assert_exponents_close(found.model.exponents, floquet.exponents(system, period), period, atol=atol)
     assert_allclose(found.state.system, system(found.state.times), atol=system_atol)
     assert "grow" not in " ".join(found.warnings)
+
+
+def test_a_hit_too_short_to_judge_its_noise_is_refused_beside_a_long_one():
+    record = JeffcottRotor().simulate(n_periods=120, samples_per_period=16, noise=0.01, seed=0)
+    short = dataclasses.replace(record, values=record.values[:, ::-1][:, : 6 * 16])
+    with pytest.raises(
+        IdentificationError, match=r"Hit 2 holds 6 whole periods, fewer than 3 for each of the \d+ poles"
+    ):
+        identify([record, short])

@@ -15,6 +15,9 @@ from floquid.lti import TimeResponses, white_noise_std
 ROUNDING = 1e-10
 """The noise is taken to be at least this share of a channel's largest value: records are never exact beyond it."""
 
+SHORT = 24
+"""Cycles below which a hit's own noise is not estimated while there are longer hits."""
+
 SINGLE = 2.0**-24
 """The same for samples that were stored in single precision."""
 
@@ -132,6 +135,10 @@ def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING) -> Lifte
             values[:, index, : hit.n_cycles] = hit.values.reshape(-1, hit.n_cycles)
     values.flags.writeable = False
     noise = np.array([[white_noise_std(block) for block in hit.values] for hit in hits]).T
+    long = lengths >= SHORT
+    if long.any():
+        # A few cycles do not tell noise from modes; until there is a fit, a short hit has the noise of the long ones.
+        noise[:, ~long] = noise[:, long].mean(axis=1, keepdims=True)
     lifted = Lifted(
         responses=TimeResponses(values=values, dt=first.period, lengths=lengths),
         channels=first.channels,
