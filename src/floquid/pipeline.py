@@ -336,6 +336,20 @@ def _wrong_period(model: PeriodicModel, lifted: Lifted) -> str:
     )
 
 
+def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
+    """Whether half of the modes have a partner of equal decay at an odd number of half fundamentals."""
+    gap = model.exponents[:, None] - model.exponents[None, :]
+    deviation = np.hypot(std.real[:, None], std.real[None, :]), np.hypot(std.imag[:, None], std.imag[None, :])
+    halves = 2.0 * gap.imag / model.fundamental
+    odd = 2.0 * np.rint((halves - 1.0) / 2.0) + 1.0
+    apart = np.abs(halves - odd) * model.fundamental < 10.0 * deviation[1]
+    apart &= deviation[1] < 1e-3 * model.fundamental
+    alike = (np.abs(gap.real) < 5.0 * deviation[0]) & (deviation[0] < 0.1 * np.abs(model.exponents.real))
+    # A mode and its own conjugate are no two modes.
+    itself = np.abs(model.exponents[:, None] - model.exponents[None, :].conj()) == 0
+    return bool(2 * (apart & alike & ~itself).any(axis=1).sum() >= max(model.order, 1))
+
+
 def _warnings(model: PeriodicModel) -> tuple[str, ...]:
     """What a reader of the result must know."""
     words = []
@@ -360,6 +374,11 @@ def _warnings(model: PeriodicModel) -> tuple[str, ...]:
         words.append(
             "No mode has a second harmonic above the noise: the system looks constant, or the period is wrong and tore "
             "each harmonic into a mode of its own."
+        )
+    if std is not None and _halved(model, std):
+        words.append(
+            "Modes come in pairs of equal decay, half a fundamental apart: the true period is most likely twice the one "
+            "given, and each mode is listed twice."
         )
     growing = model.exponents.real > (4.0 * std.real if std is not None else 0.0)
     if growing.any():
