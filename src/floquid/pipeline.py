@@ -377,8 +377,8 @@ def _warnings(model: PeriodicModel) -> tuple[str, ...]:
         )
     if std is not None and _halved(model, std):
         words.append(
-            "Modes come in pairs of equal decay, half a fundamental apart: the true period is most likely twice the one "
-            "given, and each mode is listed twice."
+            "Modes come in pairs of equal decay, half a fundamental apart: the true period is most likely twice the "
+            "one given, and each mode is listed twice."
         )
     growing = model.exponents.real > (4.0 * std.real if std is not None else 0.0)
     if growing.any():
