@@ -4,16 +4,22 @@
 by test. Every algorithm honours `AbstractIdentifier`.
 """
 
+from floquid.lti._ami import AMI
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._maximum_likelihood import MaximumLikelihood
 from floquid.lti._noise import white_noise_std
-from floquid.lti._types import ModalModel, Outcome, TimeResponses
+from floquid.lti._spectrum import WHITE, composites
+from floquid.lti._types import Composites, ModalModel, Outcome, TimeResponses
 
 __all__ = [
+    "AMI",
+    "WHITE",
     "AbstractIdentifier",
+    "Composites",
     "MaximumLikelihood",
     "ModalModel",
     "Outcome",
     "TimeResponses",
+    "composites",
     "white_noise_std",
 ]

@@ -136,10 +136,10 @@ def fit(poles: PoleSet, factors: Sequence[Factor]) -> Fit:
         gradient += (to_real.conj().T @ np.sum((slopes.conj().T @ block.values) * residues.conj(), axis=1)).real
         whole += (to_real.conj().T @ (curvature * (residues.conj() @ residues.T)) @ to_real).real
         noise += block.columns * (to_real.conj().T @ (curvature * (spread.conj() @ spread.T)) @ to_real).real
-    return Fit(poles, cost, gradient, whole, _positive_part(whole, whole - noise))
+    return Fit(poles, cost, gradient, whole, positive_part(whole, whole - noise))
 
 
-def _positive_part(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> NDArray[np.float64]:
+def positive_part(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> NDArray[np.float64]:
     """`reduced`, with which stays definite: each direction keeps a hundredth of what it has in `whole`."""
     if not len(whole):
         return whole

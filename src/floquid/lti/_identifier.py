@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any
 
 from floquid.lti._types import ModalModel, TimeResponses
@@ -29,7 +30,9 @@ class AbstractIdentifier(ABC):
         """
 
     @abstractmethod
-    def extract(self, state: Any, order: int | None = None) -> ModalModel:
+    def extract(
+        self, state: Any, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
+    ) -> ModalModel:
         """The model of one order.
 
         Parameters
@@ -38,6 +41,8 @@ class AbstractIdentifier(ABC):
             What `prepare` returned.
         order
             The number of poles, conjugates one by one; None lets an algorithm that can decide do so.
+        report
+            Is told of each stage.
 
         Returns
         -------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ class Prepared:
 
     data: TimeResponses
     factors: tuple[Factor, ...]
+    initial: Any = None
+    """What the wrapped identifier prepared, where there is one."""
 
 
 @final
@@ -34,7 +36,8 @@ class MaximumLikelihood(AbstractIdentifier):
 
     (Golub and Pereyra 1973, in Kaufman's form; the Gram matrix as in `errata.md`, "What makes it scale"). Conjugate
     pairs, positive real and negative real multipliers are kinds of their own. ESPRIT at several orders gives the start;
-    with `order=None` each mode must pass a chi-square test with the others refitted.
+    with `order=None` each mode must pass a chi-square test with the others refitted. Where another identifier is
+    wrapped (`initial`), the start and the order are its own, and this is the finish.
 
     Parameters
     ----------
@@ -46,12 +49,15 @@ class MaximumLikelihood(AbstractIdentifier):
         The orders at which ESPRIT is asked, as far as the samples allow.
     time_constants
         The fit looks at samples out to this many time constants of the slowest pole; what comes later is noise.
+    initial
+        The identifier whose poles are to be made those of maximum likelihood; None for a search of our own.
     """
 
     false_alarm: float = 1e-9
     most: int = 80
     starts: tuple[int, ...] = (24, 48)
     time_constants: float = 6.0
+    initial: AbstractIdentifier | None = None
 
     def prepare(self, data: TimeResponses) -> Prepared:
         """The triangular factors of the responses over their noise, one a distinct length.
@@ -71,7 +77,7 @@ class MaximumLikelihood(AbstractIdentifier):
         for length in np.unique(data.lengths)[::-1]:
             block = scaled[:, data.lengths == length, :length]
             factors.append(factor(block.reshape(-1, length).T))
-        return Prepared(data, tuple(factors))
+        return Prepared(data, tuple(factors), None if self.initial is None else self.initial.prepare(data))
 
     def extract(
         self, state: Prepared, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
@@ -107,6 +113,9 @@ class MaximumLikelihood(AbstractIdentifier):
                 f"is {order}",
                 "Record more samples, or ask for fewer poles.",
             )
+        if self.initial is not None:
+            found = self.initial.extract(state.initial, order, report=report)
+            return self.refine(state, found) if found.order else found
         found, factors, ended = self._choose(state, most, report)
         outcome = Outcome.SUCCESS
         if order is not None:

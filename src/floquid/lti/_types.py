@@ -95,6 +95,31 @@ class TimeResponses:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Composites:
+    """Mean magnitudes of the spectra of all responses over their noise; on white noise alone, `WHITE`.
+
+    Parameters
+    ----------
+    angles
+        The lines (lines,) [rad/sample], 0 to π.
+    data, model, difference
+        The composites of the data, of the model and of what the model leaves (lines,) [-].
+    """
+
+    angles: NDArray[np.float64]
+    data: NDArray[np.float64]
+    model: NDArray[np.float64]
+    difference: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        angles = frozen_array(self.angles, "angles", "Composites", axes=("lines",))
+        object.__setattr__(self, "angles", angles)
+        for name in ("data", "model", "difference"):
+            curve = frozen_array(getattr(self, name), name, "Composites", axes=(len(angles),))
+            object.__setattr__(self, name, curve)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ModalModel:
     r"""Poles and residues of a free response sampled at `dt`.
 
@@ -123,6 +148,8 @@ class ModalModel:
         How the identification ended.
     stats
         Numbers about the fit.
+    composites
+        The composites of the data, of the model and of their difference, where the algorithm works with them.
     """
 
     multipliers: NDArray[np.complex128]
@@ -134,6 +161,7 @@ class ModalModel:
     residual_std: NDArray[np.float64] | None = None
     outcome: Outcome = Outcome.SUCCESS
     stats: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    composites: Composites | None = None
 
     def __post_init__(self) -> None:
         of, put = "ModalModel", object.__setattr__

@@ -1,0 +1,254 @@
+"""AMI, the Algorithm of Mode Isolation: one mode after another out of the composite spectrum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from floquid._checks import input_error, integer
+from floquid.lti._identifier import AbstractIdentifier
+from floquid.lti._isolation import Isolated, Rounds, first_fits, go_round, joined, nothing, peaks, without
+from floquid.lti._isolation_model import isolated_model
+from floquid.lti._one_mode import Mode
+from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE
+from floquid.lti._select import rise_limit
+from floquid.lti._spectrum import Block, spectra
+from floquid.lti._types import ModalModel, Outcome, TimeResponses
+
+ROUGH = 0.3
+"""Deviations below which a pole counts as at rest while there may be modes to come."""
+
+TRIES = 4
+"""The number of peaks that are tried before what is left counts as noise."""
+
+STRONG = 20.0
+"""Times the limit at which the energy of a mode leaves no doubt that it is there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """Responses and their weighted spectra, one block a distinct length."""
+
+    data: TimeResponses
+    blocks: tuple[Block, ...]
+
+    @property
+    def size(self) -> int:
+        """The number of samples of all responses."""
+        return int(self.data.n_outputs * self.data.lengths.sum())
+
+    def limit(self, parameters: int, false_alarm: float) -> float:
+        """The drop of the cost that `parameters` poles, counted one by one, make by chance with that probability."""
+        columns = self.data.n_outputs * self.data.n_inputs
+        return rise_limit(false_alarm, parameters * (columns + 1), self.size)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AMI(AbstractIdentifier):
+    r"""The Algorithm of Mode Isolation, in the z-domain.
+
+    .. math:: Y_{oi}(z) = \sum_r R_{r,oi}\, \frac{1 - \mu_r^N z^{-N}}{1 - \mu_r z^{-1}} + \text{noise},
+              \qquad z = e^{2\pi i l/N}, \quad z^N = 1
+
+    The composite, the mean magnitude of the spectra of all responses over their noise, shows the strongest mode as its
+    highest peak. One mode is fitted near it to all responses at once, and is subtracted. After that each mode found so
+    far is fitted again to the data less the others, round after round, until the poles stop moving. What is left
+    is searched for the next peak, until nothing rises above the noise. A mode and its conjugate are fitted together
+    everywhere, since near θ = 0 and π they overlap; there a real pole is tried too. A mode stays when the drop of
+    the sum of squares that it brings, the others refitted, has a probability below `false_alarm` by chance.
+
+    Of several inputs the residues of a mode are an outer product ψ Lᵀ: modes of equal poles then are told apart.
+
+    The algorithm is that of Drexel and Ginsberg (2001), global over all outputs as in Allen and Ginsberg (2006), over
+    several inputs as in Allen and Ginsberg (2005); it is the one used in Allen (2009), section 3.1. Fitting in the
+    z-domain with the exact finite sum, the test of a mode and the standard deviations are ours.
+
+    Parameters
+    ----------
+    false_alarm
+        The probability at which noise may pass for one mode.
+    most
+        The highest order considered; never more than half the samples.
+    widths
+        The lines that a mode is fitted to: half-power half-widths to each side of its peak.
+    tolerance
+        The poles have stopped when none moves by more than this many of its standard deviations in a round.
+    rounds
+        The number of rounds, at most.
+    rank_one
+        Whether a mode's residues are an outer product of outputs and inputs, as they are for one system started in
+        different ways; false leaves the inputs independent.
+    """
+
+    false_alarm: float = 1e-9
+    most: int = 80
+    widths: float = 16.0
+    tolerance: float = 1e-3
+    rounds: int = 400
+    rank_one: bool = True
+
+    def prepare(self, data: TimeResponses) -> Lines:
+        """The weighted spectra.
+
+        Parameters
+        ----------
+        data
+            The responses and their noise.
+
+        Returns
+        -------
+        Lines
+            What `extract` starts from.
+        """
+        return Lines(data, spectra(data))
+
+    def extract(
+        self, state: Lines, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
+    ) -> ModalModel:
+        """The model of the modes isolated.
+
+        Parameters
+        ----------
+        state
+            What `prepare` returned.
+        order
+            The number of poles, conjugates one by one; None goes on until nothing rises above the noise.
+        report
+            Is told of each mode.
+
+        Returns
+        -------
+        ModalModel
+            The model with its composites; its `outcome` says how it ended.
+
+        Raises
+        ------
+        InputError
+            `order` is not a positive integer below the number of samples.
+        """
+        longest = int(state.data.lengths.max())
+        most = min(self.most, longest // 2)
+        if order is not None and integer(order, "order", "AMI.extract", at_least=1) >= longest:
+            got, remedy = f"is {order}", "Record more samples, or ask for fewer poles."
+            raise input_error("order", "AMI.extract", f"be less than the {longest} samples", got, remedy)
+        now = self._search(state, most if order is None else max(most, order), report)
+        outcome = Outcome.SUCCESS
+        if order is not None:
+            now = self._force(now, state, order)
+            outcome = Outcome.SUCCESS if now.order == order else Outcome.ORDER_UNREACHED
+        elif not now.modes:
+            outcome = Outcome.NO_MODE
+        elif now.order >= most:
+            outcome = Outcome.TOO_FEW_SAMPLES if most < self.most else Outcome.NOT_WHITE
+        return isolated_model(now, state.data, state.blocks, outcome, self.widths)
+
+    def _rounds(self, *, rough: bool) -> Rounds:
+        tolerance, most = (ROUGH, min(30, self.rounds)) if rough else (self.tolerance, self.rounds)
+        return Rounds(widths=self.widths, tolerance=tolerance, most=most, rank_one=self.rank_one)
+
+    def _search(self, state: Lines, most: int, report: Callable[[str], None]) -> Isolated:
+        """Isolate mode after mode; before the end, bring the poles to rest and look once more."""
+        now, at_rest = nothing(state.blocks), True
+        while True:
+            more = self._next(now, state, most)
+            if more is not None:
+                now, at_rest = more, False
+                report(f"{now.order} poles isolated")
+            elif not at_rest:
+                now, at_rest = self._settle(now, state), True
+            else:
+                return now
+
+    def _next(self, now: Isolated, state: Lines, most: int) -> Isolated | None:
+        """The modes and one more, if a peak of what is left holds one."""
+        for peak in peaks(now, state.blocks)[:TRIES]:
+            best: tuple[float, Isolated] | None = None
+            for mode in first_fits(peak, now, state.blocks, self.rank_one):
+                if now.order + mode.size > most:
+                    continue
+                more = go_round(joined(now, mode, state.blocks), state.blocks, self._rounds(rough=True))
+                gain = now.cost - more.cost - state.limit(mode.size, self.false_alarm)
+                if gain > 0 and (best is None or gain > best[0]):
+                    best = gain, more
+            if best is not None:
+                return best[1]
+        return None
+
+    def _settle(self, now: Isolated, state: Lines) -> Isolated:
+        """Bring the poles to rest, take away what is not needed, and put on the real axis what may lie there."""
+        now = go_round(now, state.blocks, self._rounds(rough=False))
+        changed = True
+        while changed and now.modes:
+            changed = False
+            for position in np.argsort([_energy_of(mode, state) for mode in now.modes]):
+                simpler = self._simpler(now, int(position), state)
+                if simpler is not None:
+                    now, changed = simpler, True
+                    break
+        return now
+
+    def _simpler(self, now: Isolated, position: int, state: Lines) -> Isolated | None:
+        """The modes less one, or with a pair made a real pole, where the noise could explain the difference."""
+        mode = now.modes[position]
+        limit = state.limit(mode.size, self.false_alarm)
+        less = without(now, position, state.blocks)
+        if _energy_of(mode, state) < STRONG * limit or _crowded(now, position, state):
+            trial = go_round(less, state.blocks, self._rounds(rough=False))
+            if trial.cost - now.cost < limit:
+                return trial
+        for kind, angle in ((POSITIVE, mode.s.imag), (NEGATIVE, np.pi - mode.s.imag)):
+            if mode.kind == PAIR and angle < 0.5 * abs(mode.s.real) + _resolution(state):
+                real = Mode(complex(mode.s.real, 0.0 if kind == POSITIVE else np.pi), kind, _no_residues(mode))
+                trial = go_round(joined(less, real, state.blocks), state.blocks, self._rounds(rough=False))
+                if trial.cost - now.cost < limit - state.limit(1, self.false_alarm):
+                    return trial
+        return None
+
+    def _force(self, now: Isolated, state: Lines, order: int) -> Isolated:
+        """The modes brought to `order` where that can be done: the weakest leave, the clearest peaks join."""
+        while now.order > order:
+            sizes = [m.size <= now.order - order for m in now.modes]
+            if not any(sizes):
+                break
+            energies = [_energy_of(m, state) if fits else np.inf for m, fits in zip(now.modes, sizes, strict=True)]
+            now = without(now, int(np.argmin(energies)), state.blocks)
+            now = go_round(now, state.blocks, self._rounds(rough=False))
+        while now.order < order:
+            trials = [
+                go_round(joined(now, mode, state.blocks), state.blocks, self._rounds(rough=False))
+                for peak in peaks(now, state.blocks, clear=-np.inf)[:TRIES]
+                for mode in first_fits(peak, now, state.blocks, self.rank_one)
+                if now.order + mode.size <= order
+            ]
+            trials = [trial for trial in trials if trial.cost < now.cost]
+            if not trials:
+                break
+            now = min(trials, key=lambda trial: trial.cost)
+        return now
+
+
+def _no_residues(mode: Mode) -> tuple[np.ndarray, ...]:
+    return tuple(np.zeros_like(own[:1]) for own in mode.coefficients)
+
+
+def _resolution(state: Lines) -> float:
+    """Two lines of the longest response [rad/sample]."""
+    return 4.0 * np.pi / int(state.data.lengths.max())
+
+
+def _energy_of(mode: Mode, state: Lines) -> float:
+    """The sum of squares of what a mode is on the lines."""
+    lines = (mode.lines(b, block) for b, block in enumerate(state.blocks))
+    return float(sum(np.sum(np.abs(x) ** 2) for x in lines))
+
+
+def _crowded(now: Isolated, position: int, state: Lines) -> bool:
+    """Whether another pole is so near that it could move to take this one's part."""
+    s = np.array([mode.s for mode in now.modes])
+    near = 2.0 * max(abs(s[position].real), _resolution(state))
+    distance = np.minimum(np.abs(s - s[position]), np.abs(s - s[position].conj()))
+    return bool((np.delete(distance, position) < near).any())

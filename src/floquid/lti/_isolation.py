@@ -1,0 +1,249 @@
+"""Mode isolation: find the strongest peak of what is left, fit one mode there, subtract it, and go round the modes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.lti._one_mode import Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
+from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
+from floquid.lti._spectrum import WHITE, Block
+
+CLEAR = 3.0
+"""Standard deviations by which a stretch of the composite must rise above white noise to be looked at."""
+
+NEAR = 3.0
+"""Half-power half-widths to each side of a peak that a mode's first fit looks at, the other modes being unknown."""
+
+SETTLING = 3
+"""Rounds in which the band of each mode follows its pole; later it stays, or the poles could not come to rest."""
+
+
+@dataclass(frozen=True, slots=True)
+class Isolated:
+    """Modes, and what they leave of each block's lines (lines, outputs, inputs) with its sum of squares."""
+
+    modes: tuple[Mode, ...]
+    left: tuple[NDArray[np.complex128], ...]
+    cost: float
+    rest: float = 0.0
+    """How far a pole moved in the last round, in its deviations."""
+
+    @property
+    def order(self) -> int:
+        """The number of poles, one by one."""
+        return sum(mode.size for mode in self.modes)
+
+    def poles(self) -> PoleSet:
+        """The poles."""
+        return PoleSet(np.array([m.s for m in self.modes], complex), np.array([m.kind for m in self.modes], np.int64))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rounds:
+    """How to go round the modes.
+
+    `widths`: half-power half-widths to each side of its peak that a mode is fitted to. `tolerance`: the poles have
+    stopped when none moves by more than this many of its deviations. `most`: rounds, at most. `rank_one`: whether a
+    mode's residues are an outer product of outputs and inputs.
+    """
+
+    widths: float
+    tolerance: float
+    most: int
+    rank_one: bool
+
+
+def nothing(blocks: Sequence[Block]) -> Isolated:
+    """No mode yet."""
+    left = tuple(block.values for block in blocks)
+    return Isolated((), left, _energy(left))
+
+
+def _energy(left: Sequence[NDArray[np.complex128]]) -> float:
+    return float(sum(np.sum(lines.real**2) + np.sum(lines.imag**2) for lines in left))
+
+
+def go_round(now: Isolated, blocks: Sequence[Block], rounds: Rounds) -> Isolated:
+    """Fit each mode to the data less the others, again and again, until the poles stop moving."""
+    modes, left, moved = list(now.modes), list(now.left), 0.0
+    bands: list[list[slice]] = []
+    for count in range(rounds.most if modes else 0):
+        if count < SETTLING:
+            bands = [[band_lines(mode.s, block, rounds.widths) for block in blocks] for mode in modes]
+        moved = 0.0
+        for position, mode in enumerate(modes):
+            own = [lines + mode.lines(b, block) for b, (block, lines) in enumerate(zip(blocks, left, strict=True))]
+            new = fit_mode(mode, blocks, own, bands[position], rounds.rank_one)
+            left = [lines - new.lines(b, block) for b, (block, lines) in enumerate(zip(blocks, own, strict=True))]
+            moved = max(moved, _distance(new.s, mode.s) / new.deviation)
+            modes[position] = new
+        if moved < rounds.tolerance:
+            break
+    return Isolated(tuple(modes), tuple(left), _energy(left), moved)
+
+
+def _distance(one: complex, other: complex) -> float:
+    return min(abs(one - other), abs(one - other.conjugate()))
+
+
+def fit_mode(
+    mode: Mode, blocks: Sequence[Block], own: Sequence[NDArray[np.complex128]], near: Sequence[slice], rank_one: bool
+) -> Mode:
+    """The mode fitted to `own`, lines that should hold nothing else, on the lines `near` its peak."""
+    bands = [cut(block, lines, n) for block, lines, n in zip(blocks, own, near, strict=True)]
+    s, _, deviation = fit_pole(mode.s, mode.kind, bands, iterations=4)
+    shapes = [lines.shape[1:] for lines in own]
+    found = [fit_residues(s, mode.kind, band).reshape(-1, *shape) for band, shape in zip(bands, shapes, strict=True)]
+    fitted = Mode(s, mode.kind, tuple(found), deviation)
+    return rank_one_mode(fitted, blocks) if rank_one and sum(shape[1] for shape in shapes) > 1 else fitted
+
+
+def growth(s: complex, block: Block) -> complex:
+    """What brings a residue of the scaled columns to sample zero: growing modes are scaled to one at the last."""
+    return complex(np.exp(-(block.samples - 1) * s)) if s.real > 0 else 1.0 + 0.0j
+
+
+def residues(mode: Mode, blocks: Sequence[Block], n_inputs: int) -> NDArray[np.complex128]:
+    """R (outputs, inputs) of a mode, of the upper half of a pair, in the units of the responses."""
+    out = np.zeros((blocks[0].values.shape[1], n_inputs), complex)
+    for own, block in zip(mode.coefficients, blocks, strict=True):
+        value = 0.5 * (own[0] - 1j * own[1]) if mode.kind == PAIR else own[0] + 0.0j
+        out[:, block.inputs] = value * block.noise * growth(mode.s, block)
+    return out
+
+
+def rank_one_mode(mode: Mode, blocks: Sequence[Block]) -> Mode:
+    """The mode with its residues brought to the nearest outer product ψ Lᵀ, in the metric of the noise."""
+    n_inputs = sum(len(block.inputs) for block in blocks)
+    noise = np.ones((blocks[0].values.shape[1], n_inputs))
+    for block in blocks:
+        noise[:, block.inputs] = block.noise
+    nearest = nearest_outer_product(residues(mode, blocks, n_inputs), noise)
+    parts = []
+    for block in blocks:
+        value = nearest[:, block.inputs] / (block.noise * growth(mode.s, block))
+        parts.append(np.stack([2.0 * value.real, -2.0 * value.imag]) if mode.kind == PAIR else value.real[None])
+    return replace(mode, coefficients=tuple(parts))
+
+
+def nearest_outer_product(matrix: NDArray[np.complex128], noise: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """The outer product ψ Lᵀ (outputs, inputs) that minimises Σ |R - ψ Lᵀ|²/σ², by turns in ψ and L."""
+    weight = 1.0 / noise**2
+    rows = np.exp(np.mean(np.log(noise), axis=1, keepdims=True))
+    right = np.linalg.svd(matrix / rows, full_matrices=False)[2][0]
+    before = np.zeros_like(matrix)
+    for _ in range(100):
+        shape = (weight * matrix) @ right.conj() / np.maximum(weight @ np.abs(right) ** 2, np.finfo(float).tiny)
+        size = weight.T @ np.abs(shape) ** 2
+        right = shape.conj() @ (weight * matrix) / np.maximum(size, np.finfo(float).tiny)
+        product = np.outer(shape, right)
+        change = np.sum(weight * np.abs(product - before) ** 2)
+        if change <= 1e-24 * np.sum(weight * np.abs(product) ** 2):
+            break
+        before = product
+    return product
+
+
+def without(now: Isolated, position: int, blocks: Sequence[Block]) -> Isolated:
+    """The modes less one, its part given back to what is left."""
+    gone = now.modes[position]
+    left = tuple(x + gone.lines(b, block) for b, (block, x) in enumerate(zip(blocks, now.left, strict=True)))
+    return Isolated(now.modes[:position] + now.modes[position + 1 :], left, _energy(left))
+
+
+def joined(now: Isolated, mode: Mode, blocks: Sequence[Block]) -> Isolated:
+    """The modes and one more, subtracted from what is left."""
+    left = tuple(x - mode.lines(b, block) for b, (block, x) in enumerate(zip(blocks, now.left, strict=True)))
+    return Isolated((*now.modes, mode), left, _energy(left))
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """A stretch of a block's composite above white noise: its highest line, its width, how clear it is."""
+
+    block: int
+    line: int
+    width: int
+    clarity: float
+
+
+def composite(lines: NDArray[np.complex128], block: Block) -> NDArray[np.float64]:
+    """The mean magnitude over all responses (lines,)."""
+    return np.abs(lines).mean(axis=(1, 2)) / block.weights
+
+
+def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = CLEAR) -> list[Peak]:
+    """The stretches of the composites of what is left that rise most clearly above white noise, the clearest first.
+
+    A sharp peak is clearest in a narrow stretch, a broad one in a wide one: widths of 1, 2, 4, … lines are tried, in
+    units of the standard deviation that white noise has there. Of stretches that overlap the clearest is kept.
+    """
+    found: list[Peak] = []
+    for number, (block, lines) in enumerate(zip(blocks, now.left, strict=True)):
+        curve, count = composite(lines, block), lines.shape[1] * lines.shape[2]
+        # Real lines (the ends) are |x| of a normal number, the others |z| of a complex one.
+        real = block.weights < 1.2
+        mean = np.where(real, np.sqrt(2.0 / np.pi), WHITE)
+        variance = np.where(real, 1.0 - 2.0 / np.pi, 1.0 - np.pi / 4.0) / count
+        width = 1
+        while width <= max(1, len(curve) // 4):
+            box = np.ones(width)
+            excess = np.convolve(curve - mean, box, "valid") / np.sqrt(np.convolve(variance, box, "valid"))
+            # Every start of a narrow stretch would be listed: those within its own width are one peak.
+            for start in _tops(excess, width, clear):
+                line = start + int(np.argmax(curve[start : start + width]))
+                found.append(Peak(number, line, width, float(excess[start])))
+            width *= 2
+    return _apart(sorted(found, key=lambda peak: -peak.clarity), blocks)
+
+
+def _tops(values: NDArray[np.float64], width: int, least: float) -> list[int]:
+    """The positions of the largest values above `least`, each the largest within `width` of it; at most eight."""
+    order = np.argsort(values)[::-1]
+    tops: list[int] = []
+    for position in order[: 64 * width]:
+        if values[position] <= least or len(tops) == 8:
+            break
+        if all(abs(position - other) >= width for other in tops):
+            tops.append(int(position))
+    return tops
+
+
+def _apart(found: Sequence[Peak], blocks: Sequence[Block]) -> list[Peak]:
+    """The peaks that do not lie within the stretch of a clearer one."""
+    kept: list[Peak] = []
+    for peak in found:
+        angle = peak.line / blocks[peak.block].samples
+        reach = [max(p.width, peak.width) / blocks[p.block].samples for p in kept]
+        if all(abs(angle - p.line / blocks[p.block].samples) > r for p, r in zip(kept, reach, strict=True)):
+            kept.append(peak)
+    return kept
+
+
+def first_fits(peak: Peak, now: Isolated, blocks: Sequence[Block], rank_one: bool) -> Iterator[Mode]:
+    """One-mode fits near a peak of what is left: a pair, and next to an end of the band a real pole too."""
+    samples = blocks[peak.block].samples
+    spacing = 2.0 * np.pi / samples
+    angle, reach = peak.line * spacing, max(2 * peak.width, 8) * spacing
+    kinds = [PAIR] * (samples > 2)
+    kinds += [POSITIVE] if angle <= reach else []
+    kinds += [NEGATIVE] if np.pi - angle <= reach else []
+    wide = [band_lines(complex(0.5 * peak.width * spacing / NEAR, angle), block, 2.0 * NEAR) for block in blocks]
+    bands = [cut(block, x, near) for block, x, near in zip(blocks, now.left, wide, strict=True)]
+    for kind in kinds:
+        s, _, _ = fit_pole(_start(kind, angle, spacing, peak.width, bands), kind, bands)
+        near = [band_lines(s, block, NEAR) for block in blocks]
+        yield fit_mode(Mode(s, kind), blocks, now.left, near, rank_one)
+
+
+def _start(kind: int, angle: float, spacing: float, width: int, bands: Sequence[Band]) -> complex:
+    """The best of a grid of poles near a peak."""
+    decays = spacing * np.unique([0.05, 0.2, 0.5, 1.0, 0.25 * width, 0.5 * width, width])
+    turns = spacing * np.array([-0.6, -0.3, 0.0, 0.3, 0.6]) if kind == PAIR else np.zeros(1)
+    middle = {PAIR: np.clip(angle, 0.7 * spacing, np.pi - 0.7 * spacing), POSITIVE: 0.0}.get(kind, np.pi)
+    trials = [complex(-decay, middle + turn) for decay in decays for turn in turns]
+    return min(trials, key=lambda s: evaluate(s, kind, bands).cost)

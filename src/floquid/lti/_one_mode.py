@@ -1,0 +1,150 @@
+"""The fit of one mode to spectra near its peak, all responses at once: its residues eliminated, its pole by steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.lti._poles import PAIR, PoleSet
+from floquid.lti._spectrum import Block, mode_columns
+
+FEWEST_LINES = 6
+"""Lines to each side of a peak that a fit looks at, however sharp the peak."""
+
+MANY = 8
+"""Responses a row beyond which the rows are condensed before a fit."""
+
+FASTEST = 3.0
+"""|Re s| of the fastest decay or growth a sample that a fit may reach."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """One mode: s = ln μ, its kind, and the coefficients of its real columns, (columns, outputs, inputs) a block."""
+
+    s: complex
+    kind: int
+    coefficients: tuple[NDArray[np.float64], ...] = ()
+    deviation: float = np.inf
+    """The larger standard deviation of Re s and Im s, the other modes being known."""
+
+    @property
+    def size(self) -> int:
+        """The number of complex poles: 2 for a pair."""
+        return 2 if self.kind == PAIR else 1
+
+    def lines(self, number: int, block: Block) -> NDArray[np.complex128]:
+        """What the mode is on the lines of block `number` (lines, outputs, inputs)."""
+        columns, _ = mode_columns(self.s, self.kind, block.angles, block.samples, block.weights)
+        return np.tensordot(columns, self.coefficients[number], axes=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """The lines of one block that a fit looks at, as rows of real numbers: `values` (2 lines, responses)."""
+
+    angles: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    samples: int
+    values: NDArray[np.float64]
+
+
+def real_rows(lines: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Real parts above imaginary parts."""
+    return np.concatenate([lines.real, lines.imag])
+
+
+def band_lines(s: complex, block: Block, widths: float) -> slice:
+    """The lines within `widths` half-power half-widths of a pole's peak."""
+    spacing = 2.0 * np.pi / block.samples
+    reach = max(int(np.ceil(widths * abs(s.real) / spacing)), FEWEST_LINES)
+    centre = round(abs(s.imag) / spacing)
+    return slice(max(0, centre - reach), min(len(block.values), centre + reach + 1))
+
+
+def cut(block: Block, values: NDArray[np.complex128], near: slice) -> Band:
+    """The lines `near` of `values` (lines, outputs, inputs)."""
+    rows = real_rows(values[near].reshape(near.stop - near.start, -1))
+    return Band(block.angles[near], block.weights[near], block.samples, rows)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    s: complex
+    cost: float
+    gradient: NDArray[np.float64]
+    information: NDArray[np.float64]
+
+
+def evaluate(s: complex, kind: int, bands: Sequence[Band]) -> Step:
+    """The cost with the residues eliminated, its gradient, and the Gauss-Newton matrix (Kaufman's)."""
+    parameters = 2 if kind == PAIR else 1
+    cost, gradient, information = 0.0, np.zeros(parameters), np.zeros((parameters, parameters))
+    for band in bands:
+        columns, slopes = mode_columns(s, kind, band.angles, band.samples, band.weights)
+        basis, moved = real_rows(columns), real_rows(slopes)
+        q, r = np.linalg.qr(basis)
+        projected = q.T @ band.values
+        left = band.values - q @ projected
+        own = np.linalg.lstsq(r, projected, rcond=1e-14)[0]
+        cost += float(np.sum(left**2))
+        # d/d Re s takes the columns Re, Im of kμ^k; d/d Im s takes -Im, Re of it.
+        turns = [moved, np.stack([-moved[:, 1], moved[:, 0]], axis=1)] if kind == PAIR else [moved]
+        turns = [turn - q @ (q.T @ turn) for turn in turns]
+        strength = own @ own.T
+        gradient += [float(np.sum((turn.T @ left) * own)) for turn in turns]
+        information += [[float(np.sum((a.T @ b) * strength)) for b in turns] for a in turns]
+    return Step(s, cost, gradient, information)
+
+
+def fit_pole(
+    s: complex, kind: int, bands: Sequence[Band], *, iterations: int = 30, tolerance: float = 1e-4
+) -> tuple[complex, float, float]:
+    """The pole that fits the bands best near `s`, the cost there, and its deviation (Levenberg and Marquardt).
+
+    Ends when a step is below `tolerance` standard deviations or below rounding.
+    """
+    bands = [_condensed(band) for band in bands]
+    now, damping = evaluate(s, kind, bands), 1e-6
+    for _ in range(iterations):
+        scale = np.sqrt(np.diag(now.information)) + np.finfo(float).tiny
+        system = now.information / np.outer(scale, scale)
+        while damping < 1e8:
+            step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale
+            size = np.abs(step).max()
+            step = step * min(1.0, 0.5 / size) if size > 0 else step
+            trial = evaluate(_moved(now.s, kind, step), kind, bands)
+            if trial.cost <= now.cost * (1.0 + 1e-13) + 1e-300 and abs(trial.s.real) <= FASTEST:
+                break
+            damping = max(10.0 * damping, 1e-4)
+        else:
+            break
+        done = np.abs(step * scale).max() < tolerance or np.abs(step).max() < 1e-14
+        now, damping = trial, max(0.1 * damping, 1e-12)
+        if done:
+            break
+    spread = np.linalg.pinv(now.information, rcond=1e-14, hermitian=True)
+    return now.s, now.cost, float(np.sqrt(np.diag(spread).max()))
+
+
+def _moved(s: complex, kind: int, step: NDArray[np.float64]) -> complex:
+    change = complex(step[0], step[1] if kind == PAIR else 0.0)
+    return complex(PoleSet.of(np.array([s + change]), np.array([kind])).s[0])
+
+
+def _condensed(band: Band) -> Band:
+    """The same band with no more columns than rows, where there are very many: their products are the same."""
+    rows, columns = band.values.shape
+    if columns <= MANY * rows:
+        return band
+    triangle = np.asarray(np.linalg.qr(band.values.T, mode="r")).T
+    return Band(band.angles, band.weights, band.samples, triangle)
+
+
+def fit_residues(s: complex, kind: int, band: Band) -> NDArray[np.float64]:
+    """The coefficients of the real columns (columns, responses) that fit a band best."""
+    columns, _ = mode_columns(s, kind, band.angles, band.samples, band.weights)
+    return np.linalg.lstsq(real_rows(columns), band.values, rcond=1e-14)[0]

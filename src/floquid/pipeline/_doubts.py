@@ -1,0 +1,78 @@
+"""What speaks against a result: a period that is not the response's own, and what a reader must be told."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import PeriodicModel
+from floquid.lifting import Lifted
+from floquid.periodic import synchrony
+
+CONFIDENT = 2e-3
+"""A mode counts as well determined when both parts of its exponent have a deviation below this share of ω."""
+
+
+def wrong_period(model: PeriodicModel, lifted: Lifted) -> str:
+    """What is wrong with a period other than that of the response; empty when nothing is."""
+    found = synchrony(model, lifted)
+    if found is None or not found.broken:
+        return ""
+    own = model.period * (1.0 + found.relative)
+    return (
+        f"The response does not repeat with the period given: its own is {own:.10g} ± "
+        f"{model.period * found.std:.1g} s, not {model.period:.10g} s; over the record the phase slips by "
+        f"{found.slip:.3g} samples. Exponents and shapes would look right and be wrong."
+    )
+
+
+def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
+    """Whether half of the modes have a partner of equal decay at an odd number of half fundamentals."""
+    gap = model.exponents[:, None] - model.exponents[None, :]
+    deviation = np.hypot(std.real[:, None], std.real[None, :]), np.hypot(std.imag[:, None], std.imag[None, :])
+    halves = 2.0 * gap.imag / model.fundamental
+    odd = 2.0 * np.rint((halves - 1.0) / 2.0) + 1.0
+    apart = np.abs(halves - odd) * model.fundamental < 10.0 * deviation[1]
+    apart &= deviation[1] < 1e-3 * model.fundamental
+    alike = (np.abs(gap.real) < 5.0 * deviation[0]) & (deviation[0] < 0.1 * np.abs(model.exponents.real))
+    # A mode and its own conjugate are no two modes.
+    itself = np.abs(model.exponents[:, None] - model.exponents[None, :].conj()) == 0
+    return bool(2 * (apart & alike & ~itself).any(axis=1).sum() >= max(model.order, 1))
+
+
+def warnings(model: PeriodicModel) -> tuple[str, ...]:
+    """What a reader of the result must know."""
+    words = []
+    std = model.exponent_std
+    if std is not None:
+        weak = np.maximum(std.real, std.imag) > CONFIDENT * model.fundamental
+        count = int(weak.sum())
+        if count:
+            words.append(
+                f"{count} of {model.order} exponents are weakly determined (deviation above {CONFIDENT:g} of the "
+                "fundamental): each may stand for several modes that this record cannot tell apart."
+            )
+        still = np.abs(np.angle(model.multipliers)) < 3.0 * std.imag * model.period + 1e-12
+        still &= np.maximum(std.real, std.imag) < CONFIDENT * model.fundamental
+        still &= np.abs(model.exponents.real) < 4.0 * std.real + 1e-9 * model.fundamental
+        if still.any():
+            words.append(
+                "A component with a multiplier of 1 neither grows nor decays: it is most likely the forced periodic "
+                "response (imbalance, an offset), not a mode."
+            )
+    if model.order and not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any():
+        words.append(
+            "No mode has a second harmonic above the noise: the system looks constant, or the period is wrong and tore "
+            "each harmonic into a mode of its own."
+        )
+    if std is not None and _halved(model, std):
+        words.append(
+            "Modes come in pairs of equal decay, half a fundamental apart: the true period is most likely twice the "
+            "one given, and each mode is listed twice."
+        )
+    growing = model.exponents.real > (4.0 * std.real if std is not None else 0.0)
+    if growing.any():
+        words.append(
+            f"{int(growing.sum())} of {model.order} exponents grow: the system is unstable, or it is being driven."
+        )
+    return tuple(words)
