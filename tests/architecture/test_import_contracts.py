@@ -73,6 +73,7 @@ def lint(tmp_path):
 ALLOWED = {
     "cli": "import floquid.systems, floquid.plot, floquid.testing, floquid.store, floquid.pipeline, floquid.floquet",
     "plot": "import matplotlib, bokeh, floquid.pipeline",
+    "paper": "import floquid.plot, floquid.pipeline, floquid.systems, floquid.floquet, floquid.testing",
     "reporting": "import jinja2, bokeh, floquid.plot",
     "pipeline": "import floquid.validation, floquid.lifting, floquid.lti, floquid.readers, floquid.errors",
     "periodic": "import floquid.lti, floquid.order, floquid._numerics",
@@ -106,6 +107,9 @@ def test_a_room_that_is_built_has_lost_its_parentheses():
         ("store", "import floquid.plot", "layers"),
         ("pipeline", "def late():\n    import floquid.plot", "layers"),
         ("lifting", "import floquid.order", "layers"),
+        ("pipeline", "import floquid.paper", "layers"),
+        ("paper", "import floquid.reporting", "layers"),
+        ("reporting", "import floquid.paper", "layers"),
         ("surprise", "import floquid.core", "layers"),
         ("lti", "import floquid.core", "lti-is-anonymous"),
         ("errors", "import floquid.core", "foundations"),
@@ -119,6 +123,7 @@ def test_a_room_that_is_built_has_lost_its_parentheses():
         ("pipeline", "import matplotlib.pyplot", "plotting"),
         ("cli", "import matplotlib", "plotting"),
         ("store", "import jinja2", "plotting"),
+        ("paper", "import matplotlib", "plotting"),
         ("systems", "def draw():\n    from bokeh import plotting", "plotting"),
     ],
 )

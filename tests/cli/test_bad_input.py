@@ -117,7 +117,7 @@ FILES = [
     ("text in a number column", text_in_a_number_column, f"identify this.csv --period {PERIOD}", 2,
      r"'broken' in line 7, column 'Y'"),
     ("folder as file", folder("this.npz"), THIS, 2, r"this\.npz is a folder"),
-    ("unknown suffix", file("abc", "this.mat"), "identify this.mat --period 1", 2, r"end in one of \.npz, \.csv"),
+    ("unknown suffix", file("abc", "this.xyz"), "identify this.xyz --period 1", 2, r"end in one of \.npz, \.csv"),
     ("no suffix", file("abc", "this"), "identify this --period 1", 2, r"has no suffix"),
     ("not an archive", file("hello"), THIS, 2, r"must be a NumPy archive"),
     ("archive cut short", cut_short, THIS, 2, r"damaged or cut short"),
@@ -250,7 +250,7 @@ PLACES = [
     ("simulate to a missing folder", nothing, "simulate --periods 4 --out no/this.npz", 2, r"there is no folder .*no"),
     ("simulate below a file", nothing, "simulate --periods 4 --out good.npz/this.npz", 2, r"no folder .*good\.npz"),
     ("simulate to a folder", folder("this.npz"), "simulate --periods 4 --out this.npz", 2, r"is a folder"),
-    ("simulate to an unknown suffix", nothing, "simulate --periods 4 --out this.mat", 2, r"end in one of"),
+    ("simulate to an unknown suffix", nothing, "simulate --periods 4 --out this.xyz", 2, r"end in one of"),
     ("demo below a file", nothing, "demo --periods 4 --out good.npz/this", 2, r"`--out` must be a folder"),
 ]  # fmt: skip
 

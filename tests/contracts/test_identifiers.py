@@ -12,10 +12,10 @@ from scipy.optimize import linear_sum_assignment
 
 import floquid.lti
 from floquid.errors import InputError
-from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, TimeResponses
+from floquid.lti import AMI, AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, TimeResponses
 
-IDENTIFIERS = [MaximumLikelihood()]
-EVERY = pytest.mark.parametrize("identifier", IDENTIFIERS, ids=lambda identifier: type(identifier).__name__)
+IDENTIFIERS = [MaximumLikelihood(), AMI(), AMI(rank_one=False), MaximumLikelihood(initial=AMI())]
+EVERY = pytest.mark.parametrize("identifier", IDENTIFIERS, ids=["ML", "AMI", "AMI, any rank", "AMI, then ML"])
 
 DT = 0.25
 SETS = {
@@ -29,17 +29,21 @@ EVERY_SET = pytest.mark.parametrize("multipliers", SETS.values(), ids=SETS)
 
 
 def decays(multipliers, *, outputs=5, inputs=2, samples=80, seed=0):
-    """The multipliers with their conjugates, their residues, and the responses to machine precision."""
+    """The multipliers with their conjugates, their residues, and the responses to machine precision.
+
+    An input is an initial condition of one system: the residues of a mode are an outer product.
+    """
     generator = np.random.default_rng(seed)
     full, residues = [], []
     for mu in multipliers:
-        real, imag = generator.standard_normal((2, outputs, inputs))
+        parts = generator.standard_normal((2, outputs)), generator.standard_normal((2, inputs))
         if np.imag(mu):
+            residue = np.outer(*(real + 1j * imag for real, imag in parts))
             full += [mu, np.conj(mu)]
-            residues += [real + 1j * imag, real - 1j * imag]
+            residues += [residue, residue.conj()]
         else:
             full.append(mu)
-            residues.append(real)
+            residues.append(np.outer(*(real for real, _ in parts)))
     full, residues = np.array(full, complex), np.array(residues, complex)
     values = np.einsum("roi,rk->oik", residues, full[:, None] ** np.arange(samples)).real
     return full, residues, TimeResponses(values=values, dt=DT, noise=1e-10 * np.abs(values).max(axis=2))

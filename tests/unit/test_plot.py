@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from floquid.core import Channel
 from floquid.errors import InputError
+from floquid.lti import WHITE, composites
 from floquid.pipeline import identify
 from floquid.plot import composite, save_figures, system_elements, time_record
-from floquid.plot._composite import WHITE, composites
 from floquid.plot._style import envelope, plain
 from floquid.reconstruction import StateModel
 from floquid.systems import JeffcottRotor
@@ -218,7 +218,7 @@ def test_a_long_record_is_thinned_in_the_figure(found):
 
 def test_composites_are_mean_magnitudes_of_spectra(found):
     """Against the sum written out, one response at a time."""
-    got = composites(found.lifted, found.modal)
+    got = composites(found.lifted.responses, found.modal)
     lengths = found.lifted.responses.lengths
     assert lengths.tolist() == [60, 49]
     lines = np.arange(31)
@@ -237,18 +237,18 @@ def test_composites_are_mean_magnitudes_of_spectra(found):
     assert got.data == pytest.approx(expected[0], rel=1e-10)
     assert got.model == pytest.approx(expected[1], rel=1e-10)
     assert got.difference == pytest.approx(expected[2], rel=1e-8)
-    assert got.frequencies == pytest.approx(lines / (60 * ROTOR.period))
+    assert got.angles == pytest.approx(2.0 * np.pi * lines / 60)
 
 
 def test_composites_do_not_depend_on_the_block(found, monkeypatch):
-    whole = composites(found.lifted, found.modal)
-    monkeypatch.setattr("floquid.plot._composite.BLOCK", 7 * 60)
-    assert composites(found.lifted, found.modal).data == pytest.approx(whole.data, rel=1e-12)
+    whole = composites(found.lifted.responses, found.modal)
+    monkeypatch.setattr("floquid.lti._spectrum.CHUNK", 7 * 60)
+    assert composites(found.lifted.responses, found.modal).data == pytest.approx(whole.data, rel=1e-12)
 
 
 def test_the_difference_of_a_right_model_lies_on_the_level_of_white_noise(found):
     """160 responses: the mean over 29 lines, less the share that the fit takes, within 2 %; the data are above it."""
-    got = composites(found.lifted, found.modal)
+    got = composites(found.lifted.responses, found.modal)
     taken = np.sqrt(1 - found.modal.order / found.lifted.responses.lengths.mean())
     assert got.difference[1:-1].mean() == pytest.approx(WHITE * taken, rel=0.02)
     assert got.data.max() > 20 * WHITE
@@ -256,19 +256,19 @@ def test_the_difference_of_a_right_model_lies_on_the_level_of_white_noise(found)
 
 def test_composites_do_not_depend_on_units(found):
     records = tuple(replace(r, values=r.values * np.array([[1e-6], [1.0], [1e3], [1.0]])) for r in found.records)
-    one, other = (composites(a.lifted, a.modal) for a in (found, identify(records)))
+    one, other = (composites(a.lifted.responses, a.modal) for a in (found, identify(records)))
     assert other.data == pytest.approx(one.data, rel=1e-3)
 
 
 def test_composite_draws_curves_level_and_modes(found):
     figure = composite(found)
     (axes,) = figure.axes
-    got = composites(found.lifted, found.modal)
+    got = composites(found.lifted.responses, found.modal)
     for label, values in {"data": got.data, "model": got.model, "data −": got.difference}.items():
         lines = [line for line in axes.lines if line.get_label() in (label, "data − model")]
         line = next(line for line in lines if line.get_label().startswith(label))
         assert np.array_equal(line.get_ydata(), values)
-        assert np.array_equal(line.get_xdata(), got.frequencies)
+        assert line.get_xdata() == pytest.approx(got.angles / (2.0 * np.pi * ROTOR.period))
     assert drawn(axes, "white noise")[1] == [WHITE, WHITE]
     marks = sorted(
         {line.get_xdata()[0] for line in axes.lines if line.get_linestyle() == "--" or len(line.get_xdata()) == 2}

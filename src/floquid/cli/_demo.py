@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from cyclopts import Parameter
 from rich.table import Table
 
+from floquid._checks import input_error
 from floquid.cli._identify import STAGES
 from floquid.cli._options import Debug, Place, Whole
 from floquid.cli._output import print_json, result_folder
@@ -31,6 +33,9 @@ PUBLISHED = {"X, Y": 0.013, "X_tt, Y_tt": 0.031}
 
 STATES = ("X", "Y")
 
+PAPER_FILES = ("paper.md", *(f"figures/paper_{number}.png" for number in range(2, 9)))
+"""What --paper writes beside the usual files."""
+
 
 def demo(
     system: str = "jeffcott",
@@ -40,6 +45,8 @@ def demo(
     periods: Whole = 1024,
     noise: float = 0.02,
     seed: Whole = 0,
+    paper: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    draws: Whole = 10,
     format: Literal["text", "json"] = "text",  # noqa: A002
     debug: Debug = False,
 ) -> None:
@@ -57,6 +64,10 @@ def demo(
         Standard deviation of white noise, as a share of the largest free response of each channel: 0.02 is 2 %.
     seed
         The seed of the noise.
+    paper
+        Redraw the figures 2 to 8 of the paper, and hold every number of its section 3 against ours by both algorithms.
+    draws
+        With --paper: over how many draws of the noise, from `seed` on, errors are taken.
     format
         text prints tables; json prints summary.json alone.
     debug
@@ -64,6 +75,9 @@ def demo(
     """
     del debug
     rotor = system_named(system)
+    if paper:
+        _demo_of_paper(out, periods, noise, seed, draws, format)
+        return
     with result_folder(out) as folder, progress(STAGES + 4) as report:
         report("simulating")
         record = rotor.simulate(n_periods=periods, noise=noise, seed=seed)
@@ -78,6 +92,31 @@ def demo(
     print_analysis(analysis)
     print_comparison(comparison)
     print_folder(out, "record.npz")
+
+
+def _demo_of_paper(out: Path, periods: int, noise: float, seed: int, draws: int, format: str) -> None:  # noqa: A002
+    """The paper's experiment by both algorithms; the result written is that of maximum likelihood."""
+    from floquid.cli._paper import files_of_paper, print_numbers
+    from floquid.paper import figures, numbers, reproduce
+
+    if draws < 1:
+        raise input_error("--draws", "floquid demo", "be at least 1", f"is {draws}")
+    with result_folder(out, PAPER_FILES) as folder, progress(draws + 6) as report:
+        done = reproduce(seed=seed, draws=draws, n_periods=periods, noise=noise, report=report)
+        report("collecting the numbers")
+        rows = numbers(done)
+        report("drawing the figures of the paper")
+        files = files_of_paper(figures(done), rows)
+        analysis, rotor = done.maximum_likelihood, done.rotor
+        dense = np.linspace(0.0, rotor.period, 361)
+        settings, truth = Choices(settings=analysis.settings).text(), (dense, rotor.system(dense))
+        folder.write(analysis, settings, report, record=done.record, truth=truth, others=files)
+    if format == "json":
+        print_json(analysis)
+        return
+    print_numbers(rows)
+    terminal().print(f"The figures beside the paper's words, and this table: {out / 'paper.md'}", soft_wrap=True)
+    print_folder(out, "record.npz", "paper.md")
 
 
 def _identify(rotor: JeffcottRotor, record: Record, report: Callable[[str], None]) -> Analysis:

@@ -93,6 +93,8 @@ def identify(
         progress(STAGES + (3 if out else 0)) as report,
     ):
         records = _read(files, choices, report)
+        if choices.settings.channels:  # a path may stand for all rows of a matrix: from here on each has its name
+            choices = choices.with_given(channels=tuple(channel.name for channel in records[0].channels))
         analysis = identify_records(records, choices.settings, report=report)
         if folder is not None:
             folder.write(analysis, choices.text(), report)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import mkdtemp
+from types import MappingProxyType
 
 import numpy as np
 
@@ -43,10 +44,12 @@ class ResultFolder:
         *,
         record: Record | None = None,
         truth: Truth | None = None,
+        others: Mapping[str, Callable[[Path], object]] = MappingProxyType({}),
     ) -> None:
         """Write result.h5, summary.json, settings.toml and the figures, then move them to their names together.
 
-        Nothing of an earlier result is touched before all of this one is on the disk.
+        `others` are further files by their names in the folder, each with a function that writes it to a path. Nothing
+        of an earlier result is touched before all of this one is on the disk.
         """
         from floquid.plot import save_figures
 
@@ -59,9 +62,11 @@ class ResultFolder:
         report("drawing the figures")
         (self.unfinished / "figures").mkdir()
         save_figures(analysis, self.unfinished / "figures", truth=truth)
-        self._publish()
+        for name, make in others.items():
+            make(self.unfinished / name)
+        self._publish(tuple(others))
 
-    def _publish(self) -> None:
+    def _publish(self, others: Sequence[str]) -> None:
         figures = self.path / "figures"
         figures.mkdir(exist_ok=True)
         for name in FIGURES:
@@ -70,15 +75,17 @@ class ResultFolder:
                 new.replace(figures / name)
             else:
                 (figures / name).unlink(missing_ok=True)  # of an earlier result, and not of this one
-        for name in FILES:
+        for name in (*others, *FILES):
             new = self.unfinished / name
             if new.exists():
                 new.replace(self.path / name)
 
 
 @contextmanager
-def result_folder(path: Path) -> Iterator[ResultFolder]:
+def result_folder(path: Path, others: Sequence[str] = ()) -> Iterator[ResultFolder]:
     """The folder `path`, made if need be and tried before any long work; without a result it is left as it was.
+
+    `others` are the names in it of further files that are to be written.
 
     Raises
     ------
@@ -93,7 +100,7 @@ def result_folder(path: Path) -> Iterator[ResultFolder]:
             if path.exists() and not path.is_dir():
                 raise _unusable(path, f"{path} is a file")
             path.mkdir(parents=True, exist_ok=True)
-            _refuse_obstacles(path)
+            _refuse_obstacles(path, others)
             unfinished = Path(mkdtemp(prefix=UNFINISHED, dir=path))
         except OSError as error:
             raise _unusable(path, f"{path} is not: {error.strerror or error}") from None
@@ -106,11 +113,11 @@ def result_folder(path: Path) -> Iterator[ResultFolder]:
                 folder.rmdir()  # which only takes what is empty
 
 
-def _refuse_obstacles(path: Path) -> None:
+def _refuse_obstacles(path: Path, others: Sequence[str]) -> None:
     figures = path / "figures"
     if figures.exists() and not figures.is_dir():
         raise _unusable(path, f"{figures} is a file")
-    for file in [*(path / name for name in FILES), *(figures / name for name in FIGURES)]:
+    for file in [*(path / name for name in (*FILES, *others)), *(figures / name for name in FIGURES)]:
         if file.is_dir():
             raise _unusable(path, f"{file} is a folder")
 

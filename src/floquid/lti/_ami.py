@@ -10,16 +10,30 @@ import numpy as np
 
 from floquid._checks import input_error, integer
 from floquid.lti._identifier import AbstractIdentifier
-from floquid.lti._isolation import Isolated, Rounds, first_fits, go_round, joined, nothing, peaks, without
+from floquid.lti._isolation import (
+    Isolated,
+    Rounds,
+    empty_mode,
+    first_fits,
+    go_round,
+    joined,
+    nothing,
+    peaks,
+    started,
+    without,
+)
 from floquid.lti._isolation_model import isolated_model
 from floquid.lti._one_mode import Mode
-from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE
+from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._select import rise_limit
 from floquid.lti._spectrum import Block, spectra
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
-ROUGH = 0.3
+ROUGH = 0.01
 """Deviations below which a pole counts as at rest while there may be modes to come."""
+
+FIRST = 30
+"""Rounds, at most, after which a mode just isolated must have proved itself."""
 
 TRIES = 4
 """The number of peaks that are tried before what is left counts as noise."""
@@ -146,9 +160,29 @@ class AMI(AbstractIdentifier):
             outcome = Outcome.TOO_FEW_SAMPLES if most < self.most else Outcome.NOT_WHITE
         return isolated_model(now, state.data, state.blocks, outcome, self.widths)
 
-    def _rounds(self, *, rough: bool) -> Rounds:
-        tolerance, most = (ROUGH, min(30, self.rounds)) if rough else (self.tolerance, self.rounds)
-        return Rounds(widths=self.widths, tolerance=tolerance, most=most, rank_one=self.rank_one)
+    def refine(self, state: Lines, model: ModalModel) -> ModalModel:
+        """The model of the same modes on other data or another noise: going round, from the poles of another model.
+
+        Parameters
+        ----------
+        state
+            What `prepare` returned for the data.
+        model
+            Where to start.
+
+        Returns
+        -------
+        ModalModel
+            The model; its outcome is that of `model`.
+        """
+        poles = PoleSet.from_multipliers(model.multipliers)
+        now = started(poles, state.blocks, self._rounds(self.tolerance))
+        now = go_round(now, state.blocks, self._rounds(self.tolerance))
+        return isolated_model(now, state.data, state.blocks, model.outcome, self.widths)
+
+    def _rounds(self, tolerance: float, most: int | None = None) -> Rounds:
+        most = self.rounds if most is None else min(most, self.rounds)
+        return Rounds(widths=self.widths, tolerance=max(tolerance, self.tolerance), most=most, rank_one=self.rank_one)
 
     def _search(self, state: Lines, most: int, report: Callable[[str], None]) -> Isolated:
         """Isolate mode after mode; before the end, bring the poles to rest and look once more."""
@@ -156,10 +190,10 @@ class AMI(AbstractIdentifier):
         while True:
             more = self._next(now, state, most)
             if more is not None:
-                now, at_rest = more, False
+                now, at_rest = self._settle(more, state, ROUGH), False
                 report(f"{now.order} poles isolated")
             elif not at_rest:
-                now, at_rest = self._settle(now, state), True
+                now, at_rest = self._settle(now, state, self.tolerance), True
             else:
                 return now
 
@@ -170,7 +204,7 @@ class AMI(AbstractIdentifier):
             for mode in first_fits(peak, now, state.blocks, self.rank_one):
                 if now.order + mode.size > most:
                     continue
-                more = go_round(joined(now, mode, state.blocks), state.blocks, self._rounds(rough=True))
+                more = go_round(joined(now, mode, state.blocks), state.blocks, self._rounds(ROUGH, FIRST))
                 gain = now.cost - more.cost - state.limit(mode.size, self.false_alarm)
                 if gain > 0 and (best is None or gain > best[0]):
                     best = gain, more
@@ -178,32 +212,36 @@ class AMI(AbstractIdentifier):
                 return best[1]
         return None
 
-    def _settle(self, now: Isolated, state: Lines) -> Isolated:
-        """Bring the poles to rest, take away what is not needed, and put on the real axis what may lie there."""
-        now = go_round(now, state.blocks, self._rounds(rough=False))
+    def _settle(self, now: Isolated, state: Lines, tolerance: float) -> Isolated:
+        """Bring the poles to rest, take away what is not needed, and put on the real axis what may lie there.
+
+        Whether a mode is needed beside a near one is asked at the end alone: until then both may be on their way.
+        """
+        if now.rest >= tolerance:
+            now = go_round(now, state.blocks, self._rounds(tolerance))
         changed = True
         while changed and now.modes:
             changed = False
             for position in np.argsort([_energy_of(mode, state) for mode in now.modes]):
-                simpler = self._simpler(now, int(position), state)
+                simpler = self._simpler(now, int(position), state, last=tolerance < ROUGH)
                 if simpler is not None:
-                    now, changed = simpler, True
+                    now, changed = go_round(simpler, state.blocks, self._rounds(tolerance)), True
                     break
         return now
 
-    def _simpler(self, now: Isolated, position: int, state: Lines) -> Isolated | None:
+    def _simpler(self, now: Isolated, position: int, state: Lines, *, last: bool) -> Isolated | None:
         """The modes less one, or with a pair made a real pole, where the noise could explain the difference."""
-        mode = now.modes[position]
+        mode, rounds = now.modes[position], self._rounds(ROUGH, FIRST)
         limit = state.limit(mode.size, self.false_alarm)
         less = without(now, position, state.blocks)
-        if _energy_of(mode, state) < STRONG * limit or _crowded(now, position, state):
-            trial = go_round(less, state.blocks, self._rounds(rough=False))
+        if _energy_of(mode, state) < STRONG * limit or (last and _crowded(now, position, state)):
+            trial = go_round(less, state.blocks, rounds)
             if trial.cost - now.cost < limit:
                 return trial
         for kind, angle in ((POSITIVE, mode.s.imag), (NEGATIVE, np.pi - mode.s.imag)):
             if mode.kind == PAIR and angle < 0.5 * abs(mode.s.real) + _resolution(state):
-                real = Mode(complex(mode.s.real, 0.0 if kind == POSITIVE else np.pi), kind, _no_residues(mode))
-                trial = go_round(joined(less, real, state.blocks), state.blocks, self._rounds(rough=False))
+                real = empty_mode(complex(mode.s.real, 0.0 if kind == POSITIVE else np.pi), kind, state.blocks)
+                trial = go_round(joined(less, real, state.blocks), state.blocks, rounds)
                 if trial.cost - now.cost < limit - state.limit(1, self.false_alarm):
                     return trial
         return None
@@ -216,10 +254,10 @@ class AMI(AbstractIdentifier):
                 break
             energies = [_energy_of(m, state) if fits else np.inf for m, fits in zip(now.modes, sizes, strict=True)]
             now = without(now, int(np.argmin(energies)), state.blocks)
-            now = go_round(now, state.blocks, self._rounds(rough=False))
+            now = go_round(now, state.blocks, self._rounds(self.tolerance))
         while now.order < order:
             trials = [
-                go_round(joined(now, mode, state.blocks), state.blocks, self._rounds(rough=False))
+                go_round(joined(now, mode, state.blocks), state.blocks, self._rounds(self.tolerance))
                 for peak in peaks(now, state.blocks, clear=-np.inf)[:TRIES]
                 for mode in first_fits(peak, now, state.blocks, self.rank_one)
                 if now.order + mode.size <= order
@@ -229,10 +267,6 @@ class AMI(AbstractIdentifier):
                 break
             now = min(trials, key=lambda trial: trial.cost)
         return now
-
-
-def _no_residues(mode: Mode) -> tuple[np.ndarray, ...]:
-    return tuple(np.zeros_like(own[:1]) for own in mode.coefficients)
 
 
 def _resolution(state: Lines) -> float:

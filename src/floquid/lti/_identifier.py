@@ -49,3 +49,20 @@ class AbstractIdentifier(ABC):
         ModalModel
             The model; its `outcome` says how it ended.
         """
+
+    @abstractmethod
+    def refine(self, state: Any, model: ModalModel) -> ModalModel:
+        """The model of the same order nearest to another one, on other data or another noise.
+
+        Parameters
+        ----------
+        state
+            What `prepare` returned for the data.
+        model
+            Where to start; an algorithm that cannot start anywhere extracts a model of its order.
+
+        Returns
+        -------
+        ModalModel
+            The model.
+        """

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._one_mode import Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
+from floquid.lti._coupled import Bands, bands_of, joint_residues, limit, newton, slack
+from floquid.lti._one_mode import FASTEST, Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._spectrum import WHITE, Block
 
@@ -20,6 +21,17 @@ NEAR = 3.0
 
 SETTLING = 3
 """Rounds in which the band of each mode follows its pole; later it stays, or the poles could not come to rest."""
+
+
+LEAP = 4
+"""Rounds after which Newton's step is tried."""
+
+
+LEAP_OF_OUTER_PRODUCTS = 7
+"""Rounds after which the limit of their sequence is tried."""
+
+FAR = 1.0
+"""Deviations a round below which the limit of outer products is not that of residues of any rank."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,26 +75,79 @@ def nothing(blocks: Sequence[Block]) -> Isolated:
     return Isolated((), left, _energy(left))
 
 
+def empty_mode(s: complex, kind: int, blocks: Sequence[Block]) -> Mode:
+    """A mode with no residues yet."""
+    size = 2 if kind == PAIR else 1
+    return Mode(s, kind, tuple(np.zeros((size, *block.values.shape[1:])) for block in blocks))
+
+
 def _energy(left: Sequence[NDArray[np.complex128]]) -> float:
     return float(sum(np.sum(lines.real**2) + np.sum(lines.imag**2) for lines in left))
 
 
+def started(poles: PoleSet, blocks: Sequence[Block], rounds: Rounds) -> Isolated:
+    """Modes at given poles, to go round from."""
+    modes = [empty_mode(complex(s), int(kind), blocks) for s, kind in zip(poles.s, poles.kind, strict=True)]
+    modes = joint_residues(modes, blocks, bands_of(modes, blocks, rounds.widths)) or modes
+    left = _left(modes, blocks)
+    return Isolated(tuple(modes), left, _energy(left), np.inf)
+
+
 def go_round(now: Isolated, blocks: Sequence[Block], rounds: Rounds) -> Isolated:
-    """Fit each mode to the data less the others, again and again, until the poles stop moving."""
-    modes, left, moved = list(now.modes), list(now.left), 0.0
-    bands: list[list[slice]] = []
-    for count in range(rounds.most if modes else 0):
+    """Fit each mode to the data less the others, again and again, until the poles stop moving.
+
+    Modes that overlap come to rest slowly, by a constant factor a round. So every few rounds a leap to where they will
+    come to rest is tried, and taken unless it leaves more than the last round did: Newton's step on the equations that
+    the rounds solve, or, near the rest of outer products, whose equations are not so simple, the limit of the sequence.
+    """
+    outer = rounds.rank_one and sum(len(block.inputs) for block in blocks) > 1
+    near: Bands = []
+    past: list[Isolated] = []
+    for count in range(rounds.most if now.modes else 0):
         if count < SETTLING:
-            bands = [[band_lines(mode.s, block, rounds.widths) for block in blocks] for mode in modes]
-        moved = 0.0
-        for position, mode in enumerate(modes):
-            own = [lines + mode.lines(b, block) for b, (block, lines) in enumerate(zip(blocks, left, strict=True))]
-            new = fit_mode(mode, blocks, own, bands[position], rounds.rank_one)
-            left = [lines - new.lines(b, block) for b, (block, lines) in enumerate(zip(blocks, own, strict=True))]
-            moved = max(moved, _distance(new.s, mode.s) / new.deviation)
-            modes[position] = new
-        if moved < rounds.tolerance:
+            near = bands_of(now.modes, blocks, rounds.widths)
+        now = _one_round(now, blocks, near, rounds.rank_one)
+        if now.rest < rounds.tolerance:
             break
+        past.append(now)
+        if len(past) == (LEAP_OF_OUTER_PRODUCTS if outer else LEAP) and len(now.modes) > 1:
+            near_rest = outer and now.rest < FAR
+            leap = (
+                limit([x.modes for x in past], blocks)
+                if near_rest
+                else newton(now.modes, blocks, near, _cost_on(blocks))
+            )
+            now, past = _taken(leap, now, blocks, outer), []
+    return now
+
+
+def _cost_on(blocks: Sequence[Block]) -> Callable[[Sequence[Mode]], float]:
+    return lambda modes: _energy(_left(modes, blocks))
+
+
+def _left(modes: Sequence[Mode], blocks: Sequence[Block]) -> tuple[NDArray[np.complex128], ...]:
+    """What modes leave of the blocks' lines."""
+    return tuple(block.values - sum(mode.lines(b, block) for mode in modes) for b, block in enumerate(blocks))
+
+
+def _taken(leap: Sequence[Mode] | None, now: Isolated, blocks: Sequence[Block], outer: bool) -> Isolated:
+    """The modes after a leap, or as they were where it leads nowhere."""
+    if leap is None or any(abs(mode.s.real) > FASTEST for mode in leap):
+        return now
+    modes = tuple(rank_one_mode(mode, blocks) for mode in leap) if outer else tuple(leap)
+    left = _left(modes, blocks)
+    there = Isolated(modes, left, _energy(left), now.rest)
+    return there if there.cost < now.cost + slack(modes) else now
+
+
+def _one_round(now: Isolated, blocks: Sequence[Block], near: Bands, rank_one: bool) -> Isolated:
+    modes, left, moved = list(now.modes), list(now.left), 0.0
+    for position, mode in enumerate(modes):
+        own = [lines + mode.lines(b, block) for b, (block, lines) in enumerate(zip(blocks, left, strict=True))]
+        new = fit_mode(mode, blocks, own, [lines[position] for lines in near], rank_one)
+        left = [lines - new.lines(b, block) for b, (block, lines) in enumerate(zip(blocks, own, strict=True))]
+        moved = max(moved, _distance(new.s, mode.s) / new.deviation)
+        modes[position] = new
     return Isolated(tuple(modes), tuple(left), _energy(left), moved)
 
 

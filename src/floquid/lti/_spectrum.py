@@ -33,7 +33,7 @@ CHUNK = 2**22
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """The inputs of one length: their numbers, the samples N, the weighted lines (lines, outputs, inputs), the noise."""
+    """The inputs of one length: their numbers, N, weighted lines (lines, outputs, inputs), noise (outputs, inputs)."""
 
     inputs: NDArray[np.int64]
     samples: int

@@ -165,15 +165,12 @@ def _refuse_copies(records: Sequence[Record]) -> None:
 
 
 def _find_poles(lifted: Lifted, settings: Settings, report: Callable[[str], None]) -> tuple[Lifted, ModalModel]:
-    """Poles and noise together: the noise is taken again from the residual until it stays.
-
-    Maximum likelihood goes on from its last poles; another algorithm starts again with the better noise.
-    """
+    """Poles and noise together: the noise is taken again from the residual until it stays."""
     identifier = settings.identifier or MaximumLikelihood(false_alarm=settings.mode_false_alarm)
     modal: ModalModel | None = None
     for round_ in range(NOISE_ROUNDS):
         state = identifier.prepare(lifted.responses)
-        if modal is not None and isinstance(identifier, MaximumLikelihood):
+        if modal is not None:
             modal = identifier.refine(state, modal)
         else:
             report("searching for modes")

@@ -3,9 +3,26 @@
 matplotlib is loaded when the first figure is drawn, without pyplot and without touching its global settings.
 """
 
+from typing import TYPE_CHECKING
+
 from floquid.plot._composite import composite
-from floquid.plot._save import save_figures
+from floquid.plot._residues import coefficients, residues
+from floquid.plot._save import save_figure, save_figures
+from floquid.plot._spectra import spectra
 from floquid.plot._system_elements import system_elements
 from floquid.plot._time_record import time_record
 
-__all__ = ["composite", "save_figures", "system_elements", "time_record"]
+if TYPE_CHECKING:
+    # For annotations elsewhere: no other room imports matplotlib.
+    from matplotlib.figure import Figure as Figure
+
+__all__ = [
+    "coefficients",
+    "composite",
+    "residues",
+    "save_figure",
+    "save_figures",
+    "spectra",
+    "system_elements",
+    "time_record",
+]

@@ -73,7 +73,43 @@ def save_figures(
     for name, figure in figures.items():
         for form in formats:
             path = place / f"{name}.{form}"
-            with atomic_path(path, of=of, argument="folder") as temporary, style():
-                figure.savefig(temporary, format=form, dpi=dpi, metadata=_NO_DATE[form])
+            _write(figure, path, form, dpi, of=of, argument="folder")
             written.append(path)
     return tuple(written)
+
+
+def save_figure(figure: Figure, path: str | PathLike[str], *, dpi: float = 150.0) -> Path:
+    """Write one figure, whole or not at all; the same figure always gives the same file.
+
+    Parameters
+    ----------
+    figure
+        A figure of this package.
+    path
+        The file, ending in .png, .svg or .pdf; it is replaced.
+    dpi
+        Dots an inch of PNG.
+
+    Returns
+    -------
+    pathlib.Path
+        The file written.
+
+    Raises
+    ------
+    InputError
+        The ending is another, or the file cannot be written.
+    """
+    of = "save_figure"
+    place = as_path(path, of=of)
+    form = place.suffix[1:].lower()
+    if form not in get_args(Format):
+        words = ", ".join(f".{one}" for one in get_args(Format))
+        raise input_error("path", of, f"end in one of {words}", f"is {place}", "The ending says the format.")
+    _write(figure, place, form, dpi, of=of, argument="path")
+    return place
+
+
+def _write(figure: Figure, path: Path, form: str, dpi: float, *, of: str, argument: str) -> None:
+    with atomic_path(path, of=of, argument=argument) as temporary, style():
+        figure.savefig(temporary, format=form, dpi=dpi, metadata=_NO_DATE[form])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,31 +10,34 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
 from floquid.core import Channel
-from floquid.plot._style import BLACK, BLUE, finish, label_values, new_figure, style
+from floquid.plot._several import LOOKS, degrees_a_period, entitled, label_angle, several
+from floquid.plot._style import BLACK, finish, label_values, new_figure, style
 from floquid.reconstruction import StateModel
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _TIME_POWER = {"velocity": 1, "acceleration": 2}
 
 
 def system_elements(
-    state: StateModel,
+    state: StateModel | Mapping[str, StateModel],
     elements: Sequence[tuple[int, int]] | None = None,
     truth: tuple[ArrayLike, ArrayLike] | None = None,
     *,
     period: float | None = None,
     channels: Sequence[Channel] = (),
+    periods_per_revolution: int | None = None,
 ) -> Figure:
-    """Chosen elements of A(t) against the phase of the period: circles, with the truth as lines where it is known.
+    """Chosen elements of A(t) over the period: circles, with the truth as lines where it is known.
 
     Bars are two standard deviations each way, where those are estimated.
 
     Parameters
     ----------
     state
-        The state model.
+        The state model, or several in the same states by name.
     elements
         Rows and columns, counted from 1 as in A(3,1); when not given, the first two stiffnesses and the first damping
         of the first equation of motion: A(3,1), A(3,2) and A(3,3) for four states.
@@ -44,6 +47,8 @@ def system_elements(
         The period [s]; when not given, the instants are taken to be equally spaced over one, as `reconstruct` has them.
     channels
         The channels of the record: with them, states in different units get the right unit on the axis.
+    periods_per_revolution
+        Draw against the angle of the shaft, which turns once in this many periods; not given, against the phase.
 
     Returns
     -------
@@ -56,33 +61,43 @@ def system_elements(
         An element is not in A, the truth does not fit, or the period is needed and not given.
     """
     of = "system_elements"
-    n = len(state.states)
+    named = several(state, StateModel, "state", of)
+    first = next(iter(named.values()))
+    n = len(first.states)
+    for name, other in named.items():
+        if other.states != first.states:
+            raise input_error("state", of, "hold models in the same states", f"{name!r} has {other.states}")
     chosen = _default(n) if elements is None else [_element(entry, n, of) for entry in elements]
     if not chosen:
         raise input_error("elements", of, "name at least one element", "is empty")
-    length = _period(state, of) if period is None else positive(period, "period", of, unit="s")
+    length = _period(first, of) if period is None else positive(period, "period", of, unit="s")
     known = None if truth is None else _truth(truth, n, of)
+    degrees = degrees_a_period(periods_per_revolution, of) / length
     with style():
         figure = new_figure(7.0, 1.0 + 1.5 * len(chosen))
         panels = figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0]
-        phase = state.times / length * 360.0
         for axes, (i, j) in zip(panels, chosen, strict=True):
             if known is not None:
-                axes.plot(known[0] / length * 360.0, known[1][:, i - 1, j - 1], color=BLACK, label="truth")
-            look = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "color": BLUE, "markersize": 4.0}
-            values = state.system[:, i - 1, j - 1]
-            if state.system_std is None:
-                axes.plot(phase, values, **look, label="estimated")
-            else:
-                bars = 2.0 * state.system_std[:, i - 1, j - 1]
-                axes.errorbar(phase, values, bars, **look, elinewidth=0.7, label="estimated, 2 std")
+                axes.plot(known[0] * degrees, known[1][:, i - 1, j - 1], color=BLACK, label="truth")
+            _draw_estimates(axes, named, i - 1, j - 1, degrees)
             axes.margins(y=0.12)
             largest = float(np.abs(axes.dataLim.intervaly).max())
-            label_values(axes, f"A({i},{j})", _unit(state, i - 1, j - 1, channels), largest)
-        panels[-1].set(xlabel="phase of the period [deg]", xlim=(-6.0, 366.0), xticks=np.arange(0, 361, 45))
+            label_values(axes, f"A({i},{j})", _unit(first, i - 1, j - 1, channels), largest)
+        label_angle(panels[-1], periods_per_revolution, of)
         figure.align_ylabels(panels)
         finish(figure)
     return figure
+
+
+def _draw_estimates(axes: Axes, named: dict[str, StateModel], i: int, j: int, degrees: float) -> None:
+    """One element of A in each model, with bars of two deviations where they are known."""
+    for look, (name, state) in zip(LOOKS, named.items(), strict=False):
+        phase, values = state.times * degrees, state.system[:, i, j]
+        if state.system_std is None:
+            axes.plot(phase, values, **look.points, label=entitled(name, "estimated"))
+        else:
+            bars, words = 2.0 * state.system_std[:, i, j], entitled(name, "estimated, 2 std")
+            axes.errorbar(phase, values, bars, **look.points, elinewidth=0.7, label=words)
 
 
 def _default(n: int) -> list[tuple[int, int]]:

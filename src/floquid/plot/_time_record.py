@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
-from floquid.core import channels_named
+from floquid.core import Cycles, channels_named
 from floquid.pipeline import Analysis
+from floquid.plot._several import degrees_a_period
 from floquid.plot._style import BLUE, VERMILION, envelope, finish, label_values, new_figure, plain, style
 
 if TYPE_CHECKING:
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 INSET = (0.36, 0.58, 0.62, 0.33)
 """Where the inset is: left, bottom, width and height as shares of the axes."""
+
+MOST_ANGLES = 3
+"""How many angles of the shaft the legend lists."""
 
 INSET_WITH_LABELS = 0.46
 """The height below which the record must stay beside the inset, as a share of the axes."""
@@ -31,6 +35,7 @@ def time_record(
     hit: int = 0,
     inset_cycles: int = 5,
     points: int = 4000,
+    periods_per_revolution: int | None = None,
 ) -> Figure:
     """The record of one channel, and circles at the samples of one phase: one lifted response.
 
@@ -50,6 +55,8 @@ def time_record(
         The number of cycles in the inset.
     points
         The most points a curve is drawn with.
+    periods_per_revolution
+        Name the phase by the angles of the shaft, which turns once in this many periods; not given, by its number.
 
     Returns
     -------
@@ -80,7 +87,7 @@ def time_record(
         shown = record.channels[row]
         label = plain(shown.name) + (f", hit {hit + 1}" if len(analysis.records) > 1 else "")
         axes.plot(*envelope(times, values, points), color=BLUE, linewidth=0.7, label=label)
-        marks = f"phase {phase} of {cycles.n_phases}, once a period"
+        marks = _marks(cycles, phase, periods_per_revolution)
         ring: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "color": VERMILION}
         axes.plot(*envelope(instants, samples, points), **ring, markersize=2.5, markeredgewidth=0.6, label=marks)
         axes.set(xlabel="time [s]", xlim=(times[0], times[-1]))
@@ -98,6 +105,17 @@ def time_record(
         inset.tick_params(labelsize=8.0)
         finish(figure)
     return figure
+
+
+def _marks(cycles: Cycles, phase: int, periods_per_revolution: int | None) -> str:
+    """What the circles stand for: the number of the phase, or the angles of the shaft."""
+    if periods_per_revolution is None:
+        return f"phase {phase} of {cycles.n_phases}, once a period"
+    step = degrees_a_period(periods_per_revolution, "time_record")
+    first = (cycles.first_phase + phase / cycles.n_phases) % 1.0 * step
+    if periods_per_revolution > MOST_ANGLES:
+        return f"shaft at {first:.4g}° and every {step:.4g}° from there"
+    return "shaft at " + " or ".join(f"{first + step * number:.4g}°" for number in range(periods_per_revolution))
 
 
 def _first_sample(analysis: Analysis, hit: int) -> int:

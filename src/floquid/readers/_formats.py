@@ -10,8 +10,11 @@ from typing import Protocol, final
 from floquid._checks import input_error
 from floquid.core import Record
 from floquid.readers._csv import load_csv, save_csv
+from floquid.readers._hdf5 import load_hdf5, save_hdf5
+from floquid.readers._mat import load_mat, save_mat
 from floquid.readers._npz import load_npz, save_npz
 from floquid.readers._table import Source, Table
+from floquid.readers._uff import load_uff, save_uff
 
 
 class Load(Protocol):
@@ -50,6 +53,11 @@ class Format:
 FORMATS: tuple[Format, ...] = (
     Format(name="NumPy archive", suffix=".npz", load=load_npz, save=save_npz),
     Format(name="text table", suffix=".csv", load=load_csv, save=save_csv),
+    Format(name="MATLAB file", suffix=".mat", load=load_mat, save=save_mat),
+    Format(name="data file in HDF5", suffix=".h5", load=load_hdf5, save=save_hdf5),
+    Format(name="data file in HDF5", suffix=".hdf5", load=load_hdf5, save=save_hdf5),
+    Format(name="universal file", suffix=".uff", load=load_uff, save=save_uff),
+    Format(name="universal file", suffix=".unv", load=load_uff, save=save_uff),
 )
 
 

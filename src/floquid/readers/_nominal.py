@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from decimal import Decimal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,8 @@ _EVIDENCE = 0.02
 """Largest chance that a rate picked at random agrees with a candidate: the width of what the column allows over the
 distance between candidates of that roundness."""
 
-_OCTAVES = (1.0, 25.0, 125.0, 375.0, 11025.0)
-"""Rates of acquisition hardware are one of these times a power of two: 4096, 51200, 64000, 48000, 44100 Hz."""
+_OCTAVES = (1.0, 5.0, 25.0, 125.0, 375.0, 11025.0)
+"""Rates of acquisition hardware are one of these times a power of two: 4096, 10240, 51200, 64000, 48000, 44100 Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -158,6 +159,57 @@ def nominal_rate(
         if change > max(coarse / length, equal) or (allowed > _EVIDENCE * spacing and change > equal):
             continue
         if _explains(1.0 / rate, positions, times, rounding, line):
+            return rate
+    return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Printed:
+    """A number as a text has it: its `value`, the unit of its last digit `quantum`, and how many `digits` it has."""
+
+    text: str
+    value: float
+    quantum: float
+    digits: int
+
+
+def printed(text: str) -> Printed:
+    """The finite number that `text` spells, with E or with Fortran's D before its exponent.
+
+    Nine digits or more that are those of a number in single precision are no finer than that.
+
+    Raises
+    ------
+    ValueError
+        `text` spells no finite number.
+    """
+    word = text.strip()
+    if "_" in word or not word.isascii():
+        raise ValueError(text)
+    value = float(word.upper().replace("D", "E"))  # before Decimal, as it bounds the exponent
+    if not np.isfinite(value):
+        raise ValueError(text)
+    _, digits, exponent = Decimal(word.upper().replace("D", "E")).as_tuple()
+    quantum = float(f"1e{exponent}")
+    with np.errstate(over="ignore", under="ignore"):
+        single = np.float32(value)
+    if len(digits) >= 9 and 0.0 < abs(float(single) - value) <= 0.5 * quantum:
+        quantum = max(quantum, abs(float(np.spacing(single))))
+    return Printed(text=word, value=value, quantum=quantum, digits=len(digits))
+
+
+def nominal_rate_of_step(step: Printed) -> float | None:
+    """The round rate [Hz] that a positive step [s], printed to some digits, clearly means, or None.
+
+    The candidates are those of `nominal_rate`, and the roundest that passes is taken. It passes when its step is
+    printed as this one, and such an agreement by chance has a probability of at most 2 %.
+    """
+    width = step.quantum / step.value
+    half = 0.5 * step.quantum * (1.0 + 1e-6) + 4.0 * _EPS * step.value  # a step halfway is printed up or down
+    if not 0.0 < width < _EVIDENCE:
+        return None
+    for rate, spacing in _candidates(1.0 / step.value):
+        if abs(1.0 / rate - step.value) <= half and width <= _EVIDENCE * spacing:
             return rate
     return None
 

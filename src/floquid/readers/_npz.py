@@ -52,7 +52,7 @@ def load_npz(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     elif "time" in arrays:
         time = _time(source, arrays["time"], values.shape[1])
     numbers = {key: _scalar(source, arrays, key) for key in ("sample_rate", "start", "period", "origin")}
-    return Table(values=values, channels=named, time=time, notes=notes, **numbers)
+    return Table(values=values, channels=named, time=time, rate_note=None, notes=notes, **numbers)
 
 
 def _arrays(source: Source) -> tuple[dict[str, NDArray[Any]], list[str]]:

@@ -28,7 +28,11 @@ def read(
 
     The format is chosen by the suffix. `.npz`: `values` (channels, samples), `sample_rate` [Hz] or `time` (samples,)
     [s], `channels`, and optionally `units`, `quantities`, `start` [s], `period` [s], `origin` [s]. `.csv`: a header
-    row, a time column, then channels, units in brackets; an empty cell or `nan` is a missing sample.
+    row, a time column, then channels, units in brackets; an empty cell or `nan` is a missing sample. `.mat` (MATLAB v5
+    to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these without `values` is read by the paths of its
+    variables in `channels`: `run/acc/x` is a vector of samples, `data[2]` row 2 of a matrix (channels, samples),
+    counted from 0, `data.T[2]` column 2 of one (samples, channels), and `data` or `data.T` all of them. A vector `time`
+    or `t` [s] beside them gives the rate, or a number `sample_rate` [Hz].
 
     A time column is repaired, not trusted: the rate is fitted to the whole column and snapped to a nominal value where
     the evidence is clear, gaps of whole steps become missing samples, and `provenance` says so.
@@ -44,7 +48,7 @@ def read(
         The sampling rate [Hz]; takes precedence over what the file says. A time column is then ignored and the record
         starts at zero, or at the file's `start`.
     channels
-        The names of the channels to read, in that order; None reads all.
+        The names of the channels to read, in that order, or the paths of their variables; None reads all.
     origin
         The time of phase zero [s].
 
@@ -98,8 +102,8 @@ def read(
 def write(record: Record, path: str | PathLike[str]) -> None:
     """Write `record` to a file that `read` gives back as it was, but for its provenance.
 
-    The format is chosen by the suffix, `.npz` or `.csv`. The file appears whole or not at all: an existing one is
-    replaced at the end, in one step.
+    The format is chosen by the suffix, one of those in `FORMATS`. The file appears whole or not at all: an existing one
+    is replaced at the end, in one step.
 
     Parameters
     ----------
@@ -187,7 +191,7 @@ def settle_axis(table: Table, source: Source, rate: float | None = None) -> Time
     fitted = None if table.time is None else repair(table.time, source)
     if stated is None:
         return fitted
-    note = f"Sampling rate {stated:.12g} Hz: as the file states."
+    note = table.rate_note or f"Sampling rate {stated:.12g} Hz: as the file states."
     if fitted is None:
         return TimeAxis(sample_rate=stated, start=table.start or 0.0, notes=(note,))
     drift = abs(stated / fitted.sample_rate - 1.0) * (table.values.shape[1] - 1)

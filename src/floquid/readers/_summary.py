@@ -164,9 +164,16 @@ def _summary(channel: Channel, row: NDArray[np.float64]) -> ChannelSummary:
         unit=channel.unit,
         minimum=float(there.min()) if there.size else None,
         maximum=float(there.max()) if there.size else None,
-        std=float(there.std()) if there.size else None,
+        std=_std(there) if there.size else None,
         n_missing=len(row) - len(there),
     )
+
+
+def _std(there: NDArray[np.float64]) -> float:
+    """The standard deviation, also of numbers whose squares overflow, as damage makes them."""
+    scale = float(np.abs(there).max())
+    with np.errstate(over="ignore"):
+        return float((there / scale).std() * scale) if scale > 1e100 else float(there.std())
 
 
 def _candidates(
@@ -177,6 +184,7 @@ def _candidates(
         phases = f", {period * axis.sample_rate:.9g} samples" if axis else ""
         found.append(ClockCandidate(name="period", why=f"the file states a period of {period:.9g} s{phases}"))
     for channel, row in zip(channels, values, strict=True):
+        row = np.where(np.abs(row) < 1e300, row, np.nan)  # damage; its differences would overflow
         reasons = []
         if channel.quantity in ("pulse", "angle"):
             reasons.append(f"its quantity is {channel.quantity}")

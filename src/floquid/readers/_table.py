@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import Channel
+from floquid.core import Channel, Record
 from floquid.errors import InputError
 
 
@@ -41,12 +41,16 @@ class TimeColumn:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Table:
-    """The content of a file, as it says it: `values` (channels, samples), None for what it does not say."""
+    """The content of a file, as it says it: `values` (channels, samples), None for what it does not say.
+
+    `rate_note` is the sentence on where `sample_rate` comes from, when "as the file states" is not all of it.
+    """
 
     values: NDArray[np.float64]
     channels: tuple[Channel, ...]
     time: TimeColumn | None = None
     sample_rate: float | None = None
+    rate_note: str | None = None
     start: float | None = None
     period: float | None = None
     origin: float | None = None
@@ -76,6 +80,18 @@ def make_channels(
         raise source.wrapped(error) from None
     check_distinct(source, [channel.name for channel in channels])
     return channels
+
+
+def texts_of(record: Record) -> dict[str, list[str]]:
+    """What the channels of `record` are called and where they are, one text a channel, by the names in our files."""
+    channels = record.channels
+    places = {"locations": [c.location for c in channels], "directions": [c.direction for c in channels]}
+    return {
+        "channels": [channel.name for channel in channels],
+        "units": [channel.unit for channel in channels],
+        "quantities": [str(channel.quantity) for channel in channels],
+        **{key: texts for key, texts in places.items() if any(texts)},
+    }
 
 
 def check_distinct(source: Source, names: Iterable[str]) -> None:

@@ -1,0 +1,225 @@
+"""The equations that going round the modes solves, for all modes at once: their deviations, and Newton's step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.lti._exponentials import positive_part
+from floquid.lti._one_mode import Mode, band_lines, real_rows
+from floquid.lti._poles import PAIR, PoleSet
+from floquid.lti._spectrum import Block, mode_columns
+
+WORST = 1e10
+"""The condition number of the coupled fits beyond which two modes count as one."""
+
+
+LEAST_INFORMATION = 1e-100
+"""What the data say of a parameter below which they say nothing: its mode has no residues left."""
+
+HALVINGS = 6
+"""How often Newton's step is halved before it is given up."""
+
+
+SLACK = 0.01
+"""What a leap may add to the sum of squares, for each residue: fits near the peaks are not quite the least over all."""
+
+
+def slack(modes: Sequence[Mode]) -> float:
+    """What a leap of these modes may add to the sum of squares."""
+    return 1.0 + SLACK * sum(own.size for mode in modes for own in mode.coefficients)
+
+
+Bands = Sequence[Sequence[slice]]
+"""The lines to which each mode is fitted, for each block."""
+
+
+def bands_of(modes: Sequence[Mode], blocks: Sequence[Block], widths: float) -> list[list[slice]]:
+    """The lines within `widths` half-power half-widths of each mode's peak, for each block."""
+    return [[band_lines(mode.s, block, widths) for mode in modes] for block in blocks]
+
+
+def columns_of(modes: Sequence[Mode]) -> list[slice]:
+    """Which of the real columns of all modes are those of each."""
+    return [slice(int(a), int(b)) for a, b in pairwise(np.cumsum([0, *(mode.size for mode in modes)]))]
+
+
+def complex_columns(poles: PoleSet, real: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """The columns of μ^k and its conjugate (rows, order) from those of its real and imaginary part."""
+    out = real + 0j
+    for start, kind in zip(poles.starts(), poles.kind, strict=True):
+        if kind == PAIR:
+            out[:, start] = real[:, start] + 1j * real[:, start + 1]
+            out[:, start + 1] = out[:, start].conj()
+    return out
+
+
+@dataclass(frozen=True, slots=True)
+class Coupled:
+    r"""The equations of all modes in one block, as rows of real numbers, residues eliminated.
+
+    At rest, mode r solves B_rᵀ W_r (d - Σ_q B_q c_q) = 0 for its residues and g_u = Σ (∂B_u c_r)ᵀ W_r (d - B c) = 0
+    for each parameter u of its pole, W_r the lines near its peak and the sum over the responses. The residues of all
+    modes together are c = G⁻¹ H d, with G_rq = B_rᵀ W_r B_q and H_r = B_rᵀ W_r, and Q = I - B G⁻¹ H takes them out:
+
+    .. math:: g_u = \sum c_r^T V_u^T d, \quad J_{uv} = \sum c_r^T V_u^T \dot B_v c_q, \quad
+              \operatorname{cov} g_{uv} = \sum c_r^T V_u^T V_v c_q, \qquad V_u = Q^T W_r \dot B_u
+
+    `moved` is k times the columns (rows, n); `solve` is G⁻¹H (n, rows); `taken` holds, for each parameter, the slice
+    of its mode's columns, ∂B and V (rows, columns of the mode).
+    """
+
+    moved: NDArray[np.float64]
+    solve: NDArray[np.float64]
+    taken: tuple[tuple[slice, NDArray[np.float64], NDArray[np.float64]], ...]
+
+    @staticmethod
+    def of(modes: Sequence[Mode], block: Block, near: Sequence[slice]) -> Coupled | None:
+        """The equations of one block; None when two modes have the same columns."""
+        if not modes:
+            nothing = np.zeros((2 * len(block.values), 0))
+            return Coupled(nothing, nothing.T, ())
+        pairs = [mode_columns(m.s, m.kind, block.angles, block.samples, block.weights) for m in modes]
+        columns = np.concatenate([real_rows(c) for c, _ in pairs], axis=1)
+        moved = np.concatenate([real_rows(m) for _, m in pairs], axis=1)
+        seen = np.zeros(columns.shape, bool)
+        own = columns_of(modes)
+        half = len(block.values)
+        for lines, at in zip(near, own, strict=True):
+            seen[lines, at], seen[half + lines.start : half + lines.stop, at] = True, True
+        weighted = np.where(seen, columns, 0.0)
+        coupling = weighted.T @ columns
+        size = np.sqrt(np.diag(coupling)) + np.finfo(float).tiny
+        if not np.linalg.cond(coupling / np.outer(size, size)) < WORST:
+            return None
+        solve = np.linalg.solve(coupling, weighted.T)
+        taken = []
+        for mode, at in zip(modes, own, strict=True):
+            turns = [moved[:, at]]
+            if mode.kind == PAIR:
+                turns.append(np.stack([-turns[0][:, 1], turns[0][:, 0]], axis=1))
+            for turn in turns:
+                here = np.where(seen[:, at], turn, 0.0)
+                taken.append((at, turn, here - solve.T @ (columns.T @ here)))
+        return Coupled(moved, solve, tuple(taken))
+
+    def strength(self, modes: Sequence[Mode], number: int) -> NDArray[np.float64]:
+        """Σ c cᵀ (n, n) over the responses of block `number`."""
+        own = np.concatenate([mode.coefficients[number].reshape(mode.size, -1) for mode in modes])
+        return own @ own.T
+
+    def equations(self, modes: Sequence[Mode], number: int, data: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The sums g (n,) for the rows `data` (rows, responses) of block `number`."""
+        own = [mode.coefficients[number].reshape(mode.size, -1) for mode in modes for _ in range(mode.size)]
+        return np.array([np.sum((v.T @ data) * c) for (_, _, v), c in zip(self.taken, own, strict=True)])
+
+    def slope_of_equations(self, strength: NDArray[np.float64]) -> NDArray[np.float64]:
+        """J (n, n) for residues of this Σ c cᵀ."""
+        rows = [[np.sum((v.T @ w) * strength[a, b]) for b, w, _ in self.taken] for a, _, v in self.taken]
+        return np.array(rows).reshape(len(rows), len(rows))
+
+    def slopes(self, modes: Sequence[Mode], number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """J (n, n) of block `number`, and what the noise on the residues is expected to add to it; symmetric parts."""
+        responses = modes[0].coefficients[number][0].size
+        both = self.slope_of_equations(self.strength(modes, number)), self.slope_of_equations(self.solve @ self.solve.T)
+        whole, noise = (0.5 * (part + part.T) for part in both)
+        return whole, responses * noise
+
+    def scatter_of_equations(self, strength: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The covariance of g (n, n) for unit noise."""
+        rows = [[np.sum((v.T @ w) * strength[a, b]) for b, _, w in self.taken] for a, _, v in self.taken]
+        return np.array(rows).reshape(len(rows), len(rows))
+
+
+def joint_residues(modes: Sequence[Mode], blocks: Sequence[Block], near: Bands) -> list[Mode] | None:
+    """The modes with the residues that going round would end with, were the poles to stay; None if two are one."""
+    found: list[list[NDArray[np.float64]]] = [[] for _ in modes]
+    for block, lines in zip(blocks, near, strict=True):
+        coupled = Coupled.of(modes, block, lines)
+        if coupled is None:
+            return None
+        own = coupled.solve @ _rows(block)
+        for parts, at in zip(found, columns_of(modes), strict=True):
+            parts.append(own[at].reshape(-1, *block.values.shape[1:]))
+    return [replace(mode, coefficients=tuple(parts)) for mode, parts in zip(modes, found, strict=True)]
+
+
+def newton(
+    modes: Sequence[Mode], blocks: Sequence[Block], near: Bands, cost: Callable[[Sequence[Mode]], float]
+) -> list[Mode] | None:
+    """The modes after Newton's step on their equations, halved until the `cost` falls; None if two are one."""
+    now = joint_residues(modes, blocks, near)
+    if now is None:
+        return None
+    size = sum(mode.size for mode in modes)
+    whole, noise, lean = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+    for number, block in enumerate(blocks):
+        coupled = Coupled.of(now, block, near[number])
+        assert coupled is not None
+        parts = coupled.slopes(now, number)
+        whole, noise = whole + parts[0], noise + parts[1]
+        lean += coupled.equations(now, number, _rows(block))
+    if not (np.diag(whole) > LEAST_INFORMATION).all():
+        return now
+    slope = positive_part(whole, whole - noise)
+    scale = np.sqrt(np.maximum(np.diag(slope), np.finfo(float).tiny))
+    both = np.outer(scale, scale)
+    if not np.linalg.cond(slope / both) < WORST:
+        return now
+    step, before = np.linalg.solve(slope / both, lean / scale) / scale, cost(now)
+    for _ in range(HALVINGS):
+        poles = [_stepped(mode, step[at]) for mode, at in zip(now, columns_of(now), strict=True)]
+        moved = joint_residues(poles, blocks, near) if np.abs(step).max() < 1.0 else None
+        if moved is not None and cost(moved) < before + slack(now):
+            return moved
+        step = 0.5 * step
+    return now
+
+
+def _rows(block: Block) -> NDArray[np.float64]:
+    return real_rows(block.values.reshape(len(block.values), -1))
+
+
+def _stepped(mode: Mode, step: NDArray[np.float64]) -> Mode:
+    change = complex(step[0], step[1] if mode.kind == PAIR else 0.0)
+    return replace(mode, s=complex(PoleSet.of(np.array([mode.s + change]), np.array([mode.kind])).s[0]))
+
+
+def limit(past: Sequence[Sequence[Mode]], blocks: Sequence[Block]) -> list[Mode]:
+    """The limit of a sequence of rounds by reduced-rank extrapolation (Eddy 1979; Mešina 1977)."""
+    last = past[-1]
+    norms = [
+        [np.linalg.norm(mode_columns(m.s, m.kind, x.angles, x.samples, x.weights)[0], axis=0) for x in blocks]
+        for m in last
+    ]
+    states = np.array([_state(modes, last, norms) for modes in past])
+    steps = np.diff(states, axis=0)
+    mixed = np.linalg.lstsq(np.diff(steps, axis=0).T, steps[0], rcond=1e-10)[0]
+    return _from_state(states[0] - mixed @ steps[:-1], last, norms)
+
+
+def _state(modes: Sequence[Mode], last: Sequence[Mode], norms: Sequence[Sequence[NDArray]]) -> NDArray[np.float64]:
+    """Poles and residues as one vector, each in units of what noise does to it."""
+    parts: list[NDArray[np.float64]] = []
+    for mode, final, sizes in zip(modes, last, norms, strict=True):
+        parts.append(np.array([mode.s.real, mode.s.imag]) / final.deviation)
+        parts += [(own * size[:, None, None]).ravel() for own, size in zip(mode.coefficients, sizes, strict=True)]
+    return np.concatenate(parts)
+
+
+def _from_state(state: NDArray[np.float64], last: Sequence[Mode], norms: Sequence[Sequence[NDArray]]) -> list[Mode]:
+    modes, at = [], 0
+    for final, sizes in zip(last, norms, strict=True):
+        s = complex(state[at], state[at + 1]) * final.deviation
+        at, parts = at + 2, []
+        for own, size in zip(final.coefficients, sizes, strict=True):
+            values = state[at : at + own.size].reshape(own.shape)
+            parts.append(values / np.maximum(size, np.finfo(float).tiny)[:, None, None])
+            at += own.size
+        s = PoleSet.of(np.array([s]), np.array([final.kind])).s[0]
+        modes.append(replace(final, s=complex(s), coefficients=tuple(parts)))
+    return modes

@@ -1,0 +1,265 @@
+"""Residues over the period, as identified at each phase and as the harmonics kept draw them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error, integer
+from floquid.core import channels_named
+from floquid.periodic import assemble
+from floquid.pipeline import Analysis
+from floquid.plot._several import LOOKS, degrees_a_period, entitled, label_angle, legend_of_all, several
+from floquid.plot._style import GREY, SIZE, label_values, new_figure, plain, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PARTS = ("real", "imag")
+
+
+def residues(
+    analysis: Analysis | Mapping[str, Analysis],
+    mode: int = 0,
+    channels: Sequence[str] | None = None,
+    *,
+    hit: int = 0,
+    periods_per_revolution: int | None = None,
+) -> Figure:
+    r"""The residue of a mode at each phase, and the smooth shape of the harmonics kept, both over the period.
+
+    .. math:: R_k = R^d_k\, e^{-\lambda t_k}, \qquad R(t) = \sum_m B_m\, e^{im\omega t}
+
+    (Allen 2009, eqs. 9 and 11, figure 6.) λ is on the branch of the model's exponent: on another the same residues
+    would turn once or more a period.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found, or several analyses of the same channels by name.
+    mode
+        Which mode of the model, from 0; of several analyses, that of the first, and the modes of the others that are
+        nearest to it.
+    channels
+        The names of the channels; all when not given.
+    hit
+        Which of the hits, from 0.
+    periods_per_revolution
+        Draw against the angle of the shaft, which turns once in this many periods; not given, against the phase.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One row a channel, the real part on the left and the imaginary part on the right.
+
+    Raises
+    ------
+    InputError
+        There is no such mode, channel or hit.
+    """
+    of = "residues"
+    named = several(analysis, Analysis, "analysis", of)
+    shown = next(iter(named.values())).model.channels
+    rows = list(range(len(shown)))
+    if channels is not None:
+        rows = channels_named(shown, channels, argument="channels", of=of)
+    if not rows:
+        raise input_error("channels", of, "name at least one channel", "is empty")
+    modes = chosen_modes(named, mode, hit, of)
+    with style():
+        figure = new_figure(7.0, 1.1 + 1.45 * len(rows))
+        panels = figure.subplots(len(rows), 2, sharex=True, squeeze=False)
+        for pair, row in zip(panels, rows, strict=True):
+            draw_residue(pair, named, modes, row, hit, degrees_a_period(periods_per_revolution, of))
+        for axes, part in zip(panels[0], ("real part", "imaginary part"), strict=True):
+            axes.set_title(part)
+        for axes in panels[-1]:
+            label_angle(axes, periods_per_revolution, of, steps=4)
+        figure.align_ylabels(panels[:, 0])
+        _finish(figure)
+    return figure
+
+
+def coefficients(
+    analysis: Analysis | Mapping[str, Analysis],
+    mode: int = 0,
+    channel: str | None = None,
+    *,
+    hit: int = 0,
+    periods_per_revolution: int | None = None,
+) -> Figure:
+    r"""The magnitude of every Fourier coefficient of a residue, the kept ones marked, and the residue itself.
+
+    .. math:: B_m = \frac1P \sum_k R_k\, e^{-im\omega t_k}
+
+    (Allen 2009, eq. 11, figure 7.) Those of the P harmonics below the Nyquist frequency are drawn: circles, and stems
+    for those that the model keeps. The broken line is one standard deviation of a coefficient, where it is known; what
+    lies at it is noise. Below, the real and the imaginary part of the residue, as `residues` draws them.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found, or several analyses of the same channels by name.
+    mode
+        Which mode of the model, from 0; of several analyses, that of the first, and the modes of the others that are
+        nearest to it.
+    channel
+        The name of the channel; the first when not given.
+    hit
+        Which of the hits, from 0.
+    periods_per_revolution
+        Draw against the angle of the shaft, which turns once in this many periods; not given, against the phase.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The coefficients above, the parts of the residue below.
+
+    Raises
+    ------
+    InputError
+        There is no such mode, channel or hit.
+    """
+    of = "coefficients"
+    named = several(analysis, Analysis, "analysis", of)
+    shown = next(iter(named.values())).model.channels
+    row = 0 if channel is None else channels_named(shown, [channel], argument="channel", of=of)[0]
+    modes = chosen_modes(named, mode, hit, of)
+    with style():
+        figure = new_figure(7.0, 5.4)
+        grid = figure.add_gridspec(2, 2, height_ratios=(1.25, 1.0))
+        axes = figure.add_subplot(grid[0, :])
+        deviations = []
+        for look, (name, one) in zip(LOOKS, named.items(), strict=False):
+            found = expansion(one, modes[name], row, hit)
+            kept = found.kept
+            axes.plot(found.harmonics, found.magnitudes, **look.points, label=entitled(name, "identified"))
+            if kept.any():
+                color, width = look.line["color"], 2.0 * look.line["linewidth"]
+                axes.vlines(
+                    found.harmonics[kept],
+                    0.0,
+                    found.magnitudes[kept],
+                    color=color,
+                    linewidth=width,
+                    label=entitled(name, "harmonics kept"),
+                )
+            deviations += [] if found.std is None else [(found.harmonics, found.std)]
+        for harmonics, std in deviations:
+            axes.plot(harmonics, std, color=GREY, linestyle="--", label="one standard deviation")
+        _log_axis(axes, f"|B| of {plain(shown[row].name)} [{plain(shown[row].unit)}]")
+        panels = [figure.add_subplot(grid[1, column]) for column in (0, 1)]
+        draw_residue(panels, named, modes, row, hit, degrees_a_period(periods_per_revolution, of))
+        for one, part in zip(panels, ("real part", "imaginary part"), strict=True):
+            one.set_title(part)
+            label_angle(one, periods_per_revolution, of, steps=4)
+        _finish(figure)
+    return figure
+
+
+@dataclass(frozen=True, slots=True)
+class Expansion:
+    """The P Fourier coefficients of a residue: harmonics, magnitudes, whether kept, and deviations, all (phases,)."""
+
+    harmonics: NDArray[np.int64]
+    magnitudes: NDArray[np.float64]
+    kept: NDArray[np.bool_]
+    std: NDArray[np.float64] | None
+
+
+def expansion(analysis: Analysis, mode: int, row: int, hit: int) -> Expansion:
+    """The coefficients of the harmonics up to the Nyquist frequency, |Im λ/ω + m| ≤ P/2."""
+    model, phases = analysis.model, analysis.lifted.n_phases
+    first = int(np.ceil(-0.5 * phases - model.exponents[mode].imag / model.fundamental))
+    harmonics = np.arange(first, first + phases)
+    angles = model.fundamental * np.multiply.outer(harmonics, analysis.lifted.phase_times)
+    magnitudes = np.abs(np.exp(-1j * angles) @ identified(analysis, mode, row, hit)) / phases
+    kept = np.isin(harmonics, model.harmonics[model.coefficients[mode, row, hit] != 0])
+    std = None
+    most = (phases - 1) // 2
+    if model.coefficient_std is not None:
+        # Of every harmonic, kept or not: those that the model left out have their deviations from the same formula.
+        whole = assemble(analysis.modal, analysis.lifted, harmonics=most)
+        assert whole.coefficient_std is not None
+        own = np.abs(whole.coefficient_std[mode, row, hit])
+        std = np.full(phases, np.nan)
+        for place, harmonic in enumerate(harmonics):
+            if own[whole.harmonics == harmonic].any():
+                std[place] = own[whole.harmonics == harmonic][0]
+    return Expansion(harmonics, magnitudes, kept, std)
+
+
+def identified(analysis: Analysis, mode: int, row: int, hit: int) -> NDArray[np.complex128]:
+    """The residue of one mode, channel and hit at each phase, the delay taken off (phases,) (eq. 9)."""
+    model, modal = analysis.model, analysis.modal
+    own = int(np.argmin(np.abs(modal.multipliers - model.multipliers[mode])))
+    delayed = analysis.lifted.by_channel(modal.residues[own])[row, :, hit]
+    return delayed * np.exp(-model.exponents[mode] * analysis.lifted.phase_times)
+
+
+def chosen_modes(named: dict[str, Analysis], mode: int, hit: int, of: str) -> dict[str, int]:
+    """The index of the mode in each analysis: that of the first, and those nearest to it.
+
+    Raises
+    ------
+    InputError
+        There is no such mode or hit, or the analyses are not of the same channels.
+    """
+    first = next(iter(named.values())).model
+    for value, end, argument in (
+        (mode, first.order, "mode"),
+        (hit, min(a.model.n_hits for a in named.values()), "hit"),
+    ):
+        if integer(value, argument, of, at_least=0) >= end:
+            raise input_error(argument, of, f"be less than {end}", f"is {value}", "Counting starts at 0.")
+    names = [channel.name for channel in first.channels]
+    modes = {}
+    for name, analysis in named.items():
+        if [channel.name for channel in analysis.model.channels] != names:
+            raise input_error("analysis", of, "hold analyses of the same channels", f"{name!r} has others")
+        modes[name] = int(np.argmin(np.abs(analysis.model.exponents - first.exponents[mode])))
+    return modes
+
+
+def draw_residue(
+    panels: Sequence[Axes] | NDArray[np.object_],
+    named: dict[str, Analysis],
+    modes: dict[str, int],
+    row: int,
+    hit: int,
+    degrees: float,
+) -> None:
+    """The real and the imaginary part of one channel's residue on the two `panels`."""
+    channel = next(iter(named.values())).model.channels[row]
+    for axes, part in zip(panels, PARTS, strict=True):
+        for look, (name, one) in zip(LOOKS, named.items(), strict=False):
+            period, mode = one.model.period, modes[name]
+            times = np.linspace(0.0, period, 361)
+            points = getattr(identified(one, mode, row, hit), part)
+            smooth = getattr(one.model.shapes(times)[mode, row, hit], part)
+            phase = (one.lifted.phase_times / period % 1.0) * degrees
+            axes.plot(phase, points, **look.points, label=entitled(name, "identified"))
+            axes.plot(times / period * degrees, smooth, **look.line, label=entitled(name, "harmonics kept"))
+        axes.margins(y=0.1)
+        largest = float(np.abs(axes.dataLim.intervaly).max())
+        label_values(axes, channel.name if part == "real" else "", channel.unit, largest)
+
+
+def _log_axis(axes: Axes, name: str) -> None:
+    """A logarithmic axis of magnitudes over the harmonics, its bottom below the smallest of them."""
+    values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
+    smallest = np.nanmin(values[values > 0])
+    axes.set(yscale="log", xlabel=r"harmonic $m$ of the residue", ylabel=name)
+    axes.set_ylim(bottom=0.6 * smallest)
+    axes.margins(x=0.02)
+
+
+def _finish(figure: Figure) -> None:
+    for axes in figure.axes:
+        axes.tick_params(labelsize=SIZE)
+    legend_of_all(figure)

@@ -1,0 +1,123 @@
+"""A file of variables with our names: `values` (channels, samples), `channels`, `sample_rate` or `time`, ...
+
+The names and the rules are those of the NumPy archives (see `_npz`); what is refused is told in the file's dialect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import describe
+from floquid.core import channels_named
+from floquid.readers._csv_header import _SECONDS
+from floquid.readers._npz import _KEYS, _WORDS, _scalar, _time
+from floquid.readers._table import Source, Table, TimeColumn, make_channels
+from floquid.readers._variables import Variable, VariableFile, numbers, printable, require_numbers
+
+
+def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
+    """The table in a file that holds `values` and `channels`.
+
+    Raises
+    ------
+    InputError
+        A variable is not of its type and shape.
+    """
+    held = file.variables
+    names = _texts(source, file, "channels")
+    values = _values(source, file, len(names))
+    words = {key: _texts(source, file, key, len(names)) if key in held else None for key in _WORDS}
+    named = make_channels(
+        source,
+        names,
+        words["units"],
+        quantity=words["quantities"],
+        location=words["locations"],
+        direction=words["directions"],
+    )
+    if channels is not None:
+        chosen = channels_named(named, channels, argument="channels", of=source.of)
+        values, named = values[chosen], tuple(named[row] for row in chosen)
+    others = [path for path in held if path not in _KEYS]
+    notes = tuple(f"The file also holds `{printable(path)}`, which is not used." for path in others[:20])
+    if len(others) > 20:
+        notes += (f"It holds {len(others) - 20} more that are not used.",)
+    time = None
+    if "time" in held and ignore_time:
+        notes += ("The times in the file were ignored.",)
+    elif "time" in held:
+        time = time_column(source, file, "time", values.shape[1])
+    scalars = {key: numbers(source, file, key) for key in ("sample_rate", "start", "period", "origin") if key in held}
+    return Table(
+        values=values,
+        channels=named,
+        time=time,
+        notes=notes,
+        sample_rate=_scalar(source, scalars, "sample_rate"),
+        start=_scalar(source, scalars, "start"),
+        period=_scalar(source, scalars, "period"),
+        origin=_scalar(source, scalars, "origin"),
+    )
+
+
+def time_column(source: Source, file: VariableFile, path: str, n_samples: int) -> TimeColumn:
+    """The times at `path`, a row or a column of them.
+
+    Raises
+    ------
+    InputError
+        They are not numbers, not one a sample, or in a unit that is none of time.
+    """
+    array = numbers(source, file, path)
+    if array.size == max(array.shape, default=0):
+        array = array.reshape(-1)
+    column = _time(source, array, n_samples)
+    return TimeColumn(values=column.values, scale=_scale(source, file.variables[path]), label=printable(path))
+
+
+def _scale(source: Source, variable: Variable) -> float:
+    scale = _SECONDS.get(variable.unit) if variable.unit not in ("", "-") else 1.0
+    if scale is None:
+        raise source.error(
+            "have its times in one of s, ms, us, ns, min, h",
+            f"has `{printable(variable.path)}` in {variable.unit!r}",
+            "Save the times as numbers in seconds, or pass `rate` (`--rate`) [Hz] to ignore them.",
+        )
+    return scale
+
+
+def _values(source: Source, file: VariableFile, n_channels: int) -> NDArray[np.float64]:
+    require_numbers(source, file.variables["values"])
+    shape = file.variables["values"].shape
+    if len(shape) != 2 or shape[0] != n_channels:
+        if len(shape) == 1 or (n_channels == 1 and shape[1:] == (1,)):
+            remedy = file.dialect.row
+        elif len(shape) == 2 and shape[1] == n_channels:
+            remedy = file.dialect.turn
+        else:
+            remedy = "Save one record a file." if len(shape) != 2 else "Name every row of `values` in `channels`."
+        raise source.error(
+            f"have `values` of shape (channels, samples) with {n_channels} channels, as in `channels`",
+            f"has shape {shape} there",
+            remedy,
+        )
+    with np.errstate(over="ignore"):  # a long double too large becomes infinite, and is refused as such
+        return file.numbers("values").astype(np.float64, order="C")
+
+
+def _texts(source: Source, file: VariableFile, key: str, count: int | None = None) -> list[str]:
+    texts = None
+    if file.variables[key].kind in ("text", "a cell array"):
+        texts = file.texts(key)
+    elif file.variables[key].kind != "numbers":
+        require_numbers(source, file.variables[key])  # an object, a link, ...: there is something to do about it
+    if not texts or (count is not None and len(texts) != count):
+        raise source.error(
+            f"hold one text a channel{'' if count is None else f' ({count})'} in `{key}`",
+            f"has {file.variables[key].words} there" if texts is None else f"has {describe(texts)} there",
+            file.dialect.texts,
+        )
+    return texts
