@@ -13,7 +13,7 @@ from floquid._checks import input_error, positive
 from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, Place, split
 from floquid.cli._output import print_json, result_folder
 from floquid.cli._progress import progress
-from floquid.cli._settings import Choices, load_choices
+from floquid.cli._settings import Choices, IdentifierName, load_choices
 from floquid.cli._terminal import print_analysis, print_folder
 from floquid.core import Record
 from floquid.pipeline import identify as identify_records
@@ -30,6 +30,7 @@ def identify(
     origin: float | None = None,
     rate: float | None = None,
     channels: str | None = None,
+    identifier: IdentifierName | None = None,
     order: OptionalWhole = None,
     harmonics: OptionalWhole = None,
     states: str | None = None,
@@ -55,6 +56,9 @@ def identify(
         The sampling rate [Hz], overriding what the files say.
     channels
         The channels to use, comma-separated; all when not given.
+    identifier
+        The algorithm that finds the poles: ml, maximum likelihood (the usual one); ami, the Algorithm of Mode
+        Isolation; ami-ml, maximum likelihood from AMI's poles, of its order.
     order
         The number of complex poles, conjugates counted one by one; found from the data when not given.
     harmonics
@@ -83,6 +87,7 @@ def identify(
         rate=rate,
         origin=origin,
         channels=None if channels is None else split(channels),
+        identifier=identifier,
         order=order,
         harmonics=harmonics,
         states=None if states is None else split(states),
@@ -95,7 +100,7 @@ def identify(
         records = _read(files, choices, report)
         if choices.settings.channels:  # a path may stand for all rows of a matrix: from here on each has its name
             choices = choices.with_given(channels=tuple(channel.name for channel in records[0].channels))
-        analysis = identify_records(records, choices.settings, report=report)
+        analysis = identify_records(records, choices.resolved(), report=report)
         if folder is not None:
             folder.write(analysis, choices.text(), report)
     if format == "json":

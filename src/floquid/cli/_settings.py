@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from floquid._checks import finite, input_error, positive
 from floquid._files import readable_file
 from floquid.errors import InputError
+from floquid.lti import AMI, AbstractIdentifier, MaximumLikelihood
 from floquid.pipeline import Settings
+
+IdentifierName = Literal["ml", "ami", "ami-ml"]
+
+IDENTIFIERS: dict[str, Callable[[float], AbstractIdentifier]] = {
+    "ml": lambda alarm: MaximumLikelihood(false_alarm=alarm),
+    "ami": lambda alarm: AMI(false_alarm=alarm),
+    "ami-ml": lambda alarm: MaximumLikelihood(false_alarm=alarm, initial=AMI(false_alarm=alarm)),
+}
+"""The algorithms by their names on the command line, given the probability at which noise may pass for a mode."""
+
+READING = ("rate", "origin", "identifier")
+"""The choices that are not settings as they stand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,23 +38,33 @@ class Choices:
         The sampling rate [Hz], overriding what the files say; None for theirs.
     origin
         The time of phase zero [s].
+    identifier
+        The name of the algorithm that finds the poles, one of `IDENTIFIERS`; None for the usual one.
     """
 
     settings: Settings = field(default_factory=Settings)
     rate: float | None = None
     origin: float = 0.0
+    identifier: IdentifierName | None = None
+
+    def resolved(self) -> Settings:
+        """The settings with the algorithm that was named."""
+        if self.identifier is None:
+            return self.settings
+        return replace(self.settings, identifier=IDENTIFIERS[self.identifier](self.settings.mode_false_alarm))
 
     def with_given(self, **given: Any) -> Choices:
         """These choices with those put over them that are given, which is to say, not None."""
         given = {name: value for name, value in given.items() if value is not None}
-        reading = {name: given.pop(name) for name in ("rate", "origin") if name in given}
+        reading = {name: given.pop(name) for name in READING if name in given}
         return replace(self, settings=replace(self.settings, **given), **reading)
 
     def text(self) -> str:
         """The choices as TOML; those that are None are left out, and mean the same when read back."""
         import tomli_w
 
-        content = {**asdict(self.settings), "rate": self.rate, "origin": self.origin or None}
+        content = {name.name: getattr(self.settings, name.name) for name in fields(Settings)}
+        content |= {"rate": self.rate, "origin": self.origin or None, "identifier": self.identifier}
         lists = {name: list(value) if isinstance(value, tuple) else value for name, value in content.items()}
         return tomli_w.dumps({name: value for name, value in lists.items() if value is not None})
 
@@ -63,7 +87,7 @@ def load_choices(file: Path) -> Choices:
         raise input_error(
             "--settings", of, "name a file in TOML", f"{file} is not: {error}", "Mend it, or write it again with --out."
         ) from None
-    known = [*(f.name for f in fields(Settings)), "rate", "origin"]
+    known = list(dict.fromkeys([*(f.name for f in fields(Settings)), *READING]))
     for name in content:
         if name not in known:
             raise InputError(f"{file} has `{name}`, which is not a setting.\n  The settings are: {', '.join(known)}.")
@@ -73,7 +97,10 @@ def load_choices(file: Path) -> Choices:
             reading["rate"] = positive(content.pop("rate"), "rate", "Settings", unit="Hz")
         if "origin" in content:
             reading["origin"] = finite(content.pop("origin"), "origin", "Settings", unit="s")
-        return Choices(settings=Settings(**content), **reading)
+        identifier = content.pop("identifier", None)
+        if identifier is not None and identifier not in IDENTIFIERS:
+            raise input_error("identifier", "Settings", f"be one of {', '.join(IDENTIFIERS)}", f"is {identifier!r}")
+        return Choices(settings=Settings(**content), identifier=identifier, **reading)
     except InputError as error:
         words = str(error).replace("Argument ", "Setting ", 1).replace(" of `Settings`", f" in {file}", 1)
         raise InputError(words) from None

@@ -50,7 +50,7 @@ def columns_of(modes: Sequence[Mode]) -> list[slice]:
 
 def complex_columns(poles: PoleSet, real: NDArray[np.float64]) -> NDArray[np.complex128]:
     """The columns of μ^k and its conjugate (rows, order) from those of its real and imaginary part."""
-    out = real + 0j
+    out = real.astype(np.complex128)
     for start, kind in zip(poles.starts(), poles.kind, strict=True):
         if kind == PAIR:
             out[:, start] = real[:, start] + 1j * real[:, start + 1]
@@ -96,7 +96,7 @@ class Coupled:
         size = np.sqrt(np.diag(coupling)) + np.finfo(float).tiny
         if not np.linalg.cond(coupling / np.outer(size, size)) < WORST:
             return None
-        solve = np.linalg.solve(coupling, weighted.T)
+        solve = np.asarray(np.linalg.solve(coupling, weighted.T), dtype=np.float64)
         taken = []
         for mode, at in zip(modes, own, strict=True):
             turns = [moved[:, at]]

@@ -30,6 +30,9 @@ LEAP = 4
 LEAP_OF_OUTER_PRODUCTS = 7
 """Rounds after which the limit of their sequence is tried."""
 
+TURNS = 100
+"""Turns, at most, in which the nearest outer product is found."""
+
 FAR = 1.0
 """Deviations a round below which the limit of outer products is not that of residues of any rank."""
 
@@ -200,16 +203,14 @@ def nearest_outer_product(matrix: NDArray[np.complex128], noise: NDArray[np.floa
     weight = 1.0 / noise**2
     rows = np.exp(np.mean(np.log(noise), axis=1, keepdims=True))
     right = np.linalg.svd(matrix / rows, full_matrices=False)[2][0]
-    before = np.zeros_like(matrix)
-    for _ in range(100):
+    product = np.zeros_like(matrix)
+    for _ in range(TURNS):
         shape = (weight * matrix) @ right.conj() / np.maximum(weight @ np.abs(right) ** 2, np.finfo(float).tiny)
         size = weight.T @ np.abs(shape) ** 2
         right = shape.conj() @ (weight * matrix) / np.maximum(size, np.finfo(float).tiny)
-        product = np.outer(shape, right)
-        change = np.sum(weight * np.abs(product - before) ** 2)
-        if change <= 1e-24 * np.sum(weight * np.abs(product) ** 2):
+        before, product = product, np.outer(shape, right)
+        if np.sum(weight * np.abs(product - before) ** 2) <= 1e-24 * np.sum(weight * np.abs(product) ** 2):
             break
-        before = product
     return product
 
 

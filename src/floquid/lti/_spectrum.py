@@ -85,10 +85,10 @@ def finite_sum(
         return total, (samples * np.exp(s) - np.exp(delta) * total) / below
     shrink = np.exp(-(samples - 1) * s) if growing else 1.0
     near = np.abs(delta) * samples < ON_A_LINE
-    safe = np.where(near, -1.0, delta)
+    safe = np.asarray(np.where(near, -1.0, delta), dtype=np.complex128)
     below = np.expm1(safe)
-    total = np.expm1(samples * safe) / below
-    slope = (samples * np.exp(samples * safe) - np.exp(safe) * total) / below
+    total = np.asarray(np.expm1(samples * safe) / below, dtype=np.complex128)
+    slope = np.asarray((samples * np.exp(samples * safe) - np.exp(safe) * total) / below, dtype=np.complex128)
     if near.any():
         n, d = float(samples), delta[near]
         total[near] = n + n * (n - 1.0) / 2.0 * d * (1.0 + (2.0 * n - 1.0) * d / 6.0)

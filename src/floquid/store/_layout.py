@@ -65,6 +65,12 @@ MODAL = (
 
 OUTCOME = Item("outcome", "text")
 
+COMPOSITES = (
+    Item("angles", axes=("lines",), unit="rad/period"),
+    *(Item(name, axes=("lines",)) for name in ("data", "model", "difference")),
+)
+"""Of algorithms that work with composites; absent otherwise."""
+
 MODEL = (
     Item("exponents", "complex", ("modes",), unit="1/s"),
     Item("coefficients", "complex", ("modes", "channels", "hits", "harmonics"), unit="that of the channel"),

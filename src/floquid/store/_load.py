@@ -15,10 +15,11 @@ from floquid._files import readable_file
 from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.errors import FloquidError, InputError
 from floquid.lifting import Lifted, lift
-from floquid.lti import ModalModel, Outcome
+from floquid.lti import Composites, ModalModel, Outcome
 from floquid.pipeline import Analysis, Settings
 from floquid.reconstruction import StateModel
 from floquid.store import _layout as layout
+from floquid.store._identifiers import from_text
 from floquid.store._layout import Item
 from floquid.sync import segment
 
@@ -138,6 +139,8 @@ def _get_settings(group: h5py.Group) -> Settings:
         if name not in known:
             raise _DamagedError(f"it has the setting {name!r}, which this floquid does not know (update floquid)")
     found = {name: _get_any(group, name) for name in known if name in group or name in layout.SETTINGS_OF_VERSION_1}
+    if isinstance(found.get("identifier"), str):
+        found["identifier"] = from_text(found["identifier"])
     flags = {field.name for field in fields(Settings) if isinstance(field.default, bool)}
     return Settings(**{name: value == 1 if name in flags else value for name, value in found.items()})
 
@@ -173,6 +176,9 @@ def _get_modal(group: h5py.Group) -> ModalModel:
         **_get_fields(group, layout.MODAL),
         outcome=Outcome[outcome],
         stats={str(name): _get(stats, Item(str(name))) for name in stats},
+        composites=Composites(**_get_fields(_group(group, "composites"), layout.COMPOSITES))
+        if "composites" in group
+        else None,
     )
 
 

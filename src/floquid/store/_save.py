@@ -15,8 +15,10 @@ import numpy as np
 from floquid._checks import describe, input_error
 from floquid._files import atomic_path
 from floquid.core import Channel, Provenance, Record
+from floquid.lti import AbstractIdentifier
 from floquid.pipeline import Analysis, Settings
 from floquid.store import _layout as layout
+from floquid.store._identifiers import to_text
 from floquid.store._layout import Item
 
 if TYPE_CHECKING:
@@ -74,6 +76,8 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
         group = file.create_group("modal")
         _put_fields(group, layout.MODAL, analysis.modal)
         _put(group, layout.OUTCOME, analysis.modal.outcome.name)
+        if analysis.modal.composites is not None:
+            _put_fields(group.create_group("composites"), layout.COMPOSITES, analysis.modal.composites)
         _put_numbers(group.create_group("stats"), analysis.modal.stats)
         group = file.create_group("model")
         _put_fields(group, layout.MODEL, analysis.model)
@@ -91,7 +95,9 @@ def _put_settings(group: h5py.Group, settings: Settings) -> None:
     """Each field by what it holds, so that a field that `Settings` gains is written without a word here."""
     for field in fields(settings):
         value = getattr(settings, field.name)
-        if isinstance(value, Integral):
+        if isinstance(value, AbstractIdentifier):
+            item, value = Item(field.name, "text", optional=True), to_text(value)
+        elif isinstance(value, Integral):
             # HDF5 has no truth values: 0 and 1, which `load` turns back by the field's default.
             item, value = Item(field.name, "integer"), int(value)
         elif value is None or isinstance(value, Real):
