@@ -162,9 +162,13 @@ def test_extracting_is_repeatable_and_leaves_the_data_alone(identifier):
 
 @EVERY
 def test_units_of_the_responses_do_not_matter(identifier):
-    """Values and noise times a factor a response: the same poles, and residues times the factor."""
+    """Values and noise times a factor: the same poles, and residues times the factor.
+
+    Of outputs the factor is their unit and of inputs their strength, so that outer products stay outer products.
+    """
     data = decays(SETS["two pairs"])[2]
-    factor = 10.0 ** np.random.default_rng(1).uniform(-6, 6, data.noise.shape)
+    generator = np.random.default_rng(1)
+    factor = np.outer(*(10.0 ** generator.uniform(-6, 6, size) for size in data.noise.shape))
     scaled = TimeResponses(values=data.values * factor[..., None], dt=data.dt, noise=data.noise * factor)
     found, other = identified(identifier, data), identified(identifier, scaled)
     assert farthest(found.multipliers, other.multipliers) < 1e-10

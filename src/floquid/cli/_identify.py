@@ -45,7 +45,8 @@ def identify(
     Parameters
     ----------
     files
-        Records of free responses (.npz, .csv). Several files are several hits on one system.
+        Records of free responses: .npz, .csv, .mat, .h5, .hdf5, .uff, .unv. Several files are several hits on one
+        system.
     period
         The period of the system [s]: half a revolution for a two-fold symmetric shaft seen from the ground.
     frequency
@@ -55,7 +56,8 @@ def identify(
     rate
         The sampling rate [Hz], overriding what the files say.
     channels
-        The channels to use, comma-separated; all when not given.
+        The channels to use, comma-separated; all when not given. In .mat and .h5 files of other names, the paths of
+        the variables: run/acc/x, or data[2] for a row, data.T[2] for a column.
     identifier
         The algorithm that finds the poles: ml, maximum likelihood (the usual one); ami, the Algorithm of Mode
         Isolation; ami-ml, maximum likelihood from AMI's poles, of its order.

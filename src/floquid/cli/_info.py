@@ -15,7 +15,7 @@ def info(file: Place, /, *, debug: Debug = False) -> None:
     Parameters
     ----------
     file
-        The record (.npz, .csv).
+        The record: .npz, .csv, .mat, .h5, .hdf5, .uff or .unv.
     debug
         Show the traceback of an error.
     """

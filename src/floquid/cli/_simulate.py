@@ -32,7 +32,7 @@ def simulate(
     system
         The system: jeffcott, the rotor of Allen's paper.
     out
-        The file (.npz, .csv).
+        The file: .npz, .csv, .mat, .h5, .hdf5, .uff or .unv.
     periods
         The length of the record, in periods of the system.
     samples_per_period

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations
 from typing import final
 
 import numpy as np
@@ -37,6 +38,9 @@ FIRST = 30
 
 TRIES = 4
 """The number of peaks that are tried before what is left counts as noise."""
+
+TOLD_APART = 9.0
+"""The drop of the cost, nine for three standard deviations, that two real poles must bring beside a pair."""
 
 STRONG = 20.0
 """Times the limit at which the energy of a mode leaves no doubt that it is there."""
@@ -102,7 +106,7 @@ class AMI(AbstractIdentifier):
     most: int = 80
     widths: float = 16.0
     tolerance: float = 1e-3
-    rounds: int = 400
+    rounds: int = 200
     rank_one: bool = True
 
     def prepare(self, data: TimeResponses) -> Lines:
@@ -227,7 +231,7 @@ class AMI(AbstractIdentifier):
                 if simpler is not None:
                     now, changed = go_round(simpler, state.blocks, self._rounds(tolerance)), True
                     break
-        return now
+        return self._paired(now, state) if tolerance < ROUGH else now
 
     def _simpler(self, now: Isolated, position: int, state: Lines, *, last: bool) -> Isolated | None:
         """The modes less one, or with a pair made a real pole, where the noise could explain the difference."""
@@ -245,6 +249,20 @@ class AMI(AbstractIdentifier):
                 if trial.cost - now.cost < limit - state.limit(1, self.false_alarm):
                     return trial
         return None
+
+    def _paired(self, now: Isolated, state: Lines) -> Isolated:
+        """Two real poles of a sign made a pair where that is as good: where they meet, their residues are unbounded."""
+        for first, second in combinations(range(len(now.modes)), 2):
+            one, other = now.modes[first], now.modes[second]
+            if one.kind == PAIR or one.kind != other.kind:
+                continue
+            middle, rest = 0.5 * (one.s + other.s), without(without(now, second, state.blocks), first, state.blocks)
+            turn = max(0.1 * abs(middle.real), 0.25 * _resolution(state))
+            pair = empty_mode(middle + (turn if one.kind == POSITIVE else -turn) * 1j, PAIR, state.blocks)
+            trial = go_round(joined(rest, pair, state.blocks), state.blocks, self._rounds(self.tolerance))
+            if trial.cost - now.cost < TOLD_APART:
+                return trial
+        return now
 
     def _force(self, now: Isolated, state: Lines, order: int) -> Isolated:
         """The modes brought to `order` where that can be done: the weakest leave, the clearest peaks join."""

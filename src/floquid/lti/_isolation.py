@@ -106,12 +106,14 @@ def go_round(now: Isolated, blocks: Sequence[Block], rounds: Rounds) -> Isolated
     outer = rounds.rank_one and sum(len(block.inputs) for block in blocks) > 1
     near: Bands = []
     past: list[Isolated] = []
+    best: Isolated | None = None
     for count in range(rounds.most if now.modes else 0):
         if count < SETTLING:
             near = bands_of(now.modes, blocks, rounds.widths)
         now = _one_round(now, blocks, near, rounds.rank_one)
         if now.rest < rounds.tolerance:
             break
+        best = now if best is None or now.cost < best.cost else best
         past.append(now)
         if len(past) == (LEAP_OF_OUTER_PRODUCTS if outer else LEAP) and len(now.modes) > 1:
             near_rest = outer and now.rest < FAR
@@ -121,7 +123,8 @@ def go_round(now: Isolated, blocks: Sequence[Block], rounds: Rounds) -> Isolated
                 else newton(now.modes, blocks, near, _cost_on(blocks))
             )
             now, past = _taken(leap, now, blocks, outer), []
-    return now
+    # Poles that are hardly told apart may drive each other away instead of coming to rest.
+    return now if best is None or now.cost < best.cost + slack(now.modes) else best
 
 
 def _cost_on(blocks: Sequence[Block]) -> Callable[[Sequence[Mode]], float]:

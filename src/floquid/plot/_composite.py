@@ -60,7 +60,7 @@ def composite(analysis: Analysis | Mapping[str, Analysis], *, points: int = 4000
 
 def _draw(axes: Axes, analysis: Analysis, points: int, turn: float) -> None:
     """The composites of one analysis, the level of white noise, and its modes, at `turn` times frequencies in Hz."""
-    found = composites(analysis.lifted.responses, analysis.modal)
+    found = analysis.modal.composites or composites(analysis.lifted.responses, analysis.modal)
     scale = turn / (2.0 * np.pi * analysis.lifted.period)
     curves = {
         "data": (found.data, {"color": BLUE, "linewidth": 2.2}),

@@ -1,4 +1,4 @@
-"""Foreign files to `Record` and back, and what is in a file: `.npz` and `.csv`.
+"""Foreign files to `Record` and back, and what is in a file.
 
 The formats are one table, `FORMATS`: a reader of a new format is one more row, and `read`, `write`, `describe_file` and
 the contract tests take it from there.
