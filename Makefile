@@ -12,10 +12,10 @@ UV := VIRTUAL_ENV="$(CURDIR)/$(VENV)" $(BIN)/uv
 COMPILE = pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --no-header --no-annotate \
 	--no-emit-index-url --no-emit-find-links --group dev --group docs pyproject.toml
 
-# The arrays are small and pytest runs one process a core: threads inside BLAS would only get in each other's way.
-test slow: export OPENBLAS_NUM_THREADS ?= 1
-test slow: export OMP_NUM_THREADS ?= 1
-test slow: export MKL_NUM_THREADS ?= 1
+# The arrays are small, and pytest runs one process a core: threads inside BLAS would only get in each other's way.
+test slow docs: export OPENBLAS_NUM_THREADS ?= 1
+test slow docs: export OMP_NUM_THREADS ?= 1
+test slow docs: export MKL_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
 .PHONY: help install demo test slow bench lint format docs requirements upgrade clean

@@ -283,7 +283,7 @@ BAD = {
     "a group for values": ({"values": None, "values__x": VALUES}, "has no `values`", "values/x: 2 x 40"),
     "a negative rate": ({"sample_rate": -5.0}, "positive number in `sample_rate`", "-5.0"),
     "a rate in words": ({"sample_rate": "fast"}, "real numbers in `sample_rate`", "text"),
-    "numbers as names": ({"channels": [1, 2]}, "one text a channel in `channels`", "has 2 there"),
+    "numbers as names": ({"channels": [1, 2]}, "one text a channel in `channels`", "has 2, numbers there"),
     "names of other bytes": ({"channels": np.array([b"\xff", b"y"])}, "text in UTF-8 in `channels`"),
     "half a terabyte of names": ({"channels": many_texts}, "hold `channels` whole", "cannot be"),
     "names of a megabyte": ({"channels": long_text}, "ordinary length in `channels`"),

@@ -24,6 +24,9 @@ from floquid.sync import segment
 ENOUGH_CYCLES = 3
 """Cycles a pole that a hit must hold for its noise to be judged by itself."""
 
+LARGE = 20_000_000
+"""Samples in all from which linear algebra may use all threads."""
+
 NOISE_ROUNDS = 4
 """How often the noise may be estimated again from the residual."""
 
@@ -64,8 +67,18 @@ def identify(
     IdentificationError
         No mode rises above the noise, the record is too short, or the result would look right and be wrong.
     """
+    from threadpoolctl import threadpool_limits
+
     chosen = _settings(settings, options)
     used = _prepare(records, chosen)
+    # The matrices are many and small: threads inside BLAS would wait for each other, on a busy machine for seconds.
+    few = sum(record.values.size for record in used) < LARGE
+    with threadpool_limits(limits=1 if few else None, user_api="blas"):
+        return _identified(used, chosen, report)
+
+
+def _identified(used: tuple[Record, ...], chosen: Settings, report: Callable[[str], None]) -> Analysis:
+    """The chain from records with their clock on."""
     report("cutting into periods")
     cycles = segment(used)
     _refuse_impossible(chosen, cycles)

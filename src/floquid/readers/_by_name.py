@@ -30,10 +30,11 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
     names = _texts(source, file, "channels")
     values = _values(source, file, len(names))
     words = {key: _texts(source, file, key, len(names)) if key in held else None for key in _WORDS}
+    units = words["units"] or ([held["values"].unit] * len(names) if held["values"].unit else None)
     named = make_channels(
         source,
         names,
-        words["units"],
+        units,
         quantity=words["quantities"],
         location=words["locations"],
         direction=words["directions"],
@@ -50,16 +51,15 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
         notes += ("The times in the file were ignored.",)
     elif "time" in held:
         time = time_column(source, file, "time", values.shape[1])
-    scalars = {key: numbers(source, file, key) for key in ("sample_rate", "start", "period", "origin") if key in held}
     return Table(
         values=values,
         channels=named,
         time=time,
         notes=notes,
-        sample_rate=_scalar(source, scalars, "sample_rate"),
-        start=_scalar(source, scalars, "start"),
-        period=_scalar(source, scalars, "period"),
-        origin=_scalar(source, scalars, "origin"),
+        sample_rate=scalar(source, file, "sample_rate"),
+        start=scalar(source, file, "start"),
+        period=scalar(source, file, "period"),
+        origin=scalar(source, file, "origin"),
     )
 
 
@@ -76,6 +76,27 @@ def time_column(source: Source, file: VariableFile, path: str, n_samples: int) -
         array = array.reshape(-1)
     column = _time(source, array, n_samples)
     return TimeColumn(values=column.values, scale=_scale(source, file.variables[path]), label=printable(path))
+
+
+def scalar(source: Source, file: VariableFile, path: str) -> float | None:
+    """The number at `path` [Hz] if it is a `sample_rate`, else [s]; None if there is none.
+
+    Raises
+    ------
+    InputError
+        It is not one number, not a possible one, or in another unit.
+    """
+    variable = file.variables.get(path)
+    if variable is None:
+        return None
+    unit = "Hz" if variable.name == "sample_rate" else "s"
+    if variable.unit not in ("", "-", unit):
+        raise source.error(
+            f"have `{printable(path)}` in {unit}",
+            f"has it in {variable.unit!r}",
+            f"Save it in {unit}{', or pass `rate` (`--rate`) [Hz]' if unit == 'Hz' else ''}.",
+        )
+    return _scalar(source, {variable.name: numbers(source, file, path)}, variable.name)
 
 
 def _scale(source: Source, variable: Variable) -> float:
@@ -115,9 +136,10 @@ def _texts(source: Source, file: VariableFile, key: str, count: int | None = Non
     elif file.variables[key].kind != "numbers":
         require_numbers(source, file.variables[key])  # an object, a link, ...: there is something to do about it
     if not texts or (count is not None and len(texts) != count):
+        what = file.variables[key].words + (", numbers" if file.variables[key].kind == "numbers" else "")
         raise source.error(
             f"hold one text a channel{'' if count is None else f' ({count})'} in `{key}`",
-            f"has {file.variables[key].words} there" if texts is None else f"has {describe(texts)} there",
+            f"has {what} there" if texts is None else f"has {describe(texts)} there",
             file.dialect.texts,
         )
     return texts

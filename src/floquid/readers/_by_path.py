@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import Channel
 from floquid.errors import InputError
-from floquid.readers._by_name import table_by_name, time_column
-from floquid.readers._npz import _scalar
-from floquid.readers._table import Source, Table, TimeColumn, check_distinct
+from floquid.readers._by_name import scalar, table_by_name, time_column
+from floquid.readers._table import Source, Table, TimeColumn
 from floquid.readers._variables import (
     TIME_NAMES,
     Variable,
@@ -77,20 +76,22 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
         raise source.error(
             "hold `values` and `channels`, or have its channels named by their paths",
             f"has no `{missing}` and none is named. It holds:\n{listing(file) or '    nothing'}",
-            f"Name them by `channels` (`identify --channels`){f', as in {such}' if such else ''}; without times "
-            f"beside them pass `rate` (`--rate`) [Hz], too. {file.dialect.save}",
+            f"Name them by `channels` (`identify --channels`), as in {such}; without times beside them pass `rate` "
+            f"(`--rate`) [Hz], too. {file.dialect.save}"
+            if such
+            else file.dialect.save,
         )
     beside = _times(file)
     rows = [row for word in channels for row in _rows(source, beside, _parse(source, file, word))]
     _check_rows(source, rows)
     values = _values(source, file, rows)
-    times = {
-        one.path: one
-        for row in rows
-        for one in _nearest(beside, row.variable)
-        if one.size == values.shape[1] and one.path not in {row.variable.path for row in rows}
-    }
-    time = _time(source, file, list(times.values())) if times and not ignore_time else None
+    rate = _rate(source, file, rows, ignore_time=ignore_time)
+    near = {one.path: one for row in rows for one in _nearest(beside, row.variable)}
+    named = {row.variable.path: row.name for row in rows}
+    times = [one for one in near.values() if one.size == values.shape[1] and one.path not in named]
+    if near and not times and rate is None and not ignore_time:
+        raise _no_times(source, next(iter(near.values())), named, values.shape[1])
+    time = _time(source, file, times) if times and not ignore_time else None
     notes: tuple[str, ...] = ()
     if time is not None:
         notes += (f"Times from `{time.label}`, beside the channels.",)
@@ -102,7 +103,7 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
         values=values,
         channels=tuple(_channel(source, row) for row in rows),
         time=time,
-        sample_rate=_rate(source, file, rows, ignore_time=ignore_time),
+        sample_rate=rate,
         notes=notes,
     )
 
@@ -146,7 +147,7 @@ def _rows(source: Source, beside: Mapping[str, list[Variable]], choice: _Choice)
             source,
             "name vectors of samples, or rows of matrices",
             f"has {choice.word!r}, which is {variable.words} in {source.path}",
-            "Leave out the [ ] and the .T of a vector; save an array of more axes as matrices.",
+            "Leave out the [ ] and the .T of a vector, and single numbers; save an array of more axes as matrices.",
         )
     if choice.row is not None and choice.row >= shape[0]:
         raise _refused(
@@ -189,13 +190,15 @@ def _check_rows(source: Source, rows: Sequence[_Row]) -> None:
     if len(rows) > _MOST_CHANNELS:
         got = f"names {len(rows)} of {source.path}"
         raise _refused(source, f"name at most {_MOST_CHANNELS} channels", got, "Name rows, as in data[0].")
-    check_distinct(source, [row.name for row in rows])
-    seen: dict[tuple[str, bool, int | None], str] = {}
+    seen: dict[object, str] = {}
     for row in rows:
-        known = seen.setdefault((row.variable.path, row.turned, row.row), row.name)
-        if known != row.name:
-            got = f"has {known!r} and {row.name!r}, which are one in {source.path}"
-            raise _refused(source, "name each variable once", got, "Leave one of them out.")
+        for key in (row.name, (row.variable.path, row.turned, row.row)):
+            if key in seen:
+                must, got = "name each variable once", f"has {seen[key]!r} and {row.name!r}, which are one"
+                if row.name == seen[key]:
+                    must, got = "name each channel once", f"has {row.name!r} twice"
+                raise _refused(source, must, f"{got} in {source.path}", "Leave one of them out.")
+            seen[key] = row.name
     first = rows[0]
     for row in rows:
         if _length(row) != _length(first):
@@ -233,7 +236,7 @@ def _times(file: VariableFile) -> dict[str, list[Variable]]:
     """The vectors of times in the file, by the level that they are at."""
     found: dict[str, list[Variable]] = {}
     for one in file.variables.values():
-        if one.is_vector and one.name.lower() in TIME_NAMES:
+        if one.is_vector and one.name in TIME_NAMES:
             found.setdefault(one.levels[0], []).append(one)
     return found
 
@@ -241,6 +244,18 @@ def _times(file: VariableFile) -> dict[str, list[Variable]]:
 def _nearest(beside: Mapping[str, list[Variable]], variable: Variable) -> list[Variable]:
     """The vectors of times at the level of `variable`, or else at the nearest level above it that has one."""
     return next((beside[level] for level in variable.levels if level in beside), [])
+
+
+def _no_times(source: Source, time: Variable, named: Mapping[str, str], n_samples: int) -> InputError:
+    """Times that are there but cannot be those of the channels."""
+    if time.path in named:
+        got = f"has {named[time.path]!r}, which are the times by their name in {source.path}"
+        return _refused(source, "leave out the times", got, "If they are none, pass `rate` (`--rate`) [Hz], too.")
+    return source.error(
+        "have one time a sample beside its channels",
+        f"has {time.size} in `{printable(time.path)}` for {n_samples} samples",
+        "Save the times of these samples, or pass `rate` (`--rate`) [Hz] to ignore them.",
+    )
 
 
 def _time(source: Source, file: VariableFile, times: Sequence[Variable]) -> TimeColumn:
@@ -261,9 +276,9 @@ def _rate(source: Source, file: VariableFile, rows: Sequence[_Row], *, ignore_ti
     found = {}
     for row in rows:
         for level in row.variable.levels:
-            one = file.variables.get(f"{level}sample_rate")
-            if one is not None and one.size == 1:
-                found[one.path] = _scalar(source, {"sample_rate": numbers(source, file, one.path)}, "sample_rate")
+            path = f"{level}sample_rate"
+            if path in file.variables:
+                found[path] = scalar(source, file, path)
                 break
     if len(set(found.values())) > 1 and not ignore_time:
         stated = " and ".join(f"{rate:.12g} Hz in `{printable(path)}`" for path, rate in list(found.items())[:2])

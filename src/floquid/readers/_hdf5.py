@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from floquid.core import Record
 from floquid.errors import InputError
 from floquid.readers._by_path import table_of_variables
-from floquid.readers._hdf5_limits import check_size
+from floquid.readers._hdf5_limits import check_found, check_size
 from floquid.readers._hdf5_texts import HeapTexts
 from floquid.readers._table import Source, Table, texts_of
 from floquid.readers._variables import HDF5, MATLAB, Dialect, Kind, Variable, printable
@@ -101,6 +101,7 @@ class Hdf5File:
         dataset = self._file[path]
         self._check(dataset, path)
         array = np.asarray(dataset[()])
+        check_found(self._source, dataset, path, array)
         return array.T if self._heap.attribute(dataset, "MATLAB_class") else array
 
     def texts(self, path: str) -> list[str] | None:
@@ -173,7 +174,7 @@ class Hdf5File:
 
         matlab, dtype = self._heap.attribute(dataset, "MATLAB_class"), dataset.dtype
         names = set(dtype.names or ())
-        kinds: list[tuple[bool, Kind]] = [
+        kinds: list[tuple[object, Kind]] = [
             (dataset.is_virtual or bool(dataset.external), "data of another file"),
             ("MATLAB_object_decode" in dataset.attrs, "a MATLAB object"),
             (matlab == "cell", "a cell array"),
@@ -182,6 +183,7 @@ class Hdf5File:
             (matlab == "struct" or h5py.check_ref_dtype(dtype) is not None, "a struct array"),
             (matlab == _TEXT_CLASS or h5py.check_string_dtype(dtype) is not None, "text"),
             (dtype.kind == "c" or names == {"real", "imag"}, "complex numbers"),
+            ({"scale_factor", "add_offset"} & set(dataset.attrs), "scaled numbers"),  # as netCDF packs them
             (dtype.kind in "biuf", "numbers"),
         ]
         for fits, kind in kinds:

@@ -226,12 +226,19 @@ def _candidates(rate: float) -> Iterator[tuple[float, float]]:
         yield _rounded(rate, unit), 10.0**unit / rate
         if digits <= 4:
             unit = step_decade + 1 - digits
-            yield 1.0 / _rounded(1.0 / rate, unit), 10.0**unit * rate
+            yield _inverse(_rounded(1.0 / rate, unit)), 10.0**unit * rate
 
 
 def _rounded(value: float, unit: int) -> float:
     """`value` to a whole multiple of 10^unit, correctly rounded."""
     return float(f"{round(value / 10.0**unit)}e{unit}")
+
+
+def _inverse(step: float) -> float:
+    """One over `step`, and 6250 where that is 6249.999999999999."""
+    rate = 1.0 / step
+    whole = float(f"{rate:.12g}")
+    return whole if abs(whole - rate) <= 4.0 * _EPS * rate else rate
 
 
 def _explains(

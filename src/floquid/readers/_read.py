@@ -74,7 +74,7 @@ def read(
         raise source.error(
             "say its sampling rate",
             "has neither a rate nor a column of times",
-            "Pass `rate` (`--rate`) [Hz], or head the column of times `time [s]`.",
+            "Pass `rate` (`--rate`) [Hz], or call the times in it `time` (in a text table `time [s]`).",
         )
     clock = None
     if period is not None:

@@ -131,7 +131,7 @@ def _digits(number: Printed) -> str:
 def _start_notes(start: Printed, step: Printed) -> tuple[str, ...]:
     if start.value == 0.0 or 0.5 * start.quantum <= 0.01 * step.value:
         return ()
-    known = f"to {_digits(start)} only, or {0.5 * start.quantum / step.value:.2g} samples"
+    known = f"to {_digits(start)} only, or {0.5 * start.quantum / step.value:.3g} samples"
     return (f"The start {start.text} s is known {known}: so is the phase at it.",)
 
 

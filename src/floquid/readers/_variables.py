@@ -22,6 +22,7 @@ Kind = Literal[
     "a struct array",
     "a link",
     "data of another file",
+    "scaled numbers",
     "records",
 ]
 
@@ -34,10 +35,12 @@ REMEDIES: dict[Kind, str] = {
     "a struct array": "Save each of its elements as a struct, or as a variable, of its own.",
     "a link": "Links are not followed: name the path that it points to, or read the file that holds it.",
     "data of another file": "Data in other files are not read: save one file that holds them.",
+    "scaled numbers": "They stand for others, by `scale_factor` and `add_offset`: save the values themselves.",
 }
 
 _MOST_LISTED = 40
-TIME_NAMES = ("time", "t")
+TIME_NAMES = ("time", "Time", "TIME", "t")
+"""T is as often a torque or a temperature."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +177,7 @@ def example(file: VariableFile) -> str:
 
 
 def _is_time(variable: Variable) -> bool:
-    return variable.name.lower() in TIME_NAMES
+    return variable.name in TIME_NAMES
 
 
 def printable(text: str) -> str:
