@@ -198,6 +198,9 @@ class AlwaysFour(AbstractIdentifier):
     def extract(self, state, order=None):
         return IDENTIFIER.extract(state, order or 4)
 
+    def refine(self, state, model):
+        return IDENTIFIER.refine(state, model)
+
 
 CREDULOUS = MaximumLikelihood(false_alarm=0.5, most=8, starts=(6,))
 ORDER_MUTANTS = pytest.mark.parametrize("mutant", [AlwaysFour(), CREDULOUS], ids=["always four", "credulous"])

@@ -147,6 +147,55 @@ def test_channels_by_path_with_their_units(tmp_path, unit, libver, userblock_siz
     assert record.sample_rate == 12.5
 
 
+def test_samples_that_were_never_written_are_missing_where_they_are_nan(tmp_path):
+    def put(file, path):
+        file.create_dataset(path, (2, 40), dtype="f8", chunks=(1, 10), fillvalue=np.nan)[:, :15] = 1.0
+
+    record = read(saved(tmp_path, values=put))
+    np.testing.assert_array_equal(np.isnan(record.values), [[False] * 15 + [True] * 25] * 2)
+
+
+def test_zeros_that_were_written_are_zeros(tmp_path):
+    zeros = np.zeros((2, 40))
+    path = saved(tmp_path, values=lambda file, path: file.create_dataset(path, data=zeros, chunks=(1, 10)))
+    np.testing.assert_array_equal(read(path).values, zeros)
+
+
+@pytest.mark.parametrize("key", range(3))
+def test_a_damaged_index_of_chunks_makes_no_zeros(tmp_path, key):
+    """HDF5 finds nothing under a key that was changed, and says nothing."""
+    path = saved(tmp_path, values=lambda file, path: file.create_dataset(path, data=VALUES, chunks=(1, 20)))
+    data = bytearray(path.read_bytes())
+    first = data.rindex(b"TREE\x01") + 24  # a key of 32 bytes (size, mask, offsets), an address of 8, and so on
+    data[first + 40 * key + 8 + 1] ^= 1  # the row, and 256 more
+    path.write_bytes(data)
+    refused(path, "hold `values` whole", "no data at", "Cut it to what was recorded")
+
+
+def test_a_chunk_shorter_than_its_checksum(tmp_path):
+    """HDF5 2.0 crashes on it; two channels of one letter are six bytes with theirs."""
+    path = tmp_path / "run.h5"
+    write(Record(values=VALUES, sample_rate=12.5, channels=["x", "y"]), path)
+    data = bytearray(path.read_bytes())
+    damaged = []
+    at = -1
+    while (at := data.find(b"TREE\x01", at + 1)) >= 0:
+        if data[at + 24 : at + 28] == struct.pack("<I", 6):
+            data[at + 24] ^= 4
+            damaged.append(at)
+    assert damaged
+    path.write_bytes(data)
+    refused(path, "whole", "chunks of 2 bytes, which its 2 bytes cannot be")
+
+
+@pytest.mark.parametrize(("unit", "quantity"), [("m/s^2", "acceleration"), ("", "displacement")])
+def test_the_unit_of_all_values(tmp_path, unit, quantity):
+    channels = read(saved(tmp_path, values=attached(VALUES, units=unit))).channels
+    assert [(channel.unit, channel.quantity) for channel in channels] == [(unit or "-", quantity)] * 2
+    stated = saved(tmp_path, values=attached(VALUES, units="m"), units=["N", "N"])
+    assert read(stated).channels[0].unit == "N"
+
+
 def test_units_among_many_attributes(tmp_path):
     path = lab(tmp_path, libver="latest", a=VALUES[0])
     with h5py.File(path, "r+", libver="latest") as file:
@@ -234,6 +283,15 @@ def almost_unwritten(file, path):
     dataset[0, :10] = 1.0
 
 
+def half_written(file, path):
+    file.create_dataset(path, (2, 40), dtype="f8", chunks=(1, 10))[:, :15] = 1.0
+
+
+def ten_million_chunks(file, path):
+    """One of them is there; HDF5 takes some kilobytes for each."""
+    file.create_dataset(path, (2, 5_000_000), dtype="f4", chunks=(1, 1), fillvalue=np.nan)[0, 0] = 1.0
+
+
 def external(file, path):
     file.create_dataset(path, (2, 40), dtype="f8", external=[(str(file.filename), 0, 640)])
 
@@ -296,6 +354,13 @@ BAD = {
     "eight terabytes, unwritten": ({"values": unwritten}, "hold `values` whole", "0 bytes cannot be"),
     "eight terabytes of chunks, unwritten": ({"values": unwritten_chunks}, "hold `values` whole", "0 bytes cannot be"),
     "eight terabytes, but for one chunk": ({"values": almost_unwritten}, "hold `values` whole", "cannot be"),
+    "an acquisition that stopped": ({"values": half_written}, "4 of its 8 chunks", "read as zeros", "NaN in the rest"),
+    "ten million chunks": ({"values": ten_million_chunks}, "in fewer chunks", "10000000 of 4 bytes", "Save it whole"),
+    "numbers that stand for others": (
+        {"values": attached(np.ones((2, 40), "i2"), scale_factor=0.5)}, "real numbers in `values`", "`scale_factor`",
+    ),
+    "a rate in kilohertz": ({"sample_rate": attached(0.0125, units="kHz")}, "`sample_rate` in Hz", "'kHz'", "`rate`"),
+    "a period in milliseconds": ({"period": attached(80.0, unit="ms")}, "`period` in s", "'ms'", "Save it in s"),
     "packed twice": ({"values": packed_twice}, "packed once"),
     "a MATLAB object": (
         {"values": attached(np.zeros((1, 6), "u4"), MATLAB_class=np.bytes_("table"), MATLAB_object_decode=3)},

@@ -226,6 +226,13 @@ def test_times_beside_the_channels(tmp_path):
     refused(path, "neither a rate nor a column of times", "`rate` (`--rate`)", channels=["data[0]"])
     stated = v5(tmp_path, acc={"x": VALUES[0]}, sample_rate=7.0)
     assert read(stated, channels=["acc/x"]).sample_rate == 7.0
+    torque = v5(tmp_path, x=VALUES[0], t=TIME, T=VALUES[1])
+    assert read(torque, channels=["x", "T"]).sample_rate == read(torque, channels=["x"]).sample_rate == 12.5
+    refused(torque, "leave out the times", "'t', which are the times", "pass `rate`", channels=["x", "t"])
+    assert read(torque, channels=["x", "t"], rate=2.0).n_channels == 2
+    short = v5(tmp_path, x=VALUES[0], Time=TIME[1:])
+    refused(short, "one time a sample", "39 in `Time` for 40 samples", "`rate` (`--rate`)", channels=["x"])
+    assert read(short, channels=["x"], rate=2.0).sample_rate == 2.0
     others = v5(tmp_path, a={"x": VALUES[0], "t": TIME}, b={"x": VALUES[1], "t": 2 * TIME})
     refused(others, "one vector of times", "`b/t`", channels=["a/x", "b/x"])
     assert read(others, channels=["a/x", "b/x"], rate=1.0).n_channels == 2
@@ -247,6 +254,7 @@ def test_without_paths_the_variables_are_listed(tmp_path):
     refused(v5(tmp_path, table=VALUES.T), "as in table.T[0],table.T[1];")
     refused(v5(tmp_path, a=VALUES[0], b=VALUES[1], t=TIME), "as in a,b;")
     refused(v5(tmp_path, values=VALUES, sample_rate=1.0), "has no `channels`", "as in values[0],values[1];")
+    refused(v5(tmp_path, cells=cell("a", "b")), "cells: 1 x 2, a cell array.\n  In MATLAB: values")  # nothing to name
     many = v5(tmp_path, **{f"x{n}": n for n in range(90)})
     refused(many, "x39: 1 x 1", "and 50 more")
 
@@ -262,6 +270,7 @@ PATHS = {
     "twice the same": (["data", "data[1]"], "each channel once", "'data[1]' twice"),
     "of two lengths": (["run/acc/x", "short"], "of one length", "'short' of 5"),
     "of three axes": (["cube"], "vectors of samples", "2 x 3 x 4", "save an array of more axes as matrices"),
+    "the same word twice": (["run/acc/x", "run/acc/x"], "each channel once", "'run/acc/x' twice", "Leave one"),
     "no word": ([" "], "has ' ', which is not in"),
     "no text": ([3], "has 3, which is not in"),
     "brackets of nothing": (["[0]"], "has '[0]', which is not in"),

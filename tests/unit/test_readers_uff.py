@@ -110,6 +110,7 @@ def test_a_nominal_rate_is_found_behind_its_step(rate, n, drift):
         1e4,
         2500,
         1000 / 3,
+        6250,
         100,
         0.5,
         1e6,

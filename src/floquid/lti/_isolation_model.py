@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from floquid.lti._coupled import LEAST_INFORMATION, Coupled, bands_of, complex_columns
+from floquid.lti._coupled import LEAST_INFORMATION, Bands, Coupled, bands_of, complex_columns
 from floquid.lti._exponentials import complex_residues, positive_part
 from floquid.lti._isolation import Isolated, growth, residues
 from floquid.lti._poles import PAIR
@@ -42,27 +42,26 @@ def isolated_model(
         outcome=outcome,
         stats={"cost": now.cost, "rest": now.rest},
     )
-    return _with_composites(_with_deviations(model, now, data, blocks, widths), data)
-
-
-def _with_composites(model: ModalModel, data: TimeResponses) -> ModalModel:
-    return replace(model, composites=composites(data, model))
+    bands = bands_of(now.modes, blocks, widths)
+    whole = [[slice(0, len(block.values))] * len(now.modes) for block in blocks]
+    # Of modes hardly told apart the bands' equations may not be definite; those of all lines are, and differ little.
+    found = _with_deviations(model, now, data, blocks, bands) or _with_deviations(model, now, data, blocks, whole)
+    return replace(found or model, composites=composites(data, model))
 
 
 def _with_deviations(
-    model: ModalModel, now: Isolated, data: TimeResponses, blocks: Sequence[Block], widths: float
-) -> ModalModel:
-    """The model with its covariance and what noise does to its residues, unless two poles are one to rounding."""
+    model: ModalModel, now: Isolated, data: TimeResponses, blocks: Sequence[Block], near: Bands
+) -> ModalModel | None:
+    """The model with its covariance and what noise does to its residues; None where two poles are one to rounding."""
     poles, n = now.poles(), model.order
     if not n:
-        return model
+        return None
     whole, noise, scatter = np.zeros((3, n, n))
     spread, slope = np.zeros((2, data.n_inputs, n, n), complex)
-    near = bands_of(now.modes, blocks, widths)
     for number, block in enumerate(blocks):
         coupled = Coupled.of(now.modes, block, near[number])
         if coupled is None:
-            return model
+            return None
         parts = coupled.slopes(now.modes, number)
         whole, noise = whole + parts[0], noise + parts[1]
         scatter += coupled.scatter_of_equations(coupled.strength(now.modes, number))
@@ -71,7 +70,7 @@ def _with_deviations(
         spread[block.inputs] = solve @ solve.conj().T
         slope[block.inputs] = solve @ (complex_columns(poles, coupled.moved) / scale)
     if not (np.diag(whole) > LEAST_INFORMATION).all():
-        return model
+        return None
     information = positive_part(whole, whole - noise)
     size = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     both = np.outer(size, size)

@@ -129,7 +129,7 @@ def fit_pole(
     bands = [_condensed(band) for band in bands]
     now, damping = evaluate(s, kind, bands), 1e-6
     for _ in range(iterations):
-        scale = np.sqrt(np.diag(now.information)) + np.finfo(float).tiny
+        scale = np.sqrt(np.maximum(np.diag(now.information), np.finfo(float).tiny))
         system = now.information / np.outer(scale, scale)
         while damping < 1e8:
             step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale
@@ -146,7 +146,8 @@ def fit_pole(
         if done:
             break
     spread = np.linalg.pinv(now.information, rcond=1e-14, hermitian=True)
-    return now.s, now.cost, float(np.sqrt(np.diag(spread).max()))
+    # Of a pole without residues the lines say nothing: it may be anywhere.
+    return now.s, now.cost, float(np.sqrt(np.diag(spread).max())) or np.pi
 
 
 def _moved(s: complex, kind: int, step: NDArray[np.float64]) -> complex:

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from floquid._checks import describe
 from floquid.core import channels_named
-from floquid.readers._csv_header import _SECONDS
 from floquid.readers._npz import _KEYS, _WORDS, _scalar, _time
-from floquid.readers._table import Source, Table, TimeColumn, make_channels
+from floquid.readers._table import SECONDS, Source, Table, TimeColumn, make_channels
 from floquid.readers._variables import Variable, VariableFile, numbers, printable, require_numbers
 
 
@@ -100,7 +99,7 @@ def scalar(source: Source, file: VariableFile, path: str) -> float | None:
 
 
 def _scale(source: Source, variable: Variable) -> float:
-    scale = _SECONDS.get(variable.unit) if variable.unit not in ("", "-") else 1.0
+    scale = SECONDS.get(variable.unit) if variable.unit not in ("", "-") else 1.0
     if scale is None:
         raise source.error(
             "have its times in one of s, ms, us, ns, min, h",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,18 +35,8 @@ _MOST_CHANNELS = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Choice:
-    """What one word of `channels` means: a variable, turned round or not, one row of it or all (None)."""
-
-    word: str
-    variable: Variable
-    turned: bool
-    row: int | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _Row:
-    """One channel: row `row` of a variable (None: it is a vector), under the name it is asked by."""
+    """Row `row` of a variable, turned round or not, under the `name` it is asked by; None is a vector, or all rows."""
 
     name: str
     variable: Variable
@@ -108,7 +98,7 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
     )
 
 
-def _parse(source: Source, file: VariableFile, word: object) -> _Choice:
+def _parse(source: Source, file: VariableFile, word: object) -> _Row:
     """The longest path that is in the file comes first: a variable may be called T, or have brackets in its name."""
     text = word.strip() if isinstance(word, str) else ""
     match = _PATH.fullmatch(text)
@@ -119,7 +109,7 @@ def _parse(source: Source, file: VariableFile, word: object) -> _Choice:
         for path, is_turned, its_row in ((text, False, None), (unbracketed, False, row), (match["path"], True, row)):
             variable = _find(file, path)
             if variable is not None and (turned or not is_turned):
-                return _Choice(word=text, variable=variable, turned=is_turned, row=its_row)
+                return _Row(name=text, variable=variable, turned=is_turned, row=its_row)
     raise input_error(
         "channels",
         source.of,
@@ -134,51 +124,51 @@ def _find(file: VariableFile, path: str) -> Variable | None:
     return file.variables.get(path) or file.variables.get(path.replace(".", "/"))
 
 
-def _rows(source: Source, beside: Mapping[str, list[Variable]], choice: _Choice) -> Iterator[_Row]:
+def _rows(source: Source, beside: Mapping[str, list[Variable]], choice: _Row) -> Iterator[_Row]:
     """The channels that one word names: a vector, a row of a matrix, or all its rows."""
     variable = choice.variable
     require_numbers(source, variable)
     if variable.is_vector and choice.row is None:
-        yield _Row(name=choice.word, variable=variable, turned=False, row=None)
+        yield replace(choice, turned=False, row=None)
         return
     shape = variable.shape[::-1] if choice.turned else variable.shape
     if len(shape) != 2 or variable.size < 2:
         raise _refused(
             source,
             "name vectors of samples, or rows of matrices",
-            f"has {choice.word!r}, which is {variable.words} in {source.path}",
+            f"has {choice.name!r}, which is {variable.words} in {source.path}",
             "Leave out the [ ] and the .T of a vector, and single numbers; save an array of more axes as matrices.",
         )
     if choice.row is not None and choice.row >= shape[0]:
         raise _refused(
             source,
             f"name one of the rows 0 to {shape[0] - 1} (counted from 0)",
-            f"has {choice.word!r} of {variable.words} in {source.path}",
+            f"has {choice.name!r} of {variable.words} in {source.path}",
             "Choose one of them.",
         )
     if variable.is_vector and shape[0] == 1:  # the only row of a row is all of it
-        yield _Row(name=choice.word, variable=variable, turned=False, row=None)
+        yield replace(choice, turned=False, row=None)
         return
     _check_direction(source, beside, choice, shape)
-    stem = choice.word if choice.row is None else choice.word[: choice.word.rindex("[")]
+    stem = choice.name if choice.row is None else choice.name[: choice.name.rindex("[")]
     for row in range(shape[0]) if choice.row is None else (choice.row,):
-        yield _Row(name=f"{stem}[{row}]", variable=variable, turned=choice.turned, row=row)
+        yield replace(choice, name=f"{stem}[{row}]", row=row)
 
 
 def _check_direction(
-    source: Source, beside: Mapping[str, list[Variable]], choice: _Choice, shape: tuple[int, ...]
+    source: Source, beside: Mapping[str, list[Variable]], choice: _Row, shape: tuple[int, ...]
 ) -> None:
     """Refuse columns of samples that are named as rows: by the times beside them, or by there being more rows."""
     n_rows, n_samples = shape
     lengths = {one.size for one in _nearest(beside, choice.variable)}
     if n_samples in lengths or (n_rows not in lengths and n_rows <= n_samples):
         return
-    bare = choice.word if choice.row is None else choice.word[: choice.word.rindex("[")]
+    bare = choice.name if choice.row is None else choice.name[: choice.name.rindex("[")]
     other = bare.removesuffix(".T") if choice.turned else f"{bare}.T"
     raise _refused(
         source,
         "name rows of samples",
-        f"has {choice.word!r} in {source.path}, a row of {n_samples} samples among {n_rows}"
+        f"has {choice.name!r} in {source.path}, a row of {n_samples} samples among {n_rows}"
         + (f", and the times beside it are {n_rows}" if n_rows in lengths else ""),
         f"If time runs the other way write {other!r}, or {other + '[0]'!r} for the first. Where there really are more "
         "channels than samples, put a vector `time` of one time a sample beside them.",

@@ -11,19 +11,11 @@ from typing import Any, get_args
 
 from floquid.core import Channel, Quantity, Record
 from floquid.errors import InputError
-from floquid.readers._table import Source, check_distinct
+from floquid.readers._table import SECONDS, Source, check_distinct
 
 RECORD_LINE = "# floquid record: "
 """A comment of ours, one line of JSON: what a table cannot say (the exact rate, the period, odd quantities)."""
 
-_SECONDS = {
-    **dict.fromkeys(["s", "sec", "secs", "second", "seconds"], 1.0),
-    **dict.fromkeys(["ms", "msec", "millisecond", "milliseconds"], 1e-3),
-    **dict.fromkeys(["us", "µs", "μs", "usec", "microsecond", "microseconds"], 1e-6),
-    **dict.fromkeys(["ns", "nsec", "nanosecond", "nanoseconds"], 1e-9),
-    **dict.fromkeys(["min", "minute", "minutes"], 60.0),
-    **dict.fromkeys(["h", "hr", "hour", "hours"], 3600.0),
-}
 _TIME_NAME = re.compile(
     r"(?:elapsed |relative )?(t|times?|time ?stamps?|zeit|temps|tiempo)(?:[ _.-](\w+))?", re.IGNORECASE
 )
@@ -142,7 +134,7 @@ def _name_and_unit(cell: str) -> tuple[str, str | None]:
 
 
 def _is_unit(text: str) -> bool:
-    return text in _OTHER_UNITS or text in _SECONDS or (text != "" and Channel(name="x", unit=text).quantity != "other")
+    return text in _OTHER_UNITS or text in SECONDS or (text != "" and Channel(name="x", unit=text).quantity != "other")
 
 
 def _is_number(cell: str) -> bool:
@@ -156,16 +148,16 @@ def _is_number(cell: str) -> bool:
 def _find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[int | None, float]:
     """The first column that is a time by its name, or the very first by its unit; and its unit in seconds."""
     for column, (name, unit) in enumerate(parts):
-        known = _SECONDS.get(unit or "")
+        known = SECONDS.get(unit or "")
         if column == 0 and known is not None:
             return column, known
-        if name.lower() in _SECONDS and len(name) > 1 and unit is None:  # a column headed «ms»
-            return column, _SECONDS[name.lower()]
+        if name.lower() in SECONDS and len(name) > 1 and unit is None:  # a column headed «ms»
+            return column, SECONDS[name.lower()]
         match = _TIME_NAME.fullmatch(name)
-        if match is None or (match[2] is not None and match[2].lower() not in _SECONDS):
+        if match is None or (match[2] is not None and match[2].lower() not in SECONDS):
             continue
         if unit in (None, "", "-"):
-            return column, _SECONDS.get((match[2] or "s").lower(), 1.0)
+            return column, SECONDS.get((match[2] or "s").lower(), 1.0)
         if known is not None:
             return column, known
         if len(match[1]) > 1:

@@ -22,7 +22,7 @@ from floquid.errors import InputError
 from floquid.readers._by_path import table_of_variables
 from floquid.readers._hdf5_limits import check_found, check_size
 from floquid.readers._hdf5_texts import HeapTexts
-from floquid.readers._table import Source, Table, texts_of
+from floquid.readers._table import Source, Table, numbers_of, texts_of
 from floquid.readers._variables import HDF5, MATLAB, Dialect, Kind, Variable, printable
 
 if TYPE_CHECKING:
@@ -262,10 +262,7 @@ def save_hdf5(record: Record, path: Path) -> None:
             coded = [text.encode() for text in texts]
             dtype = h5py.string_dtype("utf-8", max(1, *map(len, coded)))
             file.create_dataset(key, data=np.array(coded, dtype=dtype), chunks=(len(coded),), fletcher32=True)
-        numbers = {"sample_rate": record.sample_rate, "start": record.start}
-        if record.clock is not None:
-            numbers |= {"period": record.clock.period, "origin": record.clock.origin}
-        for key, number in numbers.items():
+        for key, number in numbers_of(record).items():
             properties = low.h5p.create(low.h5p.DATASET_CREATE)
             properties.set_layout(low.h5d.COMPACT)  # within the head, whose checksum guards it
             scalar = low.h5s.create(low.h5s.SCALAR)

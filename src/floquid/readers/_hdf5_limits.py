@@ -18,6 +18,9 @@ from floquid.readers._variables import printable
 _MOST_PER_BYTE = 1032
 """What zlib makes of one byte at most."""
 
+_CHECKSUM = 4
+"""Bytes of a checksum behind a chunk."""
+
 _MOST_CHUNKS, _PER_CHUNK = 100_000, 4096
 """Bytes that HDF5 takes for each chunk that it reads, beside the data; so many of smaller ones are let through."""
 
@@ -90,7 +93,10 @@ def _unwritten(source: Source, path: str, there: str) -> InputError:
 
 
 def _check_packing(source: Source, dataset: Any, path: str, part: int) -> None:
-    """Refuse a chunk that zlib would make more of than a chunk is: HDF5 takes whatever memory that needs."""
+    """Refuse chunks on which HDF5's own filters run beyond their memory.
+
+    That of zlib takes whatever memory a chunk unpacks into, and that of checksums crashes on one shorter than its sum.
+    """
     import h5py
 
     properties = dataset.id.get_create_plist()
@@ -100,14 +106,13 @@ def _check_packing(source: Source, dataset: Any, path: str, part: int) -> None:
         raise source.error(
             f"hold `{printable(path)}` packed once", "has it packed more than once", "Save it with one compression."
         )
-    if not packed:
-        return
-    if dataset.id.get_storage_size() * _MOST_PER_BYTE <= _LARGE:
-        return
+    least = _CHECKSUM if h5py.h5z.FILTER_FLETCHER32 in filters else 0
     chunks: list[tuple[tuple[int, ...], int]] = []
     dataset.id.chunk_iter(lambda chunk: chunks.append((chunk.chunk_offset, chunk.size)))
     for offset, size in chunks:
-        if size * _MOST_PER_BYTE > _LARGE:
+        bad = size <= least
+        if packed and size * _MOST_PER_BYTE > _LARGE:
             _, raw = dataset.id.read_direct_chunk(offset)
-            if len(zlib.decompressobj().decompress(raw, part + 1024)) > part + 512:
-                raise _impossible(source, printable(path), f"chunks of {part} bytes", size)
+            bad = len(zlib.decompressobj().decompress(raw, part + 1024)) > part + 512
+        if bad:
+            raise _impossible(source, printable(path), f"chunks of {part} bytes", size)

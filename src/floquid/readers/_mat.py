@@ -14,7 +14,7 @@ from floquid.errors import InputError
 from floquid.readers._by_path import table_of_variables
 from floquid.readers._hdf5 import is_hdf5, load_hdf5
 from floquid.readers._mat5 import HEAD, DamagedError, Mat5File
-from floquid.readers._table import Source, Table, texts_of
+from floquid.readers._table import Source, Table, numbers_of, texts_of
 
 _LARGEST = (1 << 31) - (1 << 16)
 """Bytes that a variable may have in these files: two gibibytes, less what its head takes."""
@@ -87,12 +87,9 @@ def save_mat(record: Record, path: Path) -> None:
         )
     content: dict[str, Any] = {
         "values": record.values,
-        "sample_rate": record.sample_rate,
-        "start": record.start,
+        **numbers_of(record),
         **{key: _cell(texts) for key, texts in texts_of(record).items()},
     }
-    if record.clock is not None:
-        content |= {"period": record.clock.period, "origin": record.clock.origin}
     with path.open("wb") as stream:  # savemat would add a suffix of its own to a name
         scipy.io.savemat(stream, content, do_compression=True)
         stream.seek(0)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from floquid._checks import describe
 from floquid.core import Record, channels_named
 from floquid.errors import InputError
-from floquid.readers._table import Source, Table, TimeColumn, make_channels
+from floquid.readers._table import Source, Table, TimeColumn, make_channels, numbers_of, texts_of
 
 _WORDS = ("units", "quantities", "locations", "directions")
 _KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period", "origin")
@@ -174,20 +174,6 @@ def _scalar(source: Source, arrays: dict[str, NDArray[Any]], key: str) -> float 
 
 def save_npz(record: Record, path: Path) -> None:
     """Write `record` with every key that `load_npz` reads."""
-    channels = record.channels
-    words = {"locations": [c.location for c in channels], "directions": [c.direction for c in channels]}
-    clock: dict[str, Any] = (
-        {} if record.clock is None else {"period": record.clock.period, "origin": record.clock.origin}
-    )
+    content: dict[str, Any] = {"values": record.values, **numbers_of(record), **texts_of(record)}
     with path.open("wb") as stream:  # savez would add a suffix of its own to a name
-        np.savez(
-            stream,
-            values=record.values,
-            sample_rate=record.sample_rate,
-            start=record.start,
-            channels=[channel.name for channel in channels],
-            units=[channel.unit for channel in channels],
-            quantities=[str(channel.quantity) for channel in channels],
-            **{key: texts for key, texts in words.items() if any(texts)},
-            **clock,
-        )
+        np.savez(stream, **content)

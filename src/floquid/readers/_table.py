@@ -13,6 +13,16 @@ from floquid._checks import input_error
 from floquid.core import Channel, Record
 from floquid.errors import InputError
 
+SECONDS = {
+    **dict.fromkeys(["s", "sec", "secs", "second", "seconds"], 1.0),
+    **dict.fromkeys(["ms", "msec", "millisecond", "milliseconds"], 1e-3),
+    **dict.fromkeys(["us", "µs", "μs", "usec", "microsecond", "microseconds"], 1e-6),
+    **dict.fromkeys(["ns", "nsec", "nanosecond", "nanoseconds"], 1e-9),
+    **dict.fromkeys(["min", "minute", "minutes"], 60.0),
+    **dict.fromkeys(["h", "hr", "hour", "hours"], 3600.0),
+}
+"""The units of time by their names, and no others."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
@@ -92,6 +102,14 @@ def texts_of(record: Record) -> dict[str, list[str]]:
         "quantities": [str(channel.quantity) for channel in channels],
         **{key: texts for key, texts in places.items() if any(texts)},
     }
+
+
+def numbers_of(record: Record) -> dict[str, float]:
+    """The rate of `record` [Hz], its start and its clock [s], by the names in our files."""
+    numbers = {"sample_rate": record.sample_rate, "start": record.start}
+    if record.clock is not None:
+        numbers |= {"period": record.clock.period, "origin": record.clock.origin}
+    return numbers
 
 
 def check_distinct(source: Source, names: Iterable[str]) -> None:

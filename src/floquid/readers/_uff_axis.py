@@ -7,18 +7,13 @@ from dataclasses import dataclass, replace
 
 from floquid.errors import InputError
 from floquid.readers._nominal import Printed, nominal_rate_of_step
-from floquid.readers._table import Source
+from floquid.readers._table import SECONDS, Source
 from floquid.readers._uff_header import FunctionHeader
 from floquid.readers._uff_ids import OwnLines
 
 _TIME_KINDS = (0, 1, 17)
 """Specific data types of an abscissa that may be a time: unknown, general, time."""
 
-_SECONDS = {
-    **dict.fromkeys(["", "-", "s", "sec", "secs", "second", "seconds"], 1.0),
-    **dict.fromkeys(["ms", "msec", "millisecond", "milliseconds"], 1e-3),
-    **dict.fromkeys(["us", "µs", "μs", "usec", "microsecond", "microseconds"], 1e-6),
-}
 _OVERRIDE = "Pass `rate` (`--rate`) [Hz] to say what it is."
 _SEEN = 0.005
 """Samples of drift over the record from which a message says so."""
@@ -56,7 +51,7 @@ def shared_axis(
     """
     _check_alike(source, headers, own, names)
     header, name = headers[0], names[0]
-    scale = _SECONDS.get(header.abscissa.unit.strip("[]() ").lower())
+    scale = SECONDS.get(header.abscissa.unit.strip("[]()- ").lower() or "s")
     if header.abscissa.kind not in _TIME_KINDS or (scale is None and not ignore_time):
         unit = f" in {header.abscissa.unit!r}" if header.abscissa.unit else ""
         raise source.error(
