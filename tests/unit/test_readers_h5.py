@@ -323,6 +323,10 @@ def packed_twice(file, path):
     file.create_dataset(path, data=VALUES, dcpl=properties)
 
 
+def scaled(file, path):
+    file.create_dataset(path, data=VALUES, chunks=(1, 20), scaleoffset=6)
+
+
 BAD = {
     "axes swapped": ({"values": VALUES.T}, "shape (40, 2)", "save `values.T`", "h5write"),
     "one axis": ({"values": VALUES[0], "channels": ["x"]}, "shape (40,)", "`values[None, :]`"),
@@ -361,6 +365,10 @@ BAD = {
     ),
     "a rate in kilohertz": ({"sample_rate": attached(0.0125, units="kHz")}, "`sample_rate` in Hz", "'kHz'", "`rate`"),
     "a period in milliseconds": ({"period": attached(80.0, unit="ms")}, "`period` in s", "'ms'", "Save it in s"),
+    "packed in another way": ({"values": scaled}, "packed by gzip or lzf", "another filter"),
+    "a signalling NaN among the times": (
+        {"time": np.full(40, 0x7FF0000000000001).view("f8"), "sample_rate": None}, "finite time", "`time`", "`rate`",
+    ),
     "packed twice": ({"values": packed_twice}, "packed once"),
     "a MATLAB object": (
         {"values": attached(np.zeros((1, 6), "u4"), MATLAB_class=np.bytes_("table"), MATLAB_object_decode=3)},

@@ -21,6 +21,9 @@ _MOST_PER_BYTE = 1032
 _CHECKSUM = 4
 """Bytes of a checksum behind a chunk."""
 
+_FILTERS = {1, 2, 3, 32000}
+"""By their numbers: zlib (gzip), shuffle, Fletcher's checksum, lzf."""
+
 _MOST_CHUNKS, _PER_CHUNK = 100_000, 4096
 """Bytes that HDF5 takes for each chunk that it reads, beside the data; so many of smaller ones are let through."""
 
@@ -95,13 +98,18 @@ def _unwritten(source: Source, path: str, there: str) -> InputError:
 def _check_packing(source: Source, dataset: Any, path: str, part: int) -> None:
     """Refuse chunks on which HDF5's own filters run beyond their memory.
 
-    That of zlib takes whatever memory a chunk unpacks into, and that of checksums crashes on one shorter than its sum.
+    That of zlib takes whatever memory a chunk unpacks into, that of checksums crashes on one shorter than its sum, and
+    that of scales and offsets on damaged parameters (HDF5 2.0).
     """
     import h5py
 
     properties = dataset.id.get_create_plist()
     filters = [properties.get_filter(index)[0] for index in range(properties.get_nfilters())]
     packed = filters.count(h5py.h5z.FILTER_DEFLATE)
+    if not set(filters) <= _FILTERS:
+        raise source.error(
+            f"hold `{printable(path)}` packed by gzip or lzf, or not packed", "has another filter there", "Save it so."
+        )
     if packed > 1:
         raise source.error(
             f"hold `{printable(path)}` packed once", "has it packed more than once", "Save it with one compression."

@@ -68,7 +68,7 @@ def repair(column: TimeColumn, source: Source) -> TimeAxis:
         Times are missing, infinite, decreasing or repeated; the steps are uneven beyond the rounding; a gap is not a
         whole number of steps or would more than double the record.
     """
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):  # refused below
         times = column.values.astype(np.float64) * column.scale
     _check_order(times, column.label, source)
     rounded = rounding(column.values, column.scale)
