@@ -6,7 +6,7 @@ is another program's. Estimators broken on purpose, at the end, fail the asserti
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +50,9 @@ class Known:
 
     def parts(self, values: NDArray, of_reals: NDArray) -> NDArray:
         """Real and imaginary part of each pair, real part of the others."""
-        return np.concatenate([[a, b] if is_pair(s) else [a] for s, a, b in zip(self.logs, values, of_reals, strict=True)])
+        return np.concatenate(
+            [[a, b] if is_pair(s) else [a] for s, a, b in zip(self.logs, values, of_reals, strict=True)]
+        )
 
     def errors(self, model: ModalModel, at: NDArray) -> tuple[NDArray, NDArray]:
         """Errors of ln μ, and their covariance as the model has it."""
@@ -214,7 +216,7 @@ class Experiment:
     @staticmethod
     def of(rotor: JeffcottRotor) -> "Experiment":
         exponents = rotor.exponents()
-        upper = np.sort_complex(exponents[exponents.imag > 0].imag * 1j + exponents[exponents.imag > 0].real)
+        upper = exponents[exponents.imag > 0]
         logs = upper[np.argsort(upper.imag)] * rotor.period
         clean = rotor.simulate(noise=0.0)
         lifted = lift(segment([clean])).with_noise(0.02 * np.abs(clean.values).max(axis=1)[:, None])
@@ -253,9 +255,7 @@ def rotor_is_identified(papers, identifier, seeds, assert_that):
         upper = np.flatnonzero(principal.imag > 0)
         upper = upper[np.argsort(principal.imag[upper])]
         both = np.concatenate([upper, upper + 4])
-        # A conjugate stands for its class where the principal branch turns the exponent over.
-        turned = np.where(model.exponents[upper].imag > 0, 1.0, 1.0)
-        covariances.append(model.covariance[np.ix_(both, both)] * np.outer(np.tile(turned, 2), np.tile(turned, 2)))
+        covariances.append(model.covariance[np.ix_(both, both)])
     errors, covariances = np.array(errors), np.array(covariances)
     rms = np.sqrt(np.mean(errors**2, axis=0))
     assert (rms < np.abs(papers.errors(PRINTED))).all()
@@ -273,3 +273,131 @@ def test_the_papers_rotor_is_identified_at_the_bound(papers, assert_that, identi
 @EVERY
 def test_the_papers_rotor_is_identified_at_the_bound_over_fifty_seeds(papers, assert_that, identifier):
     rotor_is_identified(papers, identifier, range(SEEDS), assert_that)
+
+
+# A rotor of another program, eight modes, two blows.
+
+
+def noisy_blows(name, seed, *, every=1):
+    """Both records with 1 % noise, of every so-manieth sample; that noise; and the upper logs of the multipliers."""
+    truth = json.loads((DATA / f"{name}.truth.json").read_text())
+    records, noise, generator = [], [], np.random.default_rng(seed)
+    for hit in (1, 2):
+        clean = read(DATA / f"{name}_hit{hit}.npz", period=truth["period"])
+        sigma = 0.01 * np.abs(clean.values).max(axis=1, keepdims=True)
+        values = (clean.values + sigma * generator.standard_normal(clean.values.shape))[:, ::every]
+        records.append(
+            Record(values=values, sample_rate=clean.sample_rate / every, channels=clean.channels, clock=clean.clock)
+        )
+        noise.append(sigma[:, 0])
+    exponents = np.array([complex(*mode["exponent"]) for mode in truth["modes"]])
+    return records, np.stack(noise, axis=1), exponents[exponents.imag > 0] * truth["period"]
+
+
+def all_modes_are_found(identifier, seed, *, every=1):
+    """Each mode within five of its deviations and a twentieth of its decay or turn."""
+    records, noise, logs = noisy_blows("rotor_1900rpm", seed, every=every)
+    data = lift(segment(records)).with_noise(noise).responses
+    known = Known(logs, np.zeros((len(logs), data.n_outputs, data.n_inputs)), data)
+    model = identifier.extract(identifier.prepare(data))
+    at = known.positions(model)
+    assert at is not None, f"{model.outcome.name}, order {model.order}"
+    errors, covariance = known.errors(model, at)
+    assert (np.abs(errors) < 5.0 * np.sqrt(np.diag(covariance))).all()
+    assert np.abs(errors).max() < 0.01
+
+
+def test_eight_modes_of_a_rotor_are_found_from_a_quarter_of_the_samples():
+    all_modes_are_found(AMI(), 0, every=4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(5))
+@EVERY
+def test_eight_modes_of_a_rotor_are_found(identifier, seed):
+    all_modes_are_found(identifier, seed)
+
+
+@pytest.mark.slow
+def test_eight_modes_of_a_rotor_are_found_by_the_whole_chain():
+    records, _, logs = noisy_blows("rotor_1900rpm", 0)
+    model = identify(records, identifier=AMI()).model
+    assert model.order == 16
+    distance = np.abs(np.exp(logs)[:, None] - np.exp(model.exponents * model.period))
+    assert distance[linear_sum_assignment(distance)].max() < 0.01
+
+
+# Tests of the tests. Each mutant goes round from the true poles, which is kind to it.
+
+
+def of_the_continuous_time(s, angles, samples):
+    """Eq. (10) as printed, R/(iω - λ), and its slope, in place of the finite sum."""
+    assert samples
+    below = 1j * angles - s
+    return 1.0 / below, 1.0 / below**2
+
+
+def without_conjugate(s, angles, samples):
+    """The finite sum of the upper half alone."""
+    total, slope = FINITE_SUM(s, angles, samples)
+    return (total, slope) if s.imag >= 0 else (0.0 * total, 0.0 * slope)
+
+
+FINITE_SUM = spectrum.finite_sum
+
+
+def round_without_subtraction(now, blocks, near, rank_one):
+    """Each mode fitted to the data as they are, the others left in."""
+    whole, modes = [block.values for block in blocks], []
+    for position, mode in enumerate(now.modes):
+        modes.append(isolation.fit_mode(mode, blocks, whole, [lines[position] for lines in near], rank_one))
+    left = tuple(
+        x - sum(mode.lines(b, block) for mode in modes) for b, (block, x) in enumerate(zip(blocks, whole, strict=True))
+    )
+    cost = float(sum(np.sum(np.abs(lines) ** 2) for lines in left))
+    return isolation.Isolated(tuple(modes), left, cost, 1.0)
+
+
+MUTANTS = {
+    "the continuous-time form": ("three", [(spectrum, "finite_sum", of_the_continuous_time)]),
+    "the conjugate left out": ("next to zero", [(spectrum, "finite_sum", without_conjugate)]),
+    "the other modes not subtracted": (
+        "a half-power width apart",
+        [(isolation, "_one_round", round_without_subtraction), (isolation, "LEAP", 10**6)],
+    ),
+}
+MUTATED = {**SYSTEMS, "next to zero": [-0.02 + 0.03j]}
+
+
+def going_round_is_efficient(name, assert_that):
+    whitened = []
+    for seed in range(6):
+        known = drawn(MUTATED[name], noise=0.02, seed=seed, outputs=20, samples=300)
+        pairs = np.exp(np.stack([known.logs, known.logs.conj()], axis=1).ravel())
+        start = ModalModel(multipliers=pairs, residues=np.zeros((len(pairs), 20, 1)), dt=1.0)
+        model = AMI(rounds=30).refine(AMI().prepare(known.data), start)
+        error, _ = known.errors(model, known.positions(model))
+        assert np.abs(error).max() < 0.1, "not even plausible"
+        whitened.append(np.linalg.solve(np.linalg.cholesky(known.bound()), error))
+    assert_that.is_efficient(np.array(whitened), np.eye(len(whitened[0])), loss=LOSS)
+
+
+@pytest.mark.parametrize(("name", "changes"), MUTANTS.values(), ids=MUTANTS)
+def test_a_broken_ami_is_caught(assert_that, monkeypatch, name, changes):
+    going_round_is_efficient(name, assert_that)
+    for place, what, broken in changes:
+        monkeypatch.setattr(place, what, broken)
+    with pytest.raises(AssertionError, match="times the Cramér-Rao bound"):
+        going_round_is_efficient(name, assert_that)
+
+
+def test_modes_seen_in_noise_are_caught(orders):
+    assert orders.seen_in_noise(AMI(false_alarm=0.5), range(5)) > 0
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.4])
+def test_deviations_of_the_wrong_size_are_caught(assert_that, factor):
+    done = repeat(SYSTEMS["three"], AMI(), range(12), noise=0.02, outputs=10, samples=200)
+    check(done, assert_that)
+    with pytest.raises(AssertionError, match="mean square"):
+        check(replace(done, covariances=factor**2 * done.covariances), assert_that)
