@@ -246,7 +246,7 @@ class AMI(AbstractIdentifier):
             if mode.kind == PAIR and angle < 0.5 * abs(mode.s.real) + _resolution(state):
                 real = empty_mode(complex(mode.s.real, 0.0 if kind == POSITIVE else np.pi), kind, state.blocks)
                 trial = go_round(joined(less, real, state.blocks), state.blocks, rounds)
-                if trial.cost - now.cost < limit - state.limit(1, self.false_alarm):
+                if trial.cost - now.cost < state.limit(1, self.false_alarm):
                     return trial
         return None
 
