@@ -8,6 +8,7 @@ from floquid.lti._ami import AMI
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._maximum_likelihood import MaximumLikelihood
 from floquid.lti._noise import white_noise_std
+from floquid.lti._residues import fit_residues
 from floquid.lti._spectrum import WHITE, composites
 from floquid.lti._types import Composites, ModalModel, Outcome, TimeResponses
 
@@ -21,5 +22,6 @@ __all__ = [
     "Outcome",
     "TimeResponses",
     "composites",
+    "fit_residues",
     "white_noise_std",
 ]

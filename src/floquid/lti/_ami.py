@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
-from typing import final
+from typing import ClassVar, final
 
 import numpy as np
 
-from floquid._checks import input_error, integer
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._isolation import (
     Isolated,
@@ -25,6 +24,7 @@ from floquid.lti._isolation import (
 )
 from floquid.lti._isolation_model import isolated_model
 from floquid.lti._one_mode import Mode
+from floquid.lti._order import checked_order, reached
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._select import rise_limit
 from floquid.lti._spectrum import Block, spectra
@@ -102,6 +102,8 @@ class AMI(AbstractIdentifier):
         different ways; false leaves the inputs independent.
     """
 
+    decides: ClassVar[bool] = True
+
     false_alarm: float = 1e-9
     most: int = 80
     widths: float = 16.0
@@ -148,16 +150,13 @@ class AMI(AbstractIdentifier):
         InputError
             `order` is not a positive integer below the number of samples.
         """
-        longest = int(state.data.lengths.max())
-        most = min(self.most, longest // 2)
-        if order is not None and integer(order, "order", "AMI.extract", at_least=1) >= longest:
-            got, remedy = f"is {order}", "Record more samples, or ask for fewer poles."
-            raise input_error("order", "AMI.extract", f"be less than the {longest} samples", got, remedy)
+        checked_order(order, self, state.data)
+        most = min(self.most, int(state.data.lengths.max()) // 2)
         now = self._search(state, most if order is None else max(most, order), report)
         outcome = Outcome.SUCCESS
         if order is not None:
             now = self._force(now, state, order)
-            outcome = Outcome.SUCCESS if now.order == order else Outcome.ORDER_UNREACHED
+            outcome = reached(order, now.order)
         elif not now.modes:
             outcome = Outcome.NO_MODE
         elif now.order >= most:

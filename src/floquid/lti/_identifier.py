@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 from floquid.lti._types import ModalModel, TimeResponses
 
 
 class AbstractIdentifier(ABC):
-    """One algorithm with its options as fields. Implementations are final, frozen and stateless."""
+    """One algorithm with its options as fields. Implementations are final, frozen and stateless.
+
+    Attributes
+    ----------
+    decides
+        Whether the algorithm finds the order by itself; one that does not refuses `extract(state, None)`.
+    """
 
     __slots__ = ()
+    decides: ClassVar[bool]
 
     @abstractmethod
     def prepare(self, data: TimeResponses) -> Any:
@@ -40,7 +47,7 @@ class AbstractIdentifier(ABC):
         state
             What `prepare` returned.
         order
-            The number of poles, conjugates one by one; None lets an algorithm that can decide do so.
+            The number of poles, conjugates one by one; None lets an algorithm that decides do so.
         report
             Is told of each stage.
 
@@ -48,6 +55,11 @@ class AbstractIdentifier(ABC):
         -------
         ModalModel
             The model; its `outcome` says how it ended.
+
+        Raises
+        ------
+        InputError
+            `order` is not a positive integer below the number of samples, or None where the algorithm cannot decide.
         """
 
     @abstractmethod

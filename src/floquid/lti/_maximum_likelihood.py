@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._checks import input_error, integer
-from floquid.lti._exponentials import Factor, Fit, basis, complex_residues, factor, polish, real_basis
+from floquid.lti._exponentials import Factor, Fit, factor, polish
 from floquid.lti._identifier import AbstractIdentifier
+from floquid.lti._order import checked_order, reached
 from floquid.lti._poles import PoleSet
+from floquid.lti._residues import model_of
 from floquid.lti._select import choose, energetic_length, force_order
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
@@ -52,6 +52,8 @@ class MaximumLikelihood(AbstractIdentifier):
     initial
         The identifier whose poles are to be made those of maximum likelihood; None for a search of our own.
     """
+
+    decides: ClassVar[bool] = True
 
     false_alarm: float = 1e-9
     most: int = 80
@@ -103,16 +105,8 @@ class MaximumLikelihood(AbstractIdentifier):
         InputError
             `order` is not a positive integer below the number of samples.
         """
-        longest = int(state.data.lengths.max())
-        most = min(self.most, longest // 2)
-        if order is not None and integer(order, "order", "MaximumLikelihood.extract", at_least=1) >= longest:
-            raise input_error(
-                "order",
-                "MaximumLikelihood.extract",
-                f"be less than the {longest} samples",
-                f"is {order}",
-                "Record more samples, or ask for fewer poles.",
-            )
+        checked_order(order, self, state.data)
+        most = min(self.most, int(state.data.lengths.max()) // 2)
         if self.initial is not None:
             found = self.initial.extract(state.initial, order, report=report)
             return self.refine(state, found) if found.order else found
@@ -120,7 +114,7 @@ class MaximumLikelihood(AbstractIdentifier):
         outcome = Outcome.SUCCESS
         if order is not None:
             found = force_order(found, factors, order, self.false_alarm)
-            outcome = Outcome.SUCCESS if found.poles.order == order else Outcome.ORDER_UNREACHED
+            outcome = reached(order, found.poles.order)
         elif not len(found.poles):
             outcome = Outcome.NO_MODE
         elif not ended:
@@ -168,49 +162,14 @@ class MaximumLikelihood(AbstractIdentifier):
 
     def _model(self, state: Prepared, found: Fit, outcome: Outcome) -> ModalModel:
         data, poles = state.data, found.poles
-        n = poles.order
-        residues = np.zeros((n, data.n_outputs, data.n_inputs), complex)
-        spread, slope = np.zeros((2, data.n_inputs, n, n), complex)
-        residual = np.zeros((data.n_outputs, data.n_inputs))
-        for i, length in enumerate(data.lengths):
-            residues[:, :, i], spread[i], slope[i], residual[:, i] = _residues(poles, data.values[:, i, :length])
         map_ = poles.parameter_map()
         stacked = np.concatenate([map_.real, map_.imag])
-        unit = found.covariance() if n else np.zeros((0, 0))
-        return ModalModel(
-            multipliers=poles.multipliers(),
-            residues=residues,
-            dt=data.dt,
-            covariance=stacked @ unit @ stacked.T / data.dt**2,
-            residue_spread=spread,
-            residue_slope=slope,
-            residual_std=residual,
-            outcome=outcome,
-            stats={"cost": found.cost, "degrees": _degrees(state, n)},
-        )
+        unit = found.covariance() if len(poles) else np.zeros((0, 0))
+        stats = {"cost": found.cost, "degrees": _degrees(state, poles.order)}
+        covariance = stacked @ unit @ stacked.T / data.dt**2
+        return model_of(poles, data, covariance=covariance, outcome=outcome, stats=stats)
 
 
 def _degrees(state: Prepared, order: int) -> float:
     """Samples less free residues less poles."""
     return float(state.data.n_outputs * (state.data.lengths - order).sum() - order)
-
-
-def _residues(
-    poles: PoleSet, responses: NDArray[np.float64]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]:
-    """Residues (n, outputs), their spread and slope (n, n), and the residual's deviation (outputs,)."""
-    samples = responses.shape[1]
-    columns = basis(poles, samples)
-    q, r = np.linalg.qr(real_basis(poles, columns))
-    inverse = np.linalg.pinv(r, rcond=1e-14)
-    projected = q.T @ responses.T
-    free = max(samples - poles.order, 1)
-    left = np.sqrt(np.sum((responses.T - q @ projected) ** 2, axis=0) / free)
-    pinv = complex_residues(poles, inverse @ q.T)
-    # The columns were scaled so that a growing mode cannot overflow; residues belong to sample zero.
-    s = poles.full()
-    scale = np.exp(-np.where(s.real > 0, samples - 1, 0) * s)
-    pinv = scale[:, None] * pinv
-    unscaled = columns / scale
-    slope = pinv @ (np.arange(samples)[:, None] * unscaled)
-    return pinv @ responses.T, pinv @ pinv.conj().T, slope, left

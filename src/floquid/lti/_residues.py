@@ -1,0 +1,110 @@
+"""The residues that belong to given poles, and what noise does to them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import frozen_array, input_error
+from floquid.lti._exponentials import basis, complex_residues, real_basis
+from floquid.lti._poles import PoleSet
+from floquid.lti._types import ModalModel, Outcome, TimeResponses
+
+
+def fit_residues(
+    multipliers: ArrayLike,
+    data: TimeResponses,
+    *,
+    covariance: NDArray[np.float64] | None = None,
+    outcome: Outcome = Outcome.SUCCESS,
+    stats: Mapping[str, float] | None = None,
+) -> ModalModel:
+    r"""The modal model of given multipliers: the residues that leave least.
+
+    .. math:: \min_R \sum_k \Big( y_{oi}[k] - \sum_r R_{r,oi}\, \mu_r^k \Big)^2, \qquad
+              R = E^+ y, \quad E_{kr} = \mu_r^k
+
+    This is the last step of most identifiers, and all that an algorithm of poles alone needs to become one.
+
+    Parameters
+    ----------
+    multipliers
+        μ (modes,). Of each conjugate pair both, or only the one above the real axis, may be given.
+    data
+        The responses.
+    covariance
+        Of the poles (2 modes, 2 modes) in the order of the model's multipliers [1/s²].
+    outcome
+        How the identification ended.
+    stats
+        Numbers about the fit.
+
+    Returns
+    -------
+    ModalModel
+        The model, conjugates next to each other.
+
+    Raises
+    ------
+    InputError
+        A multiplier is zero or not finite, or there are as many as samples.
+    """
+    given = frozen_array(multipliers, "multipliers", "fit_residues", axes=("modes",), dtype=np.complex128)
+    if (given == 0).any():
+        raise input_error("multipliers", "fit_residues", "not be zero", f"holds {int((given == 0).sum())} zeros")
+    poles = PoleSet.from_multipliers(given)
+    samples = int(data.lengths.max())
+    if poles.order >= samples:
+        raise input_error("multipliers", "fit_residues", f"be fewer than the {samples} samples", f"are {poles.order}")
+    return model_of(poles, data, covariance=covariance, outcome=outcome, stats=stats)
+
+
+def model_of(
+    poles: PoleSet,
+    data: TimeResponses,
+    *,
+    covariance: NDArray[np.float64] | None = None,
+    outcome: Outcome = Outcome.SUCCESS,
+    stats: Mapping[str, float] | None = None,
+) -> ModalModel:
+    """The modal model of a set of poles."""
+    n = poles.order
+    residues = np.zeros((n, data.n_outputs, data.n_inputs), complex)
+    spread, slope = np.zeros((2, data.n_inputs, n, n), complex)
+    residual = np.zeros((data.n_outputs, data.n_inputs))
+    for i, length in enumerate(data.lengths):
+        residues[:, :, i], spread[i], slope[i], residual[:, i] = _of_input(poles, data.values[:, i, :length])
+    return ModalModel(
+        multipliers=poles.multipliers(),
+        residues=residues,
+        dt=data.dt,
+        covariance=covariance,
+        residue_spread=spread,
+        residue_slope=slope,
+        residual_std=residual,
+        outcome=outcome,
+        stats=stats or {},
+    )
+
+
+def _of_input(
+    poles: PoleSet, responses: NDArray[np.float64]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]:
+    """Residues (n, outputs), their spread and slope (n, n), and the residual's deviation (outputs,)."""
+    samples = responses.shape[1]
+    columns = basis(poles, samples)
+    q, r = np.linalg.qr(real_basis(poles, columns))
+    inverse = np.linalg.pinv(r, rcond=1e-14)
+    projected = q.T @ responses.T
+    free = max(samples - poles.order, 1)
+    left = np.sqrt(np.sum((responses.T - q @ projected) ** 2, axis=0) / free)
+    pinv = complex_residues(poles, inverse @ q.T)
+    # The columns were scaled so that a growing mode cannot overflow; residues belong to sample zero.
+    s = poles.full()
+    scale = np.exp(-np.where(s.real > 0, samples - 1, 0) * s)
+    pinv = scale[:, None] * pinv
+    unscaled = columns / scale
+    slope = pinv @ (np.arange(samples)[:, None] * unscaled)
+    return pinv @ responses.T, pinv @ pinv.conj().T, slope, left
