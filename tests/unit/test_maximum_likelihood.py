@@ -6,10 +6,10 @@ from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
 
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome, TimeResponses, white_noise_std
-from floquid.lti._esprit import hankel_covariance, shift_poles, signal_vectors
-from floquid.lti._exponentials import factor, fit, polish
+from floquid.lti._exponentials import fit, polish
+from floquid.lti._factor import factor
+from floquid.lti._hankel import Realisation, hankel_covariance
 from floquid.lti._poles import PoleSet
-from floquid.lti._select import energetic_length
 
 IDENTIFIER = MaximumLikelihood()
 
@@ -76,7 +76,9 @@ SIZES = [(1, 1, 100), (6, 2, 100), (200, 1, 100), (3, 1, 1000)]
 def test_every_kind_of_pole_is_recovered_exactly_without_noise(multipliers, outputs, inputs, samples):
     found = identified(decays(multipliers, outputs=outputs, inputs=inputs, samples=samples))
     assert found.outcome is Outcome.SUCCESS
-    assert farthest(found.multipliers, with_conjugates(multipliers)) < 1e-10
+    # Beside a mode that has grown to 4e8 the others are known to as many digits less.
+    worst = np.sqrt(np.diag(found.covariance)).max()
+    assert farthest(found.multipliers, with_conjugates(multipliers)) < max(1e-10, 1e-5 * worst)
     assert np.count_nonzero(found.multipliers.imag == 0) == sum(not np.imag(mu) for mu in multipliers)
 
 
@@ -164,20 +166,18 @@ def test_polish_walks_to_the_least_cost_and_stays():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_esprit_is_exact_without_noise_at_the_right_order(kind):
+def test_a_realisation_is_exact_without_noise_at_the_right_order(kind):
     data = decays(KINDS[kind])
     full = with_conjugates(KINDS[kind])
-    _, vectors = signal_vectors(IDENTIFIER.prepare(data).factors, 30)
-    assert farthest(shift_poles(vectors, len(full)), full) < 1e-6
+    realisation = Realisation.of(IDENTIFIER.prepare(data).factors, 30, 12)
+    assert farthest(realisation.multipliers(len(full)), full) < 1e-6
 
 
 @pytest.mark.parametrize(("window", "order"), [(60, 24), (30, 24), (26, 25)])
-def test_esprit_at_a_generous_order_holds_the_true_poles(window, order):
-    """Also where the window is shorter than twice the order: the shift is then solved from its null space."""
+def test_a_realisation_of_a_generous_order_holds_the_true_poles(window, order):
     full = with_conjugates(KINDS["one frequency, two decays"])
     data = decays(KINDS["one frequency, two decays"], outputs=20, noise=0.001)
-    _, vectors = signal_vectors(IDENTIFIER.prepare(data).factors, window)
-    found = shift_poles(vectors, order)
+    found = Realisation.of(IDENTIFIER.prepare(data).factors, window, order).multipliers(order)
     assert len(found) == order
     assert np.abs(np.subtract.outer(full, found)).min(axis=1).max() < 0.01
 
@@ -266,7 +266,7 @@ def test_a_mode_that_outlasts_the_energy_of_the_others_is_fitted_to_its_end():
 
     def of_the_slow_mode(samples):
         data = TimeResponses(values=values[..., :samples], dt=1.0, noise=np.full((20, 1), noise))
-        assert energetic_length(IDENTIFIER.prepare(data).factors) == 600
+        assert [len(f.values) for f in IDENTIFIER.prepare(data).factors] == [600]
         found = identified(data)
         assert found.order == 4
         weak = np.argmin(np.abs(found.multipliers - slow))

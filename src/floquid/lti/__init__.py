@@ -5,6 +5,7 @@ by test. Every algorithm honours `AbstractIdentifier`.
 """
 
 from floquid.lti._ami import AMI
+from floquid.lti._era import ERA
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._maximum_likelihood import MaximumLikelihood
 from floquid.lti._noise import white_noise_std
@@ -14,6 +15,7 @@ from floquid.lti._types import Composites, ModalModel, Outcome, TimeResponses
 
 __all__ = [
     "AMI",
+    "ERA",
     "WHITE",
     "AbstractIdentifier",
     "Composites",

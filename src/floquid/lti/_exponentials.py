@@ -19,33 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.lti._factor import Factor
 from floquid.lti._poles import PAIR, PoleSet
-
-
-@dataclass(frozen=True, slots=True)
-class Factor:
-    """One block of columns with equal length: `values` F (samples, rank) with F Fᵀ = Y Yᵀ, from `columns` responses."""
-
-    values: NDArray[np.float64]
-    columns: int
-    energy: float
-
-    @staticmethod
-    def of(values: NDArray[np.float64], columns: int) -> Factor:
-        """The block with its energy ||F||²."""
-        return Factor(values, columns, float(np.sum(values**2)))
-
-    def cut(self, samples: int) -> Factor:
-        """The same block's first samples."""
-        return self if samples >= len(self.values) else Factor.of(self.values[:samples], self.columns)
-
-
-def factor(responses: NDArray[np.float64]) -> Factor:
-    """The smaller of Y and its triangular factor, for responses Y (samples, columns) of unit noise."""
-    samples, columns = responses.shape
-    if columns <= samples:
-        return Factor.of(np.ascontiguousarray(responses), columns)
-    return Factor.of(np.ascontiguousarray(np.asarray(np.linalg.qr(responses.T, mode="r")).T), columns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,14 +81,6 @@ def _remainder(block: Factor, q: NDArray[np.float64], projected: NDArray[np.floa
     whole = block.energy
     left = whole - float(np.sum(projected**2))
     return left if left > 1e-6 * whole else float(np.sum((block.values - q @ projected) ** 2))
-
-
-def residual_of(poles: PoleSet, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(I - P) F (samples, rank)."""
-    if not len(poles):
-        return values
-    q, _ = np.linalg.qr(real_basis(poles, basis(poles, len(values))))
-    return values - q @ (q.T @ values)
 
 
 def fit(poles: PoleSet, factors: Sequence[Factor]) -> Fit:

@@ -8,13 +8,19 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from floquid.lti._exponentials import Factor, Fit, factor, polish
+from floquid.lti._era import realise
+from floquid.lti._exponentials import Fit, polish
+from floquid.lti._factor import Factor, energies, factors
+from floquid.lti._horizon import energetic_length, horizon, search_window
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._order import checked_order, reached
 from floquid.lti._poles import PoleSet
 from floquid.lti._residues import model_of
-from floquid.lti._select import choose, energetic_length, force_order
+from floquid.lti._select import choose, force_order
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
+
+AT_REST = 1e-6
+"""Standard deviations that the last step of the poles may have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +29,20 @@ class Prepared:
 
     data: TimeResponses
     factors: tuple[Factor, ...]
+    """Of the samples that hold energy."""
     initial: Any = None
     """What the wrapped identifier prepared, where there is one."""
+
+    @property
+    def whole(self) -> int:
+        """The samples of the longest response."""
+        return int(self.data.lengths.max())
+
+    def first(self, samples: int) -> tuple[Factor, ...]:
+        """Factors of the first samples."""
+        if samples > len(self.factors[0].values):
+            return factors(self.data, samples)
+        return tuple(block.cut(samples) for block in self.factors)
 
 
 @final
@@ -35,9 +53,10 @@ class MaximumLikelihood(AbstractIdentifier):
     .. math:: \min_\mu \operatorname{tr}\left((I - P_\mu)\, Y Y^T\right)
 
     (Golub and Pereyra 1973, in Kaufman's form; the Gram matrix as in `errata.md`, "What makes it scale"). Conjugate
-    pairs, positive real and negative real multipliers are kinds of their own. ESPRIT at several orders gives the start;
-    with `order=None` each mode must pass a chi-square test with the others refitted. Where another identifier is
-    wrapped (`initial`), the start and the order are its own, and this is the finish.
+    pairs, positive real and negative real multipliers are kinds of their own. ERA at generous orders gives the start;
+    with `order=None` each mode must pass a chi-square test with the others refitted. Any other identifier may be
+    wrapped (`initial`): one that decides the order leaves only the finish to this, and the poles of one that does not
+    are where the search starts instead of those of ERA.
 
     Parameters
     ----------
@@ -46,18 +65,18 @@ class MaximumLikelihood(AbstractIdentifier):
     most
         The highest order considered; never more than half the samples.
     starts
-        The orders at which ESPRIT is asked, as far as the samples allow.
+        The orders of the starts, as far as the samples allow; the later ones are left out where the first tells all.
     time_constants
         The fit looks at samples out to this many time constants of the slowest pole; what comes later is noise.
     initial
-        The identifier whose poles are to be made those of maximum likelihood; None for a search of our own.
+        The identifier that gives the start; None for ERA.
     """
 
     decides: ClassVar[bool] = True
 
     false_alarm: float = 1e-9
     most: int = 80
-    starts: tuple[int, ...] = (24, 48)
+    starts: tuple[int, ...] = (16, 32, 64)
     time_constants: float = 6.0
     initial: AbstractIdentifier | None = None
 
@@ -74,12 +93,9 @@ class MaximumLikelihood(AbstractIdentifier):
         Prepared
             What `extract` and `refine` start from.
         """
-        scaled = data.values / data.noise[:, :, None]
-        factors = []
-        for length in np.unique(data.lengths)[::-1]:
-            block = scaled[:, data.lengths == length, :length]
-            factors.append(factor(block.reshape(-1, length).T))
-        return Prepared(data, tuple(factors), None if self.initial is None else self.initial.prepare(data))
+        samples = energetic_length(energies(data), data)
+        initial = None if self.initial is None else self.initial.prepare(data)
+        return Prepared(data, factors(data, samples), initial)
 
     def extract(
         self, state: Prepared, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
@@ -107,13 +123,13 @@ class MaximumLikelihood(AbstractIdentifier):
         """
         checked_order(order, self, state.data)
         most = min(self.most, int(state.data.lengths.max()) // 2)
-        if self.initial is not None:
+        if self.initial is not None and self.initial.decides:
             found = self.initial.extract(state.initial, order, report=report)
             return self.refine(state, found) if found.order else found
-        found, factors, ended = self._choose(state, most, report)
+        found, blocks, ended = self._choose(state, most, report)
         outcome = Outcome.SUCCESS
         if order is not None:
-            found = force_order(found, factors, order, self.false_alarm)
+            found = force_order(found, blocks, order, self.false_alarm)
             outcome = reached(order, found.poles.order)
         elif not len(found.poles):
             outcome = Outcome.NO_MODE
@@ -121,7 +137,7 @@ class MaximumLikelihood(AbstractIdentifier):
             outcome = Outcome.NOT_WHITE
         elif found.poles.order >= most:
             outcome = Outcome.TOO_FEW_SAMPLES
-        return self._model(state, polish(found.poles, factors), outcome)
+        return _model(state, polish(found.poles, blocks, tolerance=AT_REST), blocks, outcome)
 
     def refine(self, state: Prepared, model: ModalModel) -> ModalModel:
         """The maximum-likelihood model of the same order nearest to another one, on other data or another noise.
@@ -139,37 +155,50 @@ class MaximumLikelihood(AbstractIdentifier):
             The model; its outcome is that of `model`.
         """
         poles = PoleSet.from_multipliers(model.multipliers)
-        samples = self._horizon(poles, state)
-        return self._model(state, polish(poles, [f.cut(samples) for f in state.factors]), model.outcome)
+        blocks = state.first(horizon(poles, state.whole, self.time_constants))
+        return _model(state, polish(poles, blocks, tolerance=AT_REST), blocks, model.outcome)
 
-    def _choose(self, state: Prepared, most: int, report: Callable[[str], None]) -> tuple[Fit, list[Factor], bool]:
+    def _choose(
+        self, state: Prepared, most: int, report: Callable[[str], None]
+    ) -> tuple[Fit, tuple[Factor, ...], bool]:
         """The poles from the samples that hold energy, and again from more when a mode lasts longer than those."""
-        whole = int(state.data.lengths.max())
-        samples = energetic_length(state.factors)
+        blocks = state.factors
         while True:
-            factors = [f.cut(samples) for f in state.factors]
-            found, ended = choose(factors, false_alarm=self.false_alarm, most=most, starts=self.starts, report=report)
-            horizon = self._horizon(found.poles, state)
-            if horizon <= samples or samples == whole or not ended:
-                return found, factors, ended
-            samples = horizon
+            found, ended = choose(
+                blocks,
+                self._start(state, blocks),
+                false_alarm=self.false_alarm,
+                most=most,
+                starts=self._starts(blocks),
+                report=report,
+            )
+            here = len(blocks[0].values)
+            needed = horizon(found.poles, state.whole, self.time_constants)
+            if needed <= here or not ended:
+                return found, blocks, ended
+            blocks = state.first(needed)
 
-    def _horizon(self, poles: PoleSet, state: Prepared) -> int:
-        """The samples in which the slowest pole decays by `time_constants`."""
-        whole = int(state.data.lengths.max())
-        slowest = poles.s.real.max() if len(poles) else 0.0
-        return whole if slowest >= 0 else min(whole, int(np.ceil(self.time_constants / -slowest)))
+    def _starts(self, blocks: tuple[Factor, ...]) -> list[int]:
+        """The orders of the starts that blocks of this length allow."""
+        lags = search_window(len(blocks[0].values)) - 1
+        return sorted({max(1, min(order, lags)) for order in self.starts})
 
-    def _model(self, state: Prepared, found: Fit, outcome: Outcome) -> ModalModel:
-        data, poles = state.data, found.poles
-        map_ = poles.parameter_map()
-        stacked = np.concatenate([map_.real, map_.imag])
-        unit = found.covariance() if len(poles) else np.zeros((0, 0))
-        stats = {"cost": found.cost, "degrees": _degrees(state, poles.order)}
-        covariance = stacked @ unit @ stacked.T / data.dt**2
-        return model_of(poles, data, covariance=covariance, outcome=outcome, stats=stats)
+    def _start(self, state: Prepared, blocks: tuple[Factor, ...]) -> Callable[[int], PoleSet]:
+        """Poles of any order: those of the wrapped identifier, or of ERA."""
+        if self.initial is not None:
+            initial = self.initial
+            return lambda order: PoleSet.from_multipliers(initial.extract(state.initial, order).multipliers)
+        realisation = realise(blocks, None, max(self.starts))
+        return lambda order: PoleSet.from_multipliers(realisation.multipliers(order))
 
 
-def _degrees(state: Prepared, order: int) -> float:
-    """Samples less free residues less poles."""
-    return float(state.data.n_outputs * (state.data.lengths - order).sum() - order)
+def _model(state: Prepared, found: Fit, blocks: tuple[Factor, ...], outcome: Outcome) -> ModalModel:
+    """The model of a fit, with residues from all samples."""
+    map_ = found.poles.parameter_map()
+    stacked = np.concatenate([map_.real, map_.imag])
+    unit = found.covariance() if len(found.poles) else np.zeros((0, 0))
+    n = found.poles.order
+    degrees = sum(block.columns * (len(block.values) - n) for block in blocks) - n
+    covariance = stacked @ unit @ stacked.T / state.data.dt**2
+    stats = {"cost": found.cost, "degrees": float(degrees)}
+    return model_of(found.poles, state.data, covariance=covariance, outcome=outcome, stats=stats)

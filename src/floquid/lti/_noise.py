@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._esprit import hankel_covariance
-from floquid.lti._exponentials import factor
+from floquid.lti._factor import factor
+from floquid.lti._hankel import hankel_covariance
 
 QUARTILE = 0.25
 """The eigenvalue looked at: right as long as the poles are well under three quarters of the window."""

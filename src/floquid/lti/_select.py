@@ -4,8 +4,8 @@ The rule. With noise of unit variance, taking away a mode that is not there rais
 square of as many degrees of freedom as the mode has parameters (2M + 2 for a conjugate pair over M responses, M + 1
 for a real pole); with the noise estimated from few samples it is the numerator of an F ratio. A mode stays when the
 rise, all other poles refitted, has a probability below `false_alarm` by chance; the residual is searched over
-frequency and decay for a mode that would pass, until none does. ESPRIT at several generous orders gives the starts;
-the set with the lowest cost plus thresholds wins.
+frequency and decay for a mode that would pass, until none does. Another identifier at several generous orders gives
+the starts; the set with the lowest cost plus thresholds wins.
 """
 
 from __future__ import annotations
@@ -16,15 +16,22 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid.lti._esprit import shift_poles, signal_vectors
-from floquid.lti._exponentials import Factor, Fit, basis, fit, polish, real_basis, residual_of
+from floquid.lti._exponentials import Fit, fit, polish
+from floquid.lti._factor import Factor
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
+from floquid.lti._removal import Removal, prune_linear
+from floquid.lti._search import candidates
 
 FASTEST = (-3.0, 2.0)
 """Logarithms of the fastest decay and growth a sample at which a mode differs from a blow to a single sample."""
 
+
+PROMISING = 1e-5
+"""The probability at which noise may have what a pole on the grid takes out of the residual, for the pole to be tried.
+
+A mode that just passes the test has less than that where it lies between the lines of the grid.
+"""
 
 SEARCHES = 16
 """How often the residual of one start may be searched and still hold another mode, before it counts as not white."""
@@ -50,6 +57,10 @@ class Threshold:
         """The threshold for `parameters` poles counted one by one: each has its own residues and one parameter."""
         return rise_limit(self.false_alarm, parameters * (self.columns + 1), self.samples)
 
+    def promising(self, size: int) -> float:
+        """What a pole (1) or pair (2) on the grid must take out of the residual to be tried."""
+        return min(rise_limit(PROMISING, size * self.columns, self.samples), self.of(size))
+
     def penalised(self, found: Fit) -> float:
         """The cost plus the thresholds of all that was spent on it."""
         pairs = int((found.poles.kind == PAIR).sum())
@@ -72,48 +83,32 @@ def rise_limit(probability: float, degrees: int, samples: int) -> float:
 
 def choose(
     factors: Sequence[Factor],
+    start: Callable[[int], PoleSet],
     *,
     false_alarm: float,
     most: int,
     starts: Sequence[int],
     report: Callable[[str], None] = lambda _: None,
 ) -> tuple[Fit, bool]:
-    """The poles that the data support, fitted by maximum likelihood, and whether the search came to an end."""
-    threshold = Threshold.for_(factors, false_alarm)
-    window = search_window(factors)
-    _, vectors = signal_vectors(factors, window)
-    best, ended = fit(PoleSet.empty(), factors), False
-    for number, order in enumerate(sorted({max(1, min(order, window - 1)) for order in starts})):
-        begin = plausible(PoleSet.from_multipliers(shift_poles(vectors, order)))
-        now, settled = _settle(polish(prune_linear(begin, factors, threshold), factors), factors, threshold, most)
-        report(f"start of order {order}: {now.poles.order} poles kept")
-        if not number or threshold.penalised(now) < threshold.penalised(best) - 1e-6 * abs(best.cost):
-            best, ended = now, settled
-    return best, ended
+    """The poles that the data support, fitted by maximum likelihood, and whether the search came to an end.
 
-
-def energetic_length(factors: Sequence[Factor], *, short: int = 600, margin: float = 1.5) -> int:
-    """The samples to look at first: all of a short record; of a long one, those before the energy meets its floor.
-
-    The floor is the least mean energy over a twentieth of the record. A mode that goes on below it is found later, from
-    the poles: see `MaximumLikelihood.time_constants`.
+    A start of less than twice the order that it leads to is left for the next, which tells more; one of more needs no
+    other beside it, since its poles all pass and nothing that would is left.
     """
-    whole = max(len(f.values) for f in factors)
-    if whole <= short:
-        return whole
-    energy = np.zeros(whole)
-    for block in factors:
-        energy[: len(block.values)] += np.sum(block.values**2, axis=1)
-    width = whole // 20
-    blocks = energy[: width * 20].reshape(20, width).mean(axis=1)
-    quiet = blocks < blocks.min() * (1.0 + 6.0 * np.sqrt(2.0 / (width * sum(f.columns for f in factors)))) * 1.02
-    loud = np.flatnonzero(~quiet)
-    return min(whole, max(short, int(np.ceil(margin * width * (loud[-1] + 1))))) if len(loud) else whole
-
-
-def search_window(factors: Sequence[Factor]) -> int:
-    """The length of the Hankel window: half of the longest block, so that a short one holds most poles; at most 300."""
-    return max(2, min(300, max(len(f.values) for f in factors) // 2))
+    threshold = Threshold.for_(factors, false_alarm)
+    limits = threshold.of(1), threshold.of(2)
+    best, ended = fit(PoleSet.empty(), factors), False
+    for order in starts:
+        begin = prune_linear(plausible(start(order)), factors, limits)
+        if 2 * begin.order > order and order < starts[-1]:
+            continue
+        now, settled = _settle(polish(begin, factors), factors, threshold, most)
+        report(f"start of order {order}: {now.poles.order} poles kept")
+        if not ended or threshold.penalised(now) < threshold.penalised(best) - 1e-6 * abs(best.cost):
+            best, ended = now, settled
+        if settled and 2 * now.poles.order <= order:
+            break
+    return best, ended
 
 
 def plausible(poles: PoleSet) -> PoleSet:
@@ -124,31 +119,6 @@ def plausible(poles: PoleSet) -> PoleSet:
 def _possible(found: Fit) -> bool:
     """Whether all poles of a fit are within `FASTEST`."""
     return len(plausible(found.poles)) == len(found.poles)
-
-
-def prune_linear(poles: PoleSet, factors: Sequence[Factor], threshold: Threshold) -> PoleSet:
-    """Take away, one by one, what the free residues of the others can do without."""
-    while len(poles):
-        rises = removal_rises(poles, factors)
-        excess = rises - np.array([threshold.of(int(n)) for n in poles.sizes])
-        worst = int(np.argmin(excess))
-        if excess[worst] > 0:
-            break
-        poles = poles.without(worst)
-    return poles
-
-
-def removal_rises(poles: PoleSet, factors: Sequence[Factor]) -> NDArray[np.float64]:
-    """The rise of the cost when one entry is taken away and the other residues are refitted, poles fixed (k,)."""
-    rises = np.zeros(len(poles))
-    for block in factors:
-        q, r = np.linalg.qr(real_basis(poles, basis(poles, len(block.values))))
-        inverse = np.linalg.pinv(r, rcond=1e-14)
-        residues, spread = inverse @ (q.T @ block.values), inverse @ inverse.T
-        for entry, (start, size) in enumerate(zip(poles.starts(), poles.sizes, strict=True)):
-            rows = slice(int(start), int(start + size))
-            rises[entry] += np.sum(residues[rows] * np.linalg.lstsq(spread[rows, rows], residues[rows], rcond=1e-14)[0])
-    return rises
 
 
 def _settle(now: Fit, factors: Sequence[Factor], threshold: Threshold, most: int) -> tuple[Fit, bool]:
@@ -176,7 +146,7 @@ def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
         if len(possible) < len(now.poles):
             now, changed = polish(possible, factors), True
             continue
-        rises = removal_rises(now.poles, factors)
+        rises = Removal.of(now.poles, factors).rises()
         for entry in np.argsort(rises):
             limit = threshold.of(int(now.poles.sizes[entry]))
             if rises[entry] > 20.0 * limit and not _crowded(now.poles, int(entry), factors):
@@ -246,76 +216,22 @@ def _told_apart(found: Fit, first: int, second: int) -> bool:
 
 
 def _add(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
-    """Add the mode that the residual holds most clearly, if it holds one."""
+    """The fit with the mode that the residual holds most clearly, if it holds one."""
     for candidate, promised in candidates(now.poles, factors):
-        if promised < 0.5 * threshold.of(int(candidate.sizes[0])):
+        size = int(candidate.sizes[0])
+        if promised < threshold.promising(size):
             continue
-        more = polish(now.poles.plus([candidate]), factors)
-        if _possible(more) and now.cost - more.cost > threshold.of(int(candidate.sizes[0])):
-            return more
+        more = polish(now.poles.plus([candidate]), factors, iterations=25, tolerance=1e-2)
+        if _possible(more) and now.cost - more.cost > threshold.of(size):
+            return polish(more.poles, factors)
     return now
-
-
-def candidates(poles: PoleSet, factors: Sequence[Factor]) -> list[tuple[PoleSet, float]]:
-    """The pair and the two real poles that would take most out of the residual, with what they would take."""
-    longest = max(len(f.values) for f in factors)
-    lines = 1 << int(np.ceil(np.log2(2 * longest)))
-    angles = 2.0 * np.pi * np.arange(lines // 2 + 1) / lines
-    decays = np.concatenate([[0.0], np.geomspace(0.3 / longest, 1.0, 8)])
-    found: dict[int, tuple[float, complex]] = {}
-    for decay in decays:
-        gain = _gain(poles, factors, decay, lines)
-        inner = gain[2:-2] if len(gain) > 5 else gain[1:-1]
-        tops = {
-            PAIR: (int(np.argmax(inner)) + (len(gain) - len(inner)) // 2) if len(inner) else None,
-            POSITIVE: 0,
-            NEGATIVE: len(gain) - 1,
-        }
-        for kind, line in tops.items():
-            if line is not None and gain[line] > found.get(kind, (0.0, 0j))[0]:
-                found[kind] = (float(gain[line]), complex(-decay, angles[line]))
-    order = sorted(found.items(), key=lambda item: -item[1][0])
-    return [(PoleSet.of(np.array([s]), np.array([kind])), gain) for kind, (gain, s) in order]
-
-
-def _gain(poles: PoleSet, factors: Sequence[Factor], decay: float, lines: int) -> NDArray[np.float64]:
-    """What a pole of this decay at each line of a grid would take out of the residual (lines/2 + 1,)."""
-    total = np.zeros(lines // 2 + 1)
-    for block in factors:
-        samples = len(block.values)
-        envelope = np.exp(-decay * np.arange(samples))
-        residual = residual_of(poles, block.values)
-        moments = np.fft.rfft(envelope[:, None] * residual, lines, axis=0)
-        q, _ = np.linalg.qr(real_basis(poles, basis(poles, samples))) if len(poles) else (np.zeros((samples, 0)), None)
-        shadow = np.fft.rfft(envelope[:, None] * q, lines, axis=0)
-        double = np.fft.rfft(envelope**2, lines)
-        straight = np.sum(envelope**2) - np.sum(np.abs(shadow) ** 2, axis=1)
-        # z^T (I - P) z: the envelope's transform at twice the angle, folded back into the grid.
-        twice = 2 * np.arange(lines // 2 + 1) % lines
-        at_twice = np.where(
-            twice <= lines // 2,
-            double[np.minimum(twice, lines - twice)],
-            double[np.minimum(twice, lines - twice)].conj(),
-        )
-        crossed = at_twice - np.sum(shadow**2, axis=1)
-        power, pseudo = np.sum(np.abs(moments) ** 2, axis=1), np.sum(moments**2, axis=1)
-        determinant = straight**2 - np.abs(crossed) ** 2
-        good = determinant > 1e-6 * np.sum(envelope**2) ** 2
-        pair = 2.0 * (straight * power - (crossed.conj() * pseudo).real)
-        gain = np.divide(pair, determinant, out=np.zeros_like(pair), where=good)
-        ends = [0, lines // 2]
-        gain[ends] = np.divide(
-            power[ends], straight[ends], out=np.zeros(2), where=straight[ends] > 1e-6 * np.sum(envelope**2)
-        )
-        total += gain
-    return total
 
 
 def force_order(now: Fit, factors: Sequence[Factor], order: int, false_alarm: float) -> Fit:
     """The fit brought to `order` poles where that can be done: the least significant leave, the clearest join."""
     threshold = Threshold.for_(factors, false_alarm)
     while now.poles.order > order:
-        excess = removal_rises(now.poles, factors) - np.array([threshold.of(int(n)) for n in now.poles.sizes])
+        excess = Removal.of(now.poles, factors).rises() - np.array([threshold.of(int(n)) for n in now.poles.sizes])
         excess[now.poles.sizes > now.poles.order - order] = np.inf
         if not np.isfinite(excess).any():
             break

@@ -6,9 +6,11 @@ matplotlib is loaded when the first figure is drawn, without pyplot and without 
 from typing import TYPE_CHECKING
 
 from floquid.plot._composite import composite
+from floquid.plot._indicators import indicators
 from floquid.plot._residues import coefficients, residues
 from floquid.plot._save import save_figure, save_figures
 from floquid.plot._spectra import spectra
+from floquid.plot._stabilisation import stabilisation
 from floquid.plot._system_elements import system_elements
 from floquid.plot._time_record import time_record
 
@@ -19,10 +21,12 @@ if TYPE_CHECKING:
 __all__ = [
     "coefficients",
     "composite",
+    "indicators",
     "residues",
     "save_figure",
     "save_figures",
     "spectra",
+    "stabilisation",
     "system_elements",
     "time_record",
 ]

@@ -1,5 +1,26 @@
-"""Assertions for tests of identification: spectra are compared modulo the fundamental, never by array order."""
+"""For tests of identification: random systems with known truth, what must be found in them, and comparisons.
 
+`random_system` draws a linear time-periodic system across `Ranges` and gives its records; `findable` says what any
+identifier can tell of them, and `must_be_found` what a good one must. Spectra are compared modulo the fundamental,
+never by array order.
+"""
+
+from floquid.testing._bounds import cramer_rao_bound
+from floquid.testing._drawing import random_system
+from floquid.testing._findable import Findable, findable, must_be_found
+from floquid.testing._random_systems import CLASSES, RandomSystem, Ranges
 from floquid.testing._spectra import Pairing, assert_exponents_close, pair_exponents
 
-__all__ = ["Pairing", "assert_exponents_close", "pair_exponents"]
+__all__ = [
+    "CLASSES",
+    "Findable",
+    "Pairing",
+    "RandomSystem",
+    "Ranges",
+    "assert_exponents_close",
+    "cramer_rao_bound",
+    "findable",
+    "must_be_found",
+    "pair_exponents",
+    "random_system",
+]

@@ -1,0 +1,111 @@
+"""What the cost would rise by if a pole were taken away, the residues of the others refitted and all poles fixed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.lti._exponentials import basis, real_basis
+from floquid.lti._factor import Factor
+from floquid.lti._poles import PoleSet
+
+AFRESH = 8
+"""Removals after which the matrices are made anew: rounding adds up where columns are almost dependent."""
+
+ROUNDING = 1e-14
+"""The share of a pair's squared spread below which its determinant is rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Removal:
+    r"""The real residues of a set of poles, as far as removals need them.
+
+    A set K of columns taken away raises the cost by tr(S_KK⁻¹ M_KK), with S = (EᵀE)⁻¹ and M = Σ_j r_j r_jᵀ over all
+    responses; of the others S and M are left as Schur complements.
+    """
+
+    poles: PoleSet
+    spread: tuple[NDArray[np.float64], ...]
+    moments: tuple[NDArray[np.float64], ...]
+
+    @staticmethod
+    def of(poles: PoleSet, factors: Sequence[Factor]) -> Removal:
+        """For these poles."""
+        spread, moments = [], []
+        for block in factors:
+            q, r = np.linalg.qr(real_basis(poles, basis(poles, len(block.values))))
+            inverse = np.linalg.pinv(r, rcond=1e-14)
+            residues = inverse @ (q.T @ block.values)
+            spread.append(inverse @ inverse.T)
+            moments.append(residues @ residues.T)
+        return Removal(poles, tuple(spread), tuple(moments))
+
+    def rises(self) -> NDArray[np.float64]:
+        """The rise for each entry (k,)."""
+        rises = np.zeros(len(self.poles))
+        first, pairs = self.poles.starts(), self.poles.sizes == 2
+        second = np.where(pairs, first + 1, first)
+        for spread, moments in zip(self.spread, self.moments, strict=True):
+            s11, s22, s12 = spread[first, first], spread[second, second], spread[first, second]
+            m11, m22, m12 = moments[first, first], moments[second, second], moments[first, second]
+            single = np.divide(m11, s11, out=np.zeros_like(m11), where=s11 > 0)
+            # Where the two columns of a pair are one to rounding, it takes what one of them takes.
+            determinant = s11 * s22 - s12**2
+            two = determinant > ROUNDING * s11 * s22
+            both = np.divide(s22 * m11 + s11 * m22 - 2.0 * s12 * m12, determinant, out=single.copy(), where=two)
+            rises += np.where(pairs, both, single)
+        return rises
+
+    def without(self, entry: int) -> Removal:
+        """With one entry taken away."""
+        start, size = int(self.poles.starts()[entry]), int(self.poles.sizes[entry])
+        own = np.arange(start, start + size)
+        rest = np.delete(np.arange(self.poles.order), own)
+        spreads, moments = [], []
+        for spread, moment in zip(self.spread, self.moments, strict=True):
+            share = spread[np.ix_(rest, own)] @ np.linalg.pinv(spread[np.ix_(own, own)], rcond=1e-14)
+            spreads.append(spread[np.ix_(rest, rest)] - share @ spread[np.ix_(own, rest)])
+            half = moment[np.ix_(rest, own)] @ share.T
+            moments.append(moment[np.ix_(rest, rest)] - half - half.T + share @ moment[np.ix_(own, own)] @ share.T)
+        return Removal(self.poles.without(entry), tuple(spreads), tuple(moments))
+
+
+def prune_linear(poles: PoleSet, factors: Sequence[Factor], limit: tuple[float, float]) -> PoleSet:
+    """Take away, one by one, what the residues of the others can do without: the rise is below that of its size."""
+    return _taken(poles, factors, lambda now, rises: rises - np.where(now.sizes == 1, *limit))
+
+
+def strongest(poles: PoleSet, factors: Sequence[Factor], order: int) -> PoleSet:
+    """The poles that take most out of the responses, at most `order` counted one by one: the others leave in turn."""
+
+    def rank(now: PoleSet, rises: NDArray[np.float64]) -> NDArray[np.float64]:
+        over = now.order - order
+        if over <= 0:
+            return np.ones(len(now))
+        fits = now.sizes <= over
+        share = rises / now.sizes
+        # Any negative number says «take»; where one pole is too many, a real one goes if there is one.
+        return share - share.max() - 1.0 + np.where(fits | ~fits.any(), 0.0, np.inf)
+
+    return _taken(poles, factors, rank)
+
+
+def _taken(
+    poles: PoleSet,
+    factors: Sequence[Factor],
+    excess: Callable[[PoleSet, NDArray[np.float64]], NDArray[np.float64]],
+) -> PoleSet:
+    """Take away the entry of least excess as long as that is negative."""
+    now, done = Removal.of(poles, factors), 0
+    while len(now.poles):
+        if done == AFRESH:
+            now, done = Removal.of(now.poles, factors), 0
+        left = excess(now.poles, now.rises())
+        worst = int(np.argmin(left))
+        if left[worst] > 0:
+            break
+        now, done = now.without(worst), done + 1
+    return now.poles

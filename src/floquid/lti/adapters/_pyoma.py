@@ -1,0 +1,138 @@
+"""pyOMA2's stochastic subspace identification as an identifier."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from types import ModuleType
+from typing import ClassVar, Literal, final, get_args
+
+import numpy as np
+
+from floquid._checks import input_error
+from floquid.lti._identifier import AbstractIdentifier
+from floquid.lti._order import checked_order, reached
+from floquid.lti._residues import fit_residues
+from floquid.lti._types import ModalModel, Outcome, TimeResponses
+from floquid.lti.adapters._components import Components, components
+from floquid.lti.adapters._peer import load, quiet
+
+Method = Literal["cov", "dat"]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PyOMA2SSI(AbstractIdentifier):
+    r"""Stochastic subspace identification (SSI) by pyOMA2, of the covariance of free decays or driven by the data.
+
+    .. math:: H = Y_f Y_p^T \approx O\, \Gamma, \qquad A = (O_{\uparrow})^+ O_{\downarrow}, \qquad \mu = \operatorname{eig} A
+
+    (Peeters and De Roeck 1999; Döhler and Mevel 2013 for the fast form used.) The method is made for random excitation;
+    a free decay has the same observability matrix O. What is given to it: responses over their noise, inputs stacked as
+    outputs and cut to the shortest, as their first `order` principal components. The Hankel matrix H is cut off at its
+    first `order` singular vectors, which is what selects the poles: no pole is spurious by construction.
+
+    Parameters
+    ----------
+    method
+        "cov" for covariances of future and past, "dat" for the projection of one on the other.
+    block_rows
+        The block rows of the Hankel matrix; fewer where the responses are short, and more where needed to hold `order`
+        poles.
+
+    Raises
+    ------
+    InputError
+        The method is neither.
+    """
+
+    decides: ClassVar[bool] = False
+
+    method: Method = "cov"
+    block_rows: int = 50
+
+    def __post_init__(self) -> None:
+        if self.method not in get_args(Method):
+            raise input_error("method", "PyOMA2SSI", 'be "cov" or "dat"', f"is {self.method!r}")
+
+    def prepare(self, data: TimeResponses) -> Components:
+        """The principal components of the responses over their noise.
+
+        Parameters
+        ----------
+        data
+            The responses.
+
+        Returns
+        -------
+        Components
+            What `extract` and `refine` start from.
+
+        Raises
+        ------
+        InputError
+            pyOMA2 is not installed.
+        """
+        _ssi()
+        return components(data)
+
+    def extract(
+        self, state: Components, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
+    ) -> ModalModel:
+        """The model of `order` poles.
+
+        Parameters
+        ----------
+        state
+            What `prepare` returned.
+        order
+            The number of poles, conjugates one by one.
+        report
+            Is told of each stage.
+
+        Returns
+        -------
+        ModalModel
+            The model; its outcome is `TOO_FEW_SAMPLES` where a Hankel matrix of that rank cannot be filled.
+
+        Raises
+        ------
+        InputError
+            `order` is not a positive integer below the number of samples, or pyOMA2 is not installed.
+        """
+        wanted = checked_order(order, self, state.data)
+        assert wanted is not None
+        values = state.first(wanted)
+        least = -(-wanted // len(values)) + 1
+        rows = max(least, min(self.block_rows, state.samples // 3))
+        if state.samples - 2 * rows + 1 < wanted:
+            return fit_residues(np.zeros(0), state.data, outcome=Outcome.TOO_FEW_SAMPLES)
+        ssi, found = _ssi(), np.zeros(0, dtype=np.complex128)
+        with quiet("pyoma2"), suppress(np.linalg.LinAlgError):
+            hankel, _ = ssi.build_hank(values, values, rows, self.method)
+            _, systems, _, _ = ssi.SSI_fast(hankel, rows, wanted)
+            found = np.linalg.eigvals(systems[wanted]).astype(np.complex128)
+        model = fit_residues(found[np.isfinite(found) & (found != 0)], state.data)
+        return fit_residues(model.multipliers, state.data, outcome=reached(wanted, model.order))
+
+    def refine(self, state: Components, model: ModalModel) -> ModalModel:
+        """The model of the same order as `model`: this algorithm cannot start anywhere.
+
+        Parameters
+        ----------
+        state
+            What `prepare` returned for the data.
+        model
+            Whose order is wanted.
+
+        Returns
+        -------
+        ModalModel
+            The model.
+        """
+        return self.extract(state, model.order)
+
+
+def _ssi() -> ModuleType:
+    return load("pyoma2.functions.ssi", package="pyOMA_2", needed_by="PyOMA2SSI")

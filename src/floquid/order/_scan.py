@@ -1,0 +1,120 @@
+"""Models over a range of orders, prepared once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error, integer
+from floquid.lti import ERA, AbstractIdentifier, ModalModel, Outcome, TimeResponses
+from floquid.order._criteria import criteria
+from floquid.order._indicators import both_compressed, indicators_of
+from floquid.order._stable import DEFAULT, stability
+from floquid.order._types import OrderScan, Tolerances
+
+MOST = 40
+"""The highest order of a scan whose orders are not given."""
+
+
+def scan(
+    data: TimeResponses,
+    identifier: AbstractIdentifier | None = None,
+    orders: Sequence[int] | None = None,
+    *,
+    tolerances: Tolerances = DEFAULT,
+    report: Callable[[str], None] = lambda _: None,
+) -> OrderScan:
+    """Identify at each of several orders, and see which poles stay.
+
+    The data are looked at through their principal responses (`lti.compress`), which neither the poles nor their
+    stability can tell from the data; the identifier prepares once. The poles of each order are held against those of
+    the next lower order reached (see `stability`). An order that is not reached is kept, takes no part in the
+    comparison, and its poles count as new: the same model under two orders would agree with itself.
+
+    That poles agree between orders is evidence only for an identifier that finds each order afresh, as `ERA` does.
+    `MaximumLikelihood` and `AMI` add poles to those they have: there, poles of noise stay too.
+
+    Parameters
+    ----------
+    data
+        The responses and their noise.
+    identifier
+        The algorithm; None for `ERA`.
+    orders
+        The orders, positive and below the number of samples; 2, 4, … up to half of the samples and at most 40 when not
+        given.
+    tolerances
+        When poles of neighbouring orders count as one.
+    report
+        Is told of each stage.
+
+    Returns
+    -------
+    OrderScan
+        The models, the stability of their poles, the criteria and the indicators.
+
+    Raises
+    ------
+    InputError
+        An order is not possible, or `identifier` is none.
+    """
+    chosen = ERA() if identifier is None else identifier
+    if not isinstance(chosen, AbstractIdentifier):
+        must, remedy = "be an identifier of `floquid.lti`, or None", "Pass an object, such as ERA()."
+        raise input_error("identifier", "scan", must, f"is {identifier!r:.60}", remedy)
+    listed = _orders(orders, int(data.lengths.max()))
+    report("compressing the responses")
+    exact, product = both_compressed(data)
+    principal = product if _rank_one(chosen) else exact
+    report("looking at spectra and singular values")
+    found = indicators_of(data, exact, product)
+    report("preparing the identification")
+    state = chosen.prepare(principal)
+    models = []
+    for order in listed:
+        report(f"scanning: order {order}")
+        models.append(chosen.extract(state, order))
+    return OrderScan(
+        orders=listed,
+        models=tuple(models),
+        stable=_compared(models, tolerances),
+        criteria=criteria(models, principal, data),
+        indicators=found,
+        tolerances=tolerances,
+    )
+
+
+def _orders(orders: Sequence[int] | None, samples: int) -> tuple[int, ...]:
+    """The orders, ascending and each once."""
+    if orders is None:
+        most = min(MOST, samples // 2)
+        return tuple(range(2, most + 1, 2)) or (1,)
+    if isinstance(orders, (str, bytes)) or not isinstance(orders, Sequence | range | np.ndarray) or not len(orders):
+        remedy = "Pass e.g. range(2, 42, 2)."
+        raise input_error("orders", "scan", "be a list of positive integers", f"is {orders!r:.60}", remedy)
+    listed = sorted({integer(order, "orders", "scan", at_least=1) for order in orders})
+    if listed[-1] >= samples:
+        remedy = "Record more samples, or ask for fewer poles."
+        raise input_error("orders", "scan", f"be less than the {samples} samples", f"has {listed[-1]}", remedy)
+    return tuple(listed)
+
+
+def _rank_one(identifier: AbstractIdentifier) -> bool:
+    """Whether the identifier, or the one it wraps, takes the residues of several inputs for outer products."""
+    wrapped = getattr(identifier, "initial", None)
+    return bool(getattr(identifier, "rank_one", False)) or (wrapped is not None and _rank_one(wrapped))
+
+
+def _compared(models: Sequence[ModalModel], tolerances: Tolerances) -> tuple[NDArray[np.int64], ...]:
+    """The stability of each model's poles against the last model before it that reached its order."""
+    levels, lower = [], None
+    for model in models:
+        reached = model.outcome is Outcome.SUCCESS
+        if reached and lower is not None:
+            levels.append(stability(model, lower, tolerances=tolerances))
+        else:
+            levels.append(np.zeros(model.order, dtype=np.int64))
+        lower = model if reached else lower
+    return tuple(levels)

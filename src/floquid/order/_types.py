@@ -1,0 +1,190 @@
+"""What a scan over orders gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import frozen_array, input_error, integer, positive
+from floquid.lti import ModalModel
+
+
+class Stability(IntEnum):
+    """How far a pole agrees with one of the next lower order; each level holds those before it."""
+
+    NEW = 0
+    FREQUENCY = 1
+    DAMPING = 2
+    SHAPE = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tolerances:
+    """When poles of neighbouring orders count as one.
+
+    Parameters
+    ----------
+    frequency
+        The largest difference of the frequencies, as a share of the sampling frequency (of lifted responses: of the
+        fundamental). Not of the frequency itself: where the band folds, zero is no special place.
+    damping
+        The largest relative difference of the decays; also the share of its decay that the frequency of a heavily
+        damped mode may differ by, in radians.
+    decay
+        The difference of decays that counts as none [neper/sample], for modes with hardly any damping.
+    shape
+        The least MAC of the noise-weighted residues.
+
+    Raises
+    ------
+    InputError
+        A tolerance is not between 0 and 1.
+    """
+
+    frequency: float = 0.002
+    damping: float = 0.05
+    decay: float = 5e-4
+    shape: float = 0.95
+
+    def __post_init__(self) -> None:
+        for name in ("frequency", "damping", "decay", "shape"):
+            value = positive(getattr(self, name), name, "Tolerances")
+            if value >= 1.0:
+                raise input_error(name, "Tolerances", "lie between 0 and 1", f"is {value:g}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Criteria:
+    """How well each order fits, whatever found its poles: the residues are those that leave least.
+
+    Parameters
+    ----------
+    cost
+        The sum of squares left, over the noise (orders,) [-].
+    left
+        The share of the data's sum of squares over the noise that is left (orders,) [-].
+    aic, bic
+        Akaike's and the Bayesian information criterion (orders,) [-]; lower is better.
+    n_numbers
+        How many numbers were fitted; the cost of a right model is about as large.
+    """
+
+    cost: NDArray[np.float64]
+    left: NDArray[np.float64]
+    aic: NDArray[np.float64]
+    bic: NDArray[np.float64]
+    n_numbers: int
+
+    def __post_init__(self) -> None:
+        for name in ("cost", "left", "aic", "bic"):
+            axes = ("orders",) if name == "cost" else (len(self.cost),)
+            object.__setattr__(self, name, frozen_array(getattr(self, name), name, "Criteria", axes=axes))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Indicators:
+    """What can be seen of the number of modes before any model is fitted.
+
+    Parameters
+    ----------
+    angles
+        The lines (lines,) [rad/sample], 0 to π.
+    dt
+        The sampling interval [s].
+    cmif
+        The singular values of the spectral matrix at each line, descending (lines, curves), over the largest that white
+        noise alone is expected to have [-].
+    smoothing
+        How many adjacent lines are looked at together.
+    composite
+        The mean magnitude of the spectra over the noise (lines,) [-]; white noise alone has `lti.WHITE`.
+    residual
+        The same of what a model leaves (lines,); None without a model.
+    singular_values
+        Of the responses over their noise, with `delays` samples in turn as rows of their own, descending (values,) [-].
+    noise_edge
+        The largest singular value that white noise alone has [-].
+    delays
+        The number of delays; with 1, the squares are the eigenvalues of the Gram matrix of the responses.
+    """
+
+    angles: NDArray[np.float64]
+    dt: float
+    cmif: NDArray[np.float64]
+    smoothing: int
+    composite: NDArray[np.float64]
+    residual: NDArray[np.float64] | None = None
+    singular_values: NDArray[np.float64]
+    noise_edge: float
+    delays: int
+
+    def __post_init__(self) -> None:
+        of, lines = "Indicators", len(self.angles)
+        shapes = {
+            "angles": ("lines",),
+            "cmif": (lines, "curves"),
+            "composite": (lines,),
+            "residual": (lines,),
+            "singular_values": ("values",),
+        }
+        for name, axes in shapes.items():
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen_array(getattr(self, name), name, of, axes=axes))
+        for name, unit in (("dt", "s"), ("noise_edge", "")):
+            object.__setattr__(self, name, positive(getattr(self, name), name, of, unit=unit))
+        integer(self.smoothing, "smoothing", of, at_least=1)
+        integer(self.delays, "delays", of, at_least=1)
+
+    @property
+    def n_above(self) -> int:
+        """How many singular values rise above the noise: at least so many poles are there."""
+        return int((self.singular_values > self.noise_edge).sum())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OrderScan:
+    """The models of several orders, and which of their poles stay from one to the next.
+
+    Parameters
+    ----------
+    orders
+        The orders asked for, ascending (orders,).
+    models
+        The model of each; its `outcome` says whether the order was reached. The residues are those of the principal
+        responses (`lti.compress`), in units of the noise; `lti.fit_residues` gives those of the responses themselves.
+    stable
+        For each order the `Stability` of each of its poles (modes,), against the next lower order that was reached.
+    criteria
+        How well each order fits.
+    indicators
+        What can be seen without a model.
+    tolerances
+        When poles counted as one.
+    """
+
+    orders: tuple[int, ...]
+    models: tuple[ModalModel, ...]
+    stable: tuple[NDArray[np.int64], ...]
+    criteria: Criteria
+    indicators: Indicators
+    tolerances: Tolerances
+
+    def __post_init__(self) -> None:
+        of, number = "OrderScan", len(self.orders)
+        for name in ("models", "stable", "criteria"):
+            held = len(self.criteria.cost) if name == "criteria" else len(getattr(self, name))
+            if held != number:
+                raise input_error(name, of, f"hold one entry for each of the {number} orders", f"holds {held}")
+        levels = tuple(
+            frozen_array(flags, "stable", of, axes=(model.order,), dtype=np.int64)
+            for flags, model in zip(self.stable, self.models, strict=True)
+        )
+        object.__setattr__(self, "stable", levels)
+
+    @property
+    def n_stable(self) -> NDArray[np.int64]:
+        """The number of poles of each order that agree in frequency, damping and shape (orders,)."""
+        return np.array([int((flags == Stability.SHAPE).sum()) for flags in self.stable], dtype=np.int64)
