@@ -56,12 +56,9 @@ def basis(poles: PoleSet, samples: int) -> NDArray[np.complex128]:
 
 def real_basis(poles: PoleSet, columns: NDArray[np.complex128]) -> NDArray[np.float64]:
     """The same space with real columns (samples, order): Re and Im of a pair, the column of a real pole."""
-    parts = []
-    for start, kind in zip(poles.starts(), poles.kind, strict=True):
-        parts.append(columns[:, start].real)
-        if kind == PAIR:
-            parts.append(columns[:, start].imag)
-    return np.stack(parts, axis=1) if parts else np.zeros((len(columns), 0))
+    first, _ = poles.columns()
+    imaginary = np.arange(poles.order) > first
+    return np.where(imaginary, columns[:, first].imag, columns[:, first].real)
 
 
 def complex_residues(poles: PoleSet, real: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -84,26 +81,66 @@ def _remainder(block: Factor, q: NDArray[np.float64], projected: NDArray[np.floa
 
 
 def fit(poles: PoleSet, factors: Sequence[Factor]) -> Fit:
-    """Cost, gradient and information matrices at `poles`."""
-    n, to_real = poles.order, poles.parameter_map()
+    """Cost, gradient and information matrices at `poles`.
+
+    In real columns: a pair is a Re e + b Im e, and its slopes by Re s and Im s are a c + b d and b c - a d, with c and
+    d the real and imaginary parts of de/ds. So each parameter has one coefficient on the first column of its entry,
+    a or b, and one on the second, b or -a, and all sums over responses are in the second moments of a and b.
+    """
+    n, slopes_of = poles.order, Slopes.of(poles)
     cost, gradient = 0.0, np.zeros(n)
     whole, noise = np.zeros((n, n)), np.zeros((n, n))
     for block in factors:
         samples = len(block.values)
-        columns = basis(poles, samples)
-        q, r = np.linalg.qr(real_basis(poles, columns))
-        projected = q.T @ block.values
+        columns = real_basis(poles, basis(poles, samples))
+        q, r = np.linalg.qr(columns)
+        slopes = np.arange(samples)[:, None] * columns
+        slopes -= q @ (q.T @ slopes)
+        both = np.concatenate([q, slopes], axis=1).T @ block.values
+        projected, seen = both[:n], both[n:]
         cost += _remainder(block, q, projected)
         inverse = np.linalg.pinv(r, rcond=1e-14)
-        residues = complex_residues(poles, inverse @ projected)
-        spread = complex_residues(poles, inverse)
-        slopes = np.arange(samples)[:, None] * columns
-        slopes = slopes - q @ (q.T @ slopes)
-        curvature = slopes.conj().T @ slopes
-        gradient += (to_real.conj().T @ np.sum((slopes.conj().T @ block.values) * residues.conj(), axis=1)).real
-        whole += (to_real.conj().T @ (curvature * (residues.conj() @ residues.T)) @ to_real).real
-        noise += block.columns * (to_real.conj().T @ (curvature * (spread.conj() @ spread.T)) @ to_real).real
+        residues = inverse @ projected
+        curvature = slopes.T @ slopes
+        gradient += slopes_of.gradient(seen, residues)
+        whole += slopes_of.matrix(curvature, residues @ residues.T)
+        noise += block.columns * slopes_of.matrix(curvature, inverse @ inverse.T)
     return Fit(poles, cost, gradient, whole, positive_part(whole, whole - noise))
+
+
+@dataclass(frozen=True, slots=True)
+class Slopes:
+    """Which columns each real parameter moves, and which residues are its coefficients there (order,) each."""
+
+    columns: tuple[NDArray[np.int64], NDArray[np.int64]]
+    residues: tuple[NDArray[np.int64], NDArray[np.int64]]
+    sign: NDArray[np.float64]
+    """Of the coefficient on the second column: 1, -1, or 0 where there is none."""
+
+    @staticmethod
+    def of(poles: PoleSet) -> Slopes:
+        """For the parameters of these poles."""
+        first, second = poles.columns()
+        this, pair = np.arange(poles.order), second > first
+        sign = np.where(pair, np.where(this > first, -1.0, 1.0), 0.0)
+        return Slopes((first, second), (this, np.where(pair, first + second - this, this)), sign)
+
+    def gradient(self, seen: NDArray[np.float64], residues: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Σ_j of the slopes' products with the data (order,), from those of the columns (order, responses)."""
+        (first, second), (on_first, on_second) = self.columns, self.residues
+        one = np.einsum("pj,pj->p", seen[first], residues[on_first])
+        return one + self.sign * np.einsum("pj,pj->p", seen[second], residues[on_second])
+
+    def matrix(self, curvature: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Σ_j of the slopes' products with one another (order, order)."""
+        total = np.zeros(curvature.shape)
+        signs = np.ones(len(self.sign)), self.sign
+        for u in (0, 1):
+            for v in (0, 1):
+                moved = curvature[np.ix_(self.columns[u], self.columns[v])]
+                weight = moments[np.ix_(self.residues[u], self.residues[v])]
+                total += np.outer(signs[u], signs[v]) * moved * weight
+        return total
 
 
 def positive_part(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> NDArray[np.float64]:

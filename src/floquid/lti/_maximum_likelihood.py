@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from floquid.lti._era import realise
 from floquid.lti._exponentials import Fit, polish
@@ -15,9 +16,13 @@ from floquid.lti._horizon import energetic_length, horizon, search_window
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._order import checked_order, reached
 from floquid.lti._poles import PoleSet
+from floquid.lti._residual import Residual, filtered, whitening_of
 from floquid.lti._residues import model_of
-from floquid.lti._select import choose, force_order
+from floquid.lti._select import choose, force_order, plausible
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
+
+LOOKS = 4
+"""How often the search may start over, with more samples or with the noise whitened."""
 
 AT_REST = 1e-6
 """Standard deviations that the last step of the poles may have."""
@@ -37,6 +42,10 @@ class Prepared:
     def whole(self) -> int:
         """The samples of the longest response."""
         return int(self.data.lengths.max())
+
+    def whitened(self, taps: NDArray[np.float64]) -> tuple[Factor, ...]:
+        """The factors after a filter along time."""
+        return tuple(filtered(block, taps) for block in self.factors)
 
     def first(self, samples: int) -> tuple[Factor, ...]:
         """Factors of the first samples."""
@@ -156,6 +165,9 @@ class MaximumLikelihood(AbstractIdentifier):
         """
         poles = PoleSet.from_multipliers(model.multipliers)
         blocks = state.first(horizon(poles, state.whole, self.time_constants))
+        taps = whitening_of(Residual.of(poles, blocks))
+        if taps is not None:
+            blocks = replace(state, factors=blocks).whitened(taps)
         return _model(state, polish(poles, blocks, tolerance=AT_REST), blocks, model.outcome)
 
     def _choose(
@@ -163,20 +175,32 @@ class MaximumLikelihood(AbstractIdentifier):
     ) -> tuple[Fit, tuple[Factor, ...], bool]:
         """The poles from the samples that hold energy, and again from more when a mode lasts longer than those."""
         blocks = state.factors
-        while True:
-            found, ended = choose(
+        start, orders = self._start(state, blocks), self._starts(blocks)
+        generous = Residual.of(plausible(start(orders[-1])), blocks)
+        taps = whitening_of(generous)
+        for _ in range(LOOKS):
+            if taps is not None:
+                report(f"the noise is coloured: whitened by {len(taps) - 1} taps")
+                blocks = state.whitened(taps)
+                start = self._start(state, blocks)
+                generous = Residual.of(plausible(start(orders[-1])), blocks)
+            found, ended, left = choose(
                 blocks,
-                self._start(state, blocks),
+                start,
+                generous,
                 false_alarm=self.false_alarm,
                 most=most,
-                starts=self._starts(blocks),
+                starts=orders,
                 report=report,
             )
-            here = len(blocks[0].values)
             needed = horizon(found.poles, state.whole, self.time_constants)
-            if needed <= here or not ended:
-                return found, blocks, ended
-            blocks = state.first(needed)
+            if ended and needed > len(state.factors[0].values):
+                state = replace(state, factors=state.first(needed))
+                blocks = state.factors
+                start, orders = self._start(state, blocks), self._starts(blocks)
+            elif taps is not None or (taps := whitening_of(left)) is None:
+                break
+        return found, blocks, ended
 
     def _starts(self, blocks: tuple[Factor, ...]) -> list[int]:
         """The orders of the starts that blocks of this length allow."""

@@ -92,6 +92,11 @@ class PoleSet:
             np.concatenate([[0], np.cumsum(self.sizes)[:-1]]).astype(np.int64) if len(self) else np.zeros(0, np.int64)
         )
 
+    def columns(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """For each position in `full()`, those of the first and of the last pole of its entry (order,) each."""
+        starts = self.starts()
+        return np.repeat(starts, self.sizes), np.repeat(starts + self.sizes - 1, self.sizes)
+
     def without(self, index: int) -> PoleSet:
         """The set less one entry."""
         return PoleSet(np.delete(self.s, index), np.delete(self.kind, index))

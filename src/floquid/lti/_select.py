@@ -21,6 +21,7 @@ from floquid.lti._exponentials import Fit, fit, polish
 from floquid.lti._factor import Factor
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._removal import Removal, prune_linear
+from floquid.lti._residual import Residual
 from floquid.lti._search import candidates
 
 FASTEST = (-3.0, 2.0)
@@ -47,19 +48,28 @@ class Threshold:
     columns: int
     samples: int
     false_alarm: float
+    independent: float = 1.0
+    """The share of the responses that the noise is worth (`Residual.independent`)."""
 
     @staticmethod
-    def for_(factors: Sequence[Factor], false_alarm: float) -> Threshold:
+    def for_(factors: Sequence[Factor], false_alarm: float, independent: float = 1.0) -> Threshold:
         """The threshold for these blocks."""
-        return Threshold(sum(f.columns for f in factors), sum(f.columns * len(f.values) for f in factors), false_alarm)
+        columns, samples = sum(f.columns for f in factors), sum(f.columns * len(f.values) for f in factors)
+        return Threshold(columns, samples, false_alarm, independent)
 
     def of(self, parameters: int) -> float:
         """The threshold for `parameters` poles counted one by one: each has its own residues and one parameter."""
-        return rise_limit(self.false_alarm, parameters * (self.columns + 1), self.samples)
+        return self._limit(self.false_alarm, parameters, 1.0)
 
     def promising(self, size: int) -> float:
         """What a pole (1) or pair (2) on the grid must take out of the residual to be tried."""
-        return min(rise_limit(PROMISING, size * self.columns, self.samples), self.of(size))
+        return min(self._limit(PROMISING, size, 0.0), self.of(size))
+
+    def _limit(self, probability: float, size: int, own: float) -> float:
+        """Satterthwaite: a sum of dependent squares is a multiple of a chi-square of fewer degrees of freedom."""
+        share = self.independent
+        degrees = size * (self.columns * share + own)
+        return rise_limit(probability, degrees, self.samples * share) / share
 
     def penalised(self, found: Fit) -> float:
         """The cost plus the thresholds of all that was spent on it."""
@@ -68,7 +78,7 @@ class Threshold:
 
 
 @lru_cache(maxsize=256)
-def rise_limit(probability: float, degrees: int, samples: int) -> float:
+def rise_limit(probability: float, degrees: float, samples: float) -> float:
     """The rise that noise exceeds with `probability`: `degrees` times the limit of an F ratio.
 
     The noise is estimated from as many numbers as there are samples; with many of them this is a chi-square. The
@@ -76,7 +86,7 @@ def rise_limit(probability: float, degrees: int, samples: int) -> float:
     """
     from scipy.special import betaincinv
 
-    left = max(samples - degrees, 1)
+    left = max(samples - degrees, 1.0)
     share = float(betaincinv(0.5 * left, 0.5 * degrees, probability))
     return left * (1.0 - share) / share
 
@@ -84,22 +94,24 @@ def rise_limit(probability: float, degrees: int, samples: int) -> float:
 def choose(
     factors: Sequence[Factor],
     start: Callable[[int], PoleSet],
+    generous: Residual,
     *,
     false_alarm: float,
     most: int,
     starts: Sequence[int],
     report: Callable[[str], None] = lambda _: None,
-) -> tuple[Fit, bool]:
-    """The poles that the data support, fitted by maximum likelihood, and whether the search came to an end.
+) -> tuple[Fit, bool, Residual]:
+    """The poles that the data support, fitted by maximum likelihood; whether the search ended; and what is left.
+
+    `generous` is what more poles than there are modes leave: the noise, from which its independence is judged first.
 
     A start of less than twice the order that it leads to is left for the next, which tells more; one of more needs no
     other beside it, since its poles all pass and nothing that would is left.
     """
-    threshold = Threshold.for_(factors, false_alarm)
-    limits = threshold.of(1), threshold.of(2)
+    threshold = Threshold.for_(factors, false_alarm, generous.independent)
     best, ended = fit(PoleSet.empty(), factors), False
     for order in starts:
-        begin = prune_linear(plausible(start(order)), factors, limits)
+        begin = prune_linear(plausible(start(order)), factors, (threshold.of(1), threshold.of(2)))
         if 2 * begin.order > order and order < starts[-1]:
             continue
         now, settled = _settle(polish(begin, factors), factors, threshold, most)
@@ -108,7 +120,12 @@ def choose(
             best, ended = now, settled
         if settled and 2 * now.poles.order <= order:
             break
-    return best, ended
+    left = Residual.of(best.poles, factors)
+    if left.independent < 0.9 * threshold.independent:
+        report(f"the noise is worth {left.independent:.0%} of the responses")
+        best, ended = _settle(best, factors, Threshold.for_(factors, false_alarm, left.independent), most)
+        left = Residual.of(best.poles, factors)
+    return best, ended, left
 
 
 def plausible(poles: PoleSet) -> PoleSet:

@@ -1,0 +1,279 @@
+r"""The common or matrix denominator of rational responses: its basis, its normal matrix, its roots.
+
+On lines z^N = 1 the transform of N samples of free response is rational in x = 1/z without leakage (`_spectrum`), and
+so it is on any subset of them. With a denominator A(x) = Σ_k q_k(x) C_k of degree n, blocks C_k (inputs, inputs), and
+numerators b_o of degree n - 1 that are eliminated, the equations of all outputs o are linear in the denominator,
+
+.. math:: Y_o(x_l)^T A(x_l) - b_o(x_l)^T = 0, \qquad M = \sum_o E_o^T E_o
+
+The q_k are powers of x on all lines, and on a band the polynomials that Arnoldi's recurrence makes orthonormal there.
+Both have real coefficients, and both are bases of the same polynomials in the same x: a band neither moves a root nor
+needs a mapping of its own, whether it begins at zero, ends at π or does neither.
+
+White noise adds to M a multiple of a matrix known exactly; in its metric the eigenvalues of M are one where there is
+noise alone. What rises above holds the modes, and every other direction is a denominator with their poles among its
+roots. Taken is the one of least norm with a fixed coefficient: the highest power of x, and the roots that belong to
+no mode have |μ| > 1; the constant, and they have |μ| < 1 (R. Kumaresan and D. W. Tufts, IEEE Trans. ASSP 30(6), 1982;
+G. Szegő, "Orthogonal Polynomials", 1939, chapter 11). Decaying modes are taken from the first, growing ones from the
+second. Least squares would weigh directions by their inverse eigenvalues: noise then pulls the poles inwards, however
+long the record. And were the numerators not eliminated, M would be a Toeplitz matrix and every root mirrored in the
+unit circle, its damping of the wrong sign: a common code, whose sum over the lines below a band is an inverse transform
+of nothing when the band begins at zero, loses them so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.lti._spectrum import line_weights
+
+EDGE = 0.5
+"""The growth and decay over the record, in nepers, between which both denominators are asked for roots."""
+
+SAME = 1.0
+"""The change over the record, in nepers and radians, by which roots of the two denominators differ if not one mode."""
+
+ROUNDING = 1e-26
+"""The share of the largest eigenvalue below which one is rounding, where no matrix was squared."""
+
+SQUARED = 1e-14
+"""The same where one was."""
+
+
+@dataclass(frozen=True, slots=True)
+class Basis:
+    """Polynomials q_0 … q_n of x: q_0 = `first`, x q_k = Σ_j h_jk q_j with the Hessenberg matrix h (n + 1, n)."""
+
+    first: float
+    hessenberg: NDArray[np.float64]
+
+    @property
+    def degree(self) -> int:
+        """The degree n of the last."""
+        return self.hessenberg.shape[1]
+
+    @staticmethod
+    def powers(degree: int) -> Basis:
+        """The powers of x, which are orthogonal on all lines."""
+        return Basis(1.0, np.eye(degree + 1, degree, -1))
+
+    @staticmethod
+    def on(band: Band, degree: int) -> Basis:
+        """Polynomials orthonormal on the weighted lines of a band, as sums over real and imaginary parts."""
+        weights = band.weights
+        q = np.zeros((degree + 1, 2 * len(weights)))
+        h = np.zeros((degree + 1, degree))
+        first = 1.0 / float(np.linalg.norm(weights))
+        q[0] = stacked(first * weights.astype(complex))
+        half = len(weights)
+        for k in range(degree):
+            new = stacked(band.x * (q[k, :half] + 1j * q[k, half:]))
+            for _ in range(2):  # once more, since the first pass leaves rounding of what it took away
+                shares = q[: k + 1] @ new
+                h[: k + 1, k] += shares
+                new = new - shares @ q[: k + 1]
+            h[k + 1, k] = np.linalg.norm(new)
+            q[k + 1] = new / h[k + 1, k]
+        return Basis(first, h)
+
+    def at(self, x: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """The values (points, n + 1)."""
+        q = np.zeros((len(x), self.degree + 1), complex)
+        q[:, 0] = self.first
+        for k in range(self.degree):
+            h = self.hessenberg[: k + 2, k]
+            q[:, k + 1] = (x * q[:, k] - q[:, : k + 1] @ h[:-1]) / h[-1]
+        return q
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """The lines of N samples from one fraction of the Nyquist angle to another."""
+
+    samples: int
+    low: float = 0.0
+    high: float = 1.0
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is all lines."""
+        return self.low == 0.0 and self.high == 1.0
+
+    @property
+    def lines(self) -> NDArray[np.int64]:
+        """The numbers of the lines (lines,)."""
+        lines = np.arange(self.samples // 2 + 1)
+        angle = 2.0 * lines / self.samples
+        return lines[(angle >= self.low - 1e-9) & (angle <= self.high + 1e-9)]
+
+    @property
+    def x(self) -> NDArray[np.complex128]:
+        """e^{-iθ} at the lines (lines,)."""
+        return np.exp(-2j * np.pi * self.lines / self.samples)
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """√2 on all lines but the ends (lines,)."""
+        return line_weights(self.samples)[self.lines]
+
+    @property
+    def size(self) -> int:
+        """How many real numbers the lines are of one response."""
+        return int(np.rint(np.sum(self.weights**2)))
+
+    def spectrum(self, values: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """The weighted lines (…, lines) of responses (…, samples): unit white noise stays of unit variance."""
+        return np.fft.rfft(values)[..., self.lines] * (self.weights / np.sqrt(self.samples))
+
+    def holds(self, s: NDArray[np.complex128]) -> NDArray[np.bool_]:
+        """Which logarithms of multipliers, 0 ≤ Im s ≤ π, have their angles in it."""
+        return (s.imag >= np.pi * self.low - 1e-9) & (s.imag <= np.pi * self.high + 1e-9)
+
+
+def stacked(lines: NDArray[Any]) -> NDArray[np.float64]:
+    """Real parts, then imaginary parts, along the last axis."""
+    return np.concatenate([lines.real, lines.imag], axis=-1)
+
+
+@dataclass(frozen=True, slots=True)
+class Equations:
+    """Of one band: the basis on its lines (lines, n + 1), the numerators' orthonormal span (2 lines, n), and N."""
+
+    band: Band
+    values: NDArray[np.complex128]
+    numerators: NDArray[np.float64]
+
+    @staticmethod
+    def of(basis: Basis, band: Band) -> Equations:
+        """The equations on a band in a basis, which may have been made for another length."""
+        values = basis.at(band.x)
+        weighted = stacked((band.weights[:, None] * values[:, :-1]).T).T
+        return Equations(band, values, np.linalg.qr(weighted)[0])
+
+    def noise(self) -> NDArray[np.float64]:
+        """What unit white noise on one response adds to the normal matrix (n + 1, n + 1)."""
+        half = len(self.values)
+        leverage = np.sum(self.numerators[:half] ** 2 + self.numerators[half:] ** 2, axis=1)
+        left = self.band.weights**2 - leverage
+        return np.asarray((self.values.conj().T @ (left[:, None] * self.values)).real)
+
+    def triangle(self, lines: Iterable[NDArray[np.complex128]]) -> NDArray[np.float64]:
+        """R (rows, (n + 1) inputs) with RᵀR = M, from weighted lines (outputs, inputs, lines) by orthogonal steps."""
+        width = self.values.shape[1]
+        root = np.zeros((0, 0))
+        for block in lines:
+            for output in block:
+                # A column is a power and an input, the power first.
+                rows = stacked((self.values.T[:, None] * output).reshape(width * len(output), -1)).T
+                rows = rows - self.numerators @ (self.numerators.T @ rows)
+                root = np.concatenate([root.reshape(-1, rows.shape[1]), rows])
+                if len(root) > 8 * rows.shape[1]:
+                    root = np.asarray(np.linalg.qr(root, mode="r"))
+        return np.asarray(np.linalg.qr(root, mode="r"))
+
+
+@dataclass(frozen=True, slots=True)
+class Denominators:
+    """The directions of denominators in the metric of the noise, those of the modes first.
+
+    `values` (m,) are the eigenvalues of the normal matrix, descending, one for unit noise; `directions` (m, m) are the
+    coefficients, power by power and input by input within; `equations` is the number of equations.
+    """
+
+    basis: Basis
+    samples: int
+    inputs: int
+    values: NDArray[np.float64]
+    directions: NDArray[np.float64]
+    equations: int
+    rounding: float
+
+    @staticmethod
+    def of(
+        basis: Basis,
+        samples: int,
+        normal: NDArray[np.float64],
+        noise: tuple[NDArray[np.float64], NDArray[np.float64]],
+        equations: int,
+        *,
+        squared: bool,
+    ) -> Denominators:
+        """From the normal matrix M or, where it is not `squared`, from R with RᵀR = M.
+
+        `noise` is what noise adds to M: over the powers (n + 1, n + 1), and how much of that on each input (inputs,).
+        """
+        over_powers, of_inputs = noise
+        inverse = np.kron(np.linalg.inv(np.linalg.cholesky(over_powers)).T, np.diag(1.0 / np.sqrt(of_inputs)))
+        if squared:
+            values, vectors = np.linalg.eigh(inverse.T @ normal @ inverse)
+            values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1]
+        else:
+            _, roots, right = np.linalg.svd(normal @ inverse, full_matrices=True)
+            values, vectors = np.concatenate([roots**2, np.zeros(len(right) - len(roots))]), right.T
+        rounding = SQUARED if squared else ROUNDING
+        directions = np.asarray(inverse @ vectors, dtype=np.float64)
+        return Denominators(basis, samples, len(of_inputs), values, directions, equations, rounding)
+
+    def rank(self, order: int | None = None) -> int:
+        """How many directions hold modes: those above the noise, or `order` if those are fewer.
+
+        The noise is believed to be one, unless the lower quartile of the eigenvalues tells otherwise. Its eigenvalues
+        reach up to the edge of Marchenko and Pastur.
+        """
+        size = len(self.values)
+        quartile = float(self.values[size - 1 - size // 4])
+        noise = min(1.0, 4.0 * quartile)
+        if size > 16:
+            noise = max(noise, quartile)
+        above = int((self.values > noise * (1.0 + np.sqrt(size / self.equations)) ** 2).sum())
+        real = int((self.values > self.rounding * size * self.values[0]).sum())
+        return min(max(above, order or 0), real, size - self.inputs)
+
+    def roots(self, rank: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Multipliers (k,) and participations (k, inputs) of what decays and of what grows."""
+        null = self.directions[:, rank:]
+        highest = np.zeros(self.basis.degree + 1)
+        highest[-1] = 1.0
+        constant = self.basis.at(np.zeros(1, complex))[0].real
+        found = []
+        for fixed, is_highest in ((highest, True), (constant / np.linalg.norm(constant), False)):
+            ends = np.kron(fixed[:, None], np.eye(self.inputs))
+            found.append(self._roots(null @ (null.T @ ends), highest=is_highest))
+        (inner, inner_shares), (outer, outer_shares) = found
+        keep = np.abs(inner) < np.exp(EDGE / self.samples)
+        inner, inner_shares = inner[keep], inner_shares[keep]
+        keep = np.abs(outer) > np.exp(-EDGE / self.samples)
+        if len(inner):
+            keep &= np.abs(np.log(outer[:, None] / inner)).min(axis=1) > SAME / self.samples
+        return np.concatenate([inner, outer[keep]]), np.concatenate([inner_shares, outer_shares[keep]])
+
+    def _roots(
+        self, coefficients: NDArray[np.float64], *, highest: bool
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """μ and l with lᵀ A(1/μ) = 0, from the pencil x B u = K u of the blocks u_k = q_k(x) l, k < n.
+
+        The last row of K and B is A's; the others are the recurrence. Where the highest coefficient is fixed, B can be
+        inverted, and K where the constant is. The other is singular when modes leave a combination of inputs alone.
+        """
+        inputs, degree, h = self.inputs, self.basis.degree, self.basis.hessenberg
+        blocks = coefficients.reshape(degree + 1, inputs, inputs).transpose(0, 2, 1)
+        end = degree * inputs - inputs
+        k, b = np.kron(h[:-1].T, np.eye(inputs)), np.eye(degree * inputs)
+        k[end:] = np.kron(h[:-1, -1], blocks[-1]) - h[-1, -1] * np.concatenate(blocks[:-1], axis=1)
+        b[end:, end:] = blocks[-1]
+        try:
+            if highest:
+                k[end:] = np.linalg.solve(blocks[-1], k[end:])
+            values, vectors = np.linalg.eig(k if highest else np.linalg.solve(k, b))
+        except np.linalg.LinAlgError:  # the coefficient that is fixed is zero: there is no root to have
+            return np.zeros(0, complex), np.zeros((0, inputs), complex)
+        good = np.abs(values) > np.finfo(float).tiny
+        parts = vectors.T.reshape(-1, degree, inputs)[good]
+        largest = np.argmax(np.linalg.norm(parts, axis=2), axis=1)
+        multipliers = 1.0 / values[good] if highest else values[good]
+        return multipliers.astype(complex), parts[np.arange(len(parts)), largest].astype(complex)

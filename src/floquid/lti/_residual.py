@@ -1,0 +1,150 @@
+r"""What a fit leaves: whether it is white, and whether the responses err independently.
+
+Both are read from the residual's Gram matrix over time, G = R Rᵀ. Its sums along diagonals are the autocorrelation of
+all responses together. Off the diagonal its elements are Σ_j r_j[n] r_j[m]: for noise with the covariance Σ between
+responses they vary by tr Σ², and (tr Σ)²/tr Σ² is how many independent responses the noise is worth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.lti._exponentials import basis, real_basis
+from floquid.lti._factor import Factor
+from floquid.lti._poles import PoleSet
+
+LONGEST = 600
+"""Samples looked at: enough to tell white noise, and few enough for a Gram matrix."""
+
+SEEN = 0.3
+"""Lines of which the poles take more than 1 - this are not judged: little of the noise is left there."""
+
+COLOURED = 8.0
+"""The colour from which the noise is whitened: white noise has it once in many thousand records."""
+
+ORDERS = (1, 2, 4, 8)
+"""The lengths of whitening filters tried."""
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """The residual of one block (samples, rank), an orthonormal basis of what was fitted, and its responses' number."""
+
+    values: NDArray[np.float64]
+    fitted: NDArray[np.float64]
+    columns: int
+    independent: float
+    """The share of the responses that the noise is worth (0 to 1]; 1 where it cannot be told from 1."""
+
+    @staticmethod
+    def of(poles: PoleSet, factors: Sequence[Factor]) -> Residual:
+        """That of the longest block, over its own mean deviation."""
+        block = factors[0].cut(LONGEST)
+        q = np.zeros((len(block.values), 0))
+        if len(poles):
+            q, _ = np.linalg.qr(real_basis(poles, basis(poles, len(block.values))))
+        left = block.values - q @ (q.T @ block.values)
+        free = max((len(left) - q.shape[1]) * block.columns, 1)
+        size = np.sqrt(max(np.einsum("nj,nj->", left, left), np.finfo(float).tiny) / free)
+        left /= size
+        return Residual(left, q, block.columns, _independent(left, q, block.columns))
+
+    def filtered(self, taps: NDArray[np.float64]) -> Residual:
+        """The residual of filtered responses, near enough: what was fitted is filtered with them."""
+        values, fitted = convolved(self.values, taps), convolved(self.fitted, taps)
+        return Residual(values, np.linalg.qr(fitted)[0], self.columns, self.independent)
+
+    def autocorrelation(self, lags: int) -> NDArray[np.float64]:
+        """The mean over responses and times (lags + 1,), 1 at lag zero."""
+        size = 2 * len(self.values)
+        power = np.sum(np.abs(np.fft.rfft(self.values, size, axis=0)) ** 2, axis=1)
+        sums = np.fft.irfft(power, size)[: lags + 1]
+        return sums / sums[0]
+
+    def colour(self) -> float:
+        r"""How far the residual is from white noise, in standard deviations of that number for white noise.
+
+        .. math:: z = \frac{\sum_l (v_l - 1)^2 m_l - L}{\sqrt{\sum_l 2 + 6/m_l}}
+
+        v_l is the power on line l of all responses together over what white noise has there, m_l how many independent
+        responses it is made of (half as many at the ends); z has mean zero and unit variance.
+        """
+        samples = len(self.values)
+        weights = np.full(samples // 2 + 1, 1.0)
+        power = np.sum(np.abs(np.fft.rfft(self.values, axis=0)) ** 2, axis=1) / samples
+        taken = np.sum(np.abs(np.fft.rfft(self.fitted, axis=0)) ** 2, axis=1) / samples
+        weights[0] = 0.5
+        if samples % 2 == 0:
+            weights[-1] = 0.5
+        judged = taken < 1.0 - SEEN
+        if judged.sum() < 4:
+            return 0.0
+        share = power[judged] / (1.0 - taken[judged])
+        share /= np.average(share, weights=weights[judged])
+        many = self.columns * self.independent * weights[judged]
+        excess = np.sum((share - 1.0) ** 2 * many - 1.0)
+        return float(excess / np.sqrt(np.sum(2.0 + 6.0 / many)))
+
+
+def _independent(left: NDArray[np.float64], fitted: NDArray[np.float64], columns: int) -> float:
+    """The share of the responses that the noise is worth, from all elements of G off its diagonal.
+
+    What was fitted is missing from the noise, which makes times depend on one another: G has the mean (I - QQᵀ) columns.
+    """
+    samples, rank = left.shape
+    if samples < 4:
+        return 1.0
+    inner = left.T @ left if rank < samples else left @ left.T
+    own = np.einsum("nj,nj->n", left, left)
+    kept = 1.0 - np.einsum("nk,nk->n", fitted, fitted)
+    free = samples - fitted.shape[1]
+    squares = np.sum(inner**2) - 2.0 * columns * own.sum() + columns**2 * free
+    spread = (squares - np.sum((own - columns * kept) ** 2)) / (samples * (samples - 1) * columns)
+    return 1.0 if spread < 1.0 + 8.0 / max(free, 1) else 1.0 / spread
+
+
+def whitening_of(residual: Residual) -> NDArray[np.float64] | None:
+    """The shortest filter that makes a residual white, or the longest; None where it is white."""
+    if residual.colour() < COLOURED:
+        return None
+    taps = None
+    for order in ORDERS:
+        if 4 * order >= len(residual.values):
+            break
+        taps = whitening(residual, order)
+        if residual.filtered(taps).colour() < COLOURED:
+            break
+    return taps
+
+
+def whitening(residual: Residual, order: int) -> NDArray[np.float64]:
+    """The filter (order + 1,) that makes white noise of an autoregression with the residual's autocorrelation.
+
+    By the Yule-Walker equations; its output has the variance of its input.
+    """
+    from scipy.linalg import solve_toeplitz
+
+    correlation = residual.autocorrelation(order)
+    first = correlation[:-1].copy()
+    first[0] *= 1.0 + 1e-9
+    taps = np.concatenate([[1.0], -solve_toeplitz(first, correlation[1:])])
+    return taps / np.sqrt(max(taps @ correlation, 1e-6))
+
+
+def convolved(values: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Σ_i a_i f[n - i] along time for n from the filter's length."""
+    samples, order = len(values), len(taps) - 1
+    return np.asarray(sum(tap * values[order - i : samples - i] for i, tap in enumerate(taps)))
+
+
+def filtered(block: Factor, taps: NDArray[np.float64]) -> Factor:
+    """The filtered responses: exponentials stay exponentials of the same poles."""
+    if len(block.values) <= len(taps):
+        return block
+    outside = block.energy - float(np.einsum("ij,ij->", block.values, block.values))
+    made = Factor.of(convolved(block.values, taps), block.columns)
+    return replace(made, energy=made.energy + outside)
