@@ -5,7 +5,7 @@ import dataclasses
 import subprocess
 import sys
 import typing
-from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -60,18 +60,17 @@ SETS = {
 EVERY_SET = pytest.mark.parametrize("multipliers", SETS.values(), ids=SETS)
 
 
+def present(kind):
+    """Whether its package is there, found without importing it."""
+    return kind not in PEERS or find_spec(PEERS[kind].split(".")[0]) is not None
+
+
 @pytest.fixture(autouse=True)
-def _present(request):
-    """Skip what needs a package that is not installed: the group `peers` of pyproject.toml has all three."""
-    module = PEERS.get(type(getattr(request.node, "callspec", None) and request.node.callspec.params.get("identifier")))
-    if module and not installed(module):
-        pytest.skip(f"{module} is not installed")
-
-
-def installed(module):
-    """Whether the package is there, without importing it into this process with all that it does there."""
-    run = subprocess.run([sys.executable, "-W", "ignore", "-c", f"import {module}"], capture_output=True, check=False)
-    return run.returncode == 0
+def _skip_the_absent(request):
+    parameters = request.node.callspec.params if hasattr(request.node, "callspec") else {}
+    kind = type(parameters.get("identifier"))
+    if not present(kind):
+        pytest.skip(f"{PEERS[kind]} is not installed: it is in the dependency group `peers`")
 
 
 def decays(multipliers, *, outputs=5, inputs=2, samples=80, noise=0.0, seed=0):
@@ -152,10 +151,10 @@ def test_conjugates_are_neighbours_and_have_conjugate_residues(identifier, multi
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_decays_decay(identifier, noise):
     """A common LSCF code turns damping round when the band starts at zero frequency."""
-    full, data = decays([np.exp(-0.02 + 0.05j), np.exp(-0.05 + 2.5j), 0.9], noise=noise, outputs=20, samples=200)
+    full, data = decays([np.exp(-0.02 + 0.05j), np.exp(-0.05 + 2.5j), 0.97], noise=noise, outputs=20, samples=200)
     found = identified(identifier, data, len(full))
     assert np.abs(found.multipliers).max() < 1.0
-    assert farthest(found.multipliers, full) < (0.01 if noise else EXACT)
+    assert farthest(found.multipliers, full) < (0.02 if noise else EXACT)
 
 
 @EVERY
@@ -167,28 +166,20 @@ def test_an_order_that_the_data_hold_is_reached(identifier, modes):
     assert farthest(found.multipliers, full) < 0.01
 
 
-@EVERY
+@pytest.mark.parametrize("identifier", [i for i in TABLE.values() if type(i) in PEERS], ids=list(TABLE)[:-1])
 @pytest.mark.parametrize("order", range(1, 6))
 def test_the_outcome_says_whether_the_order_was_reached(identifier, order):
-    if not isinstance(identifier, tuple(PEERS)):
-        pytest.skip("the page leaves outcomes to those who need them")
     found = identified(identifier, decays(SETS["pair"])[1], order)
     assert (found.outcome is Outcome.SUCCESS) == (found.order == order)
 
 
 @EVERY
 def test_none_is_refused(identifier):
-    state = identifier.prepare(decays(SETS["pair"])[1])
-    with pytest.raises(InputError, match=rf"`{type(identifier).__name__}\b.*order"):
-        identifier.extract(state) if not isinstance(identifier, tuple(PEERS)) else _refused(identifier, state)
-
-
-def _refused(identifier, state):
-    name = type(identifier).__name__
-    match = rf"`order` of `{name}\.extract` must .+, but is None\.\n.*MaximumLikelihood\(initial={name}\(\)\)"
-    with pytest.raises(InputError, match=match):
+    """By the page's own with words of its own."""
+    state, name = identifier.prepare(decays(SETS["pair"])[1]), type(identifier).__name__
+    ours = rf"`order` of `{name}\.extract` must .+, but is None\.\n.*MaximumLikelihood\(initial={name}\(\)\)"
+    with pytest.raises(InputError, match=ours if name != "MatrixPencil" else "`MatrixPencil` needs an order of 1 to"):
         identifier.extract(state)
-    raise InputError(f"`{name}` refused the order as it should")
 
 
 @pytest.mark.parametrize("identifier", [kind() for kind in PEERS], ids=lambda i: type(i).__name__)
@@ -250,6 +241,16 @@ def test_samples_beyond_an_inputs_length_are_not_looked_at(identifier, lengths):
 
 
 @EVERY
+def test_a_mode_that_the_shorter_input_alone_excites_is_found(identifier):
+    full, data = decays(SETS["two pairs"])
+    one = decays(SETS["pair"], inputs=1)[1]
+    both = np.concatenate([one.values, data.values[:, :1]], axis=1)
+    noise = np.concatenate([one.noise, data.noise[:, :1]], axis=1)
+    found = identified(identifier, TimeResponses(values=both, dt=DT, noise=noise, lengths=[80, 50]), 4)
+    assert farthest(found.multipliers, full) < EXACT
+
+
+@EVERY
 @pytest.mark.parametrize(
     ("outputs", "inputs", "samples"), [(1, 1, 80), (1, 3, 41), (3, 1, 6), (50, 1, 7), (100, 4, 12), (2, 1, 1000)]
 )
@@ -260,13 +261,21 @@ def test_every_shape_of_data(identifier, outputs, inputs, samples):
     assert farthest(found.multipliers, full) < EXACT
 
 
-@pytest.mark.parametrize("identifier", [BOPDMD(), SdypyLSCF(), PyOMA2SSI(block_rows=20)], ids=lambda i: type(i).__name__)
+@pytest.mark.parametrize("identifier", [BOPDMD(), SdypyLSCF(), PyOMA2SSI()], ids=lambda i: type(i).__name__)
 def test_one_output_holds_more_poles_than_outputs(identifier):
     full, data = decays(SETS["mixed"], outputs=1, inputs=1)
     assert farthest(identified(identifier, data, 4).multipliers, full) < 1e-8
 
 
+def test_lscf_finds_a_negative_multiplier_among_real_ones():
+    """A denominator with real roots only: the package takes the real logarithm of a negative number."""
+    pytest.importorskip("sdypy", reason="it is in the dependency group `peers`")
+    full, data = decays(SETS["negative"])
+    assert farthest(identified(SdypyLSCF(pairs=1), data, 1).multipliers, full) < EXACT
+
+
 def test_too_few_samples_for_a_hankel_matrix_is_an_outcome():
+    pytest.importorskip("pyoma2", reason="it is in the dependency group `peers`")
     data = decays(SETS["pair"], outputs=1, inputs=1, samples=6)[1]
     found = identified(PyOMA2SSI(), data, 2)
     assert (found.order, found.outcome) == (0, Outcome.TOO_FEW_SAMPLES)
@@ -291,6 +300,7 @@ def test_refining_gives_a_model_of_the_same_order(identifier):
 
 def test_bopdmd_refines_from_the_poles_it_is_given():
     """Two records of one system: the poles of the first start the fit of the second, in few iterations."""
+    pytest.importorskip("pydmd", reason="it is in the dependency group `peers`")
     one, other = (decays(SETS["two pairs"], noise=0.02, seed=0)[1] for _ in range(2))
     quick, slow = BOPDMD(iterations=3), BOPDMD()
     best = identified(slow, one, 4)
@@ -301,6 +311,7 @@ def test_bopdmd_refines_from_the_poles_it_is_given():
 
 def test_bopdmd_is_maximum_likelihood_where_it_converges():
     """Variable projection on as many components as poles leaves what the best poles leave, to a share of the noise."""
+    pytest.importorskip("pydmd", reason="it is in the dependency group `peers`")
     data = decays(SETS["two pairs"], outputs=30, inputs=1, samples=200, noise=0.02)[1]
     best = identified(MaximumLikelihood(), data, 4)
     std = np.sqrt(np.diag(best.covariance)).max() * DT
@@ -338,14 +349,14 @@ assert np.geterr() == before, "numpy's handling of errors was changed"
 """
 
 
+@pytest.mark.skipif(not all(map(present, PEERS)), reason="needs all three packages")
 def test_packages_are_loaded_when_used_and_leave_no_trace():
     """No progress bar, no log, no warning, and numpy's own settings as they were."""
-    if not all(map(installed, PEERS.values())):
-        pytest.skip("needs all three packages")
     run = subprocess.run([sys.executable, "-c", USED], capture_output=True, text=True, check=False)
     assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
 
 
+@pytest.mark.skipif(not all(map(present, PEERS)), reason="needs all three packages")
 def test_the_cells_of_the_page_run(capsys):
     names = {"fq": floquid}
     for cell in cells(PAGE):
@@ -365,9 +376,3 @@ def test_pairing_puts_strays_right():
     s = np.array([-0.1 + 1.0j, -0.3 - 1.1j, -0.2 + 3.1j, -0.05 + 0.1j])
     expected = np.array([-0.2 + 1.05j, -0.2 - 1.05j, -0.2 + 1j * np.pi, -0.05])
     assert_allclose(paired(s), expected, atol=1e-15)
-
-
-def test_modules_named_here_exist():
-    """The absent-package tests would pass on a misspelt module."""
-    for module in filter(installed, PEERS.values()):
-        assert import_module.__call__ and module.split(".")[0] in {"pydmd", "sdypy", "pyoma2"}

@@ -50,6 +50,8 @@ def print_analysis(analysis: Analysis) -> None:
     used = {word for r in upper_modes(analysis.model) for word in _notes(analysis.model, r)}
     meanings = [f"{word}: {meaning}" for word, meaning in NOTES.items() if word in used]
     console.print("; ".join([LEGEND, *meanings]) + ".", style="dim")
+    if analysis.choice is not None and not analysis.choice.ambiguous:
+        console.print(f"The order is clear. {' '.join(analysis.choice.reasons)}", style="dim")
     if analysis.state is not None:
         print_state(console, analysis)
     for warning in analysis.warnings:

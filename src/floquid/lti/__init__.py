@@ -1,11 +1,13 @@
 """Modal identification of anonymous LTI responses. Knows nothing of records, channels or periods.
 
-`MaximumLikelihood` takes `TimeResponses` and gives a `ModalModel`; it is started by ESPRIT and decides the order
-by test. Every algorithm honours `AbstractIdentifier`.
+`MaximumLikelihood` takes `TimeResponses` and gives a `ModalModel`; it is started by ERA, or any other identifier, and
+decides the order by test. Every algorithm honours `AbstractIdentifier`; those of other packages are in `adapters`.
 """
 
 from floquid.lti._ami import AMI
+from floquid.lti._compress import compress
 from floquid.lti._era import ERA
+from floquid.lti._evidence import Evidence
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._maximum_likelihood import MaximumLikelihood
 from floquid.lti._noise import white_noise_std
@@ -19,11 +21,13 @@ __all__ = [
     "WHITE",
     "AbstractIdentifier",
     "Composites",
+    "Evidence",
     "MaximumLikelihood",
     "ModalModel",
     "Outcome",
     "TimeResponses",
     "composites",
+    "compress",
     "fit_residues",
     "white_noise_std",
 ]

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +42,9 @@ ROUNDING = 1e-26
 
 SQUARED = 1e-14
 """The same where one was."""
+
+SMALL = 16
+"""Directions up to which their lower quartile may well be one of a mode."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +71,7 @@ class Basis:
         q = np.zeros((degree + 1, 2 * len(weights)))
         h = np.zeros((degree + 1, degree))
         first = 1.0 / float(np.linalg.norm(weights))
-        q[0] = stacked(first * weights.astype(complex))
+        q[0] = stacked((first * weights).astype(np.complex128))
         half = len(weights)
         for k in range(degree):
             new = stacked(band.x * (q[k, :half] + 1j * q[k, half:]))
@@ -135,7 +137,7 @@ class Band:
         return (s.imag >= np.pi * self.low - 1e-9) & (s.imag <= np.pi * self.high + 1e-9)
 
 
-def stacked(lines: NDArray[Any]) -> NDArray[np.float64]:
+def stacked(lines: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Real parts, then imaginary parts, along the last axis."""
     return np.concatenate([lines.real, lines.imag], axis=-1)
 
@@ -222,15 +224,17 @@ class Denominators:
     def rank(self, order: int | None = None) -> int:
         """How many directions hold modes: those above the noise, or `order` if those are fewer.
 
-        The noise is believed to be one, unless the lower quartile of the eigenvalues tells otherwise. Its eigenvalues
-        reach up to the edge of Marchenko and Pastur.
+        The noise is believed to be one, unless the lower quartile of the eigenvalues tells otherwise: above one it is
+        the noise, and far below one, too. The limit is the edge of Marchenko and Pastur, which a few eigenvalues of
+        noise pass, for the equations are not independent: one direction too many costs little, one too few a bias.
         """
         size = len(self.values)
+        share = size / self.equations
         quartile = float(self.values[size - 1 - size // 4])
-        noise = min(1.0, 4.0 * quartile)
-        if size > 16:
+        noise = min(1.0, quartile * (1.0 + 2.0 * np.sqrt(share)) ** 2)
+        if size > SMALL:
             noise = max(noise, quartile)
-        above = int((self.values > noise * (1.0 + np.sqrt(size / self.equations)) ** 2).sum())
+        above = int((self.values > noise * (1.0 + np.sqrt(share)) ** 2).sum())
         real = int((self.values > self.rounding * size * self.values[0]).sum())
         return min(max(above, order or 0), real, size - self.inputs)
 
@@ -248,9 +252,12 @@ class Denominators:
         keep = np.abs(inner) < np.exp(EDGE / self.samples)
         inner, inner_shares = inner[keep], inner_shares[keep]
         keep = np.abs(outer) > np.exp(-EDGE / self.samples)
+        outer, outer_shares = outer[keep], outer_shares[keep]
         if len(inner):
-            keep &= np.abs(np.log(outer[:, None] / inner)).min(axis=1) > SAME / self.samples
-        return np.concatenate([inner, outer[keep]]), np.concatenate([inner_shares, outer_shares[keep]])
+            apart = np.abs(np.log(outer)[:, None] - np.log(inner))
+            keep = np.minimum(apart, np.abs(apart - 2.0 * np.pi)).min(axis=1) > SAME / self.samples
+            outer, outer_shares = outer[keep], outer_shares[keep]
+        return np.concatenate([inner, outer]), np.concatenate([inner_shares, outer_shares])
 
     def _roots(
         self, coefficients: NDArray[np.float64], *, highest: bool

@@ -97,7 +97,8 @@ def fit(poles: PoleSet, factors: Sequence[Factor]) -> Fit:
         slopes = np.arange(samples)[:, None] * columns
         slopes -= q @ (q.T @ slopes)
         both = np.concatenate([q, slopes], axis=1).T @ block.values
-        projected, seen = both[:n], both[n:]
+        rank = q.shape[1]  # of a block with fewer samples than poles, its samples
+        projected, seen = both[:rank], both[rank:]
         cost += _remainder(block, q, projected)
         inverse = np.linalg.pinv(r, rcond=1e-14)
         residues = inverse @ projected

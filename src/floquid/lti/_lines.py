@@ -64,8 +64,8 @@ class Rows:
     @staticmethod
     def of(band: Band, others: PoleSet) -> Rows:
         """The rows of a band, less the modes beside it and what is smooth on it."""
-        if band.whole:
-            return Rows(band, np.zeros((band.samples, 0)))
+        if band.whole or not band.size:
+            return Rows(band, np.zeros((band.samples if band.whole else 0, 0)))
         degree = min(SMOOTH, band.size // 4)
         smooth = band.weights[:, None] * Basis.on(band, degree).at(band.x)
         beside = stacked(band.spectrum(real_basis(others, basis(others, band.samples)).T))

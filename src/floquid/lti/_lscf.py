@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid._checks import finite, input_error, integer
 from floquid.lti._denominator import Band, Basis, Denominators, Equations

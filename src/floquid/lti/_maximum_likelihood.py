@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.lti._era import realise
+from floquid.lti._evidence import Evidence, clearest, entry_deviations, movement, nearest_pair, removed
 from floquid.lti._exponentials import Fit, polish
 from floquid.lti._factor import Factor, energies, factors
 from floquid.lti._horizon import energetic_length, horizon, search_window
@@ -18,11 +19,17 @@ from floquid.lti._order import checked_order, reached
 from floquid.lti._poles import PoleSet
 from floquid.lti._residual import Residual, filtered, whitening_of
 from floquid.lti._residues import model_of
-from floquid.lti._select import choose, force_order, plausible
+from floquid.lti._select import Threshold, choose, force_order, plausible
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
 LOOKS = 4
 """How often the search may start over, with more samples or with the noise whitened."""
+
+FIRM = 1e-3
+"""The share of the false-alarm probability at which a mode is beyond doubt."""
+
+DOUBTFUL = 1e-6
+"""The probability at which noise has the gain of a further mode that leaves the order in doubt."""
 
 AT_REST = 1e-6
 """Standard deviations that the last step of the poles may have."""
@@ -43,9 +50,9 @@ class Prepared:
         """The samples of the longest response."""
         return int(self.data.lengths.max())
 
-    def whitened(self, taps: NDArray[np.float64]) -> tuple[Factor, ...]:
-        """The factors after a filter along time."""
-        return tuple(filtered(block, taps) for block in self.factors)
+    def whitened(self, taps: NDArray[np.float64] | None) -> tuple[Factor, ...]:
+        """The factors after a filter along time, if there is one."""
+        return self.factors if taps is None else tuple(filtered(block, taps) for block in self.factors)
 
     def first(self, samples: int) -> tuple[Factor, ...]:
         """Factors of the first samples."""
@@ -165,41 +172,82 @@ class MaximumLikelihood(AbstractIdentifier):
         """
         poles = PoleSet.from_multipliers(model.multipliers)
         blocks = state.first(horizon(poles, state.whole, self.time_constants))
-        taps = whitening_of(Residual.of(poles, blocks))
-        if taps is not None:
-            blocks = replace(state, factors=blocks).whitened(taps)
+        blocks = replace(state, factors=blocks).whitened(whitening_of(Residual.of(poles, blocks)))
         return _model(state, polish(poles, blocks, tolerance=AT_REST), blocks, model.outcome)
+
+    def weigh(self, state: Prepared, model: ModalModel) -> Evidence:
+        """What the data say for and against the order of a model: its modes taken away, and one more added.
+
+        Parameters
+        ----------
+        state
+            What `prepare` returned for the data.
+        model
+            A model of them, of any identifier.
+
+        Returns
+        -------
+        Evidence
+            The rises of the cost, the neighbouring models and what is left.
+        """
+        poles = PoleSet.from_multipliers(model.multipliers)
+        raw = state.first(horizon(poles, state.whole, self.time_constants))
+        taps = whitening_of(Residual.of(poles, raw))
+        blocks = replace(state, factors=raw).whitened(taps)
+        found = polish(poles, blocks)
+        left = Residual.of(found.poles, blocks)
+        threshold = Threshold.for_(blocks, self.false_alarm, left.independent)
+        limits = np.array([threshold.of(int(size)) for size in found.poles.sizes])
+        rises, less = removed(found, blocks, limits) if len(poles) else (np.zeros(0), None)
+        further = clearest(found, blocks, threshold) if poles.order < self.most else None
+        more, size = further or (found, 1)
+        return Evidence(
+            multipliers=found.poles.multipliers()[found.poles.starts()],
+            rises=rises,
+            limits=limits,
+            firm_limits=np.array([threshold.at(FIRM * self.false_alarm, int(size)) for size in found.poles.sizes]),
+            deviations=entry_deviations(found),
+            gap=nearest_pair(found),
+            gain=max(found.cost - more.cost, 0.0),
+            gain_limit=threshold.of(size),
+            doubtful_gain=threshold.at(DOUBTFUL, size),
+            moved=movement(found, more.poles),
+            less=None if less is None else _model(state, less, blocks, Outcome.SUCCESS),
+            more=None if further is None else _model(state, more, blocks, Outcome.SUCCESS),
+            colour=left.colour(),
+            whitened=0 if taps is None else len(taps) - 1,
+            independent=left.independent,
+            cost=found.cost,
+            degrees=_degrees(blocks, found.poles.order),
+        )
 
     def _choose(
         self, state: Prepared, most: int, report: Callable[[str], None]
     ) -> tuple[Fit, tuple[Factor, ...], bool]:
-        """The poles from the samples that hold energy, and again from more when a mode lasts longer than those."""
-        blocks = state.factors
-        start, orders = self._start(state, blocks), self._starts(blocks)
-        generous = Residual.of(plausible(start(orders[-1])), blocks)
-        taps = whitening_of(generous)
+        """The poles from the samples that hold energy, and again from more when a mode lasts longer than those.
+
+        Coloured noise is whitened before the search, judged by what generous poles leave, and after it by what the
+        poles found leave of the responses as they are.
+        """
+        start, orders = self._start(state, state.factors), self._starts(state.factors)
+        taps = whitening_of(Residual.of(plausible(start(orders[-1])), state.factors))
         for _ in range(LOOKS):
+            blocks = state.whitened(taps)
             if taps is not None:
                 report(f"the noise is coloured: whitened by {len(taps) - 1} taps")
-                blocks = state.whitened(taps)
                 start = self._start(state, blocks)
-                generous = Residual.of(plausible(start(orders[-1])), blocks)
-            found, ended, left = choose(
-                blocks,
-                start,
-                generous,
-                false_alarm=self.false_alarm,
-                most=most,
-                starts=orders,
-                report=report,
+            found, ended = choose(
+                blocks, start, false_alarm=self.false_alarm, most=most, starts=self._starts(blocks), report=report
             )
             needed = horizon(found.poles, state.whole, self.time_constants)
             if ended and needed > len(state.factors[0].values):
                 state = replace(state, factors=state.first(needed))
-                blocks = state.factors
-                start, orders = self._start(state, blocks), self._starts(blocks)
-            elif taps is not None or (taps := whitening_of(left)) is None:
+                start = self._start(state, state.factors)
+                continue
+            after = whitening_of(Residual.of(found.poles, state.factors))
+            if (after is None) == (taps is None):
                 break
+            taps = after
         return found, blocks, ended
 
     def _starts(self, blocks: tuple[Factor, ...]) -> list[int]:
@@ -221,8 +269,11 @@ def _model(state: Prepared, found: Fit, blocks: tuple[Factor, ...], outcome: Out
     map_ = found.poles.parameter_map()
     stacked = np.concatenate([map_.real, map_.imag])
     unit = found.covariance() if len(found.poles) else np.zeros((0, 0))
-    n = found.poles.order
-    degrees = sum(block.columns * (len(block.values) - n) for block in blocks) - n
     covariance = stacked @ unit @ stacked.T / state.data.dt**2
-    stats = {"cost": found.cost, "degrees": float(degrees)}
+    stats = {"cost": found.cost, "degrees": _degrees(blocks, found.poles.order)}
     return model_of(found.poles, state.data, covariance=covariance, outcome=outcome, stats=stats)
+
+
+def _degrees(blocks: tuple[Factor, ...], order: int) -> float:
+    """Samples less free residues less poles."""
+    return float(sum(block.columns * (len(block.values) - order) for block in blocks) - order)

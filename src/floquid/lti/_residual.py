@@ -26,6 +26,16 @@ SEEN = 0.3
 COLOURED = 8.0
 """The colour from which the noise is whitened: white noise has it once in many thousand records."""
 
+LEAST = 0.2
+"""The deviation of the residual, over the noise stated, below which it is not judged."""
+
+FEWEST = 24
+"""Samples more than poles below which noise is not told from what dies away."""
+
+LASTING = 1.5
+"""The ratio of the energies in the first and the second half of a record up to which a residual is noise. The inverse
+has no bound: poles that decay take more of coloured noise out of the first half."""
+
 ORDERS = (1, 2, 4, 8)
 """The lengths of whitening filters tried."""
 
@@ -39,6 +49,8 @@ class Residual:
     columns: int
     independent: float
     """The share of the responses that the noise is worth (0 to 1]; 1 where it cannot be told from 1."""
+    judged: bool
+    """Whether it is noise: neither rounding, far below the noise that was stated, nor a response that dies away."""
 
     @staticmethod
     def of(poles: PoleSet, factors: Sequence[Factor]) -> Residual:
@@ -51,12 +63,13 @@ class Residual:
         free = max((len(left) - q.shape[1]) * block.columns, 1)
         size = np.sqrt(max(np.einsum("nj,nj->", left, left), np.finfo(float).tiny) / free)
         left /= size
-        return Residual(left, q, block.columns, _independent(left, q, block.columns))
+        judged = bool(size > LEAST and _lasts(left, q))
+        return Residual(left, q, block.columns, _independent(left, q, block.columns) if judged else 1.0, judged)
 
     def filtered(self, taps: NDArray[np.float64]) -> Residual:
         """The residual of filtered responses, near enough: what was fitted is filtered with them."""
         values, fitted = convolved(self.values, taps), convolved(self.fitted, taps)
-        return Residual(values, np.linalg.qr(fitted)[0], self.columns, self.independent)
+        return Residual(values, np.linalg.qr(fitted)[0], self.columns, self.independent, self.judged)
 
     def autocorrelation(self, lags: int) -> NDArray[np.float64]:
         """The mean over responses and times (lags + 1,), 1 at lag zero."""
@@ -81,7 +94,7 @@ class Residual:
         if samples % 2 == 0:
             weights[-1] = 0.5
         judged = taken < 1.0 - SEEN
-        if judged.sum() < 4:
+        if judged.sum() < 4 or not self.judged:
             return 0.0
         share = power[judged] / (1.0 - taken[judged])
         share /= np.average(share, weights=weights[judged])
@@ -90,10 +103,23 @@ class Residual:
         return float(excess / np.sqrt(np.sum(2.0 + 6.0 / many)))
 
 
+def _lasts(left: NDArray[np.float64], fitted: NDArray[np.float64]) -> bool:
+    """Whether the residual is as large in the second half of the record as in the first, as noise is and no decay."""
+    samples, poles = fitted.shape
+    if samples - poles < FEWEST:
+        return False
+    energy = np.einsum("nj,nj->n", left, left)
+    room = 1.0 - np.einsum("nk,nk->n", fitted, fitted)
+    half = samples // 2
+    first, second = (energy[part].sum() / room[part].sum() for part in (slice(half), slice(half, None)))
+    return bool(first < LASTING * second)
+
+
 def _independent(left: NDArray[np.float64], fitted: NDArray[np.float64], columns: int) -> float:
     """The share of the responses that the noise is worth, from all elements of G off its diagonal.
 
-    What was fitted is missing from the noise, which makes times depend on one another: G has the mean (I - QQᵀ) columns.
+    What was fitted is missing from the noise, which makes times depend on one another: the mean of G is (I - QQᵀ) times
+    their number.
     """
     samples, rank = left.shape
     if samples < 4:

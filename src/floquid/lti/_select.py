@@ -34,6 +34,9 @@ PROMISING = 1e-5
 A mode that just passes the test has less than that where it lies between the lines of the grid.
 """
 
+STRONG = 20.0
+"""Times the limit at which a mode away from others is needed, however they are fitted again."""
+
 SEARCHES = 16
 """How often the residual of one start may be searched and still hold another mode, before it counts as not white."""
 
@@ -71,6 +74,10 @@ class Threshold:
         degrees = size * (self.columns * share + own)
         return rise_limit(probability, degrees, self.samples * share) / share
 
+    def at(self, probability: float, size: int) -> float:
+        """The rise that noise exceeds with another probability."""
+        return self._limit(probability, size, 1.0)
+
     def penalised(self, found: Fit) -> float:
         """The cost plus the thresholds of all that was spent on it."""
         pairs = int((found.poles.kind == PAIR).sum())
@@ -94,20 +101,20 @@ def rise_limit(probability: float, degrees: float, samples: float) -> float:
 def choose(
     factors: Sequence[Factor],
     start: Callable[[int], PoleSet],
-    generous: Residual,
     *,
     false_alarm: float,
     most: int,
     starts: Sequence[int],
     report: Callable[[str], None] = lambda _: None,
-) -> tuple[Fit, bool, Residual]:
-    """The poles that the data support, fitted by maximum likelihood; whether the search ended; and what is left.
+) -> tuple[Fit, bool]:
+    """The poles that the data support, fitted by maximum likelihood, and whether the search came to an end.
 
-    `generous` is what more poles than there are modes leave: the noise, from which its independence is judged first.
+    How many independent responses the noise is worth is judged by what more poles than there are modes leave.
 
     A start of less than twice the order that it leads to is left for the next, which tells more; one of more needs no
     other beside it, since its poles all pass and nothing that would is left.
     """
+    generous = Residual.of(plausible(start(starts[-1])), factors)
     threshold = Threshold.for_(factors, false_alarm, generous.independent)
     best, ended = fit(PoleSet.empty(), factors), False
     for order in starts:
@@ -120,12 +127,11 @@ def choose(
             best, ended = now, settled
         if settled and 2 * now.poles.order <= order:
             break
-    left = Residual.of(best.poles, factors)
-    if left.independent < 0.9 * threshold.independent:
-        report(f"the noise is worth {left.independent:.0%} of the responses")
-        best, ended = _settle(best, factors, Threshold.for_(factors, false_alarm, left.independent), most)
-        left = Residual.of(best.poles, factors)
-    return best, ended, left
+    independent = Residual.of(best.poles, factors).independent
+    if independent < 0.9 * threshold.independent:
+        report(f"the noise is worth {independent:.0%} of the responses")
+        best, ended = _settle(best, factors, Threshold.for_(factors, false_alarm, independent), most)
+    return best, ended
 
 
 def plausible(poles: PoleSet) -> PoleSet:
@@ -133,7 +139,7 @@ def plausible(poles: PoleSet) -> PoleSet:
     return poles.keep((poles.s.real > FASTEST[0]) & (poles.s.real < FASTEST[1]))
 
 
-def _possible(found: Fit) -> bool:
+def possible(found: Fit) -> bool:
     """Whether all poles of a fit are within `FASTEST`."""
     return len(plausible(found.poles)) == len(found.poles)
 
@@ -166,7 +172,7 @@ def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
         rises = Removal.of(now.poles, factors).rises()
         for entry in np.argsort(rises):
             limit = threshold.of(int(now.poles.sizes[entry]))
-            if rises[entry] > 20.0 * limit and not _crowded(now.poles, int(entry), factors):
+            if rises[entry] > STRONG * limit and not crowded(now.poles, int(entry), factors):
                 continue
             enough = now.cost + limit
             less = polish(now.poles.without(int(entry)), factors, iterations=25, tolerance=1e-2, enough=enough)
@@ -176,7 +182,7 @@ def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
     return now
 
 
-def _crowded(poles: PoleSet, entry: int, factors: Sequence[Factor]) -> bool:
+def crowded(poles: PoleSet, entry: int, factors: Sequence[Factor]) -> bool:
     """Whether another pole is so near that it could move to take this one's part."""
     near = 2.0 * max(abs(poles.s[entry].real), 2.0 * np.pi / max(len(f.values) for f in factors))
     distance = np.minimum(np.abs(poles.s - poles.s[entry]), np.abs(poles.s - poles.s[entry].conj()))
@@ -195,11 +201,11 @@ def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fi
                 continue
             rest = now.poles.without(int(entry))
             one = polish(rest.plus([real_poles(kind, s.real)]), factors)
-            if _possible(one) and one.cost - now.cost < threshold.of(2) - threshold.of(1):
+            if possible(one) and one.cost - now.cost < threshold.of(2) - threshold.of(1):
                 return one
             gap = max(angle, 0.2 * abs(s.real), 1e-3)
             two = polish(rest.plus([real_poles(kind, s.real - gap, s.real + gap)]), factors)
-            if _possible(two) and two.cost - now.cost < -(RESOLVED**2) and _told_apart(two, -2, -1):
+            if possible(two) and two.cost - now.cost < -(RESOLVED**2) and _told_apart(two, -2, -1):
                 return two
     for kind in (POSITIVE, NEGATIVE):
         along = np.flatnonzero(now.poles.kind == kind)
@@ -239,7 +245,7 @@ def _add(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
         if promised < threshold.promising(size):
             continue
         more = polish(now.poles.plus([candidate]), factors, iterations=25, tolerance=1e-2)
-        if _possible(more) and now.cost - more.cost > threshold.of(size):
+        if possible(more) and now.cost - more.cost > threshold.of(size):
             return polish(more.poles, factors)
     return now
 
@@ -256,7 +262,7 @@ def force_order(now: Fit, factors: Sequence[Factor], order: int, false_alarm: fl
     while now.poles.order < order:
         room = order - now.poles.order
         trials = [polish(now.poles.plus([c]), factors) for c, _ in candidates(now.poles, factors) if c.order <= room]
-        trials = [t for t in trials if _possible(t) and t.cost < now.cost]
+        trials = [t for t in trials if possible(t) and t.cost < now.cost]
         if not trials:
             break
         now = min(trials, key=threshold.penalised)

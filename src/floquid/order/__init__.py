@@ -1,12 +1,25 @@
 """How many modes: models over a range of orders, the poles that stay, and what can be seen before any model.
 
-`scan` takes `TimeResponses` and gives an `OrderScan`; `indicators` needs no model. Knows nothing of channels and
-periods, as `lti`.
+`scan` takes `TimeResponses` and gives an `OrderScan`; `indicators` needs no model; `choose` finds the order and says
+why. Knows nothing of channels and periods, as `lti`.
 """
 
+from floquid.order._choose import Choice, choose, judge
 from floquid.order._indicators import indicators
 from floquid.order._scan import scan
 from floquid.order._stable import stability
 from floquid.order._types import Criteria, Indicators, OrderScan, Stability, Tolerances
 
-__all__ = ["Criteria", "Indicators", "OrderScan", "Stability", "Tolerances", "indicators", "scan", "stability"]
+__all__ = [
+    "Choice",
+    "Criteria",
+    "Indicators",
+    "OrderScan",
+    "Stability",
+    "Tolerances",
+    "choose",
+    "indicators",
+    "judge",
+    "scan",
+    "stability",
+]

@@ -32,14 +32,15 @@ def criteria(models: Sequence[ModalModel], principal: TimeResponses, data: TimeR
         beyond = max(sum(float(np.sum(block**2)) for block in weighted_blocks(data)) - energy, 0.0)
     cost = np.array([_left(model.multipliers, principal) for model in models]) + beyond
     orders = np.array([model.order for model in models])
+    parameters = orders * (1 + n_outputs * data.n_inputs)
     fitted = numbers * np.log(np.maximum(cost, np.finfo(float).tiny) / numbers)
     spread = float(n_outputs * np.log(principal.lengths).sum())
     return Criteria(
         cost=cost,
         left=cost / max(energy + beyond, np.finfo(float).tiny),
-        aic=fitted + 2.0 * orders * (1 + n_outputs * principal.n_inputs),
+        aic=fitted + 2.0 * parameters,
         bic=fitted + orders * (np.log(numbers) + spread),
-        n_numbers=numbers,
+        degrees=numbers - parameters,
     )
 
 

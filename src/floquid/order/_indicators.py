@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
-from floquid.lti import ModalModel, TimeResponses, composites
-from floquid.lti._compress import compress
+from floquid.lti import ModalModel, TimeResponses, composites, compress
 from floquid.order._types import Indicators
 
 SMOOTHING = 5

@@ -68,20 +68,27 @@ class Criteria:
         The share of the data's sum of squares over the noise that is left (orders,) [-].
     aic, bic
         Akaike's and the Bayesian information criterion (orders,) [-]; lower is better.
-    n_numbers
-        How many numbers were fitted; the cost of a right model is about as large.
+    degrees
+        The numbers fitted less the parameters of the fit (orders,); the cost of a right model is about as large.
     """
 
     cost: NDArray[np.float64]
     left: NDArray[np.float64]
     aic: NDArray[np.float64]
     bic: NDArray[np.float64]
-    n_numbers: int
+    degrees: NDArray[np.int64]
 
     def __post_init__(self) -> None:
         for name in ("cost", "left", "aic", "bic"):
             axes = ("orders",) if name == "cost" else (len(self.cost),)
             object.__setattr__(self, name, frozen_array(getattr(self, name), name, "Criteria", axes=axes))
+        degrees = frozen_array(self.degrees, "degrees", "Criteria", axes=(len(self.cost),), dtype=np.int64)
+        object.__setattr__(self, "degrees", degrees)
+
+    @property
+    def misfit(self) -> NDArray[np.float64]:
+        """The cost over its degrees of freedom (orders,) [-]: 1 where white noise alone is left; NaN without any."""
+        return np.divide(self.cost, self.degrees, out=np.full(len(self.cost), np.nan), where=self.degrees > 0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

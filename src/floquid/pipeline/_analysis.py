@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from floquid.core import Cycles, PeriodicModel, Provenance, Record
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
+from floquid.order import Choice
 from floquid.pipeline._settings import Settings
 from floquid.reconstruction import StateModel
 
@@ -25,6 +26,8 @@ class Analysis:
         The periodic model: exponents and shapes.
     state
         Φ and A(t), when states were asked for.
+    choice
+        What speaks for the order found and against it; None where the order was given.
     warnings
         What a reader of the result must know.
     """
@@ -36,6 +39,7 @@ class Analysis:
     modal: ModalModel
     model: PeriodicModel
     state: StateModel | None = None
+    choice: Choice | None = None
     warnings: tuple[str, ...] = field(default=())
 
     @property

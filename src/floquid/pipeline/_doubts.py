@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
+from floquid.order import Choice
 from floquid.periodic import synchrony
 
 CONFIDENT = 2e-3
@@ -24,6 +25,13 @@ def wrong_period(model: PeriodicModel, lifted: Lifted) -> str:
         f"{model.period * found.std:.1g} s, not {model.period:.10g} s; over the record the phase slips by "
         f"{found.slip:.3g} samples. Exponents and shapes would look right and be wrong."
     )
+
+
+def ambiguity(choice: Choice | None) -> tuple[str, ...]:
+    """What makes the order ambiguous, if anything does."""
+    if choice is None or not choice.ambiguous:
+        return ()
+    return (f"The order, {choice.order}, is ambiguous: {' '.join(choice.doubts)}",)
 
 
 def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:

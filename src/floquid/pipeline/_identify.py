@@ -7,28 +7,21 @@ from dataclasses import fields, replace
 from hashlib import sha256
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Cycles, Record, channels_named
 from floquid.errors import IdentificationError
-from floquid.lifting import Lifted, lift
-from floquid.lti import MaximumLikelihood, ModalModel, Outcome
+from floquid.lifting import lift
 from floquid.periodic import assemble
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._doubts import warnings, wrong_period
+from floquid.pipeline._doubts import ambiguity, warnings, wrong_period
+from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._settings import Settings
 from floquid.reconstruction import reconstruct
 from floquid.sync import segment
 
-ENOUGH_CYCLES = 3
-"""Cycles a pole that a hit must hold for its noise to be judged by itself."""
-
 LARGE = 20_000_000
 """Samples in all from which linear algebra may use all threads."""
-
-NOISE_ROUNDS = 4
-"""How often the noise may be estimated again from the residual."""
 
 
 def identify(
@@ -85,7 +78,7 @@ def _identified(used: tuple[Record, ...], chosen: Settings, report: Callable[[st
     _refuse_copies(used)
     report("estimating the noise")
     lifted = lift(cycles, floor=chosen.noise_floor)
-    lifted, modal = _find_poles(lifted, chosen, report)
+    lifted, modal, choice = find_poles(lifted, chosen, report)
     report("expanding the shapes in harmonics")
     model = assemble(modal, lifted, false_alarm=chosen.harmonic_false_alarm, harmonics=chosen.harmonics)
     doubt = wrong_period(model, lifted)
@@ -106,7 +99,8 @@ def _identified(used: tuple[Record, ...], chosen: Settings, report: Callable[[st
         modal=modal,
         model=model,
         state=state,
-        warnings=((doubt,) if doubt else ()) + warnings(model),
+        choice=choice,
+        warnings=((doubt,) if doubt else ()) + ambiguity(choice) + warnings(model),
     )
 
 
@@ -175,59 +169,3 @@ def _refuse_copies(records: Sequence[Record]) -> None:
                     f"{name} is a copy of {found}, sample by sample",
                     "Leave one of them out: a copy adds no knowledge, but would make the deviations too small.",
                 )
-
-
-def _find_poles(lifted: Lifted, settings: Settings, report: Callable[[str], None]) -> tuple[Lifted, ModalModel]:
-    """Poles and noise together: the noise is taken again from the residual until it stays."""
-    identifier = settings.identifier or MaximumLikelihood(false_alarm=settings.mode_false_alarm)
-    modal: ModalModel | None = None
-    for round_ in range(NOISE_ROUNDS):
-        state = identifier.prepare(lifted.responses)
-        if modal is not None:
-            modal = identifier.refine(state, modal)
-        else:
-            report("searching for modes")
-            modal = identifier.extract(
-                state, settings.order, report=lambda text: report(f"searching for modes: {text}")
-            )
-        if modal.outcome is not Outcome.SUCCESS:
-            words = modal.outcome.value
-            if modal.outcome is Outcome.ORDER_UNREACHED:
-                words = (
-                    f"order {settings.order} cannot be reached, the nearest found is {modal.order}: the data hold no "
-                    "more, or a conjugate pair, which counts as two, would have to be halved. Ask for that order, or "
-                    "let it be found."
-                )
-            raise IdentificationError(f"Identification ended without a result: {words}")
-        noise = _noise_left(lifted, modal)
-        again = lifted.with_noise(noise)
-        change = np.abs(np.log(again.noise / lifted.noise)).max()
-        lifted = again
-        if change < 1e-3 and round_:
-            break
-        if change > 0.1:
-            modal = None
-    if modal is None:
-        raise IdentificationError(
-            "Identification ended without a result: the noise cannot be told from the response, its estimate does not "
-            "settle as modes are fitted. Look at the record: are its samples clipped, or rounded to a few levels?"
-        )
-    return lifted, modal
-
-
-def _noise_left(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64]:
-    """The noise in what the fit leaves (channels, hits).
-
-    A hit with hardly more cycles than there are poles leaves nothing to judge its noise by, and would be weighted by
-    chance: beside longer ones it is refused.
-    """
-    assert modal.residual_std is not None
-    lengths = lifted.responses.lengths
-    long = lengths >= ENOUGH_CYCLES * modal.order
-    if long.any() and not long.all():
-        short = int(np.argmin(lengths))
-        raise IdentificationError(
-            f"Hit {short + 1} holds {lengths[short]} whole periods, fewer than {ENOUGH_CYCLES} for each of the "
-            f"{modal.order} poles found: its noise cannot be judged beside that of the longer hits. Leave it out."
-        )
-    return np.sqrt(np.mean(lifted.by_channel(modal.residual_std**2), axis=1))

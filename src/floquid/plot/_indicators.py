@@ -27,6 +27,7 @@ from floquid.plot._style import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 LOOKS = ((BLUE, "-", 1.8), (ORANGE, "-", 1.2), (GREEN, (0, (4, 1.5)), 1.2), (PURPLE, (0, (1, 1)), 1.2))
@@ -92,6 +93,7 @@ def _draw_curves(axes: Axes, found: Indicators, points: int, turn: float) -> Non
         axes.plot(*curve, color=VERMILION, linewidth=0.8, label="composite, data − model")
     axes.axhline(1.0, color=BLACK, linestyle="--", linewidth=0.9, label="white noise alone")
     axes.set(yscale="log", xlim=(0.0, x[-1]), ylabel="magnitude / white noise [-]")
+    plain_decades(axes)
     axes.set_ylim(bottom=min(0.3, 0.5 * float(found.composite.min() / WHITE)))
 
 
@@ -107,5 +109,24 @@ def _draw_values(axes: Axes, found: Indicators) -> None:
     axes.plot(numbers[~above], values[~above], **look, markerfacecolor="none", label="not above it")
     axes.axhline(found.noise_edge, color=BLACK, linestyle="--", linewidth=0.9)
     axes.set(yscale="log", xlim=(0.0, shown + 1.0), ylabel="singular values / noise [-]")
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    whole_numbers(axes.xaxis)
+    plain_decades(axes)
     axes.text(0.97, 0.96, f"{found.n_above} above the noise", transform=axes.transAxes, ha="right", va="top")
+
+
+def whole_numbers(axis: Axis) -> None:
+    """Put ticks at whole numbers alone."""
+    from matplotlib.ticker import MaxNLocator
+
+    axis.set_major_locator(MaxNLocator(integer=True))
+
+
+def plain_decades(axes: Axes) -> None:
+    """Write 1, 2, 5, 10 … on a logarithmic axis of a few decades; of many, the powers of ten."""
+    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
+
+    low, high = axes.get_ylim()
+    few = high < 1e3 * max(low, 1e-300)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=12))
+    axes.yaxis.set_major_formatter((lambda value, _: f"{value:g}") if few else LogFormatterSciNotation())
+    axes.yaxis.set_minor_formatter(NullFormatter())

@@ -10,6 +10,7 @@ import numpy as np
 from floquid._checks import input_error, integer
 from floquid.lti import Outcome
 from floquid.order import OrderScan, Stability
+from floquid.plot._indicators import plain_decades, whole_numbers
 from floquid.plot._several import legend_of_all, several
 from floquid.plot._style import BLACK, BLUE, GREEN, GREY, SKY, VERMILION, envelope, new_figure, plain, style
 
@@ -117,7 +118,7 @@ def _draw_poles(axes: Axes, scan: OrderScan, chosen: int | None, turn: float) ->
     lowest, highest = scan.orders[0], scan.orders[-1]
     margin = 0.04 * max(highest - lowest, 1)
     axes.set(xlim=(0.0, np.pi * scale), ylim=(lowest - margin, highest + margin), ylabel="order [complex poles]")
-    axes.yaxis.get_major_locator().set_params(integer=True)
+    whole_numbers(axes.yaxis)
 
 
 def _draw_curve(axes: Axes, scan: OrderScan, behind: Behind, points: int, turn: float) -> None:
@@ -130,6 +131,7 @@ def _draw_curve(axes: Axes, scan: OrderScan, behind: Behind, points: int, turn: 
         *envelope(x, values, points), color=SKY, linewidth=1.2, label="CMIF" if behind == "cmif" else "composite"
     )
     other.set(yscale="log", ylabel=CURVES[behind])
+    plain_decades(other)
     other.grid(visible=False)
     axes.set_zorder(other.get_zorder() + 1)
     axes.patch.set_visible(False)

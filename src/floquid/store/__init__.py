@@ -14,6 +14,7 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
     /lifted/                        n_phases, first_phase, lengths (hits,), noise (channels, hits)
     /modal/                         multipliers (modes,), residues (modes, outputs, inputs), dt, covariance,
                                     residue_spread, residue_slope, residual_std, outcome (a name), stats/
+    /choice/                        reasons, doubts: sentences for and against the order, where it was found
     /model/                         exponents (modes,), coefficients (modes, channels, hits, harmonics), harmonics,
                                     period, covariance, coefficient_std, channels/, provenance/
     /state/                         times, transition (times, n, n), system (times, n, n), condition, states,

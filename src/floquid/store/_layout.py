@@ -65,6 +65,9 @@ MODAL = (
 
 OUTCOME = Item("outcome", "text")
 
+CHOICE = (Item("reasons", "text", ("reasons",)), Item("doubts", "text", ("doubts",)))
+"""Of an order that was found; absent where it was given, and in older files."""
+
 COMPOSITES = (
     Item("angles", axes=("lines",), unit="rad/period"),
     *(Item(name, axes=("lines",)) for name in ("data", "model", "difference")),

@@ -16,6 +16,7 @@ from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Rec
 from floquid.errors import FloquidError, InputError
 from floquid.lifting import Lifted, lift
 from floquid.lti import Composites, ModalModel, Outcome
+from floquid.order import Choice
 from floquid.pipeline import Analysis, Settings
 from floquid.reconstruction import StateModel
 from floquid.store import _layout as layout
@@ -111,8 +112,15 @@ def _read(file: h5py.File) -> Analysis:
         modal=modal,
         model=model,
         state=_get_state(file),
+        choice=_get_choice(file, modal),
         warnings=_get(file, layout.WARNINGS),
     )
+
+
+def _get_choice(file: h5py.File, modal: ModalModel) -> Choice | None:
+    if "choice" not in file:
+        return None
+    return Choice(order=modal.order, model=modal, **_get_fields(_group(file, "choice"), layout.CHOICE))
 
 
 def _check_together(lifting: dict[str, Any], lifted: Lifted, modal: ModalModel, model: PeriodicModel) -> None:

@@ -76,6 +76,8 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
         group = file.create_group("modal")
         _put_fields(group, layout.MODAL, analysis.modal)
         _put(group, layout.OUTCOME, analysis.modal.outcome.name)
+        if analysis.choice is not None:
+            _put_fields(file.create_group("choice"), layout.CHOICE, analysis.choice)
         if analysis.modal.composites is not None:
             _put_fields(group.create_group("composites"), layout.COMPOSITES, analysis.modal.composites)
         _put_numbers(group.create_group("stats"), analysis.modal.stats)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
+from floquid.order import Choice
 from floquid.periodic import participation
 from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel
@@ -37,6 +38,7 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         "period": model.period,
         "period_std": None,
         "order": model.order,
+        "order_choice": None if analysis.choice is None else _choice(analysis.choice),
         "n_cycles": max(c.n_cycles for c in analysis.cycles),
         "n_phases": analysis.cycles[0].n_phases,
         "modes": [_mode(model, r, std, weights) for r in range(model.order)],
@@ -44,6 +46,10 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         "validation": None,
         "warnings": list(analysis.warnings),
     }
+
+
+def _choice(choice: Choice) -> dict[str, Any]:
+    return {"ambiguous": choice.ambiguous, "reasons": list(choice.reasons), "doubts": list(choice.doubts)}
 
 
 def _mode(

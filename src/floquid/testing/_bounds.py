@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
+from floquid.testing._separable import information, parameters, projected
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +27,11 @@ class Known:
         """The number of poles behind each of the upper ones (upper,)."""
         return np.where(self.partner[self.upper] == self.upper, 1, 2)
 
+    @property
+    def logs(self) -> NDArray[np.complex128]:
+        """The logarithms of the multipliers (modes,)."""
+        return np.asarray(np.log(self.multipliers), dtype=np.complex128)
+
     def keep(self, modes: NDArray[np.bool_]) -> Known:
         """The model of some of the modes; conjugates stay together."""
         position = np.cumsum(modes) - 1
@@ -39,8 +45,12 @@ def known_model(
     multipliers: ArrayLike, residues: ArrayLike, noise: ArrayLike, lengths: ArrayLike, dt: float, of: str
 ) -> Known:
     """The arguments checked, the residues over their noise."""
-    mu = frozen_array(multipliers, "multipliers", of, axes=("modes",), dtype=np.complex128)
-    free = frozen_array(residues, "residues", of, axes=(len(mu), "outputs", "inputs"), dtype=np.complex128)
+    mu: NDArray[np.complex128] = frozen_array(
+        multipliers, "multipliers", of, axes=("modes",), dtype=np.complex128
+    ).copy()
+    free: NDArray[np.complex128] = frozen_array(
+        residues, "residues", of, axes=(len(mu), "outputs", "inputs"), dtype=np.complex128
+    )
     std = frozen_array(noise, "noise", of, axes=free.shape[1:])
     samples = frozen_array(lengths, "lengths", of, axes=(free.shape[2],), dtype=np.int64)
     if not (std > 0).all():
@@ -52,13 +62,15 @@ def known_model(
         raise input_error("multipliers", of, must, f"are {len(mu)}", "Bounds need more samples than poles.")
     real = np.abs(mu.imag) <= 1e-12 * np.abs(mu)
     partner = np.argmin(np.abs(mu[:, None] - mu.conj()), axis=1) if len(mu) else np.zeros(0, np.intp)
-    mu, partner = np.where(real, mu.real, mu), np.where(real, np.arange(len(mu)), partner)
+    mu[real] = mu[real].real
+    partner = np.where(real, np.arange(len(mu)), partner)
     closed = np.abs(mu[partner] - mu.conj()) <= 1e-9 * np.abs(mu)
     if not closed.all() or not np.array_equal(partner[partner], np.arange(len(mu))):
         got = f"{mu[~closed][0] if not closed.all() else mu[0]:.6g} has none of its own"
         raise input_error("multipliers", of, "hold the conjugate of each", got, "Count conjugates one by one.")
     upper = np.flatnonzero(real | (mu.imag > 0))
-    return Known(mu, free / std, samples, positive(dt, "dt", of, unit="s"), upper, partner)
+    over = np.asarray(free / std, dtype=np.complex128)
+    return Known(mu, over, samples, positive(dt, "dt", of, unit="s"), upper, partner)
 
 
 def cramer_rao_bound(
@@ -107,23 +119,15 @@ def bound_of(known: Known) -> NDArray[np.float64]:
     n, at, size = len(known.multipliers), known.upper, known.size
     if not n:
         return np.zeros((0, 0))
-    # One real parameter a row: the logarithm that it moves, and how (1, or i for the imaginary part of a pair).
-    pairs = np.flatnonzero(size == 2)
-    moves = np.concatenate([np.arange(len(at)), pairs])
-    turn = np.concatenate([size, 2j * np.ones(len(pairs))])
-    information = np.zeros((len(moves), len(moves)))
+    real = size == 1
+    moves, turn = parameters(real)
+    whole = np.zeros((len(moves), len(moves)))
     for length in np.unique(known.lengths):
-        columns, scale = scaled_columns(known.multipliers, int(length))
-        upper = columns[:, at]
-        q, _ = np.linalg.qr(np.concatenate([upper.real, upper[:, size == 2].imag], axis=1))
-        slopes = np.arange(length)[:, None] * upper
-        slopes = slopes - q @ (q.T @ slopes)
-        parts = known.residues[at][:, :, known.lengths == length].reshape(len(at), -1) / scale[at][:, None]
-        straight = (parts.conj() @ parts.T) * (slopes.conj().T @ slopes)
-        crossed = (parts @ parts.T) * (slopes.T @ slopes)
-        pick = np.ix_(moves, moves)
-        information += 0.5 * (np.outer(turn.conj(), turn) * straight[pick] + np.outer(turn, turn) * crossed[pick]).real
-    small = _inverse(information)
+        block = projected(known.logs[at], real, int(length))
+        residues = known.residues[at][:, :, known.lengths == length].reshape(len(at), -1) / block.scale[:, None]
+        whole += information(block, residues, real)
+    small = _inverse(whole)
+    small = _inverse(whole)
     onto = np.zeros((2 * n, len(moves)))
     for row, (entry, kind) in enumerate(zip(moves, turn, strict=True)):
         mode = at[entry]
@@ -133,16 +137,6 @@ def bound_of(known: Known) -> NDArray[np.float64]:
         else:
             onto[[mode, other], row] = 1.0
     return onto @ small @ onto.T / known.dt**2
-
-
-def scaled_columns(
-    multipliers: NDArray[np.complex128], samples: int
-) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """μ^k times a scale (samples, modes), and that scale (modes,): a growing mode must not overflow."""
-    logs = np.log(multipliers)
-    last = np.where(logs.real > 0, (samples - 1) * logs.real, 0.0)
-    exponent = np.multiply.outer(np.arange(samples), logs) - last
-    return np.where(exponent.real > -138.0, np.exp(exponent), 0.0), np.exp(-last)
 
 
 def _inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:

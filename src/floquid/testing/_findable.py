@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array
-from floquid.lti import MaximumLikelihood, ModalModel, TimeResponses
-from floquid.testing._bounds import Known, bound_of, known_model, scaled_columns
+from floquid.testing._bounds import Known, bound_of, known_model
+from floquid.testing._separable import columns_of, least_cost
 
 DETERMINED = 2e-3
 """A mode that must be found has an exponent whose deviation is below this share of the fundamental."""
@@ -23,8 +23,8 @@ INVISIBLE = 1.0
 CLEAR = 20.0
 """Times the rise needed at which a mode far from all others is not removed by trial: they could not take its part."""
 
-AMPLIFIED = 1e4
-"""The noiseless responses are fitted at this many times their size, so that the optimiser sees no noise in them."""
+TIME_CONSTANTS = 12.0
+"""Those of the slowest mode after which noiseless responses hold nothing more: e⁻²⁴ of its energy."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -99,17 +99,17 @@ def findable(
 ) -> Findable:
     r"""What the responses of a known model can tell of each of its poles.
 
-    A mode must be found when three things hold: both deviations of its pole, by the Cramér-Rao bound, are below
-    0.2 % of the fundamental 2π/dt; it lies five deviations (of the difference, where the other is as well determined)
-    apart from every other pole modulo the fundamental, and from its own conjugate; and taking it away raises the least-squares cost of the noiseless
-    responses, all other poles and residues refitted, by
+    A mode must be found when three things hold: both deviations of its pole, by the Cramér-Rao bound, are below 0.2 %
+    of the fundamental 2π/dt; it lies five deviations (of the difference, where the other is as well determined) apart
+    from every other pole modulo the fundamental, and from its own conjugate; and taking it away raises the
+    least-squares cost of the noiseless responses, all other poles and residues refitted, by
 
     .. math:: \Delta \ge 2 q - \nu, \qquad P\left(\chi^2_\nu > q\right) = \text{false alarm}
 
     so that with noise the rise is twice what a test at that false-alarm rate asks for. ν counts the residues and the
     pole, 2M + 2 for a pair over M responses; with the noise estimated, q is ν times the quantile of F. A mode that
-    costs less is left out while the others are judged. Modes that cost less than one take no part in the bound of the others
-    either: free residues of what is not there to be seen would inflate it.
+    costs less is left out while the others are judged. Modes that cost less than one take no part in the bound of the
+    others either: free residues of what is not there to be seen would inflate it.
 
     Parameters
     ----------
@@ -175,8 +175,8 @@ def _apart(
     Beside a pole that is sharp too the deviation is that of their difference; where the other one may be anywhere,
     that of this one.
     """
-    n, logs = len(known.multipliers), np.log(known.multipliers)
-    gap = np.subtract.outer(logs, logs)
+    n, logs = len(known.multipliers), known.logs
+    gap = logs[:, None] - logs
     gap = gap - 2j * np.pi * np.rint(gap.imag / (2.0 * np.pi))
     size = np.abs(gap)
     along = np.divide(gap, size, out=np.zeros_like(gap), where=size > 0)
@@ -202,75 +202,70 @@ def _rises(known: Known, needed: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     rises, left = np.zeros(len(known.multipliers)), np.ones(len(known.multipliers), bool)
     while left.any():
-        model = known.keep(left)
-        now = _removals(model, needed[left][model.upper])
-        share = now / needed[left][model.upper]
-        position = np.flatnonzero(left)
-        failed = int(np.argmin(share))
-        for entry in [failed] if share[failed] < 1.0 else range(len(now)):
+        model, position = known.keep(left), np.flatnonzero(left)
+        for entry, rise in _removals(model, needed[left][model.upper]).items():
             mode = position[model.upper[entry]]
-            rises[[mode, known.partner[mode]]] = now[entry]
+            rises[[mode, known.partner[mode]]] = rise
             left[[mode, known.partner[mode]]] = False
     return rises
 
 
-def _removals(known: Known, needed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The noiseless cost of taking away each upper pole with its conjugate, all others being needed (upper,).
+def _removals(known: Known, needed: NDArray[np.float64]) -> dict[int, float]:
+    """The noiseless cost of taking away one upper pole that is not needed, or else that of each.
 
-    All that the responses of one input are to a least-squares cost is a factor of their Gram matrix, and without noise
-    that has no more columns than there are poles. With the other poles held the cost is an upper bound of that with
-    them free: where it is too small already, it will do.
+    With the other poles held the cost is an upper bound of that with them free: where it is too small already, or the
+    pole far from all others, it will do.
     """
-    data = _compressed(known)
-    rest = np.ones((len(known.upper), len(known.multipliers)), bool)
-    for entry, mode in enumerate(known.upper):
-        rest[entry, [mode, known.partner[mode]]] = False
-    rises = np.array([_left(known.multipliers[kept], data) for kept in rest]) / AMPLIFIED**2
-    if (rises < needed).any():
-        return rises
-    identifier = MaximumLikelihood(time_constants=1e9)
-    state = identifier.prepare(data)
-    for entry in np.flatnonzero(~(_far(known) & (rises > CLEAR * needed)) & rest.any(axis=1)):
-        multipliers = known.multipliers[rest[entry]]
-        residues = np.zeros((len(multipliers), data.n_outputs, data.n_inputs))
-        found = identifier.refine(state, ModalModel(multipliers=multipliers, residues=residues, dt=1.0))
-        rises[entry] = min(rises[entry], found.stats["cost"] / AMPLIFIED**2)
+    logs, real, data = known.logs[known.upper], known.size == 1, _compressed(known)
+    rest = ~np.eye(len(logs), dtype=bool)
+    held = np.array([_held(logs[kept], real[kept], data) for kept in rest])
+    worst = int(np.argmin(held / needed))
+    if held[worst] < needed[worst]:
+        return {worst: held[worst]}
+    rises = dict(enumerate(held.tolist()))
+    for entry in np.argsort(held / needed):
+        if rest[entry].any() and not (_far(known)[entry] and held[entry] > CLEAR * needed[entry]):
+            cost = least_cost(logs[rest[entry]], real[rest[entry]], data, 0.5 * float(needed[entry]))
+            rises[int(entry)] = min(rises[int(entry)], cost)
+            if cost < needed[entry]:
+                return {int(entry): cost}
     return rises
 
 
-def _compressed(known: Known) -> TimeResponses:
-    """Noiseless responses of the model's Gram matrices, `AMPLIFIED` (modes or fewer, inputs, samples)."""
-    at, pair = known.upper, known.size == 2
-    parts = known.residues[at] * known.size[:, None, None]
-    parts = np.concatenate([parts.real, -parts.imag[pair]])
-    longest = int(known.lengths.max())
-    values = np.zeros((min(parts.shape[:2]), len(known.lengths), longest))
+def _compressed(known: Known) -> list[NDArray[np.float64]]:
+    """Noiseless responses with the Gram matrix of the model's, one array (samples, modes or fewer) an input.
+
+    That is all that they are to a least-squares cost; samples after all modes have died are left out.
+    """
+    logs, real = known.logs[known.upper], known.size == 1
+    slowest = float(logs.real.max())
+    lasting = known.lengths.max() if slowest >= 0 else np.ceil(TIME_CONSTANTS / -slowest)
+    parts = known.residues[known.upper] * known.size[:, None, None]
+    parts = np.concatenate([parts.real, -parts.imag[~real]])
+    blocks = []
     for index, length in enumerate(known.lengths):
-        columns, scale = scaled_columns(known.multipliers[at], int(length))
-        columns = np.concatenate([columns.real, columns.imag[:, pair]], axis=1)
-        scaled = parts[:, :, index] / np.concatenate([scale, scale[pair]])[:, None]
-        values[:, index, :length] = (columns @ np.linalg.qr(scaled.T, mode="r").T).T
-    return TimeResponses(values=AMPLIFIED * values, dt=1.0, lengths=known.lengths)
+        _, flat, scale = columns_of(logs, real, int(length))
+        scaled = parts[:, :, index] / np.concatenate([scale, scale[~real]])[:, None]
+        seen = int(min(length, max(lasting, 2 * len(known.multipliers) + 2)))
+        blocks.append(flat[:seen] @ np.asarray(np.linalg.qr(scaled.T, mode="r")).T)
+    return blocks
 
 
-def _left(multipliers: NDArray[np.complex128], data: TimeResponses) -> float:
-    """The sum of squares that these poles leave of the responses."""
-    upper = multipliers[multipliers.imag >= 0]
+def _held(logs: NDArray[np.complex128], real: NDArray[np.bool_], data: list[NDArray[np.float64]]) -> float:
+    """The sum of squares that poles leave of the responses where they are."""
     total = 0.0
-    for index, length in enumerate(data.lengths):
-        columns, _ = scaled_columns(upper, int(length))
-        q, _ = np.linalg.qr(np.concatenate([columns.real, columns.imag[:, upper.imag > 0]], axis=1))
-        block = data.values[:, index, :length].T
+    for values in data:
+        q, _ = np.linalg.qr(columns_of(logs, real, len(values))[1])
         # Twice: what is left may be a small part of the whole.
-        block = block - q @ (q.T @ block)
-        total += float(np.sum((block - q @ (q.T @ block)) ** 2))
+        left = values - q @ (q.T @ values)
+        total += float(np.sum((left - q @ (q.T @ left)) ** 2))
     return total
 
 
 def _far(known: Known) -> NDArray[np.bool_]:
     """Whether no other pole is so near to each upper one that it could move to take its part (upper,)."""
-    logs = np.log(known.multipliers)
-    gap = np.subtract.outer(logs[known.upper], logs)
+    logs = known.logs
+    gap = logs[known.upper, None] - logs
     gap = np.abs(gap - 2j * np.pi * np.rint(gap.imag / (2.0 * np.pi)))
     gap[np.arange(len(known.upper)), known.upper] = np.inf
     width = np.maximum(np.abs(logs[known.upper].real), 2.0 * np.pi / known.lengths.max())

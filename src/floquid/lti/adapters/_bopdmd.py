@@ -95,6 +95,7 @@ class BOPDMD(AbstractIdentifier):
         """
         wanted = checked_order(order, self, state.data)
         assert wanted is not None
+        report(f"PyDMD: {wanted} poles from those of DMD")
         return self._fitted(state, self._start(state, wanted), wanted)
 
     def refine(self, state: Components, model: ModalModel) -> ModalModel:
@@ -120,7 +121,7 @@ class BOPDMD(AbstractIdentifier):
         delays = min(max(self.delays, -(-2 * order // len(values))), max(1, state.samples // 2))
         with quiet():
             found = _pydmd().DMD(svd_rank=order).fit(delayed(values, delays)).eigs
-            logs = np.log(np.asarray(found, dtype=np.complex128))
+            logs: NDArray[np.complex128] = np.log(np.asarray(found, dtype=np.complex128))
         return np.clip(np.nan_to_num(logs.real, nan=FASTEST[0]), *FASTEST) + 1j * np.nan_to_num(logs.imag)
 
     def _fitted(self, state: Components, start: NDArray[np.complex128], order: int) -> ModalModel:

@@ -66,7 +66,7 @@ def paired(logs: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """
     angles = np.mod(logs.imag + np.pi, 2.0 * np.pi) - np.pi
     wrapped = logs.real + 1j * angles
-    difference = np.subtract.outer(wrapped, wrapped.conj())
+    difference: NDArray[np.complex128] = np.subtract.outer(wrapped, wrapped.conj())
     gap = np.abs(difference.real + 1j * (np.mod(difference.imag + np.pi, 2.0 * np.pi) - np.pi))
     out = np.array(wrapped)
     free = np.ones(len(logs), dtype=bool)

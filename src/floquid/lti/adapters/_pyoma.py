@@ -9,8 +9,9 @@ from types import ModuleType
 from typing import ClassVar, Literal, final, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
-from floquid._checks import input_error
+from floquid._checks import input_error, integer
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._order import checked_order, reached
 from floquid.lti._residues import fit_residues
@@ -20,13 +21,17 @@ from floquid.lti.adapters._peer import load, quiet
 
 Method = Literal["cov", "dat"]
 
+SHARE = 0.7
+"""A single decay brings it in six tenths of its time constant, where the errors of this method are least."""
+
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PyOMA2SSI(AbstractIdentifier):
     r"""Stochastic subspace identification (SSI) by pyOMA2, of the covariance of free decays or driven by the data.
 
-    .. math:: H = Y_f Y_p^T \approx O\, \Gamma, \qquad A = (O_{\uparrow})^+ O_{\downarrow}, \qquad \mu = \operatorname{eig} A
+    .. math:: H = Y_f Y_p^T \approx O\, \Gamma, \qquad A = (O_{\uparrow})^+ O_{\downarrow}, \qquad
+              \mu = \operatorname{eig} A
 
     (Peeters and De Roeck 1999; Döhler and Mevel 2013 for the fast form used.) The method is made for random excitation;
     a free decay has the same observability matrix O. What is given to it: responses over their noise, inputs stacked as
@@ -38,23 +43,26 @@ class PyOMA2SSI(AbstractIdentifier):
     method
         "cov" for covariances of future and past, "dat" for the projection of one on the other.
     block_rows
-        The block rows of the Hankel matrix; fewer where the responses are short, and more where needed to hold `order`
-        poles.
+        The block rows of the Hankel matrix: fewer where the responses are short, and more where needed to hold `order`
+        poles. None for as many as there are samples in which `SHARE` of the energy above the noise comes: so much later
+        the future must still hold what the past held.
 
     Raises
     ------
     InputError
-        The method is neither.
+        The method is neither, or there are fewer than two block rows.
     """
 
     decides: ClassVar[bool] = False
 
     method: Method = "cov"
-    block_rows: int = 50
+    block_rows: int | None = None
 
     def __post_init__(self) -> None:
         if self.method not in get_args(Method):
             raise input_error("method", "PyOMA2SSI", 'be "cov" or "dat"', f"is {self.method!r}")
+        if self.block_rows is not None:
+            integer(self.block_rows, "block_rows", "PyOMA2SSI", at_least=2)
 
     def prepare(self, data: TimeResponses) -> Components:
         """The principal components of the responses over their noise.
@@ -105,9 +113,10 @@ class PyOMA2SSI(AbstractIdentifier):
         assert wanted is not None
         values = state.first(wanted)
         least = -(-wanted // len(values)) + 1
-        rows = max(least, min(self.block_rows, state.samples // 3))
+        rows = max(least, min(self.block_rows or _energetic(values), state.samples // 3))
         if state.samples - 2 * rows + 1 < wanted:
             return fit_residues(np.zeros(0), state.data, outcome=Outcome.TOO_FEW_SAMPLES)
+        report(f"pyOMA2: {rows} block rows")
         ssi, found = _ssi(), np.zeros(0, dtype=np.complex128)
         with quiet("pyoma2"), suppress(np.linalg.LinAlgError):
             hankel, _ = ssi.build_hank(values, values, rows, self.method)
@@ -132,6 +141,13 @@ class PyOMA2SSI(AbstractIdentifier):
             The model.
         """
         return self.extract(state, model.order)
+
+
+def _energetic(values: NDArray[np.float64]) -> int:
+    """The samples in which `SHARE` of the energy above that of the last tenth comes."""
+    energy = np.sum(values**2, axis=0)
+    above = np.cumsum(energy - energy[-(len(energy) // 10 + 1) :].mean())
+    return int(np.argmax(above >= SHARE * above.max())) + 1
 
 
 def _ssi() -> ModuleType:

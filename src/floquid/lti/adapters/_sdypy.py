@@ -22,6 +22,10 @@ FIRST_LINE = 1
 """The band starts here and not at zero, where sdypy-EMA 0.31 transforms an empty slice, reads memory that was never
 written to (numpy's `irfft` of nothing), and gives every pole the wrong sign of the damping."""
 
+RIDGE = 1e-7
+"""Without noise a denominator above the order is singular. One more response, a blow to one sample of this share of the
+norm of all, is below what any noise does, and makes it regular: its spectrum is flat."""
+
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,13 +34,12 @@ class SdypyLSCF(AbstractIdentifier):
 
     .. math:: Y_o(z) = \frac{\sum_j b_{oj} z^{-j}}{\sum_j a_j z^{-j}}, \qquad \sum_j a_j\, z_r^{-j} = 0
 
-    on the lines of the DFT, where a free decay of finite length is such a ratio exactly (Guillaume et al. 2003; Verboven
-    2002, section 5.3.3). What is given to it: the transform of the responses over their noise, inputs stacked as
-    outputs and cut to the shortest, an even number of samples, as their first `order` principal components; of those
-    the lines from the first above zero on (at zero this code flips the sign of the damping). The
-    denominator's degree is far above the order, so most of its poles are spurious. The `order` poles are kept that the
-    data can least do without: of all poles with free residues, the one whose absence leaves least is taken away, again
-    and again.
+    on the lines of the DFT, where a free decay of finite length is such a ratio exactly (Guillaume et al. 2003;
+    Verboven 2002, section 5.3.3). What is given to it: the transform of the responses over their noise, inputs stacked
+    as outputs and cut to the shortest, an even number of samples, as their first `order` principal components; of those
+    the lines from the first above zero on (at zero this code flips the sign of the damping). The denominator's degree
+    is far above the order, so most of its poles are spurious. The `order` poles are kept that the data can least do
+    without: of all poles with free residues, the one whose absence leaves least is taken away, again and again.
 
     Parameters
     ----------
@@ -133,7 +136,9 @@ class SdypyLSCF(AbstractIdentifier):
 
 def _multipliers(values: NDArray[np.float64], pairs: int) -> NDArray[np.complex128]:
     """The roots of the highest denominator, up to `pairs` pairs, that can be solved for; what is no number included."""
-    lines = np.fft.rfft(values)
+    blow = np.zeros((1, values.shape[1]))
+    blow[0, values.shape[1] // 2] = RIDGE * np.linalg.norm(values)
+    lines = np.fft.rfft(np.concatenate([values, blow]))
     # The model cuts off the line at its upper limit: one more is there to be cut off.
     lines = np.concatenate([lines, lines[:, -1:]], axis=1)
     frequencies = np.arange(lines.shape[1]) / values.shape[1]
@@ -145,7 +150,6 @@ def _multipliers(values: NDArray[np.float64], pairs: int) -> NDArray[np.complex1
         upper=float(frequencies[-1]),
         pol_order_high=pairs,
     )
-    # Without noise a denominator above the order is singular: those found before it are kept.
     with quiet(), suppress(np.linalg.LinAlgError):
         model.get_poles("lscf", show_progress=False)
     return np.exp(model.all_poles[-1]) if model.all_poles else np.zeros(0, dtype=np.complex128)

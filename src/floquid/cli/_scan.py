@@ -1,0 +1,171 @@
+"""`floquid scan`: which poles stay when the order changes, and what can be seen before any model."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Literal
+
+from floquid._checks import input_error, positive
+from floquid.cli._identify import _check_files, _read
+from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, Place, split
+from floquid.cli._output import ResultFolder, result_folder
+from floquid.cli._progress import progress
+from floquid.cli._scan_output import FILES, print_scan, scan_text
+from floquid.cli._settings import Choices, IdentifierName, load_choices
+from floquid.lifting import Lifted
+from floquid.order import OrderScan
+from floquid.order import scan as scan_orders
+from floquid.pipeline import lifted as lifted_of
+
+OF = "floquid scan"
+STAGES = 8
+
+HIGHEST = 10_000
+"""The highest order that is looked at in a list: what lies beyond is a slip of the keyboard."""
+
+
+def scan(
+    *files: Place,
+    period: float | None = None,
+    frequency: float | None = None,
+    origin: float | None = None,
+    rate: float | None = None,
+    channels: str | None = None,
+    identifier: IdentifierName | None = None,
+    orders: str | None = None,
+    most: OptionalWhole = None,
+    out: OptionalPlace = None,
+    format: Literal["text", "json"] = "text",  # noqa: A002
+    settings: OptionalPlace = None,
+    debug: Debug = False,
+) -> None:
+    """Show how many modes there are: identify at many orders, see which poles stay, and look at mode indicators.
+
+    Parameters
+    ----------
+    files
+        Records of free responses, as for `floquid identify`. Several files are several hits on one system.
+    period
+        The period of the system [s].
+    frequency
+        The fundamental frequency [Hz], one over the period; instead of --period.
+    origin
+        The time of phase zero [s]; 0 when not given.
+    rate
+        The sampling rate [Hz], overriding what the files say.
+    channels
+        The channels to use, comma-separated; all when not given.
+    identifier
+        The algorithm that finds the poles, as for `floquid identify`. When not given, ERA, which finds each order
+        afresh; ml and ami add poles to those they have, so that poles of noise stay too.
+    orders
+        The orders: 2..40 is each from 2 to 40, 2..40..2 every other one, 4,8,16 these three.
+    most
+        Instead of --orders: 2, 4, and so on up to this order. When neither is given, up to half of the periods, at most
+        40.
+    out
+        A folder for scan.json, figures/stabilisation.png and figures/indicators.png.
+    format
+        text prints a table; json prints scan.json alone.
+    settings
+        A settings.toml written by `floquid identify`; options given here come first.
+    debug
+        Show the traceback of an error.
+    """
+    del debug
+    if not files:
+        raise input_error("FILES", OF, "name at least one record", "none was given", f"For example: {OF} run.npz")
+    _check_files(files)
+    listed = _orders(orders, most)
+    if period is not None and frequency is not None:
+        raise input_error("--frequency", OF, "not be given beside --period", "both are given", "Give one of them.")
+    if frequency is not None:
+        period = positive(1.0 / positive(frequency, "--frequency", OF, unit="Hz"), "period", "Settings", unit="s")
+    choices = (Choices() if settings is None else load_choices(settings)).with_given(
+        period=period,
+        rate=rate,
+        origin=origin,
+        channels=None if channels is None else split(channels),
+        identifier=identifier,
+    )
+    with (
+        nullcontext() if out is None else result_folder(out, FILES) as folder,
+        progress(STAGES + len(files) + (2 if out else 0)) as report,
+    ):
+        responses, found = _scanned(files, choices, listed, report)
+        text = scan_text(responses, found, choices)
+        if folder is not None:
+            _write(folder, found, text, report)
+    if format == "json":
+        sys.stdout.write(text)
+        return
+    print_scan(responses, found, out)
+
+
+def _scanned(
+    files: tuple[Path, ...], choices: Choices, orders: tuple[int, ...] | None, report: Callable[[str], None]
+) -> tuple[Lifted, OrderScan]:
+    """The lifted responses and the scan of their orders."""
+    from threadpoolctl import threadpool_limits
+
+    records = _read(files, choices, report)
+    if choices.settings.channels:  # a path may stand for all rows of a matrix: from here on each has its name
+        choices = choices.with_given(channels=tuple(channel.name for channel in records[0].channels))
+    chosen = choices.resolved()
+    responses = lifted_of(
+        records, period=chosen.period, channels=chosen.channels, noise_floor=chosen.noise_floor, report=report
+    )
+    samples = int(responses.responses.lengths.max())
+    if orders and orders[-1] >= samples:
+        must, got = f"be less than the {samples} periods of the record", f"goes up to {orders[-1]}"
+        raise input_error("--orders", OF, must, got, "Ask for lower orders, or record longer.")
+    # Thousands of small matrices: threads inside BLAS would wait for each other.
+    few = responses.responses.values.size < 2e7
+    with threadpool_limits(limits=1 if few else None, user_api="blas"):
+        return responses, scan_orders(responses.responses, chosen.identifier, orders, report=report)
+
+
+def _orders(orders: str | None, most: int | None) -> tuple[int, ...] | None:
+    """The orders of «2..40», «2..40..2» or «4,8,16», or 2, 4, … `most`."""
+    if orders is not None and most is not None:
+        raise input_error("--most", OF, "not be given beside --orders", "both are given", "Give one of them.")
+    if most is not None:
+        if not 2 <= most <= HIGHEST:
+            raise input_error("--most", OF, f"be 2 to {HIGHEST}", f"is {most}", "For example: --most 40")
+        return tuple(range(2, most + 1, 2))
+    if orders is None:
+        return None
+    listed: set[int] = set()
+    for word in split(orders):
+        ends = word.split("..")
+        numbers = [int(end) for end in ends if end.isascii() and end.isdigit() and len(end) < 9]
+        step = numbers[2] if len(numbers) == 3 else 1
+        if len(numbers) != len(ends) or len(ends) > 3 or step < 1 or numbers[:2] != sorted(numbers[:2]):
+            raise _no_orders(f"has {word!r}")
+        listed.update(range(numbers[0], min(numbers[:2][-1], HIGHEST) + 1, step))
+    if not listed or min(listed) < 1:
+        raise _no_orders(f"is {orders!r}")
+    return tuple(sorted(listed))
+
+
+def _no_orders(got: str) -> Exception:
+    must = "list positive orders, ascending"
+    return input_error("--orders", OF, must, got, "For example: --orders 2..40, --orders 2..40..2 or --orders 4,8,16")
+
+
+def _write(folder: ResultFolder, found: OrderScan, text: str, report: Callable[[str], None]) -> None:
+    """Write the files beside what is there, then move them to their names together."""
+    from floquid.plot import indicators, save_figure, stabilisation
+
+    report("writing the scan")
+    (folder.unfinished / "figures").mkdir()
+    (folder.unfinished / "scan.json").write_text(text, encoding="utf-8")
+    report("drawing the figures")
+    save_figure(stabilisation(found), folder.unfinished / "figures" / "stabilisation.png")
+    save_figure(indicators(found.indicators), folder.unfinished / "figures" / "indicators.png")
+    (folder.path / "figures").mkdir(exist_ok=True)
+    for name in FILES:
+        (folder.unfinished / name).replace(folder.path / name)

@@ -1,0 +1,146 @@
+"""What the data say for and against an order: each mode taken away, the clearest one more, and what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.lti._exponentials import Fit, polish
+from floquid.lti._factor import Factor
+from floquid.lti._poles import PAIR, PoleSet
+from floquid.lti._removal import Removal
+from floquid.lti._search import candidates
+from floquid.lti._select import STRONG, Threshold, crowded, possible
+from floquid.lti._types import ModalModel
+
+SKETCHED = 8
+"""Steps that tell where a neighbouring model lies, though not to its last digit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Evidence:
+    """How clearly an order stands out from its neighbours.
+
+    Parameters
+    ----------
+    multipliers
+        One of each mode (entries,), that above the real axis of a pair.
+    rises
+        What the cost rises by when the mode is taken away and the others are fitted again (entries,) [-].
+    limits, firm_limits
+        The rises that noise alone exceeds at the false-alarm probability, and at a probability that leaves no doubt
+        (entries,) [-].
+    deviations
+        The standard deviations of the decay and of the angle of each mode (entries, 2) [neper/sample, rad/sample];
+        zero for the angle of a real multiplier.
+    gap
+        The least distance of two modes of one kind over its standard deviation; infinite for a single one.
+    gain, gain_limit
+        What the clearest further mode takes out of the cost, the others fitted again, and its limit [-].
+    doubtful_gain
+        The gain that noise alone exceeds at the probability given for doubt [-].
+    moved
+        How far the modes move when the further one is there, in standard deviations of the largest such move.
+    less, more
+        The models with the weakest mode taken away and with the clearest further one; None where there is none.
+    colour
+        How far from white noise the residual is, in standard deviations; of whitened responses where `whitened`.
+    whitened
+        The taps of the filter that whitened the noise; 0 where it is white.
+    independent
+        The share of the responses that the noise is worth.
+    cost, degrees
+        The cost and the number of samples less that of parameters.
+    """
+
+    multipliers: NDArray[np.complex128]
+    rises: NDArray[np.float64]
+    limits: NDArray[np.float64]
+    firm_limits: NDArray[np.float64]
+    deviations: NDArray[np.float64]
+    gap: float
+    gain: float
+    gain_limit: float
+    doubtful_gain: float
+    moved: float
+    less: ModalModel | None
+    more: ModalModel | None
+    colour: float
+    whitened: int
+    independent: float
+    cost: float
+    degrees: float
+
+
+def removed(found: Fit, factors: Sequence[Factor], limits: NDArray[np.float64]) -> tuple[NDArray[np.float64], Fit]:
+    """The rise for each entry with the others fitted again, where it may be small; and the fit without the weakest."""
+    rises = Removal.of(found.poles, factors).rises()
+    fits: dict[int, Fit] = {}
+    for entry in np.argsort(rises / limits):
+        strong = rises[entry] > STRONG * limits[entry] and not crowded(found.poles, int(entry), factors)
+        if fits and strong:
+            continue
+        few = SKETCHED if strong else 25
+        fits[int(entry)] = polish(found.poles.without(int(entry)), factors, iterations=few, tolerance=1e-2)
+        rises[entry] = max(fits[int(entry)].cost - found.cost, 0.0)
+    weakest = min(fits, key=lambda entry: rises[entry] / limits[entry])
+    return rises, fits[weakest]
+
+
+def clearest(found: Fit, factors: Sequence[Factor], threshold: Threshold) -> tuple[Fit, int] | None:
+    """The fit with the further mode that comes nearest to passing, and its size."""
+    best: tuple[float, Fit, int] | None = None
+    found_ones = candidates(found.poles, factors)
+    ranked = sorted(found_ones, key=lambda one: -one[1] / threshold.of(int(one[0].sizes[0])))
+    for candidate, promised in ranked:
+        size = int(candidate.sizes[0])
+        if best is not None and promised < threshold.promising(size):
+            continue
+        more = polish(found.poles.plus([candidate]), factors, iterations=SKETCHED, tolerance=1e-1)
+        share = (found.cost - more.cost) / threshold.of(size)
+        if possible(more) and (best is None or share > best[0]):
+            best = share, more, size
+    return None if best is None else (best[1], best[2])
+
+
+def nearest_pair(found: Fit) -> float:
+    """The least distance of two entries of one kind over its standard deviation."""
+    poles, covariance = found.poles, found.covariance()
+    starts, least = poles.starts(), np.inf
+    for i in range(len(poles)):
+        for j in range(i):
+            if poles.kind[i] != poles.kind[j]:
+                continue
+            difference = poles.s[i] - poles.s[j]
+            parts = [difference.real] + ([difference.imag] if poles.kind[i] == PAIR else [])
+            turn = np.zeros((len(parts), poles.order))
+            for k in range(len(parts)):
+                turn[k, starts[i] + k], turn[k, starts[j] + k] = 1.0, -1.0
+            spread = turn @ covariance @ turn.T
+            squared = float(np.array(parts) @ np.linalg.pinv(spread, hermitian=True) @ np.array(parts))
+            least = min(least, np.sqrt(max(squared, 0.0)))
+    return float(least)
+
+
+def movement(found: Fit, more: PoleSet) -> float:
+    """The largest distance from a pole to the nearest one of a larger set, in its own standard deviations."""
+    if not len(found.poles):
+        return 0.0
+    std = entry_deviations(found)
+    worst = 0.0
+    for s, (decay, angle) in zip(found.poles.s, std, strict=True):
+        apart = more.s - s
+        size = np.hypot(apart.real / max(decay, 1e-300), apart.imag / max(angle, decay, 1e-300))
+        worst = max(worst, float(size.min()))
+    return worst
+
+
+def entry_deviations(found: Fit) -> NDArray[np.float64]:
+    """Standard deviations of Re s and Im s of each entry (k, 2), zero where a part is not free."""
+    std = np.sqrt(np.maximum(np.diag(found.covariance()), 0.0))
+    starts = found.poles.starts()
+    second = np.where(found.poles.kind == PAIR, std[np.minimum(starts + 1, len(std) - 1)], 0.0)
+    return np.stack([std[starts], second], axis=1)

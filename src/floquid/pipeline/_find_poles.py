@@ -1,0 +1,105 @@
+"""The poles of lifted responses, with the noise estimated from what they leave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.errors import IdentificationError
+from floquid.lifting import Lifted
+from floquid.lti import MaximumLikelihood, ModalModel, Outcome
+from floquid.order import Choice, judge
+from floquid.pipeline._settings import Settings
+
+ENOUGH_CYCLES = 3
+"""Cycles a pole that a hit must hold for its noise to be judged by itself."""
+
+NOISE_ROUNDS = 4
+"""How often the noise may be estimated again from the residual."""
+
+
+def find_poles(
+    lifted: Lifted, settings: Settings, report: Callable[[str], None] = lambda _: None
+) -> tuple[Lifted, ModalModel, Choice | None]:
+    """Poles and noise together: the noise is taken again from the residual until it stays, and the order is weighed.
+
+    Parameters
+    ----------
+    lifted
+        The lifted responses, with a first estimate of their noise.
+    settings
+        The options.
+    report
+        Is told of each stage.
+
+    Returns
+    -------
+    Lifted
+        The responses with the noise that the fit leaves.
+    ModalModel
+        The poles and residues.
+    Choice or None
+        What speaks for the order and against it; None where the settings fix it.
+
+    Raises
+    ------
+    IdentificationError
+        No mode rises above the noise, or the order or the noise cannot be told.
+    """
+    identifier = settings.identifier or MaximumLikelihood(false_alarm=settings.mode_false_alarm)
+    modal: ModalModel | None = None
+    for round_ in range(NOISE_ROUNDS):
+        state = identifier.prepare(lifted.responses)
+        if modal is not None:
+            modal = identifier.refine(state, modal)
+        else:
+            report("searching for modes")
+            modal = identifier.extract(
+                state, settings.order, report=lambda text: report(f"searching for modes: {text}")
+            )
+        if modal.outcome is not Outcome.SUCCESS:
+            words = modal.outcome.value
+            if modal.outcome is Outcome.ORDER_UNREACHED:
+                words = (
+                    f"order {settings.order} cannot be reached, the nearest found is {modal.order}: the data hold no "
+                    "more, or a conjugate pair, which counts as two, would have to be halved. Ask for that order, or "
+                    "let it be found."
+                )
+            raise IdentificationError(f"Identification ended without a result: {words}")
+        noise = _noise_left(lifted, modal)
+        again = lifted.with_noise(noise)
+        change = np.abs(np.log(again.noise / lifted.noise)).max()
+        lifted = again
+        if change < 1e-3 and round_:
+            break
+        if change > 0.1:
+            modal = None
+    if modal is None:
+        raise IdentificationError(
+            "Identification ended without a result: the noise cannot be told from the response, its estimate does not "
+            "settle as modes are fitted. Look at the record: are its samples clipped, or rounded to a few levels?"
+        )
+    if settings.order is not None:
+        return lifted, modal, None
+    report("weighing the order")
+    return lifted, modal, judge(lifted.responses, modal)
+
+
+def _noise_left(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64]:
+    """The noise in what the fit leaves (channels, hits).
+
+    A hit with hardly more cycles than there are poles leaves nothing to judge its noise by, and would be weighted by
+    chance: beside longer ones it is refused.
+    """
+    assert modal.residual_std is not None
+    lengths = lifted.responses.lengths
+    long = lengths >= ENOUGH_CYCLES * modal.order
+    if long.any() and not long.all():
+        short = int(np.argmin(lengths))
+        raise IdentificationError(
+            f"Hit {short + 1} holds {lengths[short]} whole periods, fewer than {ENOUGH_CYCLES} for each of the "
+            f"{modal.order} poles found: its noise cannot be judged beside that of the longer hits. Leave it out."
+        )
+    return np.sqrt(np.mean(lifted.by_channel(modal.residual_std**2), axis=1))
