@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, dataclass
-from importlib.util import find_spec
 
 import numpy as np
 
-from floquid.lifting import Lifted, lift
-from floquid.lti import MaximumLikelihood, ModalModel, Outcome
+from floquid.errors import IdentificationError
+from floquid.lifting import lift
+from floquid.pipeline import Settings, find_poles
 from floquid.testing import RandomSystem, pair_exponents
-
-NOISE_ROUNDS = 4
-"""How often the noise may be estimated again from the residual."""
-
-SETTLED = 0.1
-"""The relative change of the noise above which the order is chosen again."""
 
 OFF = 10.0
 """The bounds by which a mode may be off before it counts as lost."""
@@ -85,43 +79,14 @@ class Row:
 
 
 def identified(system: RandomSystem, draw: int) -> Found:
-    """The order chosen on the lifted record of one draw, the noise estimated as the chain estimates it."""
-    lifted = lift(system.cycles(draw))
-    model: ModalModel | None = None
-    identifier, ambiguous, reasons = MaximumLikelihood(), False, ()
-    for number in range(NOISE_ROUNDS):
-        if model is None:
-            model, ambiguous, reasons = _chosen(lifted)
-        else:
-            model = identifier.refine(identifier.prepare(lifted.responses), model)
-        if model.outcome is Outcome.NOT_WHITE:
-            return Found(model.poles, True, (*reasons, model.outcome.value))
-        if model.outcome is not Outcome.SUCCESS:
-            refused = model.outcome is not Outcome.NO_MODE
-            return Found(model.poles[:0], refused, (*reasons, model.outcome.value))
-        again = lifted.with_noise(np.sqrt(np.mean(lifted.by_channel(model.residual_std**2), axis=1)))
-        change = np.abs(np.log(again.noise / lifted.noise)).max()
-        lifted = again
-        if change < 1e-3 and number:
-            break
-        if change > SETTLED and number < NOISE_ROUNDS - 1:
-            model = None
-    assert model is not None
-    if change > SETTLED:
-        return Found(model.poles, True, (*reasons, "the estimate of the noise does not settle"))
-    return Found(model.poles, ambiguous, reasons)
-
-
-def _chosen(lifted: Lifted) -> tuple[ModalModel, bool, tuple[str, ...]]:
-    """The model of the order chosen, and whether that is in doubt."""
-    if find_spec("floquid.order") is not None:
-        from floquid import order
-
-        if hasattr(order, "choose"):
-            choice = order.choose(lifted.responses)
-            return choice.model, choice.ambiguous, tuple(choice.reasons)
-    identifier = MaximumLikelihood()
-    return identifier.extract(identifier.prepare(lifted.responses)), False, ()
+    """What the chain says of the lifted record of one draw, from its own estimate of the noise."""
+    try:
+        _, model, choice = find_poles(lift(system.cycles(draw)), Settings())
+    except IdentificationError as error:
+        # A refusal says that something is wrong, except where it says that there is nothing.
+        return Found(np.zeros(0, complex), "no mode rises" not in str(error), (str(error),))
+    assert choice is not None
+    return Found(model.poles, choice.ambiguous, choice.doubts)
 
 
 def judged(system: RandomSystem, draw: int) -> Row:

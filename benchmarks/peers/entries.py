@@ -10,7 +10,7 @@ import io
 import logging
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import redirect_stderr
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -73,9 +73,10 @@ def _silenced(run: Callable[[NDArray, int], NDArray]) -> Callable[[TimeResponses
     """The run on one input's responses over their noise, progress bars and warnings kept quiet."""
 
     def quiet(data: TimeResponses, order: int) -> NDArray[np.complex128]:
-        with warnings.catch_warnings(), np.errstate(all="ignore"), redirect_stderr(io.StringIO()):
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            return np.asarray(run(_over_noise(data), order), dtype=np.complex128).ravel()
+            with redirect_stderr(io.StringIO()), redirect_stdout(io.StringIO()):
+                return np.asarray(run(_over_noise(data), order), dtype=np.complex128).ravel()
 
     return quiet
 
@@ -176,7 +177,7 @@ def sdypy_lscf(values: NDArray, order: int) -> NDArray:
     lines = np.concatenate([lines, lines[:, -1:]], axis=1)
     frequencies = np.arange(lines.shape[1]) / components.shape[1]
     limits = {"lower": float(frequencies[1]), "upper": float(frequencies[-1])}
-    model = EMA.Model(lines, frequencies, dt=1.0, pol_order_high=max(20, order), **limits)
+    model = EMA.Model(lines, frequencies, dt=1.0, pol_order_high=max(40, 3 * order // 2), **limits)
     model.get_poles("lscf", show_progress=False)
     return np.exp(model.all_poles[-1])
 
@@ -185,7 +186,7 @@ def pyoma_ssi(values: NDArray, order: int) -> NDArray:
     """Covariance-driven SSI on as many principal components as poles, cut off at the order."""
     ssi = _ssi()
     components = principal(values, order)
-    rows = min(50, components.shape[1] // 6)
+    rows = max(2, components.shape[1] // 20)
     hankel, _ = ssi.build_hank(components, components, rows, "cov")
     return np.linalg.eigvals(ssi.SSI_fast(hankel, rows, order)[1][order])
 
@@ -209,7 +210,7 @@ PEERS = [
     (
         "sdypy",
         "sdypy-EMA LSCF",
-        "the poles, out of 40; the degree, the band (not from zero), the components",
+        "the poles, out of 80; the degree, the band (not from zero), the components",
         sdypy_lscf,
     ),
     ("pyoma2", "pyOMA2 SSI", "the order, block rows, the method, the components", pyoma_ssi),

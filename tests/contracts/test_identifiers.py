@@ -12,7 +12,17 @@ from scipy.optimize import linear_sum_assignment
 
 import floquid.lti
 from floquid.errors import InputError
-from floquid.lti import AMI, ERA, AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, TimeResponses
+from floquid.lti import (
+    AMI,
+    ERA,
+    LSCF,
+    AbstractIdentifier,
+    MaximumLikelihood,
+    ModalModel,
+    Outcome,
+    PolyLSCF,
+    TimeResponses,
+)
 
 TABLE = {
     "ML": MaximumLikelihood(),
@@ -21,6 +31,11 @@ TABLE = {
     "AMI, then ML": MaximumLikelihood(initial=AMI()),
     "ERA": ERA(),
     "ERA, then ML": MaximumLikelihood(initial=ERA()),
+    "LSCF": LSCF(),
+    "LSCF, then ML": MaximumLikelihood(initial=LSCF()),
+    "PolyLSCF": PolyLSCF(),
+    "PolyLSCF, any rank": PolyLSCF(rank_one=False),
+    "PolyLSCF, then ML": MaximumLikelihood(initial=PolyLSCF()),
 }
 IDENTIFIERS = list(TABLE.values())
 EVERY = pytest.mark.parametrize("identifier", IDENTIFIERS, ids=TABLE)

@@ -16,10 +16,10 @@ from floquid.lti import (
     ModalModel,
     Outcome,
     TimeResponses,
+    compress,
     fit_residues,
 )
 from floquid.lti import _compress as compress_module
-from floquid.lti import compress
 from floquid.order import Stability, Tolerances, indicators, scan, stability
 from floquid.order._indicators import noise_edge
 

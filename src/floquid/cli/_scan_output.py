@@ -21,7 +21,8 @@ FILES = ("scan.json", "figures/stabilisation.png", "figures/indicators.png")
 LEGEND = (
     "stable: poles that agree with one of the order before in frequency, damping and shape; left: share of the sum of "
     "squares that the poles do not explain; misfit: the same over what white noise of the size found would "
-    "leave, 1 for a right model; ΔAIC, ΔBIC: two criteria that weigh misfit against the number of parameters, above their lowest value (*). "
+    "leave, 1 for a right model; ΔAIC, ΔBIC: two criteria that weigh misfit against the number of parameters, above "
+    "their lowest value (*). "
     "True poles stay stable from some order on, and there the misfit comes to rest near 1."
 )
 

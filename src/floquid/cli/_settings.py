@@ -10,15 +10,21 @@ from typing import Any, Literal
 from floquid._checks import finite, input_error, positive
 from floquid._files import readable_file
 from floquid.errors import InputError
-from floquid.lti import AMI, AbstractIdentifier, MaximumLikelihood
+from floquid.lti import AMI, ERA, LSCF, AbstractIdentifier, MaximumLikelihood, PolyLSCF
 from floquid.pipeline import Settings
 
-IdentifierName = Literal["ml", "ami", "ami-ml"]
+IdentifierName = Literal["ml", "ami", "era", "lscf", "poly", "ami-ml", "era-ml", "lscf-ml", "poly-ml"]
 
 IDENTIFIERS: dict[str, Callable[[float], AbstractIdentifier]] = {
     "ml": lambda alarm: MaximumLikelihood(false_alarm=alarm),
     "ami": lambda alarm: AMI(false_alarm=alarm),
+    "era": lambda _: ERA(),
+    "lscf": lambda _: LSCF(),
+    "poly": lambda _: PolyLSCF(),
     "ami-ml": lambda alarm: MaximumLikelihood(false_alarm=alarm, initial=AMI(false_alarm=alarm)),
+    "era-ml": lambda alarm: MaximumLikelihood(false_alarm=alarm, initial=ERA()),
+    "lscf-ml": lambda alarm: MaximumLikelihood(false_alarm=alarm, initial=LSCF()),
+    "poly-ml": lambda alarm: MaximumLikelihood(false_alarm=alarm, initial=PolyLSCF()),
 }
 """The algorithms by their names on the command line, given the probability at which noise may pass for a mode."""
 

@@ -145,7 +145,7 @@ def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING) -> Lifte
         n_phases=first.n_phases,
         first_phase=first.first_phase,
         provenance=Provenance.merge(tuple(hit.provenance for hit in hits)),
-        floor=max(floor, SINGLE) if np.array_equal(values, values.astype(np.float32)) else floor,
+        floor=max(floor, SINGLE) if _single(values) else floor,
     )
     return lifted.with_noise(noise)
 
@@ -194,7 +194,7 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
     if np.isnan(hit.values).any():
         raise input_error("cycles", "lift", "have no missing samples", f"hit {number} has NaN", "Cut the gap out.")
     for channel, block in zip(hit.channels, hit.values, strict=True):
-        largest = np.abs(block).max()
+        largest = max(block.max(), -block.min())
         if largest > LARGEST or 0.0 < largest < SMALLEST:
             raise input_error(
                 "cycles",
@@ -216,4 +216,10 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
 def _largest(values: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
     """The largest size in each channel and hit (channels, hits)."""
     outputs, inputs, _ = values.shape
-    return np.abs(values).max(axis=2).reshape(n_channels, outputs // n_channels, inputs).max(axis=1)
+    largest = np.maximum(values.max(axis=2), -values.min(axis=2))
+    return largest.reshape(n_channels, outputs // n_channels, inputs).max(axis=1)
+
+
+def _single(values: NDArray[np.float64]) -> bool:
+    """Whether all samples were stored in single precision; looked at one output after another, to hold no copy."""
+    return all(np.array_equal(output, output.astype(np.float32)) for output in values)

@@ -9,8 +9,10 @@ from floquid.lti._compress import compress
 from floquid.lti._era import ERA
 from floquid.lti._evidence import Evidence
 from floquid.lti._identifier import AbstractIdentifier
+from floquid.lti._lscf import LSCF
 from floquid.lti._maximum_likelihood import MaximumLikelihood
 from floquid.lti._noise import white_noise_std
+from floquid.lti._polyreference import PolyLSCF
 from floquid.lti._residues import fit_residues
 from floquid.lti._spectrum import WHITE, composites
 from floquid.lti._types import Composites, ModalModel, Outcome, TimeResponses
@@ -18,6 +20,7 @@ from floquid.lti._types import Composites, ModalModel, Outcome, TimeResponses
 __all__ = [
     "AMI",
     "ERA",
+    "LSCF",
     "WHITE",
     "AbstractIdentifier",
     "Composites",
@@ -25,6 +28,7 @@ __all__ = [
     "MaximumLikelihood",
     "ModalModel",
     "Outcome",
+    "PolyLSCF",
     "TimeResponses",
     "composites",
     "compress",

@@ -15,7 +15,7 @@ noise alone. What rises above holds the modes, and every other direction is a de
 roots. Taken is the one of least norm with a fixed coefficient: the highest power of x, and the roots that belong to
 no mode have |μ| > 1; the constant, and they have |μ| < 1 (R. Kumaresan and D. W. Tufts, IEEE Trans. ASSP 30(6), 1982;
 G. Szegő, "Orthogonal Polynomials", 1939, chapter 11). Decaying modes are taken from the first, growing ones from the
-second. Least squares would weigh directions by their inverse eigenvalues: noise then pulls the poles inwards, however
+second. Least squares would weigh directions by their inverse eigenvalues, and noise then takes damping away, however
 long the record. And were the numerators not eliminated, M would be a Toeplitz matrix and every root mirrored in the
 unit circle, its damping of the wrong sign: a common code, whose sum over the lines below a band is an inverse transform
 of nothing when the band begins at zero, loses them so.

@@ -66,9 +66,9 @@ class LSCF(AbstractIdentifier):
     blocks of one Gram matrix, so that the size of the problem does not depend on the number of responses.
 
     The noise is white and of known deviation, and its part of the normal matrix is taken off: the estimate is
-    consistent, where that of plain least squares is biased towards too much damping. The degree is well above the
-    order. `extract` asks for `order` poles and gets those roots whose residues take most out of the responses. Growing
-    modes are found as decaying ones are; two modes of equal poles are one.
+    consistent, where plain least squares, its highest coefficient fixed, finds too little damping. The degree is well
+    above the order. `extract` asks for `order` poles and gets those roots whose residues take most out of the
+    responses. Growing modes are found as decaying ones are; two modes of equal poles are one.
 
     Parameters
     ----------

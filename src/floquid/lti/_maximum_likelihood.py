@@ -17,6 +17,7 @@ from floquid.lti._horizon import energetic_length, horizon, search_window
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._order import checked_order, reached
 from floquid.lti._poles import PoleSet
+from floquid.lti._rank_one import PRODUCTS, merged, refined, separated
 from floquid.lti._residual import Residual, filtered, whitening_of
 from floquid.lti._residues import model_of
 from floquid.lti._select import Threshold, choose, force_order, plausible
@@ -73,6 +74,10 @@ class MaximumLikelihood(AbstractIdentifier):
     with `order=None` each mode must pass a chi-square test with the others refitted. Any other identifier may be
     wrapped (`initial`): one that decides the order leaves only the finish to this, and the poles of one that does not
     are where the search starts instead of those of ERA.
+
+    Noise that is correlated in time is whitened by a short filter, and responses whose noise is not independent count
+    for as many as they are worth. Of several inputs the residues are free in the search; where those of a pole are
+    of higher rank than one, modes of equal multipliers are told apart as outer products.
 
     Parameters
     ----------
@@ -153,7 +158,9 @@ class MaximumLikelihood(AbstractIdentifier):
             outcome = Outcome.NOT_WHITE
         elif found.poles.order >= most:
             outcome = Outcome.TOO_FEW_SAMPLES
-        return _model(state, polish(found.poles, blocks, tolerance=AT_REST), blocks, outcome)
+        model = _model(state, polish(found.poles, blocks, tolerance=AT_REST), blocks, outcome)
+        several = min(state.data.n_inputs, state.data.n_outputs) > 1
+        return separated(model, state.data, self.false_alarm) if several and order is None else model
 
     def refine(self, state: Prepared, model: ModalModel) -> ModalModel:
         """The maximum-likelihood model of the same order nearest to another one, on other data or another noise.
@@ -170,6 +177,8 @@ class MaximumLikelihood(AbstractIdentifier):
         ModalModel
             The model; its outcome is that of `model`.
         """
+        if PRODUCTS in model.stats:
+            return refined(model, state.data)
         poles = PoleSet.from_multipliers(model.multipliers)
         blocks = state.first(horizon(poles, state.whole, self.time_constants))
         blocks = replace(state, factors=blocks).whitened(whitening_of(Residual.of(poles, blocks)))
@@ -190,7 +199,7 @@ class MaximumLikelihood(AbstractIdentifier):
         Evidence
             The rises of the cost, the neighbouring models and what is left.
         """
-        poles = PoleSet.from_multipliers(model.multipliers)
+        poles = merged(model) if PRODUCTS in model.stats else PoleSet.from_multipliers(model.multipliers)
         raw = state.first(horizon(poles, state.whole, self.time_constants))
         taps = whitening_of(Residual.of(poles, raw))
         blocks = replace(state, factors=raw).whitened(taps)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error
 from floquid.lti._exponentials import basis, complex_residues, real_basis
+from floquid.lti._factor import BLOCK
 from floquid.lti._poles import PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
@@ -74,8 +75,8 @@ def model_of(
     residues = np.zeros((n, data.n_outputs, data.n_inputs), complex)
     spread, slope = np.zeros((2, data.n_inputs, n, n), complex)
     residual = np.zeros((data.n_outputs, data.n_inputs))
-    for i, length in enumerate(data.lengths):
-        residues[:, :, i], spread[i], slope[i], residual[:, i] = _of_input(poles, data.values[:, i, :length])
+    for i in range(data.n_inputs):
+        residues[:, :, i], spread[i], slope[i], residual[:, i] = _of_input(poles, data, i)
     return ModalModel(
         multipliers=poles.multipliers(),
         residues=residues,
@@ -90,21 +91,37 @@ def model_of(
 
 
 def _of_input(
-    poles: PoleSet, responses: NDArray[np.float64]
+    poles: PoleSet, data: TimeResponses, number: int
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]:
-    """Residues (n, outputs), their spread and slope (n, n), and the residual's deviation (outputs,)."""
-    samples = responses.shape[1]
+    """Residues (n, outputs), their spread and slope (n, n), and the residual's deviation (outputs,), of one input."""
+    samples = int(data.lengths[number])
     columns = basis(poles, samples)
     q, r = np.linalg.qr(real_basis(poles, columns))
     inverse = np.linalg.pinv(r, rcond=1e-14)
-    projected = q.T @ responses.T
-    free = max(samples - poles.order, 1)
-    left = np.sqrt(np.sum((responses.T - q @ projected) ** 2, axis=0) / free)
-    pinv = complex_residues(poles, inverse @ q.T)
+    residues = np.zeros((poles.order, data.n_outputs), complex)
+    left = np.zeros(data.n_outputs)
     # The columns were scaled so that a growing mode cannot overflow; residues belong to sample zero.
     s = poles.full()
     scale = np.exp(-np.where(s.real > 0, samples - 1, 0) * s)
-    pinv = scale[:, None] * pinv
-    unscaled = columns / scale
-    slope = pinv @ (np.arange(samples)[:, None] * unscaled)
-    return pinv @ responses.T, pinv @ pinv.conj().T, slope, left
+    step = max(1, BLOCK // samples)
+    for start in range(0, data.n_outputs, step):
+        part = slice(start, start + step)
+        block = data.values[part, number, :samples]
+        projected = block @ q
+        residues[:, part] = scale[:, None] * complex_residues(poles, inverse @ projected.T)
+        left[part] = _energy_left(block, q, projected)
+    pinv = scale[:, None] * complex_residues(poles, inverse @ q.T)
+    slope = pinv @ (np.arange(samples)[:, None] * columns / scale)
+    return residues, pinv @ pinv.conj().T, slope, np.sqrt(left / max(samples - poles.order, 1))
+
+
+def _energy_left(
+    block: NDArray[np.float64], q: NDArray[np.float64], projected: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """||y - y q qᵀ||² (outputs,): by subtraction, unless so little is left that rounding would show."""
+    whole = np.einsum("ok,ok->o", block, block)
+    left = whole - np.einsum("on,on->o", projected, projected)
+    small = left < 1e-6 * whole
+    if small.any():
+        left[small] = np.sum((block[small] - projected[small] @ q.T) ** 2, axis=1)
+    return left

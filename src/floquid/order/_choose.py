@@ -111,7 +111,7 @@ def judge(data: TimeResponses, model: ModalModel) -> Choice:
     likelihood = MaximumLikelihood()
     evidence = likelihood.weigh(likelihood.prepare(data), model)
     reasons, doubts = [], []
-    for text, speaks_against in _findings(evidence, data.dt):
+    for text, speaks_against in [*_findings(evidence, data.dt), *_hits(data, model, evidence)]:
         (doubts if speaks_against else reasons).append(text)
     if model.outcome is not Outcome.SUCCESS:
         doubts.append(model.outcome.value)
@@ -151,6 +151,17 @@ def _findings(evidence: Evidence, dt: float) -> list[tuple[str, bool]]:
         found.append((text, True))
     found.append(_residual(evidence))
     return found
+
+
+def _hits(data: TimeResponses, model: ModalModel, evidence: Evidence) -> list[tuple[str, bool]]:
+    """What the number of initial conditions lets be said."""
+    apart = int((model.multipliers.imag >= 0).sum()) - len(evidence.multipliers)
+    if data.n_inputs == 1:
+        return [("With one initial condition, modes of equal multipliers are seen as one.", False)]
+    if apart > 0:
+        count = "One multiplier is" if apart == 1 else f"{apart} multipliers are"
+        return [(f"{count} that of two modes or more: the residues of the {data.n_inputs} hits have that rank.", False)]
+    return [("No two modes share a multiplier: the residues are outer products of shape and hit.", False)]
 
 
 def _frequency(multiplier: complex, dt: float) -> str:

@@ -142,8 +142,15 @@ def _reordered(modal: ModalModel, order: list[int]) -> ModalModel:
 
 
 def _partner(modal: ModalModel, index: int) -> int:
-    """The position of the conjugate of one multiplier (its own when it is real)."""
-    return int(np.argmin(np.abs(modal.multipliers - modal.multipliers[index].conj())))
+    """The position of the conjugate of one multiplier (its own when it is real).
+
+    Of modes with equal multipliers each has its conjugate next to it, below the real axis after the one above.
+    """
+    distance = np.abs(modal.multipliers - modal.multipliers[index].conj())
+    beside = index + int(np.sign(modal.multipliers[index].imag))
+    if 0 <= beside < modal.order and distance[beside] <= distance.min():
+        return beside
+    return int(np.argmin(distance))
 
 
 def _expand(modal: ModalModel, lifted: Lifted) -> _Expansion:

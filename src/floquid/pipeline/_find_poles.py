@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from floquid.errors import IdentificationError
 from floquid.lifting import Lifted
-from floquid.lti import MaximumLikelihood, ModalModel, Outcome
+from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome
 from floquid.order import Choice, judge
 from floquid.pipeline._settings import Settings
 
@@ -56,9 +56,8 @@ def find_poles(
             modal = identifier.refine(state, modal)
         else:
             report("searching for modes")
-            modal = identifier.extract(
-                state, settings.order, report=lambda text: report(f"searching for modes: {text}")
-            )
+            order = settings.order or _order_for(identifier, lifted, settings, report)
+            modal = identifier.extract(state, order, report=lambda text: report(f"searching for modes: {text}"))
         if modal.outcome is not Outcome.SUCCESS:
             words = modal.outcome.value
             if modal.outcome is Outcome.ORDER_UNREACHED:
@@ -85,6 +84,19 @@ def find_poles(
         return lifted, modal, None
     report("weighing the order")
     return lifted, modal, judge(lifted.responses, modal)
+
+
+def _order_for(
+    identifier: AbstractIdentifier, lifted: Lifted, settings: Settings, report: Callable[[str], None]
+) -> int | None:
+    """The order for an algorithm that cannot decide it: that of maximum likelihood started from it."""
+    if identifier.decides:
+        return None
+    likelihood = MaximumLikelihood(false_alarm=settings.mode_false_alarm, initial=identifier)
+    found = likelihood.extract(likelihood.prepare(lifted.responses), report=report)
+    if found.outcome is not Outcome.SUCCESS:
+        raise IdentificationError(f"Identification ended without a result: {found.outcome.value}")
+    return found.order
 
 
 def _noise_left(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64]:

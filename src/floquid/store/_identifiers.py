@@ -11,7 +11,9 @@ from floquid._checks import input_error
 from floquid.errors import InputError
 from floquid.lti import AbstractIdentifier
 
-KNOWN: dict[str, type[AbstractIdentifier]] = {kind.__name__: kind for kind in (lti.AMI, lti.MaximumLikelihood)}
+KNOWN: dict[str, type[AbstractIdentifier]] = {
+    kind.__name__: kind for kind in (lti.AMI, lti.ERA, lti.LSCF, lti.MaximumLikelihood, lti.PolyLSCF)
+}
 
 
 def to_text(identifier: AbstractIdentifier) -> str:

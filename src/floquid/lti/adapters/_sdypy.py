@@ -44,12 +44,13 @@ class SdypyLSCF(AbstractIdentifier):
     Parameters
     ----------
     pairs
-        Half the degree of the denominator, the `pol_order_high` of sdypy-EMA; less where the responses are short.
+        Half the degree of the denominator, the `pol_order_high` of sdypy-EMA: less where the responses are short, and
+        at least one and a half times the order.
     """
 
     decides: ClassVar[bool] = False
 
-    pairs: int = 20
+    pairs: int = 40
 
     def prepare(self, data: TimeResponses) -> Components:
         """The principal components of the responses over their noise.
@@ -127,7 +128,7 @@ class SdypyLSCF(AbstractIdentifier):
         positive ones of the responses with every other sample's sign changed.
         """
         values = state.first(order)[:, : state.samples - state.samples % 2]
-        pairs = max(-(-order // 2), min(self.pairs, state.samples // 4))
+        pairs = max(-(-order // 2), min(max(self.pairs, 3 * order // 2), state.samples // 4))
         found = _multipliers(values, pairs)
         if np.isnan(found).any():
             found = np.concatenate([found, -_multipliers(values * (-1.0) ** np.arange(values.shape[1]), pairs)])

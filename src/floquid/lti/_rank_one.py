@@ -1,0 +1,352 @@
+r"""Several inputs: the residues of a mode are an outer product, and modes of equal multipliers can be told apart.
+
+.. math:: y_{oi}[k] = \sum_r \psi_{or}\, l_{ri}\, \mu_r^k
+
+One initial condition excites one combination of modes of equal multipliers, and its response holds no more than that;
+two of them excite two. A free fit then finds one pole with residues of rank two. Here the rank is tested, the pole is
+split, and poles and participations l are fitted together, the shapes ψ eliminated (variable projection as in
+`_exponentials`, inputs one after the other as samples of one response).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.lti._exponentials import LEAST_DAMPING, basis, complex_residues, positive_part
+from floquid.lti._factor import Factor, factors
+from floquid.lti._poles import PAIR, PoleSet
+from floquid.lti._select import rise_limit
+from floquid.lti._types import ModalModel, Outcome, TimeResponses
+
+STEPS = 60
+"""Steps of the fit, at most."""
+
+TOGETHER = 5.0
+"""The sum of their standard deviations, times this, within which poles are one to a free fit."""
+
+PRODUCTS = "outer products"
+"""Among the `stats` of a model whose residues were fitted as such."""
+
+
+def levels(data: TimeResponses) -> NDArray[np.float64]:
+    """The noise as a factor an output times a factor an input (outputs, inputs), nearest in the logarithm."""
+    logs = np.log(data.noise)
+    return np.exp(logs.mean(axis=1, keepdims=True) + logs.mean(axis=0) - logs.mean())
+
+
+def ranks(model: ModalModel, data: TimeResponses, false_alarm: float) -> NDArray[np.int64]:
+    """How many outer products the residues of each pole of a free fit hold beyond noise (modes,).
+
+    A singular value of the residues, over the noise that they carry, is kept when those from it on hold more than a
+    chi-square of their degrees of freedom does at the false-alarm probability.
+    """
+    assert model.residue_spread is not None
+    outputs, inputs = data.n_outputs, data.n_inputs
+    # A factor a response would undo the products; what a factor an output and an input leaves unequal is averaged.
+    scale = levels(data)
+    unequal = (data.noise / scale) ** 2
+    worth = float(unequal.sum() ** 2 / np.sum(unequal**2) / unequal.size)
+    found = np.ones(model.order, np.int64)
+    for r in range(model.order):
+        carried = scale * np.sqrt(model.residue_spread[:, r, r].real)
+        values = np.linalg.svd(model.residues[r] / carried, compute_uv=False)
+        parts = 1 if model.multipliers[r].imag == 0 else 2
+        for rank in range(1, min(outputs, inputs)):
+            degrees = parts * (outputs - rank) * (inputs - rank)
+            left = parts * float(np.sum(values[rank:] ** 2)) / float(unequal.mean())
+            if left * worth < rise_limit(false_alarm, degrees * worth, 1e9):
+                break
+            found[r] = rank + 1
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Products:
+    """Poles and the participation of each in each input (k, inputs), the largest of each being 1."""
+
+    poles: PoleSet
+    shares: NDArray[np.complex128]
+
+    @staticmethod
+    def of(poles: PoleSet, shares: NDArray[np.complex128]) -> Products:
+        """With the participations brought to their normal form."""
+        largest = shares[np.arange(len(shares)), np.argmax(np.abs(shares), axis=1)]
+        shares = shares / largest[:, None]
+        return Products(poles, np.where(poles.kind[:, None] == PAIR, shares, shares.real))
+
+    def without(self, entry: int) -> Products:
+        """Less one entry."""
+        return Products(self.poles.without(entry), np.delete(self.shares, entry, axis=0))
+
+    def in_input(self, i: int) -> NDArray[np.complex128]:
+        """The participations in input `i` (order,), conjugates conjugated."""
+        parts = [
+            [v, v.conjugate()] if k == PAIR else [v] for v, k in zip(self.shares[:, i], self.poles.kind, strict=True)
+        ]
+        return np.concatenate(parts).astype(complex)
+
+
+def split(model: ModalModel, data: TimeResponses, counts: NDArray[np.int64]) -> Products:
+    """Each pole as often as its residues have rank, with the participations of their singular vectors."""
+    scale = levels(data)
+    s, kind, shares = [], [], []
+    for r in range(model.order):
+        mu = model.multipliers[r]
+        if mu.imag < 0:
+            continue
+        right = np.linalg.svd(model.residues[r] / scale, full_matrices=False)[2]
+        one = PoleSet.from_multipliers(np.array([mu]))
+        for number in range(int(counts[r])):
+            s.append(one.s[0])
+            kind.append(one.kind[0])
+            shares.append(right[number])
+    return Products.of(PoleSet(np.array(s), np.array(kind)), np.array(shares))
+
+
+@dataclass(frozen=True, slots=True)
+class Tangents:
+    """How each real parameter moves the columns of its entry: the moved columns and which residues they carry."""
+
+    first: NDArray[np.float64]
+    second: NDArray[np.float64]
+    a: NDArray[np.int64]
+    b: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class ProductFit:
+    """The least-squares fit of outer products: its cost, and what a step and the covariance need."""
+
+    products: Products
+    cost: float
+    gradient: NDArray[np.float64]
+    whole: NDArray[np.float64]
+    information: NDArray[np.float64]
+
+
+def _columns(now: Products, lengths: NDArray[np.int64]) -> tuple[NDArray[np.float64], Tangents]:
+    """The real columns (rows, order), inputs one after the other, and their tangents, a column a parameter."""
+    poles = now.poles
+    powers = basis(poles, int(lengths.max()))[:, poles.starts()]
+    ends = np.cumsum(lengths)
+    rows = int(ends[-1])
+    columns: list[NDArray[np.float64]] = []
+    first, second, a, b = [], [], [], []
+    for entry, kind in enumerate(poles.kind):
+        whole, slope = np.zeros((2, rows), complex)
+        alone = []
+        for i, (end, length) in enumerate(zip(ends, lengths, strict=True)):
+            part = slice(int(end - length), int(end))
+            whole[part] = now.shares[entry, i] * powers[:length, entry]
+            slope[part] = np.arange(length) * whole[part]
+            if now.shares[entry, i] != 1.0:
+                single = np.zeros(rows, complex)
+                single[part] = powers[:length, entry]
+                alone.append(single)
+        at = len(columns)
+        pair = kind == PAIR
+        columns += [whole.real, whole.imag] if pair else [whole.real]
+        for moved in (slope, *alone):
+            for turned in (moved, 1j * moved) if pair else (moved,):
+                first.append(turned.real)
+                second.append(turned.imag if pair else np.zeros(rows))
+                a.append(at)
+                b.append(at + 1 if pair else at)
+    return np.stack(columns, axis=1), Tangents(
+        np.stack(first, axis=1), np.stack(second, axis=1), np.array(a), np.array(b)
+    )
+
+
+def fit_products(now: Products, block: Factor, lengths: NDArray[np.int64]) -> ProductFit:
+    """Cost, gradient and information matrices."""
+    columns, moves = _columns(now, lengths)
+    q, r = np.linalg.qr(columns)
+    first = moves.first - q @ (q.T @ moves.first)
+    second = moves.second - q @ (q.T @ moves.second)
+    projected = q.T @ block.values
+    inverse = np.linalg.pinv(r, rcond=1e-12)
+    residues = inverse @ projected
+    left = block.values - q @ projected
+    gradient = np.einsum("pj,pj->p", first.T @ left, residues[moves.a])
+    gradient += np.einsum("pj,pj->p", second.T @ left, residues[moves.b])
+
+    def products(moments: NDArray[np.float64]) -> NDArray[np.float64]:
+        total = (first.T @ first) * moments[np.ix_(moves.a, moves.a)]
+        mixed = (first.T @ second) * moments[np.ix_(moves.a, moves.b)]
+        return total + mixed + mixed.T + (second.T @ second) * moments[np.ix_(moves.b, moves.b)]
+
+    whole = products(residues @ residues.T)
+    noise = block.columns * products(inverse @ inverse.T)
+    cost = float(np.sum(left**2)) + block.energy - float(np.sum(block.values**2))
+    return ProductFit(now, cost, gradient, whole, positive_part(whole, whole - noise))
+
+
+def _moved(now: Products, step: NDArray[np.float64]) -> Products:
+    """After a step in the real parameters: of each entry, those of the pole, then those of the participations."""
+    s, shares, at = now.poles.s.copy(), now.shares.copy(), 0
+    for entry, kind in enumerate(now.poles.kind):
+        free = [i for i in range(shares.shape[1]) if shares[entry, i] != 1.0]
+        width = 2 if kind == PAIR else 1
+        parts = step[at : at + width * (1 + len(free))].reshape(-1, width)
+        numbers = parts[:, 0] + (1j * parts[:, 1] if width == 2 else 0.0)
+        s[entry] += numbers[0]
+        shares[entry, free] += numbers[1:]
+        at += width * (1 + len(free))
+    return Products(PoleSet.of(s, now.poles.kind), shares)
+
+
+@dataclass(frozen=True, slots=True)
+class Stacked:
+    """The responses of all inputs, one input after the other, over the noise as a product; and their factor."""
+
+    data: TimeResponses
+    scale: NDArray[np.float64]
+    values: NDArray[np.float64]
+    block: Factor
+
+    @staticmethod
+    def of(data: TimeResponses) -> Stacked:
+        """The responses stacked."""
+        scale = levels(data)
+        parts = [data.values[:, i, :length] / scale[:, i, None] for i, length in enumerate(data.lengths)]
+        values = np.concatenate(parts, axis=1)
+        values.flags.writeable = False
+        return Stacked(data, scale, values, factors(TimeResponses(values=values[:, None], dt=data.dt))[0])
+
+    def limit(self, size: int, false_alarm: float) -> float:
+        """The rise that noise explains when an outer product with a real pole (1) or a pair (2) is taken away."""
+        degrees = size * (self.data.n_outputs + self.data.n_inputs)
+        return rise_limit(false_alarm, degrees, self.values.size) * self.noise
+
+    @property
+    def noise(self) -> float:
+        """The mean square of the noise where its product is 1."""
+        return float(np.mean((self.data.noise / self.scale) ** 2))
+
+
+def polish_products(now: Products, stacked: Stacked, *, steps: int = STEPS, tolerance: float = 1e-3) -> ProductFit:
+    """The poles and participations of least cost near `now`, by Levenberg and Marquardt."""
+    block, lengths = stacked.block, stacked.data.lengths
+    found, damping = fit_products(now, block, lengths), 1e-4
+    for _ in range(steps):
+        size = np.sqrt(np.diag(found.information)) + np.finfo(float).tiny
+        system = found.information / np.outer(size, size)
+        while damping < 1e8:
+            step = np.linalg.solve(system + damping * np.eye(len(size)), found.gradient / size) / size
+            step *= min(1.0, 0.5 / max(np.abs(step).max(), 1e-300))
+            trial = fit_products(_moved(found.products, step), block, lengths)
+            if trial.cost <= found.cost * (1.0 + 1e-12):
+                break
+            damping = max(10.0 * damping, 1e-4)
+        else:
+            break
+        found, damping = trial, max(0.1 * damping, LEAST_DAMPING)
+        if np.abs(step * size).max() < tolerance:
+            break
+    return found
+
+
+def separated(model: ModalModel, data: TimeResponses, false_alarm: float) -> ModalModel:
+    """The model with the modes of equal multipliers apart; the model itself where there are none.
+
+    Each pole of a free fit is split by the rank of its residues. Poles near one another share their errors and seem to
+    have a higher rank; so each outer product must then pass the test that every mode passes.
+    """
+    counts = ranks(model, data, false_alarm)
+    if counts.max(initial=1) == 1:
+        return model
+    stacked = Stacked.of(data)
+    found = polish_products(split(model, data, counts), stacked)
+    before = int((model.multipliers.imag >= 0).sum())
+    while len(found.products.poles) > before:
+        trials = [
+            polish_products(found.products.without(entry), stacked, steps=15, tolerance=1e-2)
+            for entry in range(len(found.products.poles))
+        ]
+        rises = [trial.cost - found.cost for trial in trials]
+        limits = [stacked.limit(int(size), false_alarm) for size in found.products.poles.sizes]
+        least = int(np.argmin(np.array(rises) - np.array(limits)))
+        if rises[least] > limits[least]:
+            break
+        found = polish_products(trials[least].products, stacked)
+    if len(found.products.poles) == before:
+        return model
+    return model_of_products(found, stacked, model.outcome)
+
+
+def merged(model: ModalModel) -> PoleSet:
+    """The poles of a free fit that stand for those of outer products: one for all that are not told apart by it."""
+    assert model.covariance is not None
+    poles = PoleSet.from_multipliers(model.multipliers)
+    std = np.sqrt(np.maximum(np.diag(model.covariance), 0.0)) * model.dt
+    size = np.hypot(std[: model.order], std[model.order :])[poles.starts()]
+    kept: list[int] = []
+    for entry, s in enumerate(poles.s):
+        if all(abs(s - poles.s[other]) > TOGETHER * (size[entry] + size[other]) for other in kept):
+            kept.append(entry)
+    return poles.keep(np.isin(np.arange(len(poles)), kept))
+
+
+def refined(model: ModalModel, data: TimeResponses) -> ModalModel:
+    """The model of outer products nearest to another one, on other data or another noise."""
+    stacked = Stacked.of(data)
+    ones = np.ones(model.order, np.int64)
+    return model_of_products(polish_products(split(model, data, ones), stacked), stacked, model.outcome)
+
+
+def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome) -> ModalModel:
+    """The modal model of outer products, with the covariance of its poles."""
+    now, data, scale, values = found.products, stacked.data, stacked.scale, stacked.values
+    poles, n = now.poles, now.poles.order
+    columns, _ = _columns(now, data.lengths)
+    pinv = np.linalg.pinv(columns, rcond=1e-12)
+    real = pinv @ values.T
+    shapes, spread = complex_residues(poles, real), complex_residues(poles, pinv)
+    own = [now.in_input(i) for i in range(data.n_inputs)]
+    residues = np.stack([own[i][:, None] * shapes * scale[:, i] for i in range(data.n_inputs)], axis=2)
+    rest = (values - (columns @ real).T) ** 2
+    ends = np.cumsum(data.lengths)
+    parts = [slice(int(end - length), int(end)) for end, length in zip(ends, data.lengths, strict=True)]
+    free = [max(length - n / data.n_inputs, 1) for length in data.lengths]
+    left = [scale[:, i] * np.sqrt(rest[:, part].sum(axis=1) / free[i]) for i, part in enumerate(parts)]
+    powers = basis(poles, int(data.lengths.max()))
+    steps = [np.arange(length)[:, None] * powers[:length] * own[i] for i, length in enumerate(data.lengths)]
+    slope = spread @ np.concatenate(steps)
+    # An input that hardly holds a mode says nothing of how its residue there moves with the pole.
+    safe = [np.where(np.abs(share) > 1e-9, share, 1e-9) for share in own]
+    return ModalModel(
+        multipliers=poles.multipliers(),
+        residues=residues,
+        dt=data.dt,
+        covariance=_covariance(found, stacked.noise) / data.dt**2,
+        residue_spread=np.stack([np.outer(share, share.conj()) * (spread @ spread.conj().T) for share in own]),
+        residue_slope=np.stack([one[:, None] * slope / other for one, other in zip(own, safe, strict=True)]),
+        residual_std=np.stack(left, axis=1),
+        outcome=outcome,
+        stats={"cost": found.cost, PRODUCTS: 1.0},
+    )
+
+
+def _covariance(found: ProductFit, noise: float) -> NDArray[np.float64]:
+    """Of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts."""
+    size = np.sqrt(np.maximum(np.diag(found.information), np.finfo(float).tiny))
+    both = np.outer(size, size)
+    inverse = np.linalg.pinv(found.information / both, rcond=1e-12, hermitian=True)
+    unit = inverse @ (found.whole / both) @ inverse / both * noise
+    own = _pole_parameters(found.products)
+    map_ = found.products.poles.parameter_map()
+    stack = np.concatenate([map_.real, map_.imag])
+    return stack @ unit[np.ix_(own, own)] @ stack.T
+
+
+def _pole_parameters(now: Products) -> NDArray[np.int64]:
+    """The positions of the poles' parameters among all (order,)."""
+    positions, at = [], 0
+    for entry, kind in enumerate(now.poles.kind):
+        width = 2 if kind == PAIR else 1
+        positions += list(range(at, at + width))
+        at += width * (1 + int((now.shares[entry] != 1.0).sum()))
+    return np.array(positions)

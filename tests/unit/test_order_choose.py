@@ -1,0 +1,167 @@
+"""The order chosen: right, with its reasons, in doubt when the data are; in noise that is coloured or dependent too."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from floquid.lti import AMI, ERA, MaximumLikelihood, Outcome, TimeResponses
+from floquid.lti._factor import factor
+from floquid.lti._poles import PoleSet
+from floquid.lti._residual import Residual, filtered, whitening_of
+from floquid.order import choose, judge
+
+PAIRS = [-0.02 + 0.8j, -0.03 + 1.7j, -0.04 + 2.6j]
+
+
+def ringing(logs, noise, *, outputs=40, inputs=1, seed=0):
+    """Decays beside noise (samples, outputs, inputs) of unit variance times `noise` of the largest response."""
+    generator = np.random.default_rng(seed)
+    samples = len(noise[0])
+    residues = generator.standard_normal((2, outputs, inputs, len(logs)))
+    values = ((residues[0] + 1j * residues[1]) @ np.exp(np.multiply.outer(logs, np.arange(samples)))).real
+    sigma = noise[1] * np.abs(values).max()
+    values = values + sigma * np.moveaxis(noise[0].reshape(samples, outputs, inputs), 0, 2)
+    return TimeResponses(values=values, dt=0.5, noise=np.full((outputs, inputs), sigma))
+
+
+def white(samples=200, outputs=40, seed=0):
+    return np.random.default_rng(100 + seed).standard_normal((samples, outputs))
+
+
+def coloured(pole, samples=200, outputs=40, seed=0):
+    """Noise that depends on the samples before."""
+    made = lfilter([1.0], [1.0, -pole], white(samples + 100, outputs, seed), axis=0)[100:]
+    return made / made.std()
+
+
+def dependent(pole, samples=200, outputs=40, seed=0):
+    """Noise that depends on the responses before, as that of a record sampled faster than its noise changes does."""
+    made = lfilter([1.0], [1.0, -pole], white(samples, outputs, seed).ravel())
+    return (made / made.std()).reshape(samples, outputs)
+
+
+def upper(model):
+    logs = np.log(model.multipliers)
+    return np.sort_complex(logs[logs.imag > 0])
+
+
+NOISES = {
+    "white": white,
+    "red": lambda **options: coloured(0.8, **options),
+    "blue": lambda **options: coloured(-0.8, **options),
+    "dependent": lambda **options: dependent(0.9, **options),
+}
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("share", [0.01, 0.1])
+@pytest.mark.parametrize("kind", NOISES)
+def test_the_order_is_right_in_noise_of_any_colour(kind, share, seed):
+    choice = choose(ringing(PAIRS, (NOISES[kind](seed=seed), share), seed=seed))
+    assert choice.order == 6
+    assert not choice.ambiguous, choice.doubts
+    assert np.abs(np.sort_complex(np.array(PAIRS)) - upper(choice.model)).max() < 0.02
+
+
+@pytest.mark.parametrize("kind", NOISES)
+def test_noise_alone_holds_no_mode(kind):
+    for seed in range(4):
+        noise = NOISES[kind](seed=seed)
+        data = TimeResponses(values=noise.T[:, None], dt=1.0)
+        identifier = MaximumLikelihood()
+        assert identifier.extract(identifier.prepare(data)).outcome is Outcome.NO_MODE
+
+
+def test_without_whitening_coloured_noise_passes_for_modes(monkeypatch):
+    """What the right estimator is spared."""
+    monkeypatch.setattr("floquid.lti._maximum_likelihood.whitening_of", lambda _: None)
+    data = ringing(PAIRS, (coloured(0.5), 0.02))
+    identifier = MaximumLikelihood(most=12)
+    assert identifier.extract(identifier.prepare(data)).order > 6
+
+
+def test_deviations_hold_in_coloured_noise():
+    """Errors over their deviations, over draws of the noise: whitened, the poles err as they say."""
+    pulls = []
+    for seed in range(60):
+        data = ringing(PAIRS, (coloured(0.7, seed=seed), 0.03), seed=0)
+        identifier = MaximumLikelihood()
+        model = identifier.extract(identifier.prepare(data))
+        assert model.order == 6
+        std = np.sqrt(np.diag(model.covariance)) * model.dt
+        for log in PAIRS:
+            off = np.log(model.multipliers) - log
+            k = int(np.argmin(np.abs(off)))
+            pulls += [off[k].real / std[k], off[k].imag / std[k + 6]]
+    assert np.sqrt(np.mean(np.square(pulls))) == pytest.approx(1.0, abs=0.15)
+
+
+def test_the_reasons_name_what_was_looked_at():
+    choice = choose(ringing(PAIRS, (white(), 0.02)))
+    text = " ".join(choice.reasons)
+    for words in ("3 modes is needed", "well determined", "standard deviations apart", "further mode", "white noise"):
+        assert words in text
+    assert choice.doubts == ()
+    assert choice.runner_up.order in {4, 5, 7, 8}
+    assert choice.evidence.less.order == 4
+
+
+@pytest.mark.parametrize("identifier", [AMI(), ERA(), MaximumLikelihood(initial=ERA())])
+def test_any_identifier_may_find_the_poles(identifier):
+    assert choose(ringing(PAIRS, (white(), 0.02)), identifier).order == 6
+
+
+def test_an_order_too_low_is_in_doubt():
+    data = ringing(PAIRS, (white(), 0.02))
+    identifier = MaximumLikelihood()
+    choice = judge(data, identifier.extract(identifier.prepare(data), 4))
+    assert choice.ambiguous
+    assert any("further mode takes" in doubt for doubt in choice.doubts)
+    assert choice.runner_up.order == 6
+
+
+def test_an_order_too_high_is_in_doubt():
+    data = ringing(PAIRS, (white(), 0.02))
+    identifier = MaximumLikelihood()
+    choice = judge(data, identifier.extract(identifier.prepare(data), 8))
+    assert choice.ambiguous
+    assert any("only just more" in doubt for doubt in choice.doubts)
+    assert choice.runner_up.order in {6, 7}
+
+
+def test_a_pair_that_cannot_be_told_is_in_doubt_or_seen_as_one():
+    """A tenth of the half-power width apart in 20 % noise: the separation is below one standard deviation."""
+    for seed in range(8):
+        data = ringing([-0.02 + 1.0j, -0.02 + 1.004j], (white(samples=256, seed=seed), 0.2), seed=seed)
+        choice = choose(data)
+        assert choice.ambiguous or choice.order == 2
+
+
+def test_white_noise_has_no_colour_and_independent_responses():
+    residuals = [Residual.of(PoleSet.empty(), [factor(white(seed=seed))]) for seed in range(40)]
+    colours = np.array([residual.colour() for residual in residuals])
+    assert abs(colours.mean()) < 4.0 / np.sqrt(40)
+    assert 0.6 < colours.std() < 1.4
+    assert {residual.independent for residual in residuals} == {1.0}
+
+
+@pytest.mark.parametrize("pole", [0.3, 0.6, 0.9])
+def test_what_dependent_responses_are_worth(pole):
+    """(tr Σ)²/tr Σ² of an autoregression along the responses is (1 - φ²)/(1 + φ²) of their number."""
+    left = Residual.of(PoleSet.empty(), [factor(dependent(pole, samples=400, outputs=60))])
+    assert left.independent == pytest.approx((1 - pole**2) / (1 + pole**2), rel=0.15, abs=0.02)
+
+
+def test_whitening_makes_white():
+    made = factor(coloured(0.8, samples=400))
+    taps = whitening_of(Residual.of(PoleSet.empty(), [made]))
+    assert taps[1] / taps[0] == pytest.approx(-0.8, abs=0.03)
+    assert abs(Residual.of(PoleSet.empty(), [filtered(made, taps)]).colour()) < 5.0
+    assert whitening_of(Residual.of(PoleSet.empty(), [factor(white())])) is None
+
+
+def test_a_decay_left_over_is_not_taken_for_noise():
+    data = ringing(PAIRS, (white(), 0.01))
+    left = Residual.of(PoleSet.empty(), [factor((data.values[:, 0] / data.noise).T)])
+    assert not left.judged
+    assert whitening_of(left) is None
