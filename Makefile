@@ -18,7 +18,7 @@ test slow docs: export OMP_NUM_THREADS ?= 1
 test slow docs: export MKL_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test slow bench order lint format docs requirements upgrade clean
+.PHONY: help install demo test slow bench peers order lint format docs requirements upgrade clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
@@ -37,6 +37,9 @@ bench: $(INSTALLED) ## time the benchmarks
 
 order: $(INSTALLED) ## how often the order is right, over random systems (into build/order/; an hour on two cores)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.order --jobs 2 --out build/order
+
+peers: $(INSTALLED) ## our identifiers beside other people's (into docs/peers/; a quarter of an hour)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.peers --out docs/peers
 
 lint: $(INSTALLED) ## style, import contracts and types
 	$(BIN)/ruff check

@@ -65,7 +65,7 @@ def _of(identifier: AbstractIdentifier, *, told: bool) -> Entry:
         return lambda: identifier.extract(state, order if told else None)
 
     words = "the order" if told else NOTHING
-    name = f"{type(identifier).__name__}, order {'given' if told else 'unknown'}"
+    name = f"{type(identifier).__name__} (order {'given' if told else 'unknown'})"
     return Entry(name, words, run, ours=True, parts=parts)
 
 
@@ -97,27 +97,28 @@ def principal(values: NDArray[np.float64], number: int) -> NDArray[np.float64]:
     return strengths[:number, None] * shapes[:number]
 
 
-def bopdmd(values: NDArray, order: int) -> NDArray:
-    """Optimized DMD of the first 400 samples, from its own start."""
-    from pydmd import BOPDMD
+def bopdmd(values: NDArray, order: int, start: NDArray | None = None) -> NDArray:
+    """Optimized DMD of the first 400 samples, from its own start.
 
-    values = values[:, :400]
-    fit = BOPDMD(svd_rank=order, num_trials=0, varpro_opts_dict={"eps_stall": 1e-9})
-    return np.exp(fit.fit(values, np.arange(values.shape[1], dtype=float)).eigs)
-
-
-def bopdmd_started(values: NDArray, order: int) -> NDArray:
-    """The same from the poles of DMD with delays, as our adapter starts it."""
+    Growth is limited: with large eigenvalues it comes to infinite numbers, and LAPACK may never return.
+    """
     from pydmd import BOPDMD
 
     values = values[:, :400]
     fit = BOPDMD(
         svd_rank=order,
         num_trials=0,
-        init_alpha=np.log(dmd_delayed(values, order)),
+        init_alpha=start,
+        eig_constraints={"limited"},
+        real_eig_limit=1.0,
         varpro_opts_dict={"eps_stall": 1e-9},
     )
     return np.exp(fit.fit(values, np.arange(values.shape[1], dtype=float)).eigs)
+
+
+def bopdmd_started(values: NDArray, order: int) -> NDArray:
+    """The same from the poles of DMD with delays, as our adapter starts it."""
+    return bopdmd(values, order, np.log(dmd_delayed(values, order)))
 
 
 def dmd(values: NDArray, order: int) -> NDArray:
@@ -200,8 +201,8 @@ def _ssi() -> Any:
 
 
 PEERS = [
-    ("pydmd", "PyDMD BOPDMD", "the order, the cycles to look at", bopdmd),
-    ("pydmd", "PyDMD BOPDMD, started from DMD", "the order, the cycles, the start and its delays", bopdmd_started),
+    ("pydmd", "PyDMD BOPDMD", "the order, the cycles to look at, a limit of growth", bopdmd),
+    ("pydmd", "PyDMD BOPDMD (started from DMD)", "the same, the start and its delays", bopdmd_started),
     ("pydmd", "PyDMD DMD", "the order, the cycles to look at", dmd),
     ("pydmd", "PyDMD DMD with delays", "the order, the cycles, the delays, the components", dmd_delayed),
     ("pydmd", "PyDMD HODMD", "the order, two ranks, the cycles, the delays", hodmd),

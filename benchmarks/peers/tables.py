@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmarks.peers.growth import slope
 
-UNKNOWN = "MaximumLikelihood, order unknown"
+UNKNOWN = "MaximumLikelihood (order unknown)"
 
 
 def _markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -11,7 +11,8 @@ from floquid.lti._factor import factor
 from floquid.lti._hankel import Realisation, hankel_covariance
 from floquid.lti._poles import PoleSet
 
-IDENTIFIER = MaximumLikelihood()
+IDENTIFIER = MaximumLikelihood(rank_one=False)
+"""The responses made here have residues of any rank."""
 
 
 def with_conjugates(multipliers):

@@ -99,7 +99,7 @@ def _factor(data: TimeResponses, inputs: NDArray[np.int64], samples: int) -> Fac
         gram += block.T @ block
     if samples * np.finfo(float).eps * np.trace(gram) < SAFE * columns:
         try:
-            return Factor.of(np.linalg.cholesky(gram), columns, triangular=True)
+            return Factor.of(np.asarray(np.linalg.cholesky(gram), np.float64), columns, triangular=True)
         except np.linalg.LinAlgError:
             pass
     right = np.zeros((0, samples))
@@ -121,12 +121,14 @@ def _leading(data: TimeResponses, inputs: NDArray[np.int64], samples: int) -> Fa
     for block in scaled_blocks(data, inputs, samples):
         sketch += block.T @ generator.standard_normal((len(block), rank))
         energy += float(np.einsum("ok,ok->", block, block))
-    for _ in range(2):
-        q, _ = np.linalg.qr(sketch)
-        sketch, inner = np.zeros((samples, rank)), np.zeros((rank, rank))
-        for block in scaled_blocks(data, inputs, samples):
-            seen = block @ q
-            sketch += block.T @ seen
-            inner += seen.T @ seen
+    q, _ = np.linalg.qr(sketch)
+    powered = np.zeros((samples, rank))
+    for block in scaled_blocks(data, inputs, samples):
+        powered += block.T @ (block @ q)
+    q, _ = np.linalg.qr(powered)
+    inner = np.zeros((rank, rank))
+    for block in scaled_blocks(data, inputs, samples):
+        seen = block @ q
+        inner += seen.T @ seen
     values, vectors = np.linalg.eigh(inner)
     return Factor(q @ (vectors * np.sqrt(np.maximum(values, 0.0))), columns, energy)

@@ -91,6 +91,10 @@ class MaximumLikelihood(AbstractIdentifier):
         The fit looks at samples out to this many time constants of the slowest pole; what comes later is noise.
     initial
         The identifier that gives the start; None for ERA.
+    rank_one
+        Whether a mode's residues are an outer product of outputs and inputs, as they are for one system started in
+        different ways: a pole with residues of higher rank then is that of several modes. False leaves the inputs
+        independent.
     """
 
     decides: ClassVar[bool] = True
@@ -100,6 +104,7 @@ class MaximumLikelihood(AbstractIdentifier):
     starts: tuple[int, ...] = (16, 32, 64)
     time_constants: float = 6.0
     initial: AbstractIdentifier | None = None
+    rank_one: bool = True
 
     def prepare(self, data: TimeResponses) -> Prepared:
         """The triangular factors of the responses over their noise, one a distinct length.
@@ -159,8 +164,8 @@ class MaximumLikelihood(AbstractIdentifier):
         elif found.poles.order >= most:
             outcome = Outcome.TOO_FEW_SAMPLES
         model = _model(state, polish(found.poles, blocks, tolerance=AT_REST), blocks, outcome)
-        several = min(state.data.n_inputs, state.data.n_outputs) > 1
-        return separated(model, state.data, self.false_alarm) if several and order is None else model
+        several = self.rank_one and order is None and min(state.data.n_inputs, state.data.n_outputs) > 1
+        return separated(model, state.data, self.false_alarm) if several else model
 
     def refine(self, state: Prepared, model: ModalModel) -> ModalModel:
         """The maximum-likelihood model of the same order nearest to another one, on other data or another noise.
@@ -238,26 +243,40 @@ class MaximumLikelihood(AbstractIdentifier):
         Coloured noise is whitened before the search, judged by what generous poles leave, and after it by what the
         poles found leave of the responses as they are.
         """
-        start, orders = self._start(state, state.factors), self._starts(state.factors)
-        taps = whitening_of(Residual.of(plausible(start(orders[-1])), state.factors))
-        for _ in range(LOOKS):
+        start, noise = self._looked_at(state, state.factors)
+        taps, looks = whitening_of(noise), 0
+        while True:
+            looks += 1
             blocks = state.whitened(taps)
             if taps is not None:
                 report(f"the noise is coloured: whitened by {len(taps) - 1} taps")
-                start = self._start(state, blocks)
-            found, ended = choose(
-                blocks, start, false_alarm=self.false_alarm, most=most, starts=self._starts(blocks), report=report
+                start, noise = self._looked_at(state, blocks)
+            found, ended, left = choose(
+                blocks,
+                start,
+                false_alarm=self.false_alarm,
+                most=most,
+                starts=self._starts(blocks),
+                independent=noise.independent,
+                report=report,
             )
             needed = horizon(found.poles, state.whole, self.time_constants)
+            if looks == LOOKS:
+                return found, blocks, ended
             if ended and needed > len(state.factors[0].values):
                 state = replace(state, factors=state.first(needed))
-                start = self._start(state, state.factors)
+                start, noise = self._looked_at(state, state.factors)
                 continue
-            after = whitening_of(Residual.of(found.poles, state.factors))
+            after = whitening_of(left if taps is None else Residual.of(found.poles, state.factors))
             if (after is None) == (taps is None):
-                break
+                return found, blocks, ended
             taps = after
-        return found, blocks, ended
+            start, noise = self._looked_at(state, state.factors)
+
+    def _looked_at(self, state: Prepared, blocks: tuple[Factor, ...]) -> tuple[Callable[[int], PoleSet], Residual]:
+        """Where poles of any order come from, and what generous ones leave: the noise."""
+        start = self._start(state, blocks)
+        return start, Residual.of(plausible(start(self._starts(blocks)[-1])), blocks)
 
     def _starts(self, blocks: tuple[Factor, ...]) -> list[int]:
         """The orders of the starts that blocks of this length allow."""

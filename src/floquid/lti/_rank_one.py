@@ -65,21 +65,23 @@ def ranks(model: ModalModel, data: TimeResponses, false_alarm: float) -> NDArray
 
 @dataclass(frozen=True, slots=True)
 class Products:
-    """Poles and the participation of each in each input (k, inputs), the largest of each being 1."""
+    """Poles, the participation of each in each input (k, inputs), and the input (k,) where it is 1 by definition."""
 
     poles: PoleSet
     shares: NDArray[np.complex128]
+    reference: NDArray[np.int64]
 
     @staticmethod
     def of(poles: PoleSet, shares: NDArray[np.complex128]) -> Products:
         """With the participations brought to their normal form."""
-        largest = shares[np.arange(len(shares)), np.argmax(np.abs(shares), axis=1)]
-        shares = shares / largest[:, None]
-        return Products(poles, np.where(poles.kind[:, None] == PAIR, shares, shares.real))
+        reference = np.argmax(np.abs(shares), axis=1)
+        shares = shares / shares[np.arange(len(shares)), reference][:, None]
+        return Products(poles, np.where(poles.kind[:, None] == PAIR, shares, shares.real), reference)
 
     def without(self, entry: int) -> Products:
         """Less one entry."""
-        return Products(self.poles.without(entry), np.delete(self.shares, entry, axis=0))
+        rest = np.delete(self.shares, entry, axis=0)
+        return Products(self.poles.without(entry), rest, np.delete(self.reference, entry))
 
     def in_input(self, i: int) -> NDArray[np.complex128]:
         """The participations in input `i` (order,), conjugates conjugated."""
@@ -136,14 +138,14 @@ def _columns(now: Products, lengths: NDArray[np.int64]) -> tuple[NDArray[np.floa
     columns: list[NDArray[np.float64]] = []
     first, second, a, b = [], [], [], []
     for entry, kind in enumerate(poles.kind):
-        whole, slope = np.zeros((2, rows), complex)
-        alone = []
+        whole, slope = np.zeros(rows, np.complex128), np.zeros(rows, np.complex128)
+        alone: list[NDArray[np.complex128]] = []
         for i, (end, length) in enumerate(zip(ends, lengths, strict=True)):
             part = slice(int(end - length), int(end))
             whole[part] = now.shares[entry, i] * powers[:length, entry]
             slope[part] = np.arange(length) * whole[part]
-            if now.shares[entry, i] != 1.0:
-                single = np.zeros(rows, complex)
+            if i != now.reference[entry]:
+                single = np.zeros(rows, np.complex128)
                 single[part] = powers[:length, entry]
                 alone.append(single)
         at = len(columns)
@@ -188,14 +190,14 @@ def _moved(now: Products, step: NDArray[np.float64]) -> Products:
     """After a step in the real parameters: of each entry, those of the pole, then those of the participations."""
     s, shares, at = now.poles.s.copy(), now.shares.copy(), 0
     for entry, kind in enumerate(now.poles.kind):
-        free = [i for i in range(shares.shape[1]) if shares[entry, i] != 1.0]
+        free = [i for i in range(shares.shape[1]) if i != now.reference[entry]]
         width = 2 if kind == PAIR else 1
         parts = step[at : at + width * (1 + len(free))].reshape(-1, width)
         numbers = parts[:, 0] + (1j * parts[:, 1] if width == 2 else 0.0)
         s[entry] += numbers[0]
         shares[entry, free] += numbers[1:]
         at += width * (1 + len(free))
-    return Products(PoleSet.of(s, now.poles.kind), shares)
+    return Products(PoleSet.of(s, now.poles.kind), shares, now.reference)
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,8 +305,8 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome) -> 
     poles, n = now.poles, now.poles.order
     columns, _ = _columns(now, data.lengths)
     pinv = np.linalg.pinv(columns, rcond=1e-12)
-    real = pinv @ values.T
-    shapes, spread = complex_residues(poles, real), complex_residues(poles, pinv)
+    real = np.asarray(pinv @ values.T, np.float64)
+    shapes, spread = complex_residues(poles, real), complex_residues(poles, np.asarray(pinv, np.float64))
     own = [now.in_input(i) for i in range(data.n_inputs)]
     residues = np.stack([own[i][:, None] * shapes * scale[:, i] for i in range(data.n_inputs)], axis=2)
     rest = (values - (columns @ real).T) ** 2
@@ -345,8 +347,8 @@ def _covariance(found: ProductFit, noise: float) -> NDArray[np.float64]:
 def _pole_parameters(now: Products) -> NDArray[np.int64]:
     """The positions of the poles' parameters among all (order,)."""
     positions, at = [], 0
-    for entry, kind in enumerate(now.poles.kind):
+    for kind in now.poles.kind:
         width = 2 if kind == PAIR else 1
         positions += list(range(at, at + width))
-        at += width * (1 + int((now.shares[entry] != 1.0).sum()))
+        at += width * now.shares.shape[1]
     return np.array(positions)

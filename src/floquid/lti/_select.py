@@ -105,17 +105,18 @@ def choose(
     false_alarm: float,
     most: int,
     starts: Sequence[int],
+    independent: float,
     report: Callable[[str], None] = lambda _: None,
-) -> tuple[Fit, bool]:
-    """The poles that the data support, fitted by maximum likelihood, and whether the search came to an end.
+) -> tuple[Fit, bool, Residual]:
+    """The poles that the data support, fitted by maximum likelihood; whether the search ended; and what is left.
 
-    How many independent responses the noise is worth is judged by what more poles than there are modes leave.
+    `independent` is the share of the responses that the noise is worth as far as is known; it is judged again by what
+    the poles leave.
 
     A start of less than twice the order that it leads to is left for the next, which tells more; one of more needs no
     other beside it, since its poles all pass and nothing that would is left.
     """
-    generous = Residual.of(plausible(start(starts[-1])), factors)
-    threshold = Threshold.for_(factors, false_alarm, generous.independent)
+    threshold = Threshold.for_(factors, false_alarm, independent)
     best, ended = fit(PoleSet.empty(), factors), False
     for order in starts:
         begin = prune_linear(plausible(start(order)), factors, (threshold.of(1), threshold.of(2)))
@@ -127,11 +128,12 @@ def choose(
             best, ended = now, settled
         if settled and 2 * now.poles.order <= order:
             break
-    independent = Residual.of(best.poles, factors).independent
-    if independent < 0.9 * threshold.independent:
-        report(f"the noise is worth {independent:.0%} of the responses")
-        best, ended = _settle(best, factors, Threshold.for_(factors, false_alarm, independent), most)
-    return best, ended
+    left = Residual.of(best.poles, factors)
+    if left.independent < 0.9 * independent:
+        report(f"the noise is worth {left.independent:.0%} of the responses")
+        best, ended = _settle(best, factors, Threshold.for_(factors, false_alarm, left.independent), most)
+        left = Residual.of(best.poles, factors)
+    return best, ended, left
 
 
 def plausible(poles: PoleSet) -> PoleSet:

@@ -19,7 +19,10 @@ from floquid.lti.adapters._components import Components, components, delayed, pa
 from floquid.lti.adapters._peer import load, quiet
 
 FASTEST = (-3.0, 2.0)
-"""Logarithms of the fastest decay and growth a sample from which the fit may start."""
+"""Logarithms of the fastest decay and growth a sample."""
+
+LARGEST = 600.0
+"""The logarithm of the largest number that a mode may grow to."""
 
 
 @final
@@ -135,7 +138,7 @@ class BOPDMD(AbstractIdentifier):
                 svd_rank=order,
                 num_trials=0,
                 init_alpha=paired(start),
-                eig_constraints=_conjugates,
+                eig_constraints=_within(state.samples),
                 varpro_opts_dict={"maxiter": self.iterations, "tol": 0.0},
             )
             with quiet(), suppress(np.linalg.LinAlgError, ValueError):
@@ -145,9 +148,20 @@ class BOPDMD(AbstractIdentifier):
         return fit_residues(model.multipliers, state.data, outcome=reached(order, model.order))
 
 
-def _conjugates(alpha: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """The constraint on the eigenvalues: PyDMD asks for a function by this name's type."""
-    return paired(np.asarray(alpha, dtype=np.complex128)) if np.isfinite(alpha).all() else alpha
+def _within(samples: int) -> Callable[[NDArray[np.complex128]], NDArray[np.complex128]]:
+    """The constraint on the eigenvalues of a fit to so many samples.
+
+    Conjugates are paired, and growth stays below what overflows: on infinite numbers LAPACK does not come back.
+    """
+    most = min(FASTEST[1], LARGEST / samples)
+
+    def constrained(alpha: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        if not np.isfinite(alpha).all():
+            raise np.linalg.LinAlgError("an eigenvalue is not finite")
+        pairs = paired(np.asarray(alpha, dtype=np.complex128))
+        return np.clip(pairs.real, FASTEST[0], most) + 1j * pairs.imag
+
+    return constrained
 
 
 def _pydmd() -> ModuleType:

@@ -153,7 +153,7 @@ def _multipliers(values: NDArray[np.float64], pairs: int) -> NDArray[np.complex1
     )
     with quiet(), suppress(np.linalg.LinAlgError):
         model.get_poles("lscf", show_progress=False)
-    return np.exp(model.all_poles[-1]) if model.all_poles else np.zeros(0, dtype=np.complex128)
+    return np.exp(np.asarray(model.all_poles[-1] if model.all_poles else [], dtype=np.complex128))
 
 
 def _ema() -> ModuleType:
