@@ -18,6 +18,7 @@ import floquid
 from floquid.errors import InputError
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, TimeResponses, adapters
 from floquid.lti.adapters import BOPDMD, PyOMA2SSI, SdypyLSCF
+from floquid.lti.adapters._bopdmd import _within
 from floquid.lti.adapters._components import paired
 
 PAGE = Path(__file__).parents[2] / "docs" / "own_identifier.md"
@@ -316,6 +317,25 @@ def test_bopdmd_is_maximum_likelihood_where_it_converges():
     best = identified(MaximumLikelihood(), data, 4)
     std = np.sqrt(np.diag(best.covariance)).max() * DT
     assert farthest(identified(BOPDMD(), data, 4).multipliers, best.multipliers) < 0.5 * std
+
+
+@pytest.mark.parametrize("identifier", [kind() for kind in PEERS], ids=lambda i: type(i).__name__)
+def test_noise_gives_poles_that_can_be_computed_with(identifier):
+    """Twelve poles where there is none."""
+    values = np.random.default_rng(0).standard_normal((10, 1, 200))
+    found = identified(identifier, TimeResponses(values=values, dt=1.0), 12)
+    assert np.isfinite(found.residues).all()
+    assert np.abs(found.multipliers).max() < np.exp(600 / 200 + 1e-9)
+
+
+def test_bopdmd_is_kept_from_infinite_numbers():
+    """Growth that overflows in the fit meets a least-squares routine of LAPACK that may never return."""
+    constrained = _within(300)(np.array([9.2 + 32.7j, 9.2 - 32.7j, -8.0 + 0.0j]))
+    assert_allclose(constrained.real, [2.0, 2.0, -3.0])
+    assert_allclose(constrained.imag, np.array([1.0, -1.0, 0.0]) * (32.7 - 10 * np.pi), atol=1e-12)
+    assert _within(6000)(np.array([1.0 + 0.0j])).real == pytest.approx(0.1)
+    with pytest.raises(np.linalg.LinAlgError, match="not finite"):
+        _within(300)(np.array([np.nan + 0.0j]))
 
 
 def test_the_method_of_ssi_is_one_of_two():

@@ -210,7 +210,7 @@ class MaximumLikelihood(AbstractIdentifier):
         blocks = replace(state, factors=raw).whitened(taps)
         found = polish(poles, blocks)
         left = Residual.of(found.poles, blocks)
-        threshold = Threshold.for_(blocks, self.false_alarm, left.independent)
+        threshold = Threshold.for_(blocks, self.false_alarm, left)
         limits = np.array([threshold.of(int(size)) for size in found.poles.sizes])
         rises, less = removed(found, blocks, limits) if len(poles) else (np.zeros(0), None)
         further = clearest(found, blocks, threshold) if poles.order < self.most else None
@@ -240,38 +240,42 @@ class MaximumLikelihood(AbstractIdentifier):
     ) -> tuple[Fit, tuple[Factor, ...], bool]:
         """The poles from the samples that hold energy, and again from more when a mode lasts longer than those.
 
-        Coloured noise is whitened before the search, judged by what generous poles leave, and after it by what the
-        poles found leave of the responses as they are.
+        Coloured noise is whitened before the search, judged by what generous poles leave. They take the peaks of the
+        noise with them, so it is judged again by what the poles found leave, until their number stays.
         """
         start, noise = self._looked_at(state, state.factors)
-        taps, looks = whitening_of(noise), 0
+        taps, looks, before = whitening_of(noise), 0, None
         while True:
             looks += 1
             blocks = state.whitened(taps)
             if taps is not None:
                 report(f"the noise is coloured: whitened by {len(taps) - 1} taps")
-                start, noise = self._looked_at(state, blocks)
+                start = self._start(state, blocks)
+                generous = plausible(start(self._starts(blocks)[-1]))
+                noise = Residual.of(generous if before is None else before, blocks)
             found, ended, left = choose(
                 blocks,
                 start,
                 false_alarm=self.false_alarm,
                 most=most,
                 starts=self._starts(blocks),
-                independent=noise.independent,
+                noise=noise,
                 report=report,
             )
-            needed = horizon(found.poles, state.whole, self.time_constants)
             if looks == LOOKS:
                 return found, blocks, ended
+            needed = horizon(found.poles, state.whole, self.time_constants)
             if ended and needed > len(state.factors[0].values):
                 state = replace(state, factors=state.first(needed))
                 start, noise = self._looked_at(state, state.factors)
                 continue
             after = whitening_of(left if taps is None else Residual.of(found.poles, state.factors))
-            if (after is None) == (taps is None):
+            same = before is not None and before.order == found.poles.order
+            if (after is None) == (taps is None) and (taps is None or same):
                 return found, blocks, ended
-            taps = after
-            start, noise = self._looked_at(state, state.factors)
+            if after is None:
+                start, noise = self._looked_at(state, state.factors)
+            taps, before = after, found.poles
 
     def _looked_at(self, state: Prepared, blocks: tuple[Factor, ...]) -> tuple[Callable[[int], PoleSet], Residual]:
         """Where poles of any order come from, and what generous ones leave: the noise."""

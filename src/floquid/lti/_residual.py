@@ -49,6 +49,8 @@ class Residual:
     columns: int
     independent: float
     """The share of the responses that the noise is worth (0 to 1]; 1 where it cannot be told from 1."""
+    variance: float
+    """The mean square left, over that of the noise as it was stated, where it is judged; otherwise 1."""
     judged: bool
     """Whether it is noise: neither rounding, far below the noise that was stated, nor a response that dies away."""
 
@@ -64,12 +66,13 @@ class Residual:
         size = np.sqrt(max(np.einsum("nj,nj->", left, left), np.finfo(float).tiny) / free)
         left /= size
         judged = bool(size > LEAST and _lasts(left, q))
-        return Residual(left, q, block.columns, _independent(left, q, block.columns) if judged else 1.0, judged)
+        independent = _independent(left, q, block.columns) if judged else 1.0
+        return Residual(left, q, block.columns, independent, float(size**2) if judged else 1.0, judged)
 
     def filtered(self, taps: NDArray[np.float64]) -> Residual:
         """The residual of filtered responses, near enough: what was fitted is filtered with them."""
         values, fitted = convolved(self.values, taps), convolved(self.fitted, taps)
-        return Residual(values, np.linalg.qr(fitted)[0], self.columns, self.independent, self.judged)
+        return Residual(values, np.linalg.qr(fitted)[0], self.columns, self.independent, self.variance, self.judged)
 
     def autocorrelation(self, lags: int) -> NDArray[np.float64]:
         """The mean over responses and times (lags + 1,), 1 at lag zero."""

@@ -53,12 +53,14 @@ class Threshold:
     false_alarm: float
     independent: float = 1.0
     """The share of the responses that the noise is worth (`Residual.independent`)."""
+    variance: float = 1.0
+    """The mean square of the noise; less than what was stated is not believed, since that may be a floor."""
 
     @staticmethod
-    def for_(factors: Sequence[Factor], false_alarm: float, independent: float = 1.0) -> Threshold:
-        """The threshold for these blocks."""
+    def for_(factors: Sequence[Factor], false_alarm: float, noise: Residual) -> Threshold:
+        """The threshold for these blocks, beside noise like this."""
         columns, samples = sum(f.columns for f in factors), sum(f.columns * len(f.values) for f in factors)
-        return Threshold(columns, samples, false_alarm, independent)
+        return Threshold(columns, samples, false_alarm, noise.independent, max(noise.variance, 1.0))
 
     def of(self, parameters: int) -> float:
         """The threshold for `parameters` poles counted one by one: each has its own residues and one parameter."""
@@ -72,7 +74,7 @@ class Threshold:
         """Satterthwaite: a sum of dependent squares is a multiple of a chi-square of fewer degrees of freedom."""
         share = self.independent
         degrees = size * (self.columns * share + own)
-        return rise_limit(probability, degrees, self.samples * share) / share
+        return self.variance * rise_limit(probability, degrees, self.samples * share) / share
 
     def at(self, probability: float, size: int) -> float:
         """The rise that noise exceeds with another probability."""
@@ -105,18 +107,17 @@ def choose(
     false_alarm: float,
     most: int,
     starts: Sequence[int],
-    independent: float,
+    noise: Residual,
     report: Callable[[str], None] = lambda _: None,
 ) -> tuple[Fit, bool, Residual]:
     """The poles that the data support, fitted by maximum likelihood; whether the search ended; and what is left.
 
-    `independent` is the share of the responses that the noise is worth as far as is known; it is judged again by what
-    the poles leave.
+    `noise` is what more poles than there are modes leave; it is judged again by what the poles found leave.
 
     A start of less than twice the order that it leads to is left for the next, which tells more; one of more needs no
     other beside it, since its poles all pass and nothing that would is left.
     """
-    threshold = Threshold.for_(factors, false_alarm, independent)
+    threshold = Threshold.for_(factors, false_alarm, noise)
     best, ended = fit(PoleSet.empty(), factors), False
     for order in starts:
         begin = prune_linear(plausible(start(order)), factors, (threshold.of(1), threshold.of(2)))
@@ -129,9 +130,10 @@ def choose(
         if settled and 2 * now.poles.order <= order:
             break
     left = Residual.of(best.poles, factors)
-    if left.independent < 0.9 * independent:
+    again = Threshold.for_(factors, false_alarm, left)
+    if again.of(2) > 1.1 * threshold.of(2):
         report(f"the noise is worth {left.independent:.0%} of the responses")
-        best, ended = _settle(best, factors, Threshold.for_(factors, false_alarm, left.independent), most)
+        best, ended = _settle(best, factors, again, most)
         left = Residual.of(best.poles, factors)
     return best, ended, left
 
@@ -254,7 +256,7 @@ def _add(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
 
 def force_order(now: Fit, factors: Sequence[Factor], order: int, false_alarm: float) -> Fit:
     """The fit brought to `order` poles where that can be done: the least significant leave, the clearest join."""
-    threshold = Threshold.for_(factors, false_alarm)
+    threshold = Threshold.for_(factors, false_alarm, Residual.of(now.poles, factors))
     while now.poles.order > order:
         excess = Removal.of(now.poles, factors).rises() - np.array([threshold.of(int(n)) for n in now.poles.sizes])
         excess[now.poles.sizes > now.poles.order - order] = np.inf
