@@ -35,14 +35,14 @@ def say(text: str) -> None:
     sys.stderr.flush()
 
 
-def of_paper(chosen: list[Entry], seeds: int) -> list[dict[str, Any]]:
+def of_paper(chosen: list[Entry], seeds: int, rounds: int) -> list[dict[str, Any]]:
     """The first table: rows on the paper's record, timed in rounds."""
     of = [cases.paper(seed) for seed in range(seeds)]
     rows = []
     for entry in chosen:
         rows.append(judged(entry, of))
         say(f"paper: {entry.name}: lost {rows[-1]['lost']} of {seeds}, error {rows[-1]['error']}")
-    for number in range(ROUNDS):
+    for number in range(rounds):
         say(f"paper: round {number + 2} of timing")
         for entry, row in zip(chosen, rows, strict=True):
             if row["seconds"] is not None and not row["slow"]:
@@ -106,7 +106,7 @@ def asked(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=20, help="records of the rotor, and draws of each number of modes")
     parser.add_argument("--only", default="", help="those whose names hold one of these words, comma-separated")
     parser.add_argument("--parts", default=",".join(PARTS), help="of paper, modes, growth, comma-separated")
-    parser.add_argument("--quick", action="store_true", help="the smallest two sizes of the growth alone")
+    parser.add_argument("--quick", action="store_true", help="time once, and grow through two small sizes only")
     parser.add_argument("--out", type=Path, help="a folder for peers.json, the tables and the figure")
     return parser.parse_args(arguments)
 
@@ -125,7 +125,7 @@ def main(arguments: list[str]) -> int:
     with threadpool_limits(limits=1):
         warmed(chosen if set(parts) != {"growth"} else [])
         if "paper" in parts:
-            result["paper"] = of_paper(chosen, options.seeds)
+            result["paper"] = of_paper(chosen, options.seeds, 0 if options.quick else ROUNDS)
             texts["paper"] = tables.paper(result["paper"])
         if "modes" in parts:
             result["modes"] = of_modes(chosen, options.seeds)

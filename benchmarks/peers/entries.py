@@ -92,9 +92,12 @@ def _over_noise(data: TimeResponses) -> NDArray[np.float64]:
 
 
 def principal(values: NDArray[np.float64], number: int) -> NDArray[np.float64]:
-    """The first principal components (number, samples)."""
-    _, strengths, shapes = np.linalg.svd(values, full_matrices=False)
-    return strengths[:number, None] * shapes[:number]
+    """The first principal components (number, samples), by the smaller of the two Gram matrices."""
+    if len(values) <= values.shape[1]:
+        directions = np.linalg.eigh(values @ values.T)[1]
+        return directions[:, ::-1][:, :number].T @ values
+    squares, shapes = np.linalg.eigh(values.T @ values)
+    return (np.sqrt(np.maximum(squares, 0.0)) * shapes).T[::-1][:number]
 
 
 def bopdmd(values: NDArray, order: int, start: NDArray | None = None) -> NDArray:

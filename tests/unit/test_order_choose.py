@@ -134,7 +134,20 @@ def test_a_pair_that_cannot_be_told_is_in_doubt_or_seen_as_one():
     for seed in range(8):
         data = ringing([-0.02 + 1.0j, -0.02 + 1.004j], (white(samples=256, seed=seed), 0.2), seed=seed)
         choice = choose(data)
-        assert choice.ambiguous or choice.order == 2
+        if choice.order == 2 and not choice.ambiguous:
+            said = next(reason for reason in choice.reasons if "would be seen as one" in reason)
+            assert float(said.split("about ")[1].split()[0]) > 0.1
+        else:
+            assert choice.ambiguous
+
+
+def test_a_pair_that_is_told_is_farther_apart_than_what_is_said_to_be_seen_as_one():
+    """Of the same strengths and noise, a mode alone says how near another might be."""
+    told = choose(ringing([-0.02 + 1.0j, -0.02 + 1.04j], (white(samples=256), 0.02)))
+    assert told.order == 4
+    alone = choose(ringing([-0.02 + 1.0j], (white(samples=256), 0.02)))
+    said = next(reason for reason in alone.reasons if "would be seen as one" in reason)
+    assert 0.01 < float(said.split("about ")[1].split()[0]) < 1.0
 
 
 def test_white_noise_has_no_colour_and_independent_responses():

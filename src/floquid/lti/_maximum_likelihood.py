@@ -1,4 +1,4 @@
-"""Maximum likelihood: separable least squares in the poles, started from ESPRIT, with an order that is tested."""
+"""Maximum likelihood: separable least squares in the poles, started from ERA, with an order that is tested."""
 
 from __future__ import annotations
 
