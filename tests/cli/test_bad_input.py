@@ -410,9 +410,9 @@ def test_the_installed_command(here, words, code, pattern):
 def test_ctrl_c(here):
     """A signal in the middle of the work, to a process of its own."""
     script = (
-        "import os, signal, floquid.cli._identify as command\n"
+        "import os, signal, time, floquid.cli._identify as command\n"
         "from floquid.cli import main\n"
-        "command.identify_records = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)\n"
+        "command.identify_records = lambda *_, **__: (os.kill(os.getpid(), signal.SIGINT), time.sleep(60))\n"
         f"main({[*shlex.split(GOOD), '--out', 'out']!r})\n"
     )
     ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)

@@ -159,6 +159,12 @@ def make_experiment(
     shapes = (generator.standard_normal(size) + 1j * generator.standard_normal(size)) * 0.3
     shapes[..., width] += 1.5 * np.exp(2j * np.pi * generator.uniform(size=size[:-1]))
     shapes *= 0.6 ** np.abs(np.arange(-width, width + 1))
+    if hits > 1:
+        # One system started in different ways: a hit has so much of the whole shape, and no shape of its own.
+        share = generator.uniform(0.5, 1.5, (len(upper), 1, hits, 1)) * np.exp(
+            2j * np.pi * generator.uniform(size=(len(upper), 1, hits, 1))
+        )
+        shapes = shapes[:, :, :1] * share
     truth = PeriodicModel(
         exponents=np.stack([upper, upper.conj()], axis=1).ravel(),
         coefficients=np.stack([shapes, shapes[..., ::-1].conj()], axis=1).reshape(2 * len(upper), *size[1:]),

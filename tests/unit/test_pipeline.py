@@ -24,6 +24,12 @@ def pairs(exponents, *, channels=2, hits=1, width=2, seed=0) -> PeriodicModel:
     shapes = generator.standard_normal(size) + 1j * generator.standard_normal(size)
     shapes *= 0.3 ** np.abs(np.arange(-width, width + 1))
     shapes[..., width] += 2.0
+    if hits > 1:
+        # One system started in different ways: a hit has so much of the whole shape, and no shape of its own.
+        share = generator.uniform(0.5, 1.5, (n, 1, hits, 1)) * np.exp(
+            2j * np.pi * generator.uniform(size=(n, 1, hits, 1))
+        )
+        shapes = shapes[:, :, :1] * share
     return PeriodicModel(
         exponents=np.stack([upper, upper.conj()], axis=1).ravel(),
         coefficients=np.stack([shapes, shapes[..., ::-1].conj()], axis=1).reshape(2 * n, *size[1:]),

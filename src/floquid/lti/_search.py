@@ -95,14 +95,14 @@ def _by_diagonals(
     """The same from the Gram matrix: e^{-d(n + m)} is constant across the diagonals, e^{-2dn} e^{-dl} along them."""
     samples = len(values)
     gram = values @ values.T
-    padded = np.zeros((samples, 3 * samples))
-    padded[:, samples : 2 * samples] = gram
+    padded = np.zeros((samples, 2 * samples))
+    padded[:, :samples] = gram
     row, column = padded.strides
-    upper = as_strided(padded[:, samples:], (samples, samples), (row + column, column))
-    along = (envelopes**2 @ np.ascontiguousarray(upper)) * envelopes
+    upper = np.ascontiguousarray(as_strided(padded, (samples, samples), (row + column, column)))
+    along = (envelopes**2 @ upper) * envelopes
     power = 2.0 * np.fft.rfft(along, lines, axis=1).real - along[:, :1]
-    padded[:, samples : 2 * samples] = gram[::-1]
     lags = 2 * samples - 1
-    across = as_strided(padded[:, 1:], (samples, lags), (row + column, column)).sum(axis=0)
+    sums = np.add.outer(np.arange(samples), np.arange(samples))
+    across = np.bincount(sums.ravel(), weights=gram.ravel(), minlength=lags)
     weights = np.exp(-np.multiply.outer(decays, np.arange(lags)))
     return power, np.fft.rfft(weights * across, lines, axis=1)

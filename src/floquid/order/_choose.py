@@ -198,7 +198,7 @@ def _nearness(evidence: Evidence) -> list[tuple[str, bool]]:
     A pair of like strength and unlike shapes, Δ half-power widths apart, leaves about (Δ/2)² of the rise of one of them
     when it is fitted as one mode: to first order it is seen where :math:`\Delta > 2 \sqrt{\ell / \text{rise}}`.
     """
-    logs = np.log(evidence.multipliers)
+    logs = np.asarray(np.log(evidence.multipliers), np.complex128)
     distance = np.abs(np.subtract.outer(logs, logs)) + np.diag(np.full(len(logs), np.inf))
     share = evidence.rises / evidence.limits
     alone = (distance.min(axis=1) > 2.0 * np.abs(logs.real)) & (share > 0.0)
