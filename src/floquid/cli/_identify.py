@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from floquid._checks import input_error, positive
 from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, Place, split
 from floquid.cli._output import print_json, result_folder
 from floquid.cli._progress import progress
+from floquid.cli._records import check_files, period_of, read_records
 from floquid.cli._settings import Choices, IdentifierName, load_choices
 from floquid.cli._terminal import print_analysis, print_folder
-from floquid.core import Record
 from floquid.pipeline import identify as identify_records
-from floquid.readers import read
 
 OF = "floquid identify"
 STAGES = 8
@@ -79,13 +75,9 @@ def identify(
         Show the traceback of an error.
     """
     del debug
-    _check_files(files)
-    if period is not None and frequency is not None:
-        raise input_error("--frequency", OF, "not be given beside --period", "both are given", "Give one of them.")
-    if frequency is not None:
-        period = positive(1.0 / positive(frequency, "--frequency", OF, unit="Hz"), "period", "Settings", unit="s")
+    check_files(files, OF)
     choices = (Choices() if settings is None else load_choices(settings)).with_given(
-        period=period,
+        period=period_of(period, frequency, OF),
         rate=rate,
         origin=origin,
         channels=None if channels is None else split(channels),
@@ -99,9 +91,7 @@ def identify(
         nullcontext() if out is None else result_folder(out) as folder,
         progress(STAGES + (3 if out else 0)) as report,
     ):
-        records = _read(files, choices, report)
-        if choices.settings.channels:  # a path may stand for all rows of a matrix: from here on each has its name
-            choices = choices.with_given(channels=tuple(channel.name for channel in records[0].channels))
+        records, choices = read_records(files, choices, OF, report)
         analysis = identify_records(records, choices.resolved(), report=report)
         if folder is not None:
             folder.write(analysis, choices.text(), report)
@@ -110,46 +100,3 @@ def identify(
         return
     print_analysis(analysis)
     print_folder(out)
-
-
-def _check_files(files: Sequence[Path]) -> None:
-    """Refuse no record at all, and one record as two: its noise would count as two independent ones."""
-    if not files:
-        raise input_error(
-            "FILES", OF, "name at least one record", "none was given", f"For example: {OF} run.npz --period 0.02"
-        )
-    seen: dict[Path, Path] = {}
-    for file in files:
-        place = file.resolve()
-        if place in seen:
-            raise input_error(
-                "FILES",
-                OF,
-                "name each record once",
-                f"{seen[place]} is given twice" if file == seen[place] else f"{seen[place]} and {file} are one file",
-                "A record counted twice would halve its variance, and nothing more would be known.",
-            )
-        seen[place] = file
-
-
-def _read(files: Sequence[Path], choices: Choices, report: Callable[[str], None]) -> list[Record]:
-    chosen, records = choices.settings, []
-    for file in files:
-        report(f"reading {file.name}")
-        record = read(
-            file,
-            period=chosen.period,
-            rate=choices.rate,
-            channels=chosen.channels or None,
-            origin=choices.origin,
-        )
-        if record.clock is None:
-            raise input_error(
-                "--period",
-                OF,
-                "be given",
-                f"neither it nor --frequency is, and {file} does not state one",
-                "Give the period of the system [s], as in --period 0.02, or its frequency [Hz], as in --frequency 50.",
-            )
-        records.append(record)
-    return records

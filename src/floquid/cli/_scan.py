@@ -8,11 +8,11 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Literal
 
-from floquid._checks import input_error, positive
-from floquid.cli._identify import _check_files, _read
+from floquid._checks import input_error
 from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, Place, split
 from floquid.cli._output import ResultFolder, result_folder
 from floquid.cli._progress import progress
+from floquid.cli._records import check_files, period_of, read_records
 from floquid.cli._scan_output import FILES, print_scan, scan_text
 from floquid.cli._settings import Choices, IdentifierName, load_choices
 from floquid.lifting import Lifted
@@ -76,16 +76,10 @@ def scan(
         Show the traceback of an error.
     """
     del debug
-    if not files:
-        raise input_error("FILES", OF, "name at least one record", "none was given", f"For example: {OF} run.npz")
-    _check_files(files)
+    check_files(files, OF)
     listed = _orders(orders, most)
-    if period is not None and frequency is not None:
-        raise input_error("--frequency", OF, "not be given beside --period", "both are given", "Give one of them.")
-    if frequency is not None:
-        period = positive(1.0 / positive(frequency, "--frequency", OF, unit="Hz"), "period", "Settings", unit="s")
     choices = (Choices() if settings is None else load_choices(settings)).with_given(
-        period=period,
+        period=period_of(period, frequency, OF),
         rate=rate,
         origin=origin,
         channels=None if channels is None else split(channels),
@@ -111,9 +105,7 @@ def _scanned(
     """The lifted responses and the scan of their orders."""
     from threadpoolctl import threadpool_limits
 
-    records = _read(files, choices, report)
-    if choices.settings.channels:  # a path may stand for all rows of a matrix: from here on each has its name
-        choices = choices.with_given(channels=tuple(channel.name for channel in records[0].channels))
+    records, choices = read_records(files, choices, OF, report)
     chosen = choices.resolved()
     responses = lifted_of(
         records, period=chosen.period, channels=chosen.channels, noise_floor=chosen.noise_floor, report=report

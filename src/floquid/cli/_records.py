@@ -1,0 +1,67 @@
+"""The records that a command was given, as `identify` and `scan` read them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from floquid._checks import input_error, positive
+from floquid.cli._settings import Choices
+from floquid.core import Record
+from floquid.readers import read
+
+
+def check_files(files: Sequence[Path], of: str) -> None:
+    """Refuse no record at all, and one record as two: its noise would count as two independent ones."""
+    if not files:
+        example = f"For example: {of} run.npz --period 0.02"
+        raise input_error("FILES", of, "name at least one record", "none was given", example)
+    seen: dict[Path, Path] = {}
+    for file in files:
+        place = file.resolve()
+        if place in seen:
+            raise input_error(
+                "FILES",
+                of,
+                "name each record once",
+                f"{seen[place]} is given twice" if file == seen[place] else f"{seen[place]} and {file} are one file",
+                "A record counted twice would halve its variance, and nothing more would be known.",
+            )
+        seen[place] = file
+
+
+def period_of(period: float | None, frequency: float | None, of: str) -> float | None:
+    """The period [s], whichever of the two was given."""
+    if period is not None and frequency is not None:
+        raise input_error("--frequency", of, "not be given beside --period", "both are given", "Give one of them.")
+    if frequency is None:
+        return period
+    return positive(1.0 / positive(frequency, "--frequency", of, unit="Hz"), "period", "Settings", unit="s")
+
+
+def read_records(
+    files: Sequence[Path], choices: Choices, of: str, report: Callable[[str], None]
+) -> tuple[list[Record], Choices]:
+    """The records, and the choices with the names that the channels have from here on."""
+    chosen, records = choices.settings, []
+    for file in files:
+        report(f"reading {file.name}")
+        record = read(
+            file,
+            period=chosen.period,
+            rate=choices.rate,
+            channels=chosen.channels or None,
+            origin=choices.origin,
+        )
+        if record.clock is None:
+            raise input_error(
+                "--period",
+                of,
+                "be given",
+                f"neither it nor --frequency is, and {file} does not state one",
+                "Give the period of the system [s], as in --period 0.02, or its frequency [Hz], as in --frequency 50.",
+            )
+        records.append(record)
+    if chosen.channels:  # a path may stand for all rows of a matrix: from here on each has its name
+        choices = choices.with_given(channels=tuple(channel.name for channel in records[0].channels))
+    return records, choices
