@@ -96,6 +96,31 @@ def test_deviations_hold_in_coloured_noise():
     assert np.sqrt(np.mean(np.square(pulls))) == pytest.approx(1.0, abs=0.15)
 
 
+def pulls_in_shared_noise(seeds):
+    """Errors over deviations where half of the noise is the same in all responses."""
+    pulls = []
+    for seed in seeds:
+        generator = np.random.default_rng(1000 + seed)
+        noise = np.sqrt(0.5) * (white(seed=seed) + generator.standard_normal((200, 1)))
+        identifier = MaximumLikelihood()
+        model = identifier.extract(identifier.prepare(ringing(PAIRS, (noise, 0.03), seed=0)))
+        if model.order == 6:
+            std = np.sqrt(np.diag(model.covariance)) * model.dt
+            for log in PAIRS:
+                off = np.log(model.multipliers) - log
+                k = int(np.argmin(np.abs(off)))
+                pulls += [off[k].real / std[k], off[k].imag / std[k + 6]]
+    assert len(pulls) > 5 * len(seeds)
+    return np.sqrt(np.mean(np.square(pulls)))
+
+
+def test_deviations_hold_in_noise_that_responses_share(monkeypatch):
+    right = pulls_in_shared_noise(range(60))
+    assert right == pytest.approx(1.0, abs=0.1)
+    monkeypatch.setattr("floquid.lti._maximum_likelihood.of_dependent_noise", lambda found, _: found)
+    assert pulls_in_shared_noise(range(60)) > right + 0.05
+
+
 def test_the_reasons_name_what_was_looked_at():
     choice = choose(ringing(PAIRS, (white(), 0.02)))
     text = " ".join(choice.reasons)

@@ -14,7 +14,7 @@ the data, and the plain inverse would be too small wherever a mode is weak.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,6 +107,30 @@ def fit(poles: PoleSet, factors: Sequence[Factor]) -> Fit:
         whole += slopes_of.matrix(curvature, residues @ residues.T)
         noise += block.columns * slopes_of.matrix(curvature, inverse @ inverse.T)
     return Fit(poles, cost, gradient, whole, positive_part(whole, whole - noise))
+
+
+def of_dependent_noise(found: Fit, factors: Sequence[Factor]) -> Fit:
+    r"""The fit with the covariance of a gradient whose noise is not independent between responses.
+
+    .. math:: \operatorname{cov} g_{st} = (d_s^H (I-P) d_t)\, (\bar R \hat\Sigma R^T)_{st}, \qquad
+              \hat\Sigma = \frac{Y^T (I-P)\, Y}{N - n}
+
+    in place of the Gauss-Newton matrix, which is the same for Σ = I. Σ is not formed: what is needed of it is the
+    residual times the residues.
+    """
+    poles, n = found.poles, found.poles.order
+    slopes_of, scatter = Slopes.of(poles), np.zeros((n, n))
+    for block in factors:
+        samples = len(block.values)
+        columns = real_basis(poles, basis(poles, samples))
+        q, r = np.linalg.qr(columns)
+        slopes = np.arange(samples)[:, None] * columns
+        slopes -= q @ (q.T @ slopes)
+        projected = q.T @ block.values
+        residues = np.linalg.pinv(r, rcond=1e-14) @ projected
+        turned = (block.values - q @ projected) @ residues.T
+        scatter += slopes_of.matrix(slopes.T @ slopes, turned.T @ turned / max(samples - n, 1))
+    return replace(found, gauss_newton=scatter)
 
 
 @dataclass(frozen=True, slots=True)

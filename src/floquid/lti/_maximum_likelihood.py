@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from floquid.lti._era import realise
 from floquid.lti._evidence import Evidence, clearest, entry_deviations, movement, nearest_pair, removed
-from floquid.lti._exponentials import Fit, polish
+from floquid.lti._exponentials import Fit, of_dependent_noise, polish
 from floquid.lti._factor import Factor, energies, factors
 from floquid.lti._horizon import energetic_length, horizon, search_window
 from floquid.lti._identifier import AbstractIdentifier
@@ -298,6 +298,8 @@ class MaximumLikelihood(AbstractIdentifier):
 
 def _model(state: Prepared, found: Fit, blocks: tuple[Factor, ...], outcome: Outcome) -> ModalModel:
     """The model of a fit, with residues from all samples."""
+    if len(found.poles) and Residual.of(found.poles, blocks).independent < 1.0:
+        found = of_dependent_noise(found, blocks)
     map_ = found.poles.parameter_map()
     stacked = np.concatenate([map_.real, map_.imag])
     unit = found.covariance() if len(found.poles) else np.zeros((0, 0))
