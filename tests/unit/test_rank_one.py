@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
+from scipy.signal import lfilter
 
 from floquid import PeriodicModel, Record, identify
 from floquid.core import ConstantPeriod
@@ -89,6 +90,17 @@ def test_no_mode_is_made_where_the_multipliers_differ(logs, noise):
         data = ringing(logs, noise=max(noise, 1e-9), seed=seed)
         model = found(data)
         assert model.order == len(full(logs))
+
+
+def test_no_mode_is_made_of_coloured_noise():
+    """At the frequency of a mode red noise is stronger than its mean says."""
+    for seed in range(6):
+        data = ringing([-0.02 + 0.1j, -0.03 + 2.0j], noise=1e-9, seed=seed)
+        red = lfilter([1.0], [1.0, -0.8], np.random.default_rng(seed).standard_normal((30, 2, 250)), axis=2)[..., 100:]
+        sigma = 0.03 * np.abs(data.values).max()
+        values = data.values + sigma * red / red.std()
+        noisy = TimeResponses(values=values, dt=1.0, noise=np.full((30, 2), sigma))
+        assert found(noisy).order == 4
 
 
 def test_inputs_of_unequal_length():

@@ -17,7 +17,7 @@ from floquid.lti._horizon import energetic_length, horizon, search_window
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._order import checked_order, reached
 from floquid.lti._poles import PoleSet
-from floquid.lti._rank_one import PRODUCTS, merged, refined, separated
+from floquid.lti._rank_one import PRODUCTS, Noise, merged, refined, separated
 from floquid.lti._residual import Residual, filtered, whitening_of
 from floquid.lti._residues import model_of
 from floquid.lti._select import Threshold, choose, force_order, plausible
@@ -165,7 +165,7 @@ class MaximumLikelihood(AbstractIdentifier):
             outcome = Outcome.TOO_FEW_SAMPLES
         model = _model(state, polish(found.poles, blocks, tolerance=AT_REST), blocks, outcome)
         several = self.rank_one and order is None and min(state.data.n_inputs, state.data.n_outputs) > 1
-        return separated(model, state.data, self.false_alarm) if several else model
+        return self._separated(state, model) if several and model.order else model
 
     def refine(self, state: Prepared, model: ModalModel) -> ModalModel:
         """The maximum-likelihood model of the same order nearest to another one, on other data or another noise.
@@ -234,6 +234,15 @@ class MaximumLikelihood(AbstractIdentifier):
             cost=found.cost,
             degrees=_degrees(blocks, found.poles.order),
         )
+
+    def _separated(self, state: Prepared, model: ModalModel) -> ModalModel:
+        """The model with modes of equal multipliers apart, tested beside noise of the colour that the fit leaves."""
+        poles = PoleSet.from_multipliers(model.multipliers)
+        raw = state.first(horizon(poles, state.whole, self.time_constants))
+        taps = whitening_of(Residual.of(poles, raw))
+        left = Residual.of(poles, replace(state, factors=raw).whitened(taps))
+        noise = Noise.whitened_by(taps, model, left.independent, left.variance)
+        return separated(model, state.data, self.false_alarm, noise)
 
     def _choose(
         self, state: Prepared, most: int, report: Callable[[str], None]

@@ -37,7 +37,37 @@ def levels(data: TimeResponses) -> NDArray[np.float64]:
     return np.exp(logs.mean(axis=1, keepdims=True) + logs.mean(axis=0) - logs.mean())
 
 
-def ranks(model: ModalModel, data: TimeResponses, false_alarm: float) -> NDArray[np.int64]:
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """What the noise of a free fit is beside independent white noise of the deviations stated.
+
+    `power` (modes,) is the noise at the frequency of each pole, over its mean; `independent` the share of the responses
+    that it is worth.
+    """
+
+    power: NDArray[np.float64]
+    independent: float = 1.0
+
+    @staticmethod
+    def white(model: ModalModel) -> Noise:
+        """White noise."""
+        return Noise(np.ones(model.order))
+
+    @staticmethod
+    def whitened_by(taps: NDArray[np.float64] | None, model: ModalModel, independent: float, variance: float) -> Noise:
+        """The noise that a filter makes white, 1/|A|² on the unit circle."""
+        turn = np.angle(model.multipliers)
+        taps = np.ones(1) if taps is None else taps
+        gain = np.abs(np.exp(-1j * np.multiply.outer(turn, np.arange(len(taps)))) @ taps) ** 2
+        return Noise(max(variance, 1.0) / np.maximum(gain, 1e-6), independent)
+
+    def limit(self, entry: int, degrees: float, false_alarm: float) -> float:
+        """The sum of squares that noise exceeds at the frequency of a pole."""
+        share = self.independent
+        return float(self.power[entry]) * rise_limit(false_alarm, max(degrees * share, 1.0), 1e9) / share
+
+
+def ranks(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noise | None = None) -> NDArray[np.int64]:
     """How many outer products the residues of each pole of a free fit hold beyond noise (modes,).
 
     A singular value of the residues, over the noise that they carry, is kept when those from it on hold more than a
@@ -49,6 +79,7 @@ def ranks(model: ModalModel, data: TimeResponses, false_alarm: float) -> NDArray
     scale = levels(data)
     unequal = (data.noise / scale) ** 2
     worth = float(unequal.sum() ** 2 / np.sum(unequal**2) / unequal.size)
+    noise = noise or Noise.white(model)
     found = np.ones(model.order, np.int64)
     for r in range(model.order):
         carried = scale * np.sqrt(model.residue_spread[:, r, r].real)
@@ -57,7 +88,7 @@ def ranks(model: ModalModel, data: TimeResponses, false_alarm: float) -> NDArray
         for rank in range(1, min(outputs, inputs)):
             degrees = parts * (outputs - rank) * (inputs - rank)
             left = parts * float(np.sum(values[rank:] ** 2)) / float(unequal.mean())
-            if left * worth < rise_limit(false_alarm, degrees * worth, 1e9):
+            if left * worth < noise.limit(r, degrees * worth, false_alarm):
                 break
             found[r] = rank + 1
     return found
@@ -218,10 +249,13 @@ class Stacked:
         values.flags.writeable = False
         return Stacked(data, scale, values, factors(TimeResponses(values=values[:, None], dt=data.dt))[0])
 
-    def limit(self, size: int, false_alarm: float) -> float:
-        """The rise that noise explains when an outer product with a real pole (1) or a pair (2) is taken away."""
+    def limit(self, size: int, false_alarm: float, noise: Noise, near: int) -> float:
+        """The rise that noise explains when an outer product with a real pole (1) or a pair (2) is taken away.
+
+        `near` is the position of the pole of the free fit whose frequency it has.
+        """
         degrees = size * (self.data.n_outputs + self.data.n_inputs)
-        return rise_limit(false_alarm, degrees, self.values.size) * self.noise
+        return noise.limit(near, degrees, false_alarm) * self.noise
 
     @property
     def noise(self) -> float:
@@ -251,13 +285,13 @@ def polish_products(now: Products, stacked: Stacked, *, steps: int = STEPS, tole
     return found
 
 
-def separated(model: ModalModel, data: TimeResponses, false_alarm: float) -> ModalModel:
+def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noise) -> ModalModel:
     """The model with the modes of equal multipliers apart; the model itself where there are none.
 
     Each pole of a free fit is split by the rank of its residues. Poles near one another share their errors and seem to
     have a higher rank; so each outer product must then pass the test that every mode passes.
     """
-    counts = ranks(model, data, false_alarm)
+    counts = ranks(model, data, false_alarm, noise)
     if counts.max(initial=1) == 1:
         return model
     stacked = Stacked.of(data)
@@ -269,7 +303,12 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float) -> Mod
             for entry in range(len(found.products.poles))
         ]
         rises = [trial.cost - found.cost for trial in trials]
-        limits = [stacked.limit(int(size), false_alarm) for size in found.products.poles.sizes]
+        poles = found.products.poles
+        near = np.abs(np.subtract.outer(np.exp(poles.s), model.multipliers)).argmin(axis=1)
+        limits = [
+            stacked.limit(int(size), false_alarm, noise, int(pole))
+            for size, pole in zip(poles.sizes, near, strict=True)
+        ]
         least = int(np.argmin(np.array(rises) - np.array(limits)))
         if rises[least] > limits[least]:
             break
