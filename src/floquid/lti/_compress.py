@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import integer
 from floquid.lti._factor import BLOCK, LARGEST, LEADING, SAFE
+from floquid.lti._noise import product_noise
 from floquid.lti._types import TimeResponses
 
 
@@ -67,12 +68,6 @@ def compress(data: TimeResponses, most: int | None = None, *, rank_one: bool = F
     values.flags.writeable = False
     noise = np.full(values.shape[:2], np.sqrt(data.n_outputs / whole))
     return TimeResponses(values=values, dt=data.dt, noise=noise, lengths=data.lengths)
-
-
-def product_noise(noise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The product of one number an output and one an input nearest to `noise` (outputs, inputs), in logarithms."""
-    logs = np.log(noise)
-    return np.exp(logs.mean(axis=1, keepdims=True) + logs.mean(axis=0) - logs.mean())
 
 
 def replace_noise(data: TimeResponses, noise: NDArray[np.float64]) -> TimeResponses:

@@ -61,3 +61,9 @@ def _expected_quartile(outputs: int, samples: int, window: int) -> float:
     rng = np.random.default_rng(0)
     draws = 4 if outputs * samples > 100 * window else 16
     return float(np.mean([_quartile(rng.standard_normal((outputs, samples)), window) for _ in range(draws)]))
+
+
+def product_noise(noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The product of one number an output and one an input nearest to `noise` (outputs, inputs), in logarithms."""
+    logs = np.log(noise)
+    return np.exp(logs.mean(axis=1, keepdims=True) + logs.mean(axis=0) - logs.mean())

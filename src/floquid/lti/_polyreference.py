@@ -15,6 +15,7 @@ from floquid.lti._horizon import energetic_length
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._lines import Modes, chosen, model_on
 from floquid.lti._lscf import Candidates, candidates, checked_options, degree_for, rows_of
+from floquid.lti._noise import product_noise
 from floquid.lti._order import checked_order, reached
 from floquid.lti._poles import PoleSet
 from floquid.lti._residues import model_of
@@ -120,7 +121,7 @@ class PolyLSCF(AbstractIdentifier):
         data, modes = state.data, state.at(wanted)
         report(f"{modes.poles.order} roots of the denominator")
         rows, modes = rows_of(modes, data, self.band)
-        scale = levels(data)
+        scale = product_noise(data.noise)
         modes = chosen(modes, data, scale, rows, wanted)
         outcome = reached(order, modes.poles.order)
         if self.rank_one and data.n_inputs > 1:
@@ -147,15 +148,9 @@ class PolyLSCF(AbstractIdentifier):
         return self.extract(state, model.order) if model.order else model
 
 
-def levels(data: TimeResponses) -> NDArray[np.float64]:
-    """The noise as a factor an output times a factor an input (outputs, inputs), nearest in the logarithm."""
-    logs = np.log(data.noise)
-    return np.exp(logs.mean(axis=1, keepdims=True) + logs.mean(axis=0) - logs.mean())
-
-
 def matrix(data: TimeResponses, band: Band, degree: int, *, safe: bool) -> Denominators:
     """The matrix denominators from the samples that all inputs have; squared where that is `safe`."""
-    scale, inputs = levels(data), data.n_inputs
+    scale, inputs = product_noise(data.noise), data.n_inputs
     of_inputs = np.sum((data.noise / scale) ** 2, axis=0)
     equations = data.n_outputs * (band.size - degree)
     if band.whole and safe:

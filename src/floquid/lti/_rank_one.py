@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from floquid.lti._exponentials import LEAST_DAMPING, basis, complex_residues, positive_part
 from floquid.lti._factor import Factor, factors
+from floquid.lti._noise import product_noise
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._select import rise_limit
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
@@ -29,12 +30,6 @@ TOGETHER = 5.0
 
 PRODUCTS = "outer products"
 """Among the `stats` of a model whose residues were fitted as such."""
-
-
-def levels(data: TimeResponses) -> NDArray[np.float64]:
-    """The noise as a factor an output times a factor an input (outputs, inputs), nearest in the logarithm."""
-    logs = np.log(data.noise)
-    return np.exp(logs.mean(axis=1, keepdims=True) + logs.mean(axis=0) - logs.mean())
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +71,7 @@ def ranks(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noi
     assert model.residue_spread is not None
     outputs, inputs = data.n_outputs, data.n_inputs
     # A factor a response would undo the products; what a factor an output and an input leaves unequal is averaged.
-    scale = levels(data)
+    scale = product_noise(data.noise)
     unequal = (data.noise / scale) ** 2
     worth = float(unequal.sum() ** 2 / np.sum(unequal**2) / unequal.size)
     noise = noise or Noise.white(model)
@@ -124,7 +119,7 @@ class Products:
 
 def split(model: ModalModel, data: TimeResponses, counts: NDArray[np.int64]) -> Products:
     """Each pole as often as its residues have rank, with the participations of their singular vectors."""
-    scale = levels(data)
+    scale = product_noise(data.noise)
     s, kind, shares = [], [], []
     for r in range(model.order):
         mu = model.multipliers[r]
@@ -243,7 +238,7 @@ class Stacked:
     @staticmethod
     def of(data: TimeResponses) -> Stacked:
         """The responses stacked."""
-        scale = levels(data)
+        scale = product_noise(data.noise)
         parts = [data.values[:, i, :length] / scale[:, i, None] for i, length in enumerate(data.lengths)]
         values = np.concatenate(parts, axis=1)
         values.flags.writeable = False
