@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from floquid.lti import AMI, ERA, MaximumLikelihood, Outcome, TimeResponses
+from floquid.lti import AMI, ERA, MaximumLikelihood, Outcome, TimeResponses, white_noise_std
 from floquid.lti._factor import factor
 from floquid.lti._poles import PoleSet
 from floquid.lti._residual import Residual, filtered, whitening_of
@@ -173,6 +173,16 @@ def test_a_pair_that_is_told_is_farther_apart_than_what_is_said_to_be_seen_as_on
     alone = choose(ringing([-0.02 + 1.0j], (white(samples=256), 0.02)))
     said = next(reason for reason in alone.reasons if "would be seen as one" in reason)
     assert 0.01 < float(said.split("about ")[1].split()[0]) < 1.0
+
+
+def test_a_random_walk_is_never_clearly_a_mode():
+    """Twenty samples a period of noise that wanders, and nothing else."""
+    for seed in range(6):
+        walk = np.cumsum(np.random.default_rng(seed).standard_normal((4, 8000)), axis=1)
+        values = walk.reshape(4, 400, 20).transpose(0, 2, 1).reshape(80, 1, 400)
+        noise = np.array([[white_noise_std(values[20 * c : 20 * (c + 1), 0])] * 20 for c in range(4)]).reshape(80, 1)
+        choice = choose(TimeResponses(values=values, dt=1.0, noise=noise))
+        assert choice.order == 0 or choice.ambiguous
 
 
 def test_white_noise_has_no_colour_and_independent_responses():

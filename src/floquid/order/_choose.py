@@ -111,7 +111,7 @@ def judge(data: TimeResponses, model: ModalModel) -> Choice:
     likelihood = MaximumLikelihood()
     evidence = likelihood.weigh(likelihood.prepare(data), model)
     reasons, doubts = [], []
-    for text, speaks_against in [*_findings(evidence, data.dt), *_hits(data, model, evidence)]:
+    for text, speaks_against in [*_findings(evidence, data.dt), *_drift(data, evidence), *_hits(data, model, evidence)]:
         (doubts if speaks_against else reasons).append(text)
     if model.outcome is not Outcome.SUCCESS:
         doubts.append(model.outcome.value)
@@ -151,6 +151,16 @@ def _findings(evidence: Evidence, dt: float) -> list[tuple[str, bool]]:
         found.append((text, True))
     found.append(_residual(evidence))
     return found
+
+
+def _drift(data: TimeResponses, evidence: Evidence) -> list[tuple[str, bool]]:
+    """Modes that hardly change over the record, beside noise that wanders: a random walk looks like them."""
+    change = np.abs(np.log(evidence.multipliers)) * int(data.lengths.max())
+    still = int((change < 2.0 * np.pi).sum()) if evidence.whitened else 0
+    if not still:
+        return []
+    names = "One mode turns and decays" if still == 1 else f"{still} modes turn and decay"
+    return [(f"{names} by less than once over the record, and the noise is coloured: its drift may look so.", True)]
 
 
 def _hits(data: TimeResponses, model: ModalModel, evidence: Evidence) -> list[tuple[str, bool]]:
