@@ -46,6 +46,9 @@ class Lifted:
         Where the responses come from.
     floor
         The least share of a channel's largest value that the noise is taken to be.
+    whitening
+        The filter of each channel along the record (channels, taps) that the responses went through (`whitened`); None
+        where there was none.
     """
 
     responses: TimeResponses
@@ -54,6 +57,7 @@ class Lifted:
     first_phase: float
     provenance: Provenance
     floor: float = ROUNDING
+    whitening: NDArray[np.float64] | None = None
 
     @property
     def n_channels(self) -> int:
@@ -79,6 +83,29 @@ class Lifted:
     def phase_times(self) -> NDArray[np.float64]:
         """The time of each phase after phase zero (phases,) [s]."""
         return (self.first_phase + np.arange(self.n_phases) / self.n_phases) * self.period
+
+    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+        r"""What the whitening filter multiplies e^{st} by, or its derivative by s.
+
+        .. math:: g_c(s) = \sum_i a_{c,i}\, e^{-s\, i\, T/P}
+
+        Parameters
+        ----------
+        rates
+            s (...) [1/s].
+        slope
+            Whether the derivative is asked for.
+
+        Returns
+        -------
+        numpy.ndarray
+            g (channels, ...), 1 where there is no filter [-]; the derivative is in [s].
+        """
+        if self.whitening is None:
+            return np.full((self.n_channels, *rates.shape), 0j if slope else 1.0 + 0j)
+        delays = np.arange(self.whitening.shape[1]) * self.period / self.n_phases
+        taps = -delays * self.whitening if slope else self.whitening
+        return np.tensordot(taps, np.exp(-np.multiply.outer(delays, rates)), axes=1)
 
     def by_channel(self, outputs: NDArray) -> NDArray:
         """An array over outputs (..., outputs, hits) as (..., channels, phases, hits)."""
@@ -151,7 +178,7 @@ def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING) -> Lifte
 
 
 def unlift(lifted: Lifted) -> tuple[Cycles, ...]:
-    """The cycles of each hit: the exact inverse of `lift`.
+    """The cycles of each hit: the exact inverse of `lift`. Of whitened responses they are the whitened cycles.
 
     Parameters
     ----------
@@ -167,7 +194,7 @@ def unlift(lifted: Lifted) -> tuple[Cycles, ...]:
         Cycles(
             values=lifted.responses.values[:, hit, :length].reshape(lifted.n_channels, lifted.n_phases, length),
             periods=np.full(length, lifted.period),
-            first_phase=lifted.first_phase,
+            first_phase=lifted.first_phase % 1.0,
             channels=lifted.channels,
             provenance=lifted.provenance,
         )

@@ -46,7 +46,7 @@ class ERA(AbstractIdentifier):
     Parameters
     ----------
     window
-        The number of lags M; None for half of the samples that hold energy, at most 300.
+        The number of lags M; None for half of the samples that hold energy, at most 200.
     most
         The highest order that can be extracted.
     """

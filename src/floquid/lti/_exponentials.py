@@ -44,14 +44,28 @@ class Fit:
         return inverse @ (self.gauss_newton / both) @ inverse / both
 
 
-def basis(poles: PoleSet, samples: int) -> NDArray[np.complex128]:
-    """The columns μ^k (samples, order), each scaled to a largest entry of one (a growing mode must not overflow).
+def powers(s: NDArray[np.complex128], samples: int) -> NDArray[np.complex128]:
+    """The columns e^{sk} (samples, poles), each scaled to a largest entry of one (a growing mode must not overflow).
 
     What has decayed below 1e-60 is zero: products of denormal numbers cost a hundred times a product of others.
     """
-    s = poles.full()
     exponent = (np.arange(samples)[:, None] - np.where(s.real > 0, samples - 1, 0)[None, :]) * s
     return np.where(exponent.real > -138.0, np.exp(exponent), 0.0)
+
+
+def basis(poles: PoleSet, samples: int) -> NDArray[np.complex128]:
+    """The columns μ^k (samples, order) of all poles, scaled as in `powers`."""
+    return powers(poles.full(), samples)
+
+
+def real_powers(poles: PoleSet, samples: int) -> NDArray[np.float64]:
+    """Real columns of the same space (samples, order): of a pair Re and Im of its own, the upper one."""
+    columns, starts = powers(poles.s, samples), poles.starts()
+    out = np.empty((samples, poles.order))
+    out[:, starts] = columns.real
+    pair = poles.kind == PAIR
+    out[:, starts[pair] + 1] = columns.imag[:, pair]
+    return out
 
 
 def real_basis(poles: PoleSet, columns: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -92,7 +106,7 @@ def fit(poles: PoleSet, factors: Sequence[Factor]) -> Fit:
     whole, noise = np.zeros((n, n)), np.zeros((n, n))
     for block in factors:
         samples = len(block.values)
-        columns = real_basis(poles, basis(poles, samples))
+        columns = real_powers(poles, samples)
         q, r = np.linalg.qr(columns)
         slopes = np.arange(samples)[:, None] * columns
         slopes -= q @ (q.T @ slopes)
@@ -122,7 +136,7 @@ def of_dependent_noise(found: Fit, factors: Sequence[Factor]) -> Fit:
     slopes_of, scatter = Slopes.of(poles), np.zeros((n, n))
     for block in factors:
         samples = len(block.values)
-        columns = real_basis(poles, basis(poles, samples))
+        columns = real_powers(poles, samples)
         q, r = np.linalg.qr(columns)
         slopes = np.arange(samples)[:, None] * columns
         slopes -= q @ (q.T @ slopes)

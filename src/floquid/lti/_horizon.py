@@ -36,5 +36,5 @@ def horizon(poles: PoleSet, whole: int, time_constants: float) -> int:
 
 
 def search_window(samples: int) -> int:
-    """The length of the Hankel window: half of the longest block, so that a short one holds most poles; at most 300."""
-    return max(2, min(300, samples // 2))
+    """The length of the Hankel window: half of the longest block, so that a short one holds most poles; at most 200."""
+    return max(2, min(200, samples // 2))

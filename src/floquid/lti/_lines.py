@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.lti._denominator import Band, Basis, stacked
-from floquid.lti._exponentials import basis, complex_residues, real_basis
+from floquid.lti._exponentials import basis, complex_residues, real_basis, real_powers
 from floquid.lti._factor import BLOCK
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._removal import Removal
@@ -68,7 +68,7 @@ class Rows:
             return Rows(band, np.zeros((band.samples if band.whole else 0, 0)))
         degree = min(SMOOTH, band.size // 4)
         smooth = band.weights[:, None] * Basis.on(band, degree).at(band.x)
-        beside = stacked(band.spectrum(real_basis(others, basis(others, band.samples)).T))
+        beside = stacked(band.spectrum(real_powers(others, band.samples).T))
         both = np.concatenate([stacked(smooth.T), beside]).T
         left, values, _ = np.linalg.svd(both / np.linalg.norm(both, axis=0), full_matrices=False)
         return Rows(band, left[:, values > 1e-12 * values[0]])

@@ -152,7 +152,7 @@ class MaximumLikelihood(AbstractIdentifier):
         if self.initial is not None and self.initial.decides:
             found = self.initial.extract(state.initial, order, report=report)
             return self.refine(state, found) if found.order else found
-        found, blocks, ended = self._choose(state, most, report)
+        found, blocks, ended, left = self._choose(state, most, report)
         outcome = Outcome.SUCCESS
         if order is not None:
             found = force_order(found, blocks, order, self.false_alarm)
@@ -163,7 +163,7 @@ class MaximumLikelihood(AbstractIdentifier):
             outcome = Outcome.NOT_WHITE
         elif found.poles.order >= most:
             outcome = Outcome.TOO_FEW_SAMPLES
-        model = _model(state, polish(found.poles, blocks, tolerance=AT_REST), blocks, outcome)
+        model = _model(state, polish(found.poles, blocks, tolerance=AT_REST), blocks, outcome, left)
         several = self.rank_one and order is None and min(state.data.n_inputs, state.data.n_outputs) > 1
         return self._separated(state, model) if several and model.order else model
 
@@ -246,8 +246,10 @@ class MaximumLikelihood(AbstractIdentifier):
 
     def _choose(
         self, state: Prepared, most: int, report: Callable[[str], None]
-    ) -> tuple[Fit, tuple[Factor, ...], bool]:
+    ) -> tuple[Fit, tuple[Factor, ...], bool, Residual]:
         """The poles from the samples that hold energy, and again from more when a mode lasts longer than those.
+
+        With the samples used, whether the search ended, and what is left.
 
         Coloured noise is whitened before the search, judged by what generous poles leave. They take the peaks of the
         noise with them, so it is judged again by what the poles found leave, until their number stays.
@@ -272,7 +274,7 @@ class MaximumLikelihood(AbstractIdentifier):
                 report=report,
             )
             if looks == LOOKS:
-                return found, blocks, ended
+                return found, blocks, ended, left
             needed = horizon(found.poles, state.whole, self.time_constants)
             if ended and needed > len(state.factors[0].values):
                 state = replace(state, factors=state.first(needed))
@@ -281,7 +283,7 @@ class MaximumLikelihood(AbstractIdentifier):
             after = whitening_of(left if taps is None else Residual.of(found.poles, state.factors))
             same = before is not None and before.order == found.poles.order
             if (after is None) == (taps is None) and (taps is None or same):
-                return found, blocks, ended
+                return found, blocks, ended, left
             if after is None:
                 start, noise = self._looked_at(state, state.factors)
             taps, before = after, found.poles
@@ -305,9 +307,11 @@ class MaximumLikelihood(AbstractIdentifier):
         return lambda order: PoleSet.from_multipliers(realisation.multipliers(order))
 
 
-def _model(state: Prepared, found: Fit, blocks: tuple[Factor, ...], outcome: Outcome) -> ModalModel:
-    """The model of a fit, with residues from all samples."""
-    if len(found.poles) and Residual.of(found.poles, blocks).independent < 1.0:
+def _model(
+    state: Prepared, found: Fit, blocks: tuple[Factor, ...], outcome: Outcome, left: Residual | None = None
+) -> ModalModel:
+    """The model of a fit, with residues from all samples; `left` is what poles like these leave, where it is known."""
+    if len(found.poles) and (left or Residual.of(found.poles, blocks)).independent < 1.0:
         found = of_dependent_noise(found, blocks)
     map_ = found.poles.parameter_map()
     stacked = np.concatenate([map_.real, map_.imag])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._exponentials import basis, real_basis
+from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PoleSet
 
@@ -36,7 +36,7 @@ class Removal:
         """For these poles."""
         spread, moments = [], []
         for block in factors:
-            q, r = np.linalg.qr(real_basis(poles, basis(poles, len(block.values))))
+            q, r = np.linalg.qr(real_powers(poles, len(block.values)))
             inverse = np.linalg.pinv(r, rcond=1e-14)
             residues = inverse @ (q.T @ block.values)
             spread.append(inverse @ inverse.T)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._exponentials import basis, real_basis
+from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PoleSet
 
@@ -60,7 +60,7 @@ class Residual:
         block = factors[0].cut(LONGEST)
         q = np.zeros((len(block.values), 0))
         if len(poles):
-            q, _ = np.linalg.qr(real_basis(poles, basis(poles, len(block.values))))
+            q, _ = np.linalg.qr(real_powers(poles, len(block.values)))
         left = block.values - q @ (q.T @ block.values)
         free = max((len(left) - q.shape[1]) * block.columns, 1)
         size = np.sqrt(max(np.einsum("nj,nj->", left, left), np.finfo(float).tiny) / free)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
-from floquid.lti._exponentials import basis, real_basis
+from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import BLOCK, Factor
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 
@@ -52,7 +52,7 @@ def _gains(poles: PoleSet, block: Factor, decays: NDArray[np.float64], lines: in
     samples = len(block.values)
     k, half = np.arange(samples), np.arange(lines // 2 + 1)
     envelopes = np.exp(-np.multiply.outer(decays, k))
-    q, _ = np.linalg.qr(real_basis(poles, basis(poles, samples))) if len(poles) else (np.zeros((samples, 0)), None)
+    q, _ = np.linalg.qr(real_powers(poles, samples)) if len(poles) else (np.zeros((samples, 0)), None)
     residual = block.values - q @ (q.T @ block.values)
     sums = _by_diagonals if samples <= LARGEST_GRAM else _by_columns
     power, pseudo = sums(residual, envelopes, decays, lines)
@@ -94,15 +94,14 @@ def _by_diagonals(
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
     """The same from the Gram matrix: e^{-d(n + m)} is constant across the diagonals, e^{-2dn} e^{-dl} along them."""
     samples = len(values)
-    gram = values @ values.T
     padded = np.zeros((samples, 2 * samples))
-    padded[:, :samples] = gram
+    padded[:, :samples] = values @ values.T
+    # Rows one entry longer are turned: a column then is a lag; rows one entry shorter: a column then is a sum.
     row, column = padded.strides
-    upper = np.ascontiguousarray(as_strided(padded, (samples, samples), (row + column, column)))
+    upper = as_strided(padded, (samples, samples), (row + column, column))
     along = (envelopes**2 @ upper) * envelopes
     power = 2.0 * np.fft.rfft(along, lines, axis=1).real - along[:, :1]
     lags = 2 * samples - 1
-    sums = np.add.outer(np.arange(samples), np.arange(samples))
-    across = np.bincount(sums.ravel(), weights=gram.ravel(), minlength=lags)
+    across = padded.ravel()[: samples * lags].reshape(samples, lags).sum(axis=0)
     weights = np.exp(-np.multiply.outer(decays, np.arange(lags)))
     return power, np.fft.rfft(weights * across, lines, axis=1)

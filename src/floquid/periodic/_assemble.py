@@ -24,7 +24,7 @@ def assemble(
 
     .. math:: B_{r,m} = \frac1P \sum_k R_{k,r}\, e^{-(\lambda_r + i m \omega) t_k}
 
-    each exponent is moved to the branch whose zeroth harmonic carries most of the shape's energy (channels weighted by
+    (of whitened responses over the filter's gain at λ_r + imω too), each exponent is moved to the branch whose zeroth harmonic carries most of the shape's energy (channels weighted by
     the inverse of their noise), and of each mode a contiguous band of harmonics is kept (`select_bands`).
     Standard deviations are those of the maximum-likelihood fit: noise on the residues, and what the uncertainty of the
     poles does to them.
@@ -190,9 +190,11 @@ def _physical_turn(modal: ModalModel, lifted: Lifted, mode: int) -> int:
     """The whole number of fundamentals from the principal pole to the branch whose zeroth harmonic is largest."""
     half = lifted.n_phases // 2
     turns = np.arange(-half, half + 1)
-    kernel = np.exp(-np.multiply.outer(modal.poles[mode] + 1j * turns * 2 * np.pi / lifted.period, lifted.phase_times))
+    rates = modal.poles[mode] + 1j * turns * 2 * np.pi / lifted.period
+    kernel = np.exp(-np.multiply.outer(rates, lifted.phase_times))
     residues = lifted.by_channel(modal.residues[mode]) / lifted.noise[:, None, :]
-    energy = np.sum(np.abs(np.einsum("mk,ckh->mch", kernel, residues)) ** 2, axis=(1, 2))
+    shapes = np.einsum("mk,ckh->chm", kernel, residues) / lifted.gain(rates)[:, None]
+    energy = np.sum(np.abs(shapes) ** 2, axis=(0, 1))
     imag = modal.poles[mode].imag * lifted.period / (2 * np.pi) + turns
     energy = np.where(_share_of_nyquist(imag, lifted.n_phases) > 0, energy, 0.0)
     ties = np.flatnonzero(energy > (1.0 - 1e-6) * energy.max())
@@ -204,20 +206,24 @@ def _coefficients(
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """The coefficients of one mode and their standard deviations, both (channels, hits, harmonics)."""
     times, phases = lifted.phase_times, lifted.n_phases
-    kernel = np.exp(-np.multiply.outer(exponent + 1j * harmonics * 2 * np.pi / lifted.period, times)) / phases
+    rates = exponent + 1j * harmonics * 2 * np.pi / lifted.period
+    kernel = np.exp(-np.multiply.outer(rates, times)) / phases
+    gain = lifted.gain(rates)
     residues = lifted.by_channel(modal.residues)
-    own = np.einsum("mk,ckh->chm", kernel, residues[mode])
+    own = np.einsum("mk,ckh->chm", kernel, residues[mode]) / gain[:, None]
     if modal.residue_spread is None or modal.residue_slope is None or modal.covariance is None:
         return own, np.zeros_like(own)  # `_has_deviations` is false: they are not handed on
     partner = _partner(modal, mode)
-    strength = np.sum(np.abs(kernel) ** 2, axis=1)
-    pseudo = np.sum(kernel**2, axis=1)
+    strength = np.sum(np.abs(kernel) ** 2, axis=1) / np.abs(gain[:, None]) ** 2
+    pseudo = np.sum(kernel**2, axis=1) / gain[:, None] ** 2
     noise = lifted.noise[:, :, None] ** 2
-    whole = noise * np.multiply.outer(modal.residue_spread[:, mode, mode].real, strength)
-    skew = noise * np.real(np.multiply.outer(modal.residue_spread[:, mode, partner], pseudo))
-    # What an error of the poles does: through the residues of every mode, and through this mode's own delay.
+    whole = noise * modal.residue_spread[:, mode, mode, None].real * strength
+    skew = noise * np.real(modal.residue_spread[:, mode, partner, None] * pseudo)
+    # What an error of the poles does: through the residues of every mode, and through this mode's own delay and gain.
     moved = np.einsum("mk,rckh->rchm", kernel, residues) * -modal.residue_slope[:, mode, :].T[:, None, :, None]
     moved[mode] -= np.einsum("mk,k,ckh->chm", kernel, times / lifted.period, residues[mode])
+    moved /= gain[:, None]
+    moved[mode] -= own * (lifted.gain(rates, slope=True) / gain)[:, None] / lifted.period
     moved = moved * lifted.period
     root = _square_root(modal.covariance)
     along_real = np.tensordot(root, np.concatenate([moved.real, -moved.imag]), axes=(0, 0))

@@ -154,8 +154,10 @@ def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     times, n = lifted.phase_times, model.order
     turning = np.exp(np.multiply.outer(model.exponents, times))[:, None, None, :]
     harmonics = np.exp(1j * model.fundamental * np.multiply.outer(model.harmonics, times))
-    shapes = (model.coefficients @ harmonics) * turning
-    turned = -2j * np.pi * ((model.coefficients * model.harmonics) @ harmonics) * turning
+    rates = model.exponents[:, None] + 1j * model.fundamental * model.harmonics
+    coefficients = model.coefficients * lifted.gain(rates).transpose(1, 0, 2)[:, :, None]
+    shapes = (coefficients @ harmonics) * turning
+    turned = -2j * np.pi * ((coefficients * model.harmonics) @ harmonics) * turning
     # (modes, channels, hits, phases) over the noise → (modes, outputs) hit by hit.
     scale = lifted.noise[None, :, :, None]
     information, score = np.zeros((2 * n + 1, 2 * n + 1)), np.zeros(2 * n + 1)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.errors import IdentificationError
-from floquid.lifting import Lifted
-from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome
+from floquid.lifting import Lifted, whitened, whitening_filter
+from floquid.lti import ERA, AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
 from floquid.order import Choice, judge
 from floquid.pipeline._settings import Settings
 
@@ -19,11 +19,20 @@ ENOUGH_CYCLES = 3
 NOISE_ROUNDS = 4
 """How often the noise may be estimated again from the residual."""
 
+WHITENINGS = 3
+"""How often the filter that whitens the noise may be estimated."""
+
+GENEROUS = 64
+"""Poles that take any response with them and leave nothing but noise; at most one in four periods."""
+
 
 def find_poles(
     lifted: Lifted, settings: Settings, report: Callable[[str], None] = lambda _: None
 ) -> tuple[Lifted, ModalModel, Choice | None]:
     """Poles and noise together: the noise is taken again from the residual until it stays, and the order is weighed.
+
+    Where what generous poles leave is coloured along the record, it is whitened (`whitened`) before poles are searched
+    for, and judged again by what the poles found leave.
 
     Parameters
     ----------
@@ -37,7 +46,7 @@ def find_poles(
     Returns
     -------
     Lifted
-        The responses with the noise that the fit leaves.
+        The responses with the noise that the fit leaves, whitened where it was coloured along the record.
     ModalModel
         The poles and residues.
     Choice or None
@@ -48,6 +57,32 @@ def find_poles(
     IdentificationError
         No mode rises above the noise, or the order or the noise cannot be told.
     """
+    raw, taps = lifted, whitening_filter(lifted, _generous(lifted))
+    for look in range(1, WHITENINGS + 1):
+        if taps is not None:
+            report(f"the noise is coloured along the record: whitened by {taps.shape[1] - 1} taps")
+        lifted, modal = _settled(raw if taps is None else whitened(raw, taps), settings, report)
+        again = whitening_filter(lifted, modal)
+        if look == WHITENINGS or (again is None and taps is None):
+            break
+        after = whitening_filter(raw, fit_residues(modal.multipliers, raw.responses))
+        if (after is None) == (taps is None) and again is None:
+            break
+        taps = after
+    if settings.order is not None:
+        return lifted, modal, None
+    report("weighing the order")
+    return lifted, modal, judge(lifted.responses, modal)
+
+
+def _generous(lifted: Lifted) -> ModalModel:
+    """More poles than there are modes."""
+    era = ERA()
+    return era.extract(era.prepare(lifted.responses), max(1, min(GENEROUS, int(lifted.responses.lengths.max()) // 4)))
+
+
+def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) -> tuple[Lifted, ModalModel]:
+    """The poles, and the responses with the noise that they leave."""
     identifier = settings.identifier or MaximumLikelihood(false_alarm=settings.mode_false_alarm)
     modal: ModalModel | None = None
     for round_ in range(NOISE_ROUNDS):
@@ -80,10 +115,7 @@ def find_poles(
             "Identification ended without a result: the noise cannot be told from the response, its estimate does not "
             "settle as modes are fitted. Look at the record: are its samples clipped, or rounded to a few levels?"
         )
-    if settings.order is not None:
-        return lifted, modal, None
-    report("weighing the order")
-    return lifted, modal, judge(lifted.responses, modal)
+    return lifted, modal
 
 
 def _order_for(

@@ -53,6 +53,9 @@ LIFTED = (
     Item("noise", axes=("channels", "hits"), unit="that of the channel"),
 )
 
+WHITENING = Item("whitening", axes=("channels", "taps"))
+"""Of responses that were whitened along the record; absent otherwise."""
+
 MODAL = (
     Item("multipliers", "complex", ("modes",)),
     Item("residues", "complex", ("modes", "outputs", "inputs"), unit="that of the channel"),

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid._files import readable_file
 from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.errors import FloquidError, InputError
-from floquid.lifting import Lifted, lift
+from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import Composites, ModalModel, Outcome
 from floquid.order import Choice
 from floquid.pipeline import Analysis, Settings
@@ -97,7 +98,10 @@ def _read(file: h5py.File) -> Analysis:
     lifting = _get_fields(_group(file, "lifted"), layout.LIFTED)
     records = tuple(_get_record(_group(file, f"records/hit{n + 1}")) for n in range(len(lifting["lengths"])))
     cycles = segment(records)
-    lifted = lift(cycles).with_noise(lifting["noise"])
+    lifted = lift(cycles)
+    if layout.WHITENING.name in _group(file, "lifted"):
+        lifted = whitened(lifted, _filters(_group(file, "lifted"), lifted))
+    lifted = lifted.with_noise(lifting["noise"])
     modal = _get_modal(_group(file, "modal"))
     group = _group(file, "model")
     model = PeriodicModel(
@@ -115,6 +119,14 @@ def _read(file: h5py.File) -> Analysis:
         choice=_get_choice(file, modal),
         warnings=_get(file, layout.WARNINGS),
     )
+
+
+def _filters(group: h5py.Group, lifted: Lifted) -> NDArray[np.float64]:
+    """The whitening filters, if they can be those of these responses."""
+    taps = _get(group, layout.WHITENING)
+    if taps.shape[0] != lifted.n_channels or not 1 < taps.shape[1] <= lifted.n_phases or not np.isfinite(taps).all():
+        raise _DamagedError(f"whitening is no filter of {lifted.n_channels} channels")
+    return taps
 
 
 def _get_choice(file: h5py.File, modal: ModalModel) -> Choice | None:

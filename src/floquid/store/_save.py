@@ -73,6 +73,8 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
         values = (lifted.n_phases, lifted.first_phase, lifted.responses.lengths, lifted.noise)
         for item, value in zip(layout.LIFTED, values, strict=True):
             _put(group, item, value)
+        if lifted.whitening is not None:
+            _put(group, layout.WHITENING, lifted.whitening)
         group = file.create_group("modal")
         _put_fields(group, layout.MODAL, analysis.modal)
         _put(group, layout.OUTCOME, analysis.modal.outcome.name)

@@ -1,0 +1,167 @@
+r"""Noise that is coloured along the record, and the filter that makes it white.
+
+A filter along the record leaves e^{λt} p(t) as it is but for the shape: harmonic m is multiplied by the filter's gain at
+λ + imω, and stays one. Noise that is an autoregression becomes white, between the phases as well as between periods,
+and least squares on the filtered responses is what maximum likelihood is on the record (Aitken 1935).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Cycles
+from floquid.lifting._lift import Lifted, lift
+from floquid.lti import ModalModel
+
+LAGS = 16
+"""The lags looked at. Shorter than a period: poles that were fitted leave correlations a period apart."""
+
+ORDERS = (1, 2, 4, 8)
+"""The lengths of filters tried."""
+
+COLOURED = 8.0
+"""The standard deviations from white noise at which a filter is worth its trouble."""
+
+LEAST = 0.01
+"""The sum of squared correlations below which hardly anything is gained."""
+
+FEWEST = 12
+"""Periods below which noise is not told from what was not fitted."""
+
+FLOOR = 2.0
+"""Times the noise floor: what is left below it is rounding."""
+
+
+def whitening_filter(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64] | None:
+    """The shortest filter of each channel that whitens, along the record, what a model leaves.
+
+    By the Yule-Walker equations for the residual of all hits together. The order is that at which every channel is
+    white, or the highest tried.
+
+    Parameters
+    ----------
+    lifted
+        The lifted responses.
+    modal
+        A modal model of `lifted.responses`; more poles than there are modes do no harm.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        The filters (channels, taps), a channel of white noise with one that does nothing; None where all are white.
+    """
+    most = min(LAGS, lifted.n_phases - 1)
+    if most < 1 or not modal.order or lifted.responses.lengths.max() < FEWEST:
+        return None
+    correlations, numbers = _correlations(lifted, modal, most)
+    coloured = _colours(correlations, numbers) > COLOURED
+    coloured &= np.sum(correlations[:, 1:] ** 2, axis=1) > LEAST
+    if not coloured.any():
+        return None
+    orders = [order for order in ORDERS if order <= most]
+    for order in orders:
+        taps = np.array([_autoregression(own, order) for own in correlations])
+        left = np.array([_filtered(own, part) for own, part in zip(correlations, taps, strict=True)])
+        white = _colours(left, numbers) < COLOURED
+        if white[coloured].all():
+            break
+    taps[~coloured] = np.eye(1, taps.shape[1])
+    return taps
+
+
+def whitened(lifted: Lifted, taps: NDArray[np.float64]) -> Lifted:
+    """The responses after a filter along the record; the first samples, before which it has no past, are left out.
+
+    Parameters
+    ----------
+    lifted
+        The lifted responses of the record as it is.
+    taps
+        The filter of each channel (channels, taps).
+
+    Returns
+    -------
+    Lifted
+        The filtered responses, one period fewer, with an estimate of their noise.
+    """
+    order = taps.shape[1] - 1
+    hits = []
+    for hit, length in enumerate(lifted.responses.lengths):
+        along = _along(lifted, lifted.responses.values[:, hit, :length])
+        samples = along.shape[1] - order
+        out = np.zeros((len(along), samples))
+        for i in range(order + 1):
+            out += taps[:, i, None] * along[:, order - i : order - i + samples]
+        cycles = samples // lifted.n_phases
+        cut = out[:, : cycles * lifted.n_phases].reshape(len(out), cycles, lifted.n_phases)
+        hits.append(
+            Cycles(
+                values=cut.transpose(0, 2, 1),
+                periods=np.full(cycles, lifted.period),
+                channels=lifted.channels,
+                provenance=lifted.provenance,
+            )
+        )
+    found = lift(hits, floor=lifted.floor)
+    return replace(found, first_phase=lifted.first_phase + order / lifted.n_phases, whitening=taps)
+
+
+def _along(lifted: Lifted, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lifted responses of one hit (outputs, cycles) in the order of time (channels, samples)."""
+    return values.reshape(lifted.n_channels, lifted.n_phases, -1).transpose(0, 2, 1).reshape(lifted.n_channels, -1)
+
+
+def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The autocorrelation of what is left (channels, lags), and the numbers that it is the mean of (channels,).
+
+    Of a channel whose residual is rounding, that of white noise.
+    """
+    data, phases = lifted.responses, lifted.n_phases
+    sums = np.zeros((lifted.n_channels, most + 1))
+    numbers = np.zeros(lifted.n_channels)
+    for hit, length in enumerate(data.lengths):
+        # A growing mode is counted from its end, so that its powers cannot overflow.
+        logs = np.log(modal.multipliers)
+        last = np.where(logs.real > 0.0, length - 1, 0)
+        powers = np.exp(logs[:, None] * (np.arange(length) - last[:, None]))
+        shapes = modal.residues[:, :, hit] * np.exp(logs * last)[:, None]
+        for channel in range(lifted.n_channels):
+            rows = slice(channel * phases, (channel + 1) * phases)
+            values = data.values[rows, hit, :length]
+            left = values - (shapes[:, rows].T @ powers).real
+            along = left.T.ravel()
+            square = float(along @ along) / len(along)
+            if square <= (FLOOR * lifted.floor * np.abs(values).max()) ** 2:
+                continue
+            sums[channel] += [along[lag:] @ along[: len(along) - lag] / square for lag in range(most + 1)]
+            numbers[channel] += len(along)
+    white = numbers == 0
+    sums[white, 0] = numbers[white] = 1.0
+    return sums / sums[:, :1], numbers
+
+
+def _colours(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far correlations are from those of white noise, in standard deviations of Box and Pierce's sum (channels,)."""
+    lags = max(correlations.shape[1] - 1, 1)
+    return (numbers * np.sum(correlations[:, 1:] ** 2, axis=1) - lags) / np.sqrt(2.0 * lags)
+
+
+def _autoregression(correlation: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+    """The filter that makes white noise of an autoregression with this autocorrelation."""
+    from scipy.linalg import solve_toeplitz
+
+    first = correlation[:order].copy()
+    first[0] *= 1.0 + 1e-9
+    return np.concatenate([[1.0], -solve_toeplitz(first, correlation[1 : order + 1])])
+
+
+def _filtered(correlation: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The autocorrelation after a filter, at the lags where all that it needs is known."""
+    both = np.concatenate([correlation[:0:-1], correlation])
+    square = np.correlate(taps, taps, mode="full")
+    through = np.convolve(both, square, mode="valid")
+    middle = len(through) // 2
+    return through[middle:] / through[middle]
