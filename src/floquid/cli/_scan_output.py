@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from floquid.cli._settings import Choices
-from floquid.cli._terminal import counted, print_title, terminal
+from floquid.cli._terminal import counted, print_title, print_whitening, terminal
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel, Outcome
 from floquid.order import OrderScan, Stability
@@ -35,6 +35,7 @@ def print_scan(lifted: Lifted, found: OrderScan, out: Path | None) -> None:
         f"{counted(lifted.n_hits, 'record')}, {counted(lifted.n_channels, 'channel')}; period {lifted.period:.8g} s: "
         f"{counted(lifted.n_phases, 'sample')} a period, {cycles} periods."
     )
+    print_whitening(console, lifted)
     print_title(console, "Orders, conjugate poles counted one by one")
     console.print(_table(found))
     console.print(LEGEND, style="dim")
@@ -83,6 +84,7 @@ def scan_text(lifted: Lifted, found: OrderScan, choices: Choices) -> str:
         "period": lifted.period,
         "n_cycles": [int(length) for length in lifted.responses.lengths],
         "n_phases": lifted.n_phases,
+        "noise_whitening": None if lifted.whitening is None else lifted.whitening.tolist(),
         "channels": [channel.name for channel in lifted.channels],
         "identifier": choices.identifier or "era",
         "tolerances": {name: getattr(tolerances, name) for name in ("frequency", "damping", "decay", "shape")},

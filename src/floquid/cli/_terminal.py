@@ -11,6 +11,7 @@ from rich.measure import Measurement
 from rich.table import Table
 
 from floquid.core import PeriodicModel
+from floquid.lifting import Lifted
 from floquid.periodic import participation
 from floquid.pipeline import CONFIDENT, Analysis
 
@@ -79,6 +80,21 @@ def _print_record(console: Console, analysis: Analysis) -> None:
         console.print(f"  {step}", style="dim")
     print_title(console, "White noise found, standard deviation")
     console.print(_noise_table(analysis))
+    print_whitening(console, analysis.lifted)
+
+
+def print_whitening(console: Console, lifted: Lifted) -> None:
+    """What was done about noise that is coloured, if it is."""
+    if lifted.whitening is None:
+        return
+    taps = lifted.whitening.shape[1] - 1
+    those = [c.name for c, own in zip(lifted.channels, lifted.whitening, strict=True) if own[1:].any()]
+    where = "all channels" if len(those) == lifted.n_channels else ", ".join(those)
+    console.print(
+        f"Coloured along the record in {where}: poles are found after a filter of {counted(taps, 'tap')} that makes it "
+        "white; shapes are those before the filter, and the noise is that after it.",
+        style="dim",
+    )
 
 
 def _noise_table(analysis: Analysis) -> Table:

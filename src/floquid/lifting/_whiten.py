@@ -1,8 +1,8 @@
 r"""Noise that is coloured along the record, and the filter that makes it white.
 
-A filter along the record leaves e^{λt} p(t) as it is but for the shape: harmonic m is multiplied by the filter's gain at
-λ + imω, and stays one. Noise that is an autoregression becomes white, between the phases as well as between periods,
-and least squares on the filtered responses is what maximum likelihood is on the record (Aitken 1935).
+A filter along the record leaves e^{λt} p(t) as it is but for the shape: harmonic m is multiplied by the gain of the
+filter at λ + imω, and stays one. Noise that is an autoregression becomes white, between the phases as well as between
+periods, and least squares on the filtered responses is what maximum likelihood is on the record (Aitken 1935).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ COLOURED = 8.0
 LEAST = 0.01
 """The sum of squared correlations below which hardly anything is gained."""
 
-FEWEST = 12
+FEWEST = 20
 """Periods below which noise is not told from what was not fitted."""
 
 FLOOR = 2.0
@@ -137,14 +137,14 @@ def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[NDArray
             if square <= (FLOOR * lifted.floor * np.abs(values).max()) ** 2:
                 continue
             sums[channel] += [along[lag:] @ along[: len(along) - lag] / square for lag in range(most + 1)]
-            numbers[channel] += len(along)
-    white = numbers == 0
-    sums[white, 0] = numbers[white] = 1.0
+            numbers[channel] += max(len(along) - phases * modal.order, 0)
+    white = sums[:, 0] == 0
+    sums[white, 0] = 1.0
     return sums / sums[:, :1], numbers
 
 
 def _colours(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far correlations are from those of white noise, in standard deviations of Box and Pierce's sum (channels,)."""
+    """How far correlations are from those of white noise, in deviations of Box and Pierce's sum (channels,)."""
     lags = max(correlations.shape[1] - 1, 1)
     return (numbers * np.sum(correlations[:, 1:] ** 2, axis=1) - lags) / np.sqrt(2.0 * lags)
 

@@ -24,8 +24,9 @@ def assemble(
 
     .. math:: B_{r,m} = \frac1P \sum_k R_{k,r}\, e^{-(\lambda_r + i m \omega) t_k}
 
-    (of whitened responses over the filter's gain at λ_r + imω too), each exponent is moved to the branch whose zeroth harmonic carries most of the shape's energy (channels weighted by
-    the inverse of their noise), and of each mode a contiguous band of harmonics is kept (`select_bands`).
+    (for whitened responses, over the filter's gain at λ_r + imω), each exponent is moved to the branch whose zeroth
+    harmonic carries most of the shape's energy (channels weighted by the inverse of their noise), and of each mode a
+    contiguous band of harmonics is kept (`select_bands`).
     Standard deviations are those of the maximum-likelihood fit: noise on the residues, and what the uncertainty of the
     poles does to them.
 

@@ -21,7 +21,8 @@ class Analysis:
     settings
         The options used.
     records, cycles, lifted, modal
-        The stages: records as used, cut into periods, lifted, and the modal model of the lifted responses.
+        The stages: records as used, cut into periods, lifted (and whitened along the record where the noise is
+        coloured), and the modal model of the lifted responses.
     model
         The periodic model: exponents and shapes.
     state

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from floquid.errors import IdentificationError
 from floquid.lifting import Lifted, whitened, whitening_filter
-from floquid.lti import ERA, AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
+from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
 from floquid.order import Choice, judge
+from floquid.pipeline._colour import first_filter
 from floquid.pipeline._settings import Settings
 
 ENOUGH_CYCLES = 3
@@ -21,9 +22,6 @@ NOISE_ROUNDS = 4
 
 WHITENINGS = 3
 """How often the filter that whitens the noise may be estimated."""
-
-GENEROUS = 64
-"""Poles that take any response with them and leave nothing but noise; at most one in four periods."""
 
 
 def find_poles(
@@ -57,7 +55,7 @@ def find_poles(
     IdentificationError
         No mode rises above the noise, or the order or the noise cannot be told.
     """
-    raw, taps = lifted, whitening_filter(lifted, _generous(lifted))
+    raw, taps = lifted, first_filter(lifted)
     for look in range(1, WHITENINGS + 1):
         if taps is not None:
             report(f"the noise is coloured along the record: whitened by {taps.shape[1] - 1} taps")
@@ -72,13 +70,7 @@ def find_poles(
     if settings.order is not None:
         return lifted, modal, None
     report("weighing the order")
-    return lifted, modal, judge(lifted.responses, modal)
-
-
-def _generous(lifted: Lifted) -> ModalModel:
-    """More poles than there are modes."""
-    era = ERA()
-    return era.extract(era.prepare(lifted.responses), max(1, min(GENEROUS, int(lifted.responses.lengths.max()) // 4)))
+    return lifted, modal, judge(lifted.responses, modal, coloured=lifted.whitening is not None)
 
 
 def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) -> tuple[Lifted, ModalModel]:

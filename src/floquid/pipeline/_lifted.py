@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from floquid.core import Record
-from floquid.lifting import Lifted, lift
+from floquid.lifting import Lifted, lift, whitened
+from floquid.pipeline._colour import first_filter
 from floquid.pipeline._identify import LARGE, _prepare, _refuse_copies, _refuse_impossible, _settings
 from floquid.pipeline._settings import Settings
 from floquid.sync import segment
@@ -19,6 +20,8 @@ def lifted(
     **options: object,
 ) -> Lifted:
     """The lifted responses of records, with the noise of each channel and hit: where `identify` starts from.
+
+    Where the noise is coloured along the record, they are whitened.
 
     Parameters
     ----------
@@ -54,4 +57,6 @@ def lifted(
         _refuse_impossible(chosen, cycles)
         _refuse_copies(used)
         report("estimating the noise")
-        return lift(cycles, floor=chosen.noise_floor)
+        found = lift(cycles, floor=chosen.noise_floor)
+        taps = first_filter(found)
+        return found if taps is None else whitened(found, taps)

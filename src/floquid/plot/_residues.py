@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
-from floquid.core import channels_named
+from floquid.core import PeriodicModel, channels_named
 from floquid.periodic import assemble
 from floquid.pipeline import Analysis
 from floquid.plot._several import LOOKS, degrees_a_period, entitled, label_angle, legend_of_all, several
@@ -175,8 +175,7 @@ class Expansion:
 def expansion(analysis: Analysis, mode: int, row: int, hit: int) -> Expansion:
     """The coefficients of the harmonics up to the Nyquist frequency, |Im λ/ω + m| ≤ P/2."""
     model, phases = analysis.model, analysis.lifted.n_phases
-    first = int(np.ceil(-0.5 * phases - model.exponents[mode].imag / model.fundamental))
-    harmonics = np.arange(first, first + phases)
+    harmonics = nyquist_band(model, mode, phases)
     angles = model.fundamental * np.multiply.outer(harmonics, analysis.lifted.phase_times)
     magnitudes = np.abs(np.exp(-1j * angles) @ identified(analysis, mode, row, hit)) / phases
     kept = np.isin(harmonics, model.harmonics[model.coefficients[mode, row, hit] != 0])
@@ -195,11 +194,27 @@ def expansion(analysis: Analysis, mode: int, row: int, hit: int) -> Expansion:
 
 
 def identified(analysis: Analysis, mode: int, row: int, hit: int) -> NDArray[np.complex128]:
-    """The residue of one mode, channel and hit at each phase, the delay taken off (phases,) (eq. 9)."""
-    model, modal = analysis.model, analysis.modal
+    """The residue of one mode, channel and hit at each phase, the delay taken off (phases,) (eq. 9).
+
+    Of whitened responses the filter's gain is taken off each of the P harmonics.
+    """
+    model, modal, lifted = analysis.model, analysis.modal, analysis.lifted
     own = int(np.argmin(np.abs(modal.multipliers - model.multipliers[mode])))
-    delayed = analysis.lifted.by_channel(modal.residues[own])[row, :, hit]
-    return delayed * np.exp(-model.exponents[mode] * analysis.lifted.phase_times)
+    delayed = lifted.by_channel(modal.residues[own])[row, :, hit]
+    found = delayed * np.exp(-model.exponents[mode] * lifted.phase_times)
+    if lifted.whitening is None:
+        return found
+    harmonics = nyquist_band(model, mode, lifted.n_phases)
+    turns = np.exp(1j * model.fundamental * np.multiply.outer(harmonics, lifted.phase_times))
+    coefficients = turns.conj() @ found / lifted.n_phases
+    gain = lifted.gain(model.exponents[mode] + 1j * model.fundamental * harmonics)[row]
+    return (coefficients / gain) @ turns
+
+
+def nyquist_band(model: PeriodicModel, mode: int, phases: int) -> NDArray[np.int64]:
+    """The P harmonics up to the Nyquist frequency, |Im λ/ω + m| ≤ P/2."""
+    first = int(np.ceil(-0.5 * phases - model.exponents[mode].imag / model.fundamental))
+    return np.arange(first, first + phases)
 
 
 def chosen_modes(named: dict[str, Analysis], mode: int, hit: int, of: str) -> dict[str, int]:

@@ -108,7 +108,7 @@ def spectra(
     wanted = max(marks, default=end) + 0.5 * turn / analysis.lifted.period
     end = min(end, wanted if limit is None else positive(limit, "limit", of, unit=unit))
     degrees = degrees_a_period(periods_per_revolution, of)
-    first, step = analysis.lifted.first_phase, 1.0 / cycles[hit].n_phases
+    first, step = cycles[hit].first_phase, 1.0 / cycles[hit].n_phases
     angles = {phase: f"{(first + phase * step) % 1.0 * degrees:.4g}°" for phase in chosen}
     with style():
         figure = new_figure(7.0, 6.0)
@@ -142,7 +142,7 @@ def _draw_record(
     levels = []
     for color, row in zip(COLORS, rows, strict=False):
         frequencies, values, level = record_spectrum(analysis, row, hit)
-        levels.append(level)
+        levels.append((frequencies * turn, level))
         inside = frequencies * turn <= end
         curve = envelope(frequencies[inside] * turn, values[inside], points)
         axes.plot(*curve, color=color, linewidth=0.8, label=plain(analysis.lifted.channels[row].name))
@@ -165,46 +165,47 @@ def _draw_lifted(
             curve = envelope(frequencies * turn, values, points)
             axes.plot(*curve, color=color, linestyle=DASHES[number], linewidth=1.0, label=f"{name}, {angle}")
             if not number:
-                levels.append(level)
+                levels.append((frequencies * turn, level))
     _draw_levels(axes, levels, named=False)
     axes.set_xlim(0.0, 0.5 * turn / analysis.lifted.period)
 
 
-def _draw_levels(axes: Axes, levels: Sequence[float], *, named: bool = True) -> None:
+def _draw_levels(
+    axes: Axes, levels: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]], *, named: bool = True
+) -> None:
     """The mean magnitude of each channel's noise, dotted. Single lines fall far below it, and the axis ends before."""
-    for color, level in zip(COLORS, levels, strict=False):
-        axes.axhline(level, color=color, linestyle=":", linewidth=1.4)
+    for color, curve in zip(COLORS, levels, strict=False):
+        axes.plot(*curve, color=color, linestyle=":", linewidth=1.4)
     if named:
         axes.plot([], [], color=BLACK, linestyle=":", linewidth=1.4, label="noise alone, mean")
     axes.set_yscale("log")
-    axes.set_ylim(bottom=DEPTH * min(levels))
+    axes.set_ylim(bottom=DEPTH * min(float(level.min()) for _, level in levels))
 
 
-def record_spectrum(analysis: Analysis, row: int, hit: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Frequencies [Hz] and magnitudes (lines,) of the whole periods of a channel, and the mean of the noise alone."""
+Spectrum = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Frequencies [Hz], magnitudes, and the mean of the noise alone, each (lines,)."""
+
+
+def record_spectrum(analysis: Analysis, row: int, hit: int) -> Spectrum:
+    """That of the whole periods of a channel."""
     cycles = analysis.cycles[hit]
-    values = cycles.values[row].T.ravel()
-    step = analysis.lifted.period / cycles.n_phases
-    noise = float(analysis.lifted.noise[row, hit])
-    return _magnitudes(values, step, noise)
+    return _spectrum(analysis, row, hit, cycles.values[row].T.ravel(), analysis.lifted.period / cycles.n_phases, 1)
 
 
-def lifted_spectrum(
-    analysis: Analysis, row: int, phase: int, hit: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """The same of one lifted response."""
-    return _magnitudes(
-        analysis.cycles[hit].values[row, phase], analysis.lifted.period, float(analysis.lifted.noise[row, hit])
-    )
+def lifted_spectrum(analysis: Analysis, row: int, phase: int, hit: int) -> Spectrum:
+    """That of one lifted response."""
+    cycles = analysis.cycles[hit]
+    return _spectrum(analysis, row, hit, cycles.values[row, phase], analysis.lifted.period, cycles.n_phases)
 
 
-def _magnitudes(
-    values: NDArray[np.float64], step: float, noise: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    level = WHITE * noise * step * np.sqrt(len(values))
+def _spectrum(analysis: Analysis, row: int, hit: int, values: NDArray[np.float64], step: float, folds: int) -> Spectrum:
+    """Noise that was whitened has the colour that the filter took off, folded as often as the response is."""
     frequencies = np.arange(len(values) // 2 + 1) / (len(values) * step)
     magnitudes = np.asarray(np.abs(np.fft.rfft(values)) * step, dtype=np.float64)
-    return frequencies, magnitudes, float(level)
+    white = WHITE * float(analysis.lifted.noise[row, hit]) * step * np.sqrt(len(values))
+    turns = 2j * np.pi * (frequencies + np.arange(folds)[:, None] / step)
+    colour = np.sqrt(np.mean(np.abs(analysis.lifted.gain(turns)[row]) ** -2.0, axis=0))
+    return frequencies, magnitudes, white * colour
 
 
 def _phases(phases: Sequence[int], n_phases: int, of: str) -> list[int]:

@@ -19,6 +19,7 @@ def summary(analysis: Analysis) -> dict[str, Any]:
 
     Every exponent is listed, conjugates included; a complex number is [real, imaginary]. `participation` is the share
     of each of the mode's `harmonics` in the energy of its shape, channels weighted by the inverse of their noise.
+    `noise_whitening` has the filter of each channel that took the colour of the noise off.
 
     Parameters
     ----------
@@ -41,6 +42,7 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         "order_choice": None if analysis.choice is None else _choice(analysis.choice),
         "n_cycles": max(c.n_cycles for c in analysis.cycles),
         "n_phases": analysis.cycles[0].n_phases,
+        "noise_whitening": None if analysis.lifted.whitening is None else analysis.lifted.whitening.tolist(),
         "modes": [_mode(model, r, std, weights) for r in range(model.order)],
         "system": None if analysis.state is None else _system(analysis.state),
         "validation": None,

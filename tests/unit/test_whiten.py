@@ -1,0 +1,293 @@
+"""Noise coloured along the record: when it is whitened, by what, and that modes stay as they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.signal import lfilter
+
+from floquid import Record, identify
+from floquid.core import ConstantPeriod, PeriodicModel
+from floquid.lifting import lift, unlift, whitened, whitening_filter
+from floquid.lti import fit_residues
+from floquid.periodic import assemble, synchrony
+from floquid.periodic._synchrony import drift
+from floquid.pipeline import lifted as lifted_of
+from floquid.store import load, save
+from floquid.sync import segment
+from floquid.testing import pair_exponents
+
+PERIOD = 1.6
+
+
+def system(*, channels=2, hits=1, seed=0) -> PeriodicModel:
+    """A pair with harmonics -2 … 2, and a real negative multiplier on its branch at half a turn."""
+    generator = np.random.default_rng(seed)
+    omega = 2.0 * np.pi / PERIOD
+    size = (channels, hits, 5)
+    pair = (generator.standard_normal(size) + 1j * generator.standard_normal(size)) * [0.1, 0.3, 1.0, 0.3, 0.1]
+    pair[..., 2] += 2.0
+    # Harmonic m of a real solution at half a turn is the conjugate of harmonic -1 - m.
+    real = np.zeros(size, complex)
+    real[..., 2] = 1.0 + 0.5j
+    real[..., 1] = real[..., 2].conj()
+    return PeriodicModel(
+        exponents=[-0.03 + 1.1j, -0.03 - 1.1j, -0.05 + 0.5j * omega],
+        coefficients=np.stack([pair, pair[..., ::-1].conj(), real]),
+        harmonics=np.arange(-2, 3),
+        period=PERIOD,
+        channels=[f"c{i}" for i in range(channels)],
+    )
+
+
+def records(model, *, noise=0.0, colour=(), n_phases=12, n_cycles=150, first_phase=0.0, seed=0) -> list[Record]:
+    """The response from a phase on, beside noise of unit innovations times `noise` with these autoregressive taps."""
+    made, generator = [], np.random.default_rng(seed)
+    step = model.period / n_phases
+    times = first_phase * model.period + step * np.arange(n_phases * n_cycles)
+    for hit in range(model.n_hits):
+        white = generator.standard_normal((len(model.channels), 400 + len(times)))
+        coloured = lfilter([1.0], [1.0, *colour], white, axis=1)[:, 400:]
+        made.append(
+            Record(
+                values=model.response(times)[:, hit] + noise * coloured,
+                sample_rate=1.0 / step,
+                start=times[0],
+                channels=model.channels,
+                clock=ConstantPeriod(period=model.period),
+            )
+        )
+    return made
+
+
+def lifted(model, **options):
+    return lift(segment(records(model, **options)))
+
+
+def found_filter(responses, model):
+    return whitening_filter(responses, fit_residues(model.multipliers, responses.responses))
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    taps=st.lists(st.floats(-0.8, 0.8), min_size=1, max_size=5),
+    first_phase=st.floats(0.0, 0.95),
+    hits=st.integers(1, 2),
+    seed=st.integers(0, 99),
+)
+def test_a_filter_leaves_the_periodic_model_as_it_is(taps, first_phase, hits, seed):
+    model = system(hits=hits, seed=seed)
+    raw = lifted(model, first_phase=first_phase)
+    filters = np.array([[1.0, *taps], [1.0, *taps[::-1]]])
+    through = whitened(raw, filters)
+    back = assemble(fit_residues(model.multipliers, through.responses), through, harmonics=3)
+    plain = assemble(fit_residues(model.multipliers, raw.responses), raw, harmonics=3)
+    pairing = pair_exponents(back.exponents, plain.exponents, PERIOD)
+    assert_allclose(np.abs(pairing.differences).max(), 0.0, atol=1e-9)
+    # The gain may be small at a harmonic: rounding is divided by it.
+    weakest = np.abs(through.gain(model.exponents[:, None] + 2j * np.pi / PERIOD * np.arange(-5, 6))).min()
+    times = np.linspace(0.0, 5.0 * PERIOD, 37)
+    assert_allclose(back.response(times), plain.response(times), atol=1e-10 / weakest)
+
+
+@pytest.mark.parametrize("first_phase", [0.0, 0.4])
+def test_each_sample_is_filtered_with_its_own_past(first_phase):
+    raw = lifted(system(hits=2), first_phase=first_phase, noise=0.1, n_cycles=30)
+    taps = np.array([[1.0, -0.5, 0.25], [1.0, 0.3, 0.0]])
+    through = whitened(raw, taps)
+    assert through.responses.lengths.tolist() == [29, 29]
+    for hit, (before, after) in enumerate(zip(unlift(raw), unlift(through), strict=True)):
+        for channel in range(2):
+            along = before.values[channel].T.ravel()
+            expected = lfilter(taps[channel], [1.0], along)[2 : 2 + 29 * 12]
+            assert_allclose(after.values[channel].T.ravel(), expected, atol=1e-12, err_msg=f"hit {hit}")
+    assert_allclose(through.phase_times - raw.phase_times, 2 * PERIOD / 12)
+
+
+def test_the_gain_and_its_slope():
+    plain = lifted(system())
+    through = whitened(plain, np.array([[1.0, -0.9, 0.2], [1.0, 0.0, 0.0]]))
+    rates = np.array([[-0.1 + 3.0j, 0.2 - 1.0j]])
+    delay = PERIOD / 12
+    expected = 1.0 - 0.9 * np.exp(-rates * delay) + 0.2 * np.exp(-2 * rates * delay)
+    assert_allclose(through.gain(rates), [expected, np.ones((1, 2))], rtol=1e-14)
+    near = (through.gain(rates + 1e-6) - through.gain(rates - 1e-6)) / 2e-6
+    assert_allclose(through.gain(rates, slope=True), near, atol=1e-9)
+    assert_array_equal(plain.gain(rates), np.ones((2, 1, 2)))
+    assert_array_equal(plain.gain(rates, slope=True), np.zeros((2, 1, 2)))
+
+
+@pytest.mark.parametrize("n_phases", [2, 5, 12, 40])
+def test_white_noise_is_left_alone(n_phases):
+    model = system(channels=3, hits=2)
+    for seed in range(20):
+        assert found_filter(lifted(model, noise=0.1, n_phases=max(n_phases, 6), seed=seed), model) is None
+
+
+@pytest.mark.parametrize("colour", [(-0.9,), (0.7,), (-0.5,), (-1.2, 0.8), (-0.999,)])
+def test_autoregressions_are_whitened(colour):
+    model = system()
+    raw = lifted(model, noise=0.1, colour=colour, n_cycles=400)
+    taps = found_filter(raw, model)
+    order = len(colour)
+    assert_allclose(taps[:, 1 : order + 1], np.tile(colour, (2, 1)), atol=0.05)
+    through = whitened(raw, taps)
+    assert found_filter(through, model) is None
+    left = fit_residues(model.multipliers, through.responses).residual_std
+    assert_allclose(left, 0.1, rtol=0.2)
+
+
+def test_a_channel_of_white_noise_is_left_as_it_is():
+    model = system(channels=2)
+    white, coloured = records(model, noise=0.1)[0], records(model, noise=0.1, colour=(-0.9,))[0]
+    both = Record(
+        values=[white.values[0], coloured.values[1]],
+        sample_rate=white.sample_rate,
+        channels=model.channels,
+        clock=white.clock,
+    )
+    taps = found_filter(lift(segment([both])), model)
+    assert_array_equal(taps[0], np.eye(1, taps.shape[1])[0])
+    assert taps[1, 1] == pytest.approx(-0.9, abs=0.05)
+
+
+def test_rounding_is_no_noise():
+    """Without noise what is left is of the size of rounding, and of any colour."""
+    model = system()
+    assert found_filter(lifted(model), model) is None
+    # Samples of a smooth response to six digits, the floor stated: what is left is below it.
+    raw = lifted(model)
+    smooth = 1e-7 * np.cos(0.01 * np.arange(raw.responses.values.shape[2]))
+    values = raw.responses.values + smooth
+    rough = replace(raw, responses=replace_values(raw.responses, values), floor=1e-6)
+    assert found_filter(rough, model) is None
+    assert found_filter(replace(rough, floor=1e-10), model) is not None
+
+
+def replace_values(data, values):
+    return type(data)(values=values, dt=data.dt, noise=data.noise, lengths=data.lengths)
+
+
+def test_too_few_phases_or_periods_are_left_alone():
+    model = system()
+    colour = {"noise": 0.1, "colour": (-0.95,)}
+    assert found_filter(lifted(model, **colour), model) is not None
+    assert found_filter(lifted(model, n_cycles=19, **colour), model) is None
+    single = lift(segment([records(model, n_phases=1, **colour)[0]]))
+    assert found_filter(single, model) is None
+
+
+FILTER = np.array([[1.0, -0.9, 0.1], [1.0, 0.6, 0.0]])
+
+
+def upper(model):
+    """The index of the mode at 1.1 rad/s."""
+    return int(np.argmin(np.abs(model.exponents - (-0.03 + 1.1j))))
+
+
+def test_deviations_of_the_shapes_follow_the_poles():
+    """A pole that moves moves the residues, the delay and the gain: by differences."""
+    through = whitened(lifted(system()), FILTER)
+    tiny = through.with_noise(np.full((2, 1), 1e-12))
+    multipliers = fit_residues(system().multipliers, tiny.responses).multipliers
+    which = int(np.argmin(np.abs(multipliers - np.exp((-0.03 + 1.1j) * PERIOD))))
+    other = int(np.argmin(np.abs(multipliers - multipliers[which].conj())))
+    for turn in (1.0, 1.0j):
+        shift = np.zeros(3, complex)
+        shift[which], shift[other] = turn, np.conj(turn)
+        direction = np.concatenate([shift.real, shift.imag])
+        modal = fit_residues(multipliers, tiny.responses, covariance=1e-12 * np.outer(direction, direction))
+        found = assemble(modal, tiny, harmonics=3)
+        near = [
+            assemble(fit_residues(multipliers * np.exp(step * shift * PERIOD), tiny.responses), tiny, harmonics=3)
+            for step in (1e-6, -1e-6)
+        ]
+        moved = (near[0].coefficients[upper(near[0])] - near[1].coefficients[upper(near[1])]) / 2e-6
+        std = found.coefficient_std[upper(found)]
+        assert_allclose(std.real, 1e-6 * np.abs(moved.real), rtol=1e-3, atol=1e-10)
+        assert_allclose(std.imag, 1e-6 * np.abs(moved.imag), rtol=1e-3, atol=1e-10)
+
+
+def test_deviations_of_the_shapes_are_those_of_the_noise():
+    """With the poles known, over draws of innovations on the filtered responses."""
+    model, clean = system(), whitened(lifted(system()), FILTER)
+    generator = np.random.default_rng(0)
+    found = []
+    for _ in range(300):
+        noise = 0.05 * generator.standard_normal(clean.responses.values.shape)
+        noisy = replace(clean, responses=replace_values(clean.responses, clean.responses.values + noise))
+        noisy = noisy.with_noise(np.full((2, 1), 0.05))
+        modal = fit_residues(model.multipliers, noisy.responses, covariance=np.zeros((6, 6)))
+        found.append(assemble(modal, noisy, harmonics=3))
+    mode = upper(found[0])
+    drawn = np.array([one.coefficients[mode] for one in found])
+    std = found[0].coefficient_std[mode]
+    assert_allclose(drawn.real.std(axis=0), std.real, rtol=0.2)
+    assert_allclose(drawn.imag.std(axis=0), std.imag, rtol=0.2)
+
+
+@pytest.mark.parametrize("through", [lambda raw: raw, lambda raw: whitened(raw, FILTER)], ids=["raw", "whitened"])
+def test_a_wrong_period_is_measured(through):
+    """The response repeats a little later than the samples are cut."""
+    late = 1e-6
+    model = replace(system(), period=PERIOD * (1.0 + late))
+    times = PERIOD / 12 * np.arange(12 * 150)
+    record = Record(
+        values=model.response(times)[:, 0],
+        sample_rate=12 / PERIOD,
+        channels=model.channels,
+        clock=ConstantPeriod(period=PERIOD),
+    )
+    responses = through(lift(segment([record]))).with_noise(np.full((2, 1), 1e-6))
+    assert drift(system(), responses).relative == pytest.approx(late, rel=0.05)
+
+
+def test_the_chain_in_coloured_noise():
+    """Exponents and shapes within their deviations, the noise said to be white once whitened, the order not in doubt."""
+    model = system(channels=3)
+    found = identify(records(model, noise=0.05, colour=(-0.98,)))
+    assert found.lifted.whitening.shape[0] == 3
+    assert found.model.order == 3
+    assert not found.choice.ambiguous
+    pairing = pair_exponents(found.model.exponents, model.exponents, PERIOD)
+    std = found.model.exponent_std[pairing.permutation]
+    assert (np.abs(pairing.differences.real) < 4.5 * std.real).all()
+    assert (np.abs(pairing.differences.imag) < 4.5 * std.imag + 1e-12).all()
+    assert_allclose(found.lifted.noise, 0.05, rtol=0.1)
+    sign = synchrony(found.model, found.lifted)
+    assert abs(sign.relative) < 4.5 * sign.std
+    times = np.linspace(0.0, 30.0 * PERIOD, 200)
+    scale = 0.05 / np.sqrt(1.0 - 0.98**2)
+    assert np.abs(found.model.response(times) - model.response(times)).max() < scale
+
+
+def test_noise_that_wanders_beside_modes():
+    """A random walk: its increments are white. What passes for a mode that hardly changes leaves the order in doubt."""
+    model = system(channels=3)
+    for seed in range(3):
+        found = identify(records(model, noise=0.02, colour=(-1.0,), seed=seed))
+        pairing = pair_exponents(found.model.exponents, model.exponents, PERIOD)
+        std = found.model.exponent_std[pairing.permutation]
+        assert (np.abs(pairing.differences.real) < 4.5 * std.real).all()
+        others = np.delete(found.model.multipliers, pairing.permutation)
+        assert len(others) <= 2
+        assert_allclose(others, 1.0, atol=0.05)
+        assert not len(others) or any("its drift may look so" in words for words in found.choice.doubts)
+
+
+def test_what_is_scanned_is_whitened():
+    model = system()
+    assert lifted_of(records(model, noise=0.1, colour=(-0.9,))).whitening is not None
+    assert lifted_of(records(model, noise=0.1)).whitening is None
+
+
+def test_the_filter_is_stored(tmp_path):
+    found = identify(records(system(), noise=0.05, colour=(-0.9,)))
+    save(found, tmp_path / "r.h5")
+    back = load(tmp_path / "r.h5")
+    assert_array_equal(back.lifted.whitening, found.lifted.whitening)
+    assert_array_equal(back.lifted.responses.values, found.lifted.responses.values)
+    assert back.lifted.first_phase == found.lifted.first_phase
