@@ -246,7 +246,7 @@ def test_a_wrong_period_is_measured(through):
 
 
 def test_the_chain_in_coloured_noise():
-    """Exponents and shapes within their deviations, the noise said to be white once whitened, the order not in doubt."""
+    """Exponents within their deviations, the innovations found, the order not in doubt."""
     model = system(channels=3)
     found = identify(records(model, noise=0.05, colour=(-0.98,)))
     assert found.lifted.whitening.shape[0] == 3

@@ -23,6 +23,9 @@ NOISE_ROUNDS = 4
 WHITENINGS = 3
 """How often the filter that whitens the noise may be estimated."""
 
+SAME = 0.02
+"""The difference of taps that is not worth another search."""
+
 
 def find_poles(
     lifted: Lifted, settings: Settings, report: Callable[[str], None] = lambda _: None
@@ -64,13 +67,20 @@ def find_poles(
         if look == WHITENINGS or (again is None and taps is None):
             break
         after = whitening_filter(raw, fit_residues(modal.multipliers, raw.responses))
-        if (after is None) == (taps is None) and again is None:
+        if again is None and taps is not None and after is not None and _alike(taps, after):
             break
         taps = after
     if settings.order is not None:
         return lifted, modal, None
     report("weighing the order")
     return lifted, modal, judge(lifted.responses, modal, coloured=lifted.whitening is not None)
+
+
+def _alike(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    """Whether two sets of filters differ by less than is worth another search."""
+    width = max(one.shape[1], other.shape[1])
+    first, second = (np.pad(taps, ((0, 0), (0, width - taps.shape[1]))) for taps in (one, other))
+    return bool(np.abs(first - second).max() < SAME)
 
 
 def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) -> tuple[Lifted, ModalModel]:
