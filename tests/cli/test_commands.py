@@ -102,8 +102,8 @@ def test_json_is_the_summary_alone(here):
     assert text == (here / "new" / "summary.json").read_text()
     summary = strict_json(text)
     assert list(summary) == [
-        "format", "period", "period_std", "order", "order_choice", "n_cycles", "n_phases", "modes", "system",
-        "validation", "warnings",
+        "format", "period", "period_std", "order", "order_choice", "n_cycles", "n_phases", "noise_whitening", "modes",
+        "system", "validation", "warnings",
     ]  # fmt: skip
     assert summary["format"] == "floquid-summary/1"
     assert summary["period"] == pytest.approx(2.0 * np.pi, rel=1e-15)

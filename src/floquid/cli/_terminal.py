@@ -91,8 +91,8 @@ def print_whitening(console: Console, lifted: Lifted) -> None:
     those = [c.name for c, own in zip(lifted.channels, lifted.whitening, strict=True) if own[1:].any()]
     where = "all channels" if len(those) == lifted.n_channels else ", ".join(those)
     console.print(
-        f"Coloured along the record in {where}: poles are found after a filter of {counted(taps, 'tap')} that makes it "
-        "white; shapes are those before the filter, and the noise is that after it.",
+        f"The noise is coloured along the record in {where}. A filter of {counted(taps, 'tap')} makes it white, and "
+        "poles are found after it; noise is given as it is after the filter, shapes as they are in the record.",
         style="dim",
     )
 

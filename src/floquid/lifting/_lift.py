@@ -84,7 +84,7 @@ class Lifted:
         """The time of each phase after phase zero (phases,) [s]."""
         return (self.first_phase + np.arange(self.n_phases) / self.n_phases) * self.period
 
-    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+    def gain(self, rates: NDArray[np.complexfloating], *, slope: bool = False) -> NDArray[np.complex128]:
         r"""What the whitening filter multiplies e^{st} by, or its derivative by s.
 
         .. math:: g_c(s) = \sum_i a_{c,i}\, e^{-s\, i\, T/P}
@@ -105,7 +105,8 @@ class Lifted:
             return np.full((self.n_channels, *rates.shape), 0j if slope else 1.0 + 0j)
         delays = np.arange(self.whitening.shape[1]) * self.period / self.n_phases
         taps = -delays * self.whitening if slope else self.whitening
-        return np.tensordot(taps, np.exp(-np.multiply.outer(delays, rates)), axes=1)
+        turned = np.exp(-np.multiply.outer(delays, rates))
+        return np.asarray(np.tensordot(taps, turned, axes=1), np.complex128)
 
     def by_channel(self, outputs: NDArray) -> NDArray:
         """An array over outputs (..., outputs, hits) as (..., channels, phases, hits)."""

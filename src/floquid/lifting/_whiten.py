@@ -61,12 +61,13 @@ def whitening_filter(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64] |
     coloured &= np.sum(correlations[:, 1:] ** 2, axis=1) > LEAST
     if not coloured.any():
         return None
-    orders = [order for order in ORDERS if order <= most]
-    for order in orders:
+    taps = np.eye(1)
+    for order in ORDERS:
+        if order > most:
+            break
         taps = np.array([_autoregression(own, order) for own in correlations])
         left = np.array([_filtered(own, part) for own, part in zip(correlations, taps, strict=True)])
-        white = _colours(left, numbers) < COLOURED
-        if white[coloured].all():
+        if (_colours(left, numbers) < COLOURED)[coloured].all():
             break
     taps[~coloured] = np.eye(1, taps.shape[1])
     return taps
@@ -124,14 +125,14 @@ def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[NDArray
     numbers = np.zeros(lifted.n_channels)
     for hit, length in enumerate(data.lengths):
         # A growing mode is counted from its end, so that its powers cannot overflow.
-        logs = np.log(modal.multipliers)
+        logs = np.asarray(np.log(modal.multipliers), np.complex128)
         last = np.where(logs.real > 0.0, length - 1, 0)
         powers = np.exp(logs[:, None] * (np.arange(length) - last[:, None]))
         shapes = modal.residues[:, :, hit] * np.exp(logs * last)[:, None]
         for channel in range(lifted.n_channels):
             rows = slice(channel * phases, (channel + 1) * phases)
             values = data.values[rows, hit, :length]
-            left = values - (shapes[:, rows].T @ powers).real
+            left = values - np.real(shapes[:, rows].T @ powers)
             along = left.T.ravel()
             square = float(along @ along) / len(along)
             if square <= (FLOOR * lifted.floor * np.abs(values).max()) ** 2:

@@ -118,8 +118,9 @@ def fit(poles: PoleSet, factors: Sequence[Factor]) -> Fit:
         residues = inverse @ projected
         curvature = slopes.T @ slopes
         gradient += slopes_of.gradient(seen, residues)
-        whole += slopes_of.matrix(curvature, residues @ residues.T)
-        noise += block.columns * slopes_of.matrix(curvature, inverse @ inverse.T)
+        moved = slopes_of.moved(curvature)
+        whole += slopes_of.matrix(moved, residues @ residues.T)
+        noise += block.columns * slopes_of.matrix(moved, inverse @ inverse.T)
     return Fit(poles, cost, gradient, whole, positive_part(whole, whole - noise))
 
 
@@ -143,7 +144,7 @@ def of_dependent_noise(found: Fit, factors: Sequence[Factor]) -> Fit:
         projected = q.T @ block.values
         residues = np.linalg.pinv(r, rcond=1e-14) @ projected
         turned = (block.values - q @ projected) @ residues.T
-        scatter += slopes_of.matrix(slopes.T @ slopes, turned.T @ turned / max(samples - n, 1))
+        scatter += slopes_of.matrix(slopes_of.moved(slopes.T @ slopes), turned.T @ turned / max(samples - n, 1))
     return replace(found, gauss_newton=scatter)
 
 
@@ -170,16 +171,17 @@ class Slopes:
         one = np.einsum("pj,pj->p", seen[first], residues[on_first])
         return one + self.sign * np.einsum("pj,pj->p", seen[second], residues[on_second])
 
-    def matrix(self, curvature: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Σ_j of the slopes' products with one another (order, order)."""
-        total = np.zeros(curvature.shape)
-        signs = np.ones(len(self.sign)), self.sign
-        for u in (0, 1):
-            for v in (0, 1):
-                moved = curvature[np.ix_(self.columns[u], self.columns[v])]
-                weight = moments[np.ix_(self.residues[u], self.residues[v])]
-                total += np.outer(signs[u], signs[v]) * moved * weight
-        return total
+    def moved(self, curvature: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The products of the columns that each two parameters move (2, order, 2, order), from those of all columns."""
+        both = np.concatenate(self.columns)
+        signs = np.concatenate([np.ones(len(self.sign)), self.sign])
+        n = len(curvature)
+        return (curvature[both][:, both] * signs[:, None] * signs).reshape(2, n, 2, n)
+
+    def matrix(self, moved: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Σ_j of the slopes' products with one another (order, order), from `moved` and the residues' moments."""
+        both, n = np.concatenate(self.residues), len(moments)
+        return (moved * moments[both][:, both].reshape(2, n, 2, n)).sum(axis=(0, 2))
 
 
 def positive_part(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -62,15 +62,26 @@ class Removal:
     def without(self, entry: int) -> Removal:
         """With one entry taken away."""
         start, size = int(self.poles.starts()[entry]), int(self.poles.sizes[entry])
-        own = np.arange(start, start + size)
-        rest = np.delete(np.arange(self.poles.order), own)
+        at = slice(start, start + size)
+        rest = np.delete(np.arange(self.poles.order), at)
         spreads, moments = [], []
         for spread, moment in zip(self.spread, self.moments, strict=True):
-            share = spread[np.ix_(rest, own)] @ np.linalg.pinv(spread[np.ix_(own, own)], rcond=1e-14)
-            spreads.append(spread[np.ix_(rest, rest)] - share @ spread[np.ix_(own, rest)])
-            half = moment[np.ix_(rest, own)] @ share.T
-            moments.append(moment[np.ix_(rest, rest)] - half - half.T + share @ moment[np.ix_(own, own)] @ share.T)
+            share = spread[rest, at] @ _inverse(spread[at, at])
+            spreads.append(spread[rest][:, rest] - share @ spread[at][:, rest])
+            half = moment[rest, at] @ share.T
+            moments.append(moment[rest][:, rest] - half - half.T + share @ moment[at, at] @ share.T)
         return Removal(self.poles.without(entry), tuple(spreads), tuple(moments))
+
+
+def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The inverse of a symmetric matrix of one or two rows; where those are one to rounding, the pseudo-inverse."""
+    trace = float(np.trace(matrix))
+    if len(matrix) == 1 or trace == 0.0:
+        return np.array([[1.0 / trace if trace else 0.0]]) if len(matrix) == 1 else np.zeros((2, 2))
+    determinant = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
+    if determinant <= ROUNDING * matrix[0, 0] * matrix[1, 1]:
+        return matrix / trace**2
+    return np.array([[matrix[1, 1], -matrix[0, 1]], [-matrix[1, 0], matrix[0, 0]]]) / determinant
 
 
 def prune_linear(poles: PoleSet, factors: Sequence[Factor], limit: tuple[float, float]) -> PoleSet:

@@ -59,15 +59,17 @@ def find_poles(
         No mode rises above the noise, or the order or the noise cannot be told.
     """
     raw, taps = lifted, first_filter(lifted)
-    for look in range(1, WHITENINGS + 1):
+    looks = 0
+    while True:
         if taps is not None:
             report(f"the noise is coloured along the record: whitened by {taps.shape[1] - 1} taps")
         lifted, modal = _settled(raw if taps is None else whitened(raw, taps), settings, report)
-        again = whitening_filter(lifted, modal)
-        if look == WHITENINGS or (again is None and taps is None):
+        looks += 1
+        still = whitening_filter(lifted, modal) is not None
+        if looks == WHITENINGS or (taps is None and not still):
             break
         after = whitening_filter(raw, fit_residues(modal.multipliers, raw.responses))
-        if again is None and taps is not None and after is not None and _alike(taps, after):
+        if taps is not None and after is not None and not still and _alike(taps, after):
             break
         taps = after
     if settings.order is not None:
