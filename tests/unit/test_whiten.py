@@ -175,7 +175,7 @@ def test_too_few_phases_or_periods_are_left_alone():
     model = system()
     colour = {"noise": 0.1, "colour": (-0.95,)}
     assert found_filter(lifted(model, **colour), model) is not None
-    assert found_filter(lifted(model, n_cycles=19, **colour), model) is None
+    assert found_filter(lifted(model, n_cycles=23, **colour), model) is None
     single = lift(segment([records(model, n_phases=1, **colour)[0]]))
     assert found_filter(single, model) is None
 

@@ -28,7 +28,7 @@ COLOURED = 8.0
 LEAST = 0.01
 """The sum of squared correlations below which hardly anything is gained."""
 
-FEWEST = 20
+FEWEST = 24
 """Periods below which noise is not told from what was not fitted."""
 
 FLOOR = 2.0

@@ -1,0 +1,196 @@
+r"""The constrained fit: exponents with their residues held to the harmonics that are there (Allen 2009, eqs. 11-12).
+
+.. math:: \min_{\lambda, B} \sum_{c,h} \frac{1}{\sigma_{c,h}^2} \sum_k
+          \Big(y_{c,h}(t_k) - 2 \Re \sum_r \sum_{m \in M_r} B_{r,c,h,m}\, e^{(\lambda_r + i m \omega) t_k}\Big)^2
+
+Lifting leaves the residue at each phase free: P numbers a mode and channel, where the shape has a few. Held to a band of
+harmonics, the same record says more of every exponent, and ten times as much of one that is weak, fast or aliased next
+to another (`errata.md`, "What makes it scale").
+
+The coefficients are eliminated (Golub and Pereyra 1973; Kaufman's Gauss-Newton matrix), and their own noise is taken off
+that matrix, as in `lti`. All that is needed of the data are sums of products with columns (`_sums`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import PeriodicModel
+from floquid.lifting import Lifted
+from floquid.periodic._bands import Entries
+from floquid.periodic._sums import Columns, Sums, scales, sums
+
+ITERATIONS = 40
+"""Steps at most."""
+
+AT_REST = 1e-4
+"""Standard deviations that the last step may have."""
+
+ROUNDING = 1e-13
+"""The share of its own size below which a direction of the columns is rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hit:
+    """What the linear part of one hit is worth: real coefficients α cos + β sin (2 columns, channels), and matrices."""
+
+    coefficients: NDArray[np.float64]
+    inverse: NDArray[np.float64]
+    """The inverse of the Gram matrix (2 columns, 2 columns); zero where a column has no sine."""
+    mixed: NDArray[np.float64]
+    """Products of the slopes with the columns (2 columns, 2 columns)."""
+    curvature: NDArray[np.float64]
+    """Products of the slopes, less what the columns take of them (2 columns, 2 columns)."""
+    slope: NDArray[np.float64]
+    """Products of the slopes with what is left (2 columns, channels)."""
+    left: NDArray[np.float64]
+    """The sum of squares left (channels,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """One fit: the entries with their exponents, the hits, and cost, gradient and matrices of the real parameters."""
+
+    entries: Entries
+    hits: tuple[Hit, ...]
+    cost: float
+    gradient: NDArray[np.float64]
+    gauss_newton: NDArray[np.float64]
+    information: NDArray[np.float64]
+
+    def covariance(self) -> NDArray[np.float64]:
+        """Of the real parameters (parameters, parameters): the sandwich of information and scatter."""
+        scale = np.sqrt(np.maximum(np.diag(self.information), np.finfo(float).tiny))
+        both = np.outer(scale, scale)
+        inverse = np.linalg.pinv(self.information / both, rcond=1e-14, hermitian=True)
+        return inverse @ (self.gauss_newton / both) @ inverse / both
+
+
+def evaluated(lifted: Lifted, entries: Entries, start: tuple[NDArray[np.float64], ...] | None = None) -> Held:
+    """The fit at these exponents, the coefficients eliminated.
+
+    Parameters
+    ----------
+    lifted
+        The responses and their noise.
+    entries
+        Modes, bands and exponents.
+    start
+        Coefficients near the right ones, for each hit: what is left is then small, and no digits are lost.
+
+    Returns
+    -------
+    Held
+        Cost, gradient and matrices.
+    """
+    columns, parameters = entries.columns(), entries.parameters()
+    n = len(parameters.weights)
+    cost, gradient, scatter, noise = 0.0, np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
+    hits = []
+    for number in range(lifted.n_hits):
+        before = None if start is None else start[number]
+        hit = _linear(lifted, number, columns, entries.sines(), before)
+        hits.append(hit)
+        weight = 1.0 / lifted.noise[:, number] ** 2
+        cost += float(hit.left @ weight)
+        moved = parameters.applied(hit.coefficients)
+        gradient += np.einsum("pkc,kc,c->p", moved, hit.slope, weight)
+        turned = np.einsum("kl,qlc->qkc", hit.curvature, moved)
+        scatter += np.einsum("pkc,qkc,c->pq", moved, turned, weight)
+        noise += lifted.n_channels * parameters.spread(hit.curvature, hit.inverse)
+    return Held(entries, tuple(hits), cost, gradient, scatter, _definite(scatter, scatter - noise))
+
+
+def settled(lifted: Lifted, entries: Entries) -> Held:
+    """The least squares near these exponents: Levenberg-Marquardt on the projected cost."""
+    now, damping = evaluated(lifted, entries), 1e-6
+    for _ in range(ITERATIONS if len(entries.exponents) else 0):
+        scale = np.sqrt(np.diag(now.information)) + np.finfo(float).tiny
+        system = now.information / np.outer(scale, scale)
+        while damping < 1e8:
+            step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale
+            start = tuple(hit.coefficients for hit in now.hits)
+            trial = evaluated(lifted, now.entries.moved(step), start)
+            if trial.cost <= now.cost * (1.0 + 1e-12):
+                break
+            damping = max(10.0 * damping, 1e-4)
+        else:
+            return now
+        done = np.abs(step * scale).max() < AT_REST
+        now, damping = trial, max(0.1 * damping, 1e-12)
+        if done:
+            break
+    return now
+
+
+def _linear(
+    lifted: Lifted, number: int, columns: Columns, sines: NDArray[np.bool_], start: NDArray[np.float64] | None
+) -> Hit:
+    """One hit: coefficients by normal equations, and again for what those leave, so that rounding is that of the data."""
+    kept = np.concatenate([np.ones(len(sines), bool), sines])
+    size = 2 * len(sines)
+    coefficients = np.zeros((size, lifted.n_channels)) if start is None else start
+    passes = 1 if start is not None else 2
+    for round_ in range(3):
+        found = sums(lifted, number, columns, _complex(coefficients))
+        gram, mixed, whole = (_real(found, q) for q in range(3))
+        seen, slope = (_real_data(part) for part in found.seen)
+        inverse = np.zeros((size, size))
+        inverse[np.ix_(kept, kept)] = _inverse(gram[np.ix_(kept, kept)])
+        step = inverse @ seen
+        gained = np.sum(step * seen, axis=0)
+        coefficients = coefficients + step
+        if round_ + 1 >= passes and (gained <= 1e-3 * (found.left - gained)).all():
+            break
+    return Hit(
+        coefficients=coefficients,
+        inverse=inverse,
+        mixed=mixed,
+        curvature=whole - mixed @ inverse @ mixed.T,
+        slope=slope - mixed @ step,
+        left=found.left - gained,
+    )
+
+
+def _real(found: Sums, q: int) -> NDArray[np.float64]:
+    """Products of the real columns, cosines and then sines (2 columns, 2 columns), times t^q."""
+    straight, crossed = found.straight[q], found.crossed[q]
+    return 0.5 * np.block(
+        [
+            [(straight + crossed).real, (straight + crossed).imag],
+            [(crossed - straight).imag, (straight - crossed).real],
+        ]
+    )
+
+
+def _real_data(seen: NDArray[np.complex128]) -> NDArray[np.float64]:
+    return np.concatenate([seen.real, -seen.imag])
+
+
+def _complex(coefficients: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """B with 2 Re B z = α cos + β sin."""
+    cosines, sines = np.split(coefficients, 2)
+    return 0.5 * (cosines - 1j * sines)
+
+
+def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The inverse of a Gram matrix; directions that are rounding are left out."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    good = values > ROUNDING * values[-1]
+    return (vectors[:, good] / values[good]) @ vectors[:, good].T / np.outer(scale, scale)
+
+
+def _definite(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`reduced`, with which stays definite: each direction keeps a hundredth of what it has in `whole`."""
+    if not len(whole):
+        return whole
+    scale = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(whole / np.outer(scale, scale))
+    root = vectors * np.sqrt(np.maximum(values, 1e-15 * values[-1]))
+    inner = np.linalg.solve(root, np.linalg.solve(root, reduced / np.outer(scale, scale)).T)
+    share, directions = np.linalg.eigh(0.5 * (inner + inner.T))
+    return root @ (directions * np.maximum(share, 1e-2)) @ directions.T @ root.T * np.outer(scale, scale)
