@@ -150,7 +150,7 @@ def test_an_order_too_high_is_in_doubt():
     identifier = MaximumLikelihood()
     choice = judge(data, identifier.extract(identifier.prepare(data), 8))
     assert choice.ambiguous
-    assert any("only just more" in doubt for doubt in choice.doubts)
+    assert any("Not each of the 4 modes is needed" in doubt for doubt in choice.doubts)
     assert choice.runner_up.order in {6, 7}
 
 

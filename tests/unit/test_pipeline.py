@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from floquid import floquet
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import IdentificationError, InputError
+from floquid.lti import LSCF
 from floquid.pipeline import Analysis, Settings, identify
 from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close
@@ -366,3 +367,18 @@ def test_half_of_the_true_period_is_warned_of():
     warned = identify(record, period=np.pi).warnings
     assert any("is listed twice" in words for words in warned)
     assert not any("is listed twice" in words for words in identify(record).warnings)
+
+
+def test_an_order_that_is_too_low_is_warned_of_and_its_modes_are_not_whitened_away():
+    records = ringing(pairs([-0.03 + 0.85j, -0.02 + 0.32j]), n_cycles=200)
+    low = identify(records, order=2)
+    assert low.lifted.whitening is None
+    assert any("The order given, 2, is too low" in words for words in low.warnings)
+    right = identify(records, order=4)
+    assert not any("too low" in words for words in right.warnings)
+
+
+def test_an_identifier_of_a_part_of_the_band_is_refused():
+    records = ringing(pairs([-0.03 + 0.85j, -0.02 + 0.32j]))
+    with pytest.raises(InputError, match=r"`identifier` of `identify` must look at the whole band"):
+        identify(records, identifier=LSCF(band=(0.2, 0.4)), harmonics=2)

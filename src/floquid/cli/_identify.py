@@ -56,11 +56,14 @@ def identify(
         the variables: run/acc/x, or data[2] for a row, data.T[2] for a column.
     identifier
         The algorithm that finds the poles: ml, maximum likelihood (the usual one); ami, the Algorithm of Mode
-        Isolation; ami-ml, maximum likelihood from AMI's poles, of its order.
+        Isolation; era, the eigensystem realisation algorithm; lscf and poly, least-squares complex frequency and its
+        poly-reference form; ami-ml, era-ml, lscf-ml and poly-ml, maximum likelihood started from them. era, lscf and
+        poly give no standard deviations, and need --harmonics.
     order
         The number of complex poles, conjugates counted one by one; found from the data when not given.
     harmonics
-        Keep the harmonics from minus to plus this of each mode; those above the noise when not given.
+        Keep the harmonics from minus to plus this of each mode; those above the noise when not given. Needed with era,
+        lscf and poly.
     states
         The channels that are the displacement states of A(t), comma-separated; no A(t) when not given.
     trust_period

@@ -59,8 +59,8 @@ def scan(
     channels
         The channels to use, comma-separated; all when not given.
     identifier
-        The algorithm that finds the poles, as for `floquid identify`. When not given, ERA, which finds each order
-        afresh; ml and ami add poles to those they have, so that poles of noise stay too.
+        The algorithm that finds the poles, as for `floquid identify`. When not given, that of --settings, or ERA, which
+        finds each order afresh; ml and ami add poles to those they have, so that poles of noise stay too.
     orders
         The orders: 2..40 is each from 2 to 40, 2..40..2 every other one, 4,8,16 these three.
     most
@@ -89,18 +89,22 @@ def scan(
         nullcontext() if out is None else result_folder(out, FILES) as folder,
         progress(STAGES + len(files) + (2 if out else 0)) as report,
     ):
-        responses, found = _scanned(files, choices, listed, report)
+        responses, found = _scanned(files, choices, listed, "--most" if orders is None else "--orders", report)
         text = scan_text(responses, found, choices)
         if folder is not None:
             _write(folder, found, text, report)
     if format == "json":
         sys.stdout.write(text)
         return
-    print_scan(responses, found, out)
+    print_scan(responses, found, choices.identifier or "era", out)
 
 
 def _scanned(
-    files: tuple[Path, ...], choices: Choices, orders: tuple[int, ...] | None, report: Callable[[str], None]
+    files: tuple[Path, ...],
+    choices: Choices,
+    orders: tuple[int, ...] | None,
+    option: str,
+    report: Callable[[str], None],
 ) -> tuple[Lifted, OrderScan]:
     """The lifted responses and the scan of their orders."""
     from threadpoolctl import threadpool_limits
@@ -113,7 +117,7 @@ def _scanned(
     samples = int(responses.responses.lengths.max())
     if orders and orders[-1] >= samples:
         must, got = f"be less than the {samples} periods of the record", f"goes up to {orders[-1]}"
-        raise input_error("--orders", OF, must, got, "Ask for lower orders, or record longer.")
+        raise input_error(option, OF, must, got, "Ask for lower orders, or record longer.")
     # Thousands of small matrices: threads inside BLAS would wait for each other.
     few = responses.responses.values.size < 2e7
     with threadpool_limits(limits=1 if few else None, user_api="blas"):
@@ -144,7 +148,7 @@ def _orders(orders: str | None, most: int | None) -> tuple[int, ...] | None:
 
 
 def _no_orders(got: str) -> Exception:
-    must = "list positive orders, ascending"
+    must = "list positive orders"
     return input_error("--orders", OF, must, got, "For example: --orders 2..40, --orders 2..40..2 or --orders 4,8,16")
 
 

@@ -27,16 +27,17 @@ LEGEND = (
 )
 
 
-def print_scan(lifted: Lifted, found: OrderScan, out: Path | None) -> None:
+def print_scan(lifted: Lifted, found: OrderScan, identifier: str, out: Path | None) -> None:
     """The record, the table of orders, and where the figures are."""
     console = terminal()
     cycles = ", ".join(str(length) for length in lifted.responses.lengths)
     console.print(
         f"{counted(lifted.n_hits, 'record')}, {counted(lifted.n_channels, 'channel')}; period {lifted.period:.8g} s: "
-        f"{counted(lifted.n_phases, 'sample')} a period, {cycles} periods."
+        f"{counted(lifted.n_phases, 'sample')} a period, {cycles} periods"
+        f"{'' if lifted.whitening is None else ' after a filter that takes one'}."
     )
     print_whitening(console, lifted)
-    print_title(console, "Orders, conjugate poles counted one by one")
+    print_title(console, f"Orders by {identifier.upper()}, conjugate poles counted one by one")
     console.print(_table(found))
     console.print(LEGEND, style="dim")
     seen = found.indicators

@@ -16,10 +16,12 @@ from floquid.periodic import participation
 from floquid.pipeline import CONFIDENT, Analysis
 
 LEGEND = (
-    "A row with ± is a conjugate pair; (53) is one standard deviation in the last digits. λ: Floquet exponent, on "
-    "the branch of its physical frequency; f = |λ|/2π; ζ = -Re λ/|λ|; |μ| = e^(Re λ T), the decay in one period; "
-    "folded: |Im λ| modulo ω, over ω; m: harmonics of the shape that rise above the noise"
+    "λ: Floquet exponent, on the branch of its physical frequency; f = |λ|/2π; ζ = -Re λ/|λ|; |μ| = e^(Re λ T), the "
+    "decay in one period; folded: |Im λ| modulo ω, over ω"
 )
+DEVIATIONS = "(53) is one standard deviation in the last digits"
+NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does)"
+NOISE = "White noise found, standard deviation"
 NOTES = {
     "weak": "weakly determined",
     "μ<0": "a negative real multiplier, no pair",
@@ -50,7 +52,11 @@ def print_analysis(analysis: Analysis) -> None:
     _print_whole(console, modes_table(analysis))
     used = {word for r in upper_modes(analysis.model) for word in _notes(analysis.model, r)}
     meanings = [f"{word}: {meaning}" for word, meaning in NOTES.items() if word in used]
-    console.print("; ".join([LEGEND, *meanings]) + ".", style="dim")
+    deviations = NO_DEVIATIONS if analysis.model.exponent_std is None else DEVIATIONS
+    kept = "as asked for" if analysis.settings.harmonics is not None else "that rise above the noise"
+    legend = f"A row with ± is a conjugate pair; {deviations}. {LEGEND}; m: harmonics of the shape, {kept}"
+    legend = legend.replace("shape, that", "shape that")
+    console.print("; ".join([legend, *meanings]) + ".", style="dim")
     if analysis.choice is not None and not analysis.choice.ambiguous:
         console.print(f"The order is clear. {' '.join(analysis.choice.reasons)}", style="dim")
     if analysis.state is not None:
@@ -78,9 +84,15 @@ def _print_record(console: Console, analysis: Analysis) -> None:
     )
     for step in dict.fromkeys(step for record in analysis.records for step in record.provenance.steps):
         console.print(f"  {step}", style="dim")
-    print_title(console, "White noise found, standard deviation")
+    coloured = analysis.lifted.whitening is not None
+    print_title(console, "Noise found, standard deviation after the whitening filter" if coloured else NOISE)
     console.print(_noise_table(analysis))
     print_whitening(console, analysis.lifted)
+    if coloured:
+        words = (
+            "The noise above is what is left after the filter, less than that of the record; shapes are the record's."
+        )
+        console.print(words, style="dim")
 
 
 def print_whitening(console: Console, lifted: Lifted) -> None:
@@ -91,8 +103,8 @@ def print_whitening(console: Console, lifted: Lifted) -> None:
     those = [c.name for c, own in zip(lifted.channels, lifted.whitening, strict=True) if own[1:].any()]
     where = "all channels" if len(those) == lifted.n_channels else ", ".join(those)
     console.print(
-        f"The noise is coloured along the record in {where}. A filter of {counted(taps, 'tap')} makes it white, and "
-        "poles are found after it; noise is given as it is after the filter, shapes as they are in the record.",
+        f"The noise is coloured along the record in {where}: a filter of {counted(taps, 'tap')} makes it white, and "
+        "poles are found after it.",
         style="dim",
     )
 
@@ -170,7 +182,7 @@ def print_state(console: Console, analysis: Analysis) -> None:
     state = analysis.state
     assert state is not None
     half = len(state.states) // 2
-    print_title(console, "A(t), mean over the period ± half its range")
+    print_title(console, "A(t) [1/s², 1/s]: mean over the period ± half its range, no deviations")
     table = Table(box=None)
     table.add_column("")
     for name in state.states:

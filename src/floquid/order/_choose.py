@@ -151,7 +151,8 @@ def _findings(evidence: Evidence, dt: float) -> list[tuple[str, bool]]:
     share = evidence.gain / evidence.gain_limit
     doubtful = evidence.gain > evidence.doubtful_gain
     text = f"The clearest further mode takes {share:.2f} of what it must take out of the misfit"
-    found.append((text + (": too little to be kept, but more than noise mostly has." if doubtful else "."), doubtful))
+    end = ": too little to be kept, but more than noise mostly has." if doubtful else "."
+    found.append((text + (": a mode is missing." if share >= 1.0 else end), doubtful))
     if evidence.moved > APART and doubtful:
         text = f"With one more mode the others move by up to {evidence.moved:.3g} standard deviations."
         found.append((text, True))
@@ -183,7 +184,8 @@ def _hits(data: TimeResponses, model: ModalModel, evidence: Evidence) -> list[tu
 def _frequency(multiplier: complex, dt: float) -> str:
     if multiplier.imag == 0.0:
         return "the real multiplier " + f"{multiplier.real:.4g}"
-    return f"the mode at {abs(np.angle(multiplier)) / (2.0 * np.pi * dt):.4g} Hz (folded)"
+    share = abs(np.angle(multiplier)) / (2.0 * np.pi)
+    return f"the mode folded to {share:.4f} of ω ({share / dt:.4g} Hz)"
 
 
 def _weakest(evidence: Evidence, dt: float) -> tuple[str, bool]:
@@ -191,6 +193,12 @@ def _weakest(evidence: Evidence, dt: float) -> tuple[str, bool]:
     weakest = int(np.argmin(share))
     name = _frequency(complex(evidence.multipliers[weakest]), dt)
     doubtful = bool((evidence.rises < evidence.firm_limits).any())
+    if share[weakest] < 1.0:
+        text = (
+            f"Not each of the {len(share)} modes is needed: without the weakest, {name}, the misfit rises by "
+            f"{share[weakest]:.3g} times what noise explains."
+        )
+        return text, True
     text = (
         f"Each of the {len(share)} modes is needed: without the weakest, {name}, the misfit rises by "
         f"{share[weakest]:.3g} times what noise explains"

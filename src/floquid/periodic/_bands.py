@@ -120,9 +120,7 @@ class Entries:
         chosen = upper(model)
         real = np.array([is_real(model, r) for r in chosen], bool)
         kept = (model.coefficients != 0).any(axis=(1, 2))[chosen]
-        bands = [
-            (model.harmonics[row][0], model.harmonics[row][-1]) if row.any() else (0, 0) for row in kept
-        ]
+        bands = [(model.harmonics[row][0], model.harmonics[row][-1]) if row.any() else (0, 0) for row in kept]
         return Entries(
             model.exponents[chosen], real, np.array(bands, np.int64).reshape(-1, 2), model.fundamental, free_period
         )

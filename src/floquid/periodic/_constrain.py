@@ -1,4 +1,4 @@
-"""A periodic model finished by the constrained fit: bands chosen again, exponents, coefficients and their deviations."""
+"""A periodic model finished by the constrained fit: bands, exponents, coefficients and their deviations."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
-from floquid.periodic._bands import Entries, is_real, upper
+from floquid.periodic._bands import Entries, upper
 from floquid.periodic._constrained import Held, evaluated, settled
 from floquid.periodic._harmonics import GAP, select_bands
 from floquid.periodic._sums import scales
 
 ROUNDS = 4
 """How often the bands may be chosen again."""
+
+LOOSE = 0.2
+"""The probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm."""
 
 PADDING = 1
 """Harmonics fitted beyond each end of a band: weak ones that are left out bend the exponents."""
@@ -44,7 +47,7 @@ class Constrained:
 def constrain(
     model: PeriodicModel, lifted: Lifted, *, false_alarm: float = 1e-8, choose: bool = True, padding: int = PADDING
 ) -> Constrained:
-    r"""The model of the same modes whose residues are held to their harmonics: exponents and coefficients of least squares.
+    r"""The model of the same modes, their residues held to their harmonics: exponents and coefficients anew.
 
     .. math:: y_{c,h}(t) = 2 \Re \sum_r \sum_{m \in M_r} B_{r,c,h,m}\, e^{(\lambda_r + i m \omega) t}
 
@@ -84,20 +87,21 @@ def constrain(
         )
     most = (lifted.n_phases - 1) // 2
     entries = Entries.of(model)
-    for _ in range(ROUNDS):
+    bands, found = entries.bands, settled(lifted, entries.padded(padding, most))
+    for _ in range(ROUNDS if choose else 0):
+        wide = evaluated(lifted, replace(found.entries, bands=entries.bands).padded(GAP + 1, most))
+        loose = _chosen(lifted, wide, LOOSE)
+        bands = _chosen(lifted, wide, false_alarm)
+        if (loose == entries.bands).all():
+            break
+        entries = replace(found.entries, bands=loose)
         found = settled(lifted, entries.padded(padding, most))
-        if not choose:
-            break
-        bands = _chosen(lifted, replace(found.entries, bands=entries.bands), most, false_alarm)
-        if (bands == entries.bands).all():
-            break
-        entries = replace(found.entries, bands=bands)
-    return Constrained(_model(model, lifted, found, entries.bands), _noise_left(lifted, found))
+    return Constrained(_model(model, lifted, found, bands), _noise_left(lifted, found))
 
 
-def _chosen(lifted: Lifted, entries: Entries, most: int, false_alarm: float) -> NDArray[np.int64]:
-    """The bands that rise above the noise, looked for a little beyond those of the fit."""
-    wide = evaluated(lifted, entries.padded(GAP + 1, most))
+def _chosen(lifted: Lifted, wide: Held, false_alarm: float) -> NDArray[np.int64]:
+    """The bands that rise above the noise."""
+    entries = wide.entries
     harmonics, coefficients, std = _coefficients(lifted, wide)
     seeds = np.stack([np.minimum(0, -entries.half_turns), np.maximum(0, -entries.half_turns)], axis=1)
     seeds = np.clip(seeds, harmonics[0], harmonics[-1])
@@ -112,7 +116,10 @@ def _coefficients(
     entries = found.entries
     columns, sines, parameters = entries.columns(), entries.sines(), entries.parameters()
     low, high = int(entries.bands[:, 0].min()), int(entries.bands[:, 1].max())
-    low, high = min(low, -int(entries.half_turns.max(initial=0)) - high), max(high, -int(entries.half_turns.min(initial=0)) - low)
+    low, high = (
+        min(low, -int(entries.half_turns.max(initial=0)) - high),
+        max(high, -int(entries.half_turns.min(initial=0)) - low),
+    )
     harmonics = np.arange(low, high + 1)
     shape = (len(entries.exponents), lifted.n_channels, lifted.n_hits, len(harmonics))
     coefficients, std = np.zeros((2, *shape), complex)
@@ -173,7 +180,11 @@ def _model(model: PeriodicModel, lifted: Lifted, found: Held, bands: NDArray[np.
     harmonics, coefficients, std = _coefficients(lifted, found)
     mirror = -found.entries.half_turns[:, None] - bands[:, ::-1]
     real = found.entries.real
-    ends = np.where(real[:, None], np.stack([np.minimum(bands[:, 0], mirror[:, 0]), np.maximum(bands[:, 1], mirror[:, 1])], 1), bands)
+    ends = np.where(
+        real[:, None],
+        np.stack([np.minimum(bands[:, 0], mirror[:, 0]), np.maximum(bands[:, 1], mirror[:, 1])], 1),
+        bands,
+    )
     kept = (harmonics >= ends[:, :1]) & (harmonics <= ends[:, 1:])
     chosen = upper(model)
     positions = {r: k for k, r in enumerate(chosen)}

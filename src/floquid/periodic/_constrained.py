@@ -3,31 +3,33 @@ r"""The constrained fit: exponents with their residues held to the harmonics tha
 .. math:: \min_{\lambda, B} \sum_{c,h} \frac{1}{\sigma_{c,h}^2} \sum_k
           \Big(y_{c,h}(t_k) - 2 \Re \sum_r \sum_{m \in M_r} B_{r,c,h,m}\, e^{(\lambda_r + i m \omega) t_k}\Big)^2
 
-Lifting leaves the residue at each phase free: P numbers a mode and channel, where the shape has a few. Held to a band of
-harmonics, the same record says more of every exponent, and ten times as much of one that is weak, fast or aliased next
-to another (`errata.md`, "What makes it scale").
+Lifting leaves the residue at each phase free: P numbers a mode and channel, where the shape has a few. Held to a band
+of harmonics, the same record says more of every exponent, and most of one that is weak, fast or aliased next to another
+(`errata.md`, "What makes it scale").
 
-The coefficients are eliminated (Golub and Pereyra 1973; Kaufman's Gauss-Newton matrix), and their own noise is taken off
-that matrix, as in `lti`. All that is needed of the data are sums of products with columns (`_sums`).
+The coefficients are eliminated (Golub and Pereyra 1973; Kaufman's Gauss-Newton matrix), and their own noise is taken
+off that matrix, as in `lti`. All that is needed of the data are sums of products with columns (`_sums`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries
-from floquid.periodic._sums import Columns, Sums, scales, sums
+from floquid.periodic._sums import Columns, Sums, sums
 
 ITERATIONS = 40
 """Steps at most."""
 
 AT_REST = 1e-4
 """Standard deviations that the last step may have."""
+
+PASSES = 3
+"""How often the coefficients of one set of exponents may be corrected."""
 
 ROUNDING = 1e-13
 """The share of its own size below which a direction of the columns is rounding."""
@@ -129,12 +131,13 @@ def settled(lifted: Lifted, entries: Entries) -> Held:
 def _linear(
     lifted: Lifted, number: int, columns: Columns, sines: NDArray[np.bool_], start: NDArray[np.float64] | None
 ) -> Hit:
-    """One hit: coefficients by normal equations, and again for what those leave, so that rounding is that of the data."""
+    """One hit: coefficients by normal equations, and again for what those leave, so that no digits are lost."""
     kept = np.concatenate([np.ones(len(sines), bool), sines])
     size = 2 * len(sines)
     coefficients = np.zeros((size, lifted.n_channels)) if start is None else start
-    passes = 1 if start is not None else 2
-    for round_ in range(3):
+    passes, round_ = (1 if start is not None else 2), 0
+    while True:
+        round_ += 1
         found = sums(lifted, number, columns, _complex(coefficients))
         gram, mixed, whole = (_real(found, q) for q in range(3))
         seen, slope = (_real_data(part) for part in found.seen)
@@ -143,7 +146,7 @@ def _linear(
         step = inverse @ seen
         gained = np.sum(step * seen, axis=0)
         coefficients = coefficients + step
-        if round_ + 1 >= passes and (gained <= 1e-3 * (found.left - gained)).all():
+        if round_ == PASSES or (round_ >= passes and (gained <= 1e-3 * (found.left - gained)).all()):
             break
     return Hit(
         coefficients=coefficients,

@@ -1,14 +1,13 @@
 r"""Sums over time of products of modulated exponentials, from lifted responses.
 
 A column is z_j = e^{(λ_e + imω)t}, with e the mode of column j. On lifted samples t = τ_p + nT, and
-z_j = e^{(λ_e + imω)τ_p} μ_e^n since e^{imωT} = 1: every sum over samples of z̄_i z_j t^q is a sum of products of a sum over
-cycles, one a pair of modes, and a sum over phases, one a pair of columns. No column is ever formed.
+z_j = e^{(λ_e + imω)τ_p} μ_e^n since e^{imωT} = 1: every sum over samples of z̄_i z_j t^q is a sum of products of a sum
+over cycles, one a pair of modes, and a sum over phases, one a pair of columns. No column is ever formed.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,8 +64,8 @@ def sums(lifted: Lifted, hit: int, columns: Columns, coefficients: NDArray[np.co
         The sums, of the scaled columns.
     """
     length, period = int(lifted.responses.lengths[hit]), lifted.period
-    times, starts = lifted.phase_times, np.arange(length) * period
-    cycles = np.exp(np.multiply.outer(starts, columns.exponents))
+    times, starts = lifted.phase_times, np.asarray(np.arange(length) * period, np.float64)
+    cycles = np.asarray(np.exp(np.multiply.outer(starts, columns.exponents)), np.complex128)
     grows = columns.exponents.real > 0
     cycles[:, grows] = np.exp(np.multiply.outer(starts - starts[-1], columns.exponents[grows]))
     # The imaginary part of the factor that was left out is no matter of size: it is in the coefficients.
@@ -109,7 +108,7 @@ def _model(
     parts: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """2 Re Σ B z of one channel (phases, cycles); `parts` are Re μ^n and -Im μ^n."""
-    shapes = np.zeros((len(phases), len(columns.exponents)), complex)
+    shapes: NDArray[np.complex128] = np.zeros((len(phases), len(columns.exponents)), complex)
     np.add.at(shapes.T, columns.modes, (coefficients * phases).T)
     return 2.0 * (np.concatenate([shapes.real, shapes.imag], axis=1) @ parts.T)
 
@@ -127,4 +126,8 @@ def _products(
     long = [(first * (starts**k)[:, None]).T @ second for k in range(3)]
     long = [part[modes][:, modes] for part in long]
     short = [(one * (times**k)[:, None]).T @ other for k in range(3)]
-    return tuple(sum(comb(q, k) * long[k] * short[q - k] for k in range(q + 1)) for q in range(3))
+    return (
+        long[0] * short[0],
+        long[0] * short[1] + long[1] * short[0],
+        long[0] * short[2] + 2.0 * long[1] * short[1] + long[2] * short[0],
+    )

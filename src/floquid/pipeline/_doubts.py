@@ -27,6 +27,20 @@ def wrong_period(model: PeriodicModel, lifted: Lifted) -> str:
     )
 
 
+def too_low(order: int, choice: Choice) -> str:
+    """What speaks for more modes than an order that was given; empty when nothing does."""
+    evidence = choice.evidence
+    assert evidence is not None
+    if evidence.gain <= evidence.gain_limit:
+        return ""
+    share = evidence.gain / evidence.gain_limit
+    return (
+        f"The order given, {order}, is too low: a further mode would take {share:.3g} times out of the misfit what "
+        "noise explains, so that the others are bent by more than their deviations say. Let the order be found, or ask "
+        "for a higher one."
+    )
+
+
 def ambiguity(choice: Choice | None) -> tuple[str, ...]:
     """What makes the order ambiguous, if anything does."""
     if choice is None or not choice.ambiguous:

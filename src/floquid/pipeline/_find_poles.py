@@ -65,6 +65,9 @@ def find_poles(
             report(f"the noise is coloured along the record: whitened by {taps.shape[1] - 1} taps")
         lifted, modal = _settled(raw if taps is None else whitened(raw, taps), settings, report)
         looks += 1
+        if settings.order is not None:
+            # What a given order leaves may be modes: only generous poles tell the colour of the noise then.
+            break
         still = whitening_filter(lifted, modal) is not None
         if looks == WHITENINGS or (taps is None and not still):
             break
@@ -115,9 +118,11 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
         if change > 0.1:
             modal = None
     if modal is None:
+        asked = "" if settings.order is None else f" Or is the order asked for, {settings.order}, too low?"
         raise IdentificationError(
             "Identification ended without a result: the noise cannot be told from the response, its estimate does not "
             "settle as modes are fitted. Look at the record: are its samples clipped, or rounded to a few levels?"
+            f"{asked}"
         )
     return lifted, modal
 

@@ -12,9 +12,10 @@ from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Cycles, Record, channels_named
 from floquid.errors import IdentificationError
 from floquid.lifting import lift
+from floquid.order import judge
 from floquid.periodic import assemble
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._doubts import ambiguity, warnings, wrong_period
+from floquid.pipeline._doubts import ambiguity, too_low, warnings, wrong_period
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._settings import Settings
 from floquid.reconstruction import reconstruct
@@ -81,7 +82,9 @@ def _identified(used: tuple[Record, ...], chosen: Settings, report: Callable[[st
     lifted, modal, choice = find_poles(lifted, chosen, report)
     report("expanding the shapes in harmonics")
     model = assemble(modal, lifted, false_alarm=chosen.harmonic_false_alarm, harmonics=chosen.harmonics)
-    doubt = wrong_period(model, lifted)
+    missing = "" if chosen.order is None else too_low(chosen.order, judge(lifted.responses, modal))
+    # Modes that are missing turn in what is left as a wrong period would.
+    doubt = "" if missing else wrong_period(model, lifted)
     if doubt and not chosen.trust_period:
         raise IdentificationError(
             f"{doubt}\n  Correct the period; if it is no whole number of samples, resample the record. If you know the "
@@ -100,7 +103,7 @@ def _identified(used: tuple[Record, ...], chosen: Settings, report: Callable[[st
         model=model,
         state=state,
         choice=choice,
-        warnings=((doubt,) if doubt else ()) + ambiguity(choice) + warnings(model),
+        warnings=tuple(word for word in (missing, doubt) if word) + ambiguity(choice) + warnings(model),
     )
 
 
@@ -146,6 +149,10 @@ def _refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:
             "and the noise beside it. Record longer, or check the period."
         )
     channels_named(cycles[0].channels, settings.states, argument="states", of=of)
+    if getattr(settings.identifier, "band", None) is not None:
+        must = "look at the whole band, since what is left out would count as noise"
+        got = f"has band={settings.identifier.band}"  # pyright: ignore[reportOptionalMemberAccess, reportAttributeAccessIssue]
+        raise input_error("identifier", of, must, got, "Use the identifier's own `extract` on lifted responses.")
     if settings.order is not None and settings.order >= periods:
         got = f"is {settings.order}"
         raise input_error("order", of, f"be less than the {periods} periods of the record", got, "Ask for fewer poles.")
