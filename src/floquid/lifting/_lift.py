@@ -56,7 +56,7 @@ class Lifted:
     n_phases: int
     first_phase: float
     provenance: Provenance
-    floor: float = ROUNDING
+    floor: float | NDArray[np.float64] = ROUNDING
     whitening: NDArray[np.float64] | None = None
 
     @property
@@ -115,7 +115,7 @@ class Lifted:
 
     def with_noise(self, noise: NDArray[np.float64]) -> Lifted:
         """The same responses with another noise (channels, hits)."""
-        at_least = self.floor * _largest(self.responses.values, self.n_channels)
+        at_least = self.floor * largest_values(self.responses.values, self.n_channels)
         spread = np.repeat(np.maximum(noise, at_least), self.n_phases, axis=0)
         responses = TimeResponses(
             values=self.responses.values, dt=self.period, noise=spread, lengths=self.responses.lengths
@@ -241,7 +241,7 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
             )
 
 
-def _largest(values: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
+def largest_values(values: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
     """The largest size in each channel and hit (channels, hits)."""
     outputs, inputs, _ = values.shape
     largest = np.maximum(values.max(axis=2), -values.min(axis=2))
@@ -250,4 +250,5 @@ def _largest(values: NDArray[np.float64], n_channels: int) -> NDArray[np.float64
 
 def _single(values: NDArray[np.float64]) -> bool:
     """Whether all samples were stored in single precision; looked at one output after another, to hold no copy."""
-    return all(np.array_equal(output, output.astype(np.float32)) for output in values)
+    with np.errstate(over="ignore"):
+        return all(np.array_equal(output, output.astype(np.float32)) for output in values)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Cycles
-from floquid.lifting._lift import Lifted, lift
+from floquid.lifting._lift import Lifted, largest_values, lift
 from floquid.lti import ModalModel
 
 LAGS = 16
@@ -88,31 +88,43 @@ def whitened(lifted: Lifted, taps: NDArray[np.float64]) -> Lifted:
     Lifted
         The filtered responses, one period fewer, with an estimate of their noise.
     """
-    order = taps.shape[1] - 1
+    order, phases = taps.shape[1] - 1, lifted.n_phases
     hits = []
     for hit, length in enumerate(lifted.responses.lengths):
-        along = _along(lifted, lifted.responses.values[:, hit, :length])
-        samples = along.shape[1] - order
-        out = np.zeros((len(along), samples))
-        for i in range(order + 1):
-            out += taps[:, i, None] * along[:, order - i : order - i + samples]
-        cycles = samples // lifted.n_phases
-        cut = out[:, : cycles * lifted.n_phases].reshape(len(out), cycles, lifted.n_phases)
+        cycles = (int(length) * phases - order) // phases
+        cut = np.empty((lifted.n_channels, phases, cycles))
+        for channel in range(lifted.n_channels):
+            along = lifted.responses.values[channel * phases : (channel + 1) * phases, hit, :length].T.ravel()
+            out = np.zeros(cycles * phases)
+            for i, tap in enumerate(taps[channel]):
+                out += tap * along[order - i : order - i + len(out)]
+            cut[channel] = out.reshape(cycles, phases).T
+        cut.flags.writeable = False
         hits.append(
             Cycles(
-                values=cut.transpose(0, 2, 1),
+                values=cut,
                 periods=np.full(cycles, lifted.period),
                 channels=lifted.channels,
                 provenance=lifted.provenance,
             )
         )
-    found = lift(hits, floor=lifted.floor)
+    found = lift(hits, floor=0.0)
+    # What the record cannot be believed below goes through the filter too.
+    largest, left = (largest_values(one.responses.values, lifted.n_channels) for one in (lifted, found))
+    floor = lifted.floor * largest * np.linalg.norm(taps, axis=1)[:, None] / left
+    found = replace(found, floor=floor).with_noise(found.noise)
     return replace(found, first_phase=lifted.first_phase + order / lifted.n_phases, whitening=taps)
 
 
-def _along(lifted: Lifted, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lifted responses of one hit (outputs, cycles) in the order of time (channels, samples)."""
-    return values.reshape(lifted.n_channels, lifted.n_phases, -1).transpose(0, 2, 1).reshape(lifted.n_channels, -1)
+def _left(
+    values: NDArray[np.float64], shapes: NDArray[np.complex128], powers: NDArray[np.complex128]
+) -> NDArray[np.float64]:
+    """What a model leaves of one channel (phases, cycles), in the order of time; some phases at a time."""
+    left = np.empty(values.shape[::-1])
+    for first in range(0, len(values), 64):
+        part = slice(first, first + 64)
+        left[:, part] = (values[part] - np.real(shapes[:, part].T @ powers)).T
+    return left.ravel()
 
 
 def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -122,6 +134,7 @@ def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[NDArray
     """
     data, phases = lifted.responses, lifted.n_phases
     sums = np.zeros((lifted.n_channels, most + 1))
+    floor = np.broadcast_to(lifted.floor, (lifted.n_channels, lifted.n_hits))
     numbers = np.zeros(lifted.n_channels)
     for hit, length in enumerate(data.lengths):
         # A growing mode is counted from its end, so that its powers cannot overflow.
@@ -132,13 +145,13 @@ def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[NDArray
         for channel in range(lifted.n_channels):
             rows = slice(channel * phases, (channel + 1) * phases)
             values = data.values[rows, hit, :length]
-            left = values - np.real(shapes[:, rows].T @ powers)
-            along = left.T.ravel()
+            along = _left(values, shapes[:, rows], powers)
             square = float(along @ along) / len(along)
-            if square <= (FLOOR * lifted.floor * np.abs(values).max()) ** 2:
+            free = max(len(along) - phases * modal.order, 1)
+            if square * len(along) / free <= (FLOOR * floor[channel, hit] * np.abs(values).max()) ** 2:
                 continue
             sums[channel] += [along[lag:] @ along[: len(along) - lag] / square for lag in range(most + 1)]
-            numbers[channel] += max(len(along) - phases * modal.order, 0)
+            numbers[channel] += free
     white = sums[:, 0] == 0
     sums[white, 0] = 1.0
     return sums / sums[:, :1], numbers

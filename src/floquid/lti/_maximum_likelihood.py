@@ -183,7 +183,7 @@ class MaximumLikelihood(AbstractIdentifier):
             The model; its outcome is that of `model`.
         """
         if PRODUCTS in model.stats:
-            return refined(model, state.data)
+            return refined(model, state.data, self._noise(state, model))
         poles = PoleSet.from_multipliers(model.multipliers)
         blocks = state.first(horizon(poles, state.whole, self.time_constants))
         blocks = replace(state, factors=blocks).whitened(whitening_of(Residual.of(poles, blocks)))
@@ -237,12 +237,15 @@ class MaximumLikelihood(AbstractIdentifier):
 
     def _separated(self, state: Prepared, model: ModalModel) -> ModalModel:
         """The model with modes of equal multipliers apart, tested beside noise of the colour that the fit leaves."""
-        poles = PoleSet.from_multipliers(model.multipliers)
+        return separated(model, state.data, self.false_alarm, self._noise(state, model))
+
+    def _noise(self, state: Prepared, model: ModalModel) -> Noise:
+        """The noise that a model leaves, as its poles see it."""
+        poles = merged(model) if PRODUCTS in model.stats else PoleSet.from_multipliers(model.multipliers)
         raw = state.first(horizon(poles, state.whole, self.time_constants))
         taps = whitening_of(Residual.of(poles, raw))
         left = Residual.of(poles, replace(state, factors=raw).whitened(taps))
-        noise = Noise.whitened_by(taps, model, left.independent, left.variance)
-        return separated(model, state.data, self.false_alarm, noise)
+        return Noise.whitened_by(taps, model, left.independent, left.variance)
 
     def _choose(
         self, state: Prepared, most: int, report: Callable[[str], None]

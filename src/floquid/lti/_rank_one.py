@@ -42,6 +42,13 @@ class Noise:
 
     power: NDArray[np.float64]
     independent: float = 1.0
+    size: float = 1.0
+    """Its mean square, which `power` holds too."""
+
+    @property
+    def colour(self) -> NDArray[np.float64]:
+        """The noise at the frequency of each pole over that of white noise of its size (modes,)."""
+        return self.power / self.size
 
     @staticmethod
     def white(model: ModalModel) -> Noise:
@@ -54,7 +61,8 @@ class Noise:
         turn = np.angle(model.multipliers)
         taps = np.ones(1) if taps is None else taps
         gain = np.abs(np.exp(-1j * np.multiply.outer(turn, np.arange(len(taps)))) @ taps) ** 2
-        return Noise(max(variance, 1.0) / np.maximum(gain, 1e-6), independent)
+        size = max(variance, 1.0)
+        return Noise(size / np.maximum(gain, 1e-6), independent, size)
 
     def limit(self, entry: int, degrees: float, false_alarm: float) -> float:
         """The sum of squares that noise exceeds at the frequency of a pole."""
@@ -310,7 +318,8 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
         found = polish_products(trials[least].products, stacked)
     if len(found.products.poles) == before:
         return model
-    return model_of_products(found, stacked, model.outcome)
+    near = np.argmin(np.abs(found.products.poles.multipliers()[:, None] - model.multipliers), axis=1)
+    return model_of_products(found, stacked, model.outcome, noise.colour[near])
 
 
 def merged(model: ModalModel) -> PoleSet:
@@ -326,14 +335,14 @@ def merged(model: ModalModel) -> PoleSet:
     return poles.keep(np.isin(np.arange(len(poles)), kept))
 
 
-def refined(model: ModalModel, data: TimeResponses) -> ModalModel:
-    """The model of outer products nearest to another one, on other data or another noise."""
+def refined(model: ModalModel, data: TimeResponses, noise: Noise) -> ModalModel:
+    """The model of outer products nearest to another one, on other data; `noise` is as its poles see it."""
     stacked = Stacked.of(data)
     ones = np.ones(model.order, np.int64)
-    return model_of_products(polish_products(split(model, data, ones), stacked), stacked, model.outcome)
+    return model_of_products(polish_products(split(model, data, ones), stacked), stacked, model.outcome, noise.colour)
 
 
-def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome) -> ModalModel:
+def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, colour: NDArray[np.float64]) -> ModalModel:
     """The modal model of outer products, with the covariance of its poles."""
     now, data, scale, values = found.products, stacked.data, stacked.scale, stacked.values
     poles, n = now.poles, now.poles.order
@@ -357,7 +366,7 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome) -> 
         multipliers=poles.multipliers(),
         residues=residues,
         dt=data.dt,
-        covariance=_covariance(found, stacked.noise) / data.dt**2,
+        covariance=_covariance(found, stacked, colour) / data.dt**2,
         residue_spread=np.stack([np.outer(share, share.conj()) * (spread @ spread.conj().T) for share in own]),
         residue_slope=np.stack([one[:, None] * slope / other for one, other in zip(own, safe, strict=True)]),
         residual_std=np.stack(left, axis=1),
@@ -366,16 +375,34 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome) -> 
     )
 
 
-def _covariance(found: ProductFit, noise: float) -> NDArray[np.float64]:
-    """Of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts."""
+def _covariance(found: ProductFit, stacked: Stacked, colour: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts.
+
+    The scatter of the gradient is that of what is left, whose responses need not err independently, times the noise
+    at the frequency of each pole (order,), over its mean.
+    """
     size = np.sqrt(np.maximum(np.diag(found.information), np.finfo(float).tiny))
     both = np.outer(size, size)
     inverse = np.linalg.pinv(found.information / both, rcond=1e-12, hermitian=True)
-    unit = inverse @ (found.whole / both) @ inverse / both * noise
+    unit = inverse @ (_scatter(found.products, stacked) / both) @ inverse / both
     own = _pole_parameters(found.products)
     map_ = found.products.poles.parameter_map()
-    stack = np.concatenate([map_.real, map_.imag])
+    stack = np.concatenate([map_.real, map_.imag]) * np.sqrt(colour)[found.products.poles.columns()[0]]
     return stack @ unit[np.ix_(own, own)] @ stack.T
+
+
+def _scatter(now: Products, stacked: Stacked) -> NDArray[np.float64]:
+    """The covariance of the gradient, with that of the responses taken from what is left (`of_dependent_noise`)."""
+    columns, moves = _columns(now, stacked.data.lengths)
+    q, r = np.linalg.qr(columns)
+    first = moves.first - q @ (q.T @ moves.first)
+    second = moves.second - q @ (q.T @ moves.second)
+    projected = q.T @ stacked.block.values
+    turned = (stacked.block.values - q @ projected) @ (np.linalg.pinv(r, rcond=1e-12) @ projected).T
+    moments = turned.T @ turned / max(len(columns) - now.poles.order, 1)
+    mixed = (first.T @ second) * moments[np.ix_(moves.a, moves.b)]
+    total = (first.T @ first) * moments[np.ix_(moves.a, moves.a)] + mixed + mixed.T
+    return total + (second.T @ second) * moments[np.ix_(moves.b, moves.b)]
 
 
 def _pole_parameters(now: Products) -> NDArray[np.int64]:

@@ -36,6 +36,9 @@ class Removal:
         """For these poles."""
         spread, moments = [], []
         for block in factors:
+            if len(block.values) <= poles.order:
+                # Any one pole can be done without where the others take all there is.
+                continue
             q, r = np.linalg.qr(real_powers(poles, len(block.values)))
             inverse = np.linalg.pinv(r, rcond=1e-14)
             residues = inverse @ (q.T @ block.values)
@@ -112,7 +115,7 @@ def _taken(
     """Take away the entry of least excess as long as that is negative."""
     now, done = Removal.of(poles, factors), 0
     while len(now.poles):
-        if done == AFRESH:
+        if done == AFRESH or len(now.spread) < sum(len(f.values) > now.poles.order for f in factors):
             now, done = Removal.of(now.poles, factors), 0
         left = excess(now.poles, now.rises())
         worst = int(np.argmin(left))

@@ -93,7 +93,7 @@ def choose(
     return judge(data, model)
 
 
-def judge(data: TimeResponses, model: ModalModel, *, coloured: bool = False) -> Choice:
+def judge(data: TimeResponses, model: ModalModel) -> Choice:
     """What the data say for and against the order of a model.
 
     Parameters
@@ -102,8 +102,6 @@ def judge(data: TimeResponses, model: ModalModel, *, coloured: bool = False) -> 
         The responses and their noise.
     model
         A model of them.
-    coloured
-        Whether the responses come from noise that was coloured, and were whitened.
 
     Returns
     -------
@@ -115,7 +113,7 @@ def judge(data: TimeResponses, model: ModalModel, *, coloured: bool = False) -> 
     reasons, doubts = [], []
     for text, speaks_against in [
         *_findings(evidence, data.dt),
-        *_drift(data, evidence, coloured=coloured),
+        *_drift(data, evidence),
         *_hits(data, model, evidence),
     ]:
         (doubts if speaks_against else reasons).append(text)
@@ -160,10 +158,10 @@ def _findings(evidence: Evidence, dt: float) -> list[tuple[str, bool]]:
     return found
 
 
-def _drift(data: TimeResponses, evidence: Evidence, *, coloured: bool) -> list[tuple[str, bool]]:
+def _drift(data: TimeResponses, evidence: Evidence) -> list[tuple[str, bool]]:
     """Modes that hardly change over the record, beside noise that wanders: a random walk looks like them."""
     change = np.abs(np.log(evidence.multipliers)) * int(data.lengths.max())
-    still = int((change < 2.0 * np.pi).sum()) if coloured or evidence.whitened else 0
+    still = int((change < 2.0 * np.pi).sum()) if evidence.whitened else 0
     if not still:
         return []
     names = "One mode turns and decays" if still == 1 else f"{still} modes turn and decay"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from floquid.errors import IdentificationError
 from floquid.lifting import Lifted, whitened, whitening_filter
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
 from floquid.order import Choice, judge
-from floquid.pipeline._colour import first_filter
+from floquid.pipeline._colour import PEAKED, first_filter, under_a_peak
 from floquid.pipeline._settings import Settings
 
 ENOUGH_CYCLES = 3
@@ -59,6 +60,8 @@ def find_poles(
         No mode rises above the noise, or the order or the noise cannot be told.
     """
     raw, taps = lifted, first_filter(lifted)
+    if settings.order is not None and settings.order >= lifted.responses.lengths.max() - 1:
+        taps = None  # the filter takes a period, and the order needs them all
     looks = 0
     while True:
         if taps is not None:
@@ -78,7 +81,10 @@ def find_poles(
     if settings.order is not None:
         return lifted, modal, None
     report("weighing the order")
-    return lifted, modal, judge(lifted.responses, modal, coloured=lifted.whitening is not None)
+    choice = judge(lifted.responses, modal)
+    if under_a_peak(lifted, modal):
+        choice = replace(choice, doubts=(*choice.doubts, PEAKED))
+    return lifted, modal, choice
 
 
 def _alike(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:

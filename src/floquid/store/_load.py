@@ -98,7 +98,7 @@ def _read(file: h5py.File) -> Analysis:
     lifting = _get_fields(_group(file, "lifted"), layout.LIFTED)
     records = tuple(_get_record(_group(file, f"records/hit{n + 1}")) for n in range(len(lifting["lengths"])))
     cycles = segment(records)
-    lifted = lift(cycles)
+    lifted = lift(cycles, floor=settings.noise_floor)
     if layout.WHITENING.name in _group(file, "lifted"):
         lifted = whitened(lifted, _filters(_group(file, "lifted"), lifted))
     lifted = lifted.with_noise(lifting["noise"])
