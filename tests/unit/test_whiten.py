@@ -11,11 +11,13 @@ from scipy.signal import lfilter
 
 from floquid import Record, identify
 from floquid.core import ConstantPeriod, PeriodicModel
+from floquid.errors import IdentificationError
 from floquid.lifting import lift, unlift, whitened, whitening_filter
 from floquid.lti import fit_residues
 from floquid.periodic import assemble, synchrony
 from floquid.periodic._synchrony import drift
 from floquid.pipeline import lifted as lifted_of
+from floquid.pipeline._colour import first_filter
 from floquid.store import load, save
 from floquid.sync import segment
 from floquid.testing import pair_exponents
@@ -285,9 +287,112 @@ def test_what_is_scanned_is_whitened():
 
 
 def test_the_filter_is_stored(tmp_path):
-    found = identify(records(system(), noise=0.05, colour=(-0.9,)))
+    found = identify(records(system(), noise=0.05, colour=(-0.9,)), noise_floor=1e-6)
     save(found, tmp_path / "r.h5")
     back = load(tmp_path / "r.h5")
     assert_array_equal(back.lifted.whitening, found.lifted.whitening)
     assert_array_equal(back.lifted.responses.values, found.lifted.responses.values)
     assert back.lifted.first_phase == found.lifted.first_phase
+    assert_array_equal(back.lifted.noise, found.lifted.noise)
+    assert_array_equal(back.lifted.floor, found.lifted.floor)
+
+
+def two_hits(*, second=1.0, seed=0):
+    """One system started in two ways: a mode has one shape, times one number a hit."""
+    one = system(channels=3, seed=seed)
+    shares = np.array([[1.0, 0.4 - 0.6j], [1.0, 0.4 + 0.6j], [1.0, -1.3]])
+    shares[:, 1] *= second
+    return replace(one, coefficients=one.coefficients * shares[:, None, :, None])
+
+
+def test_a_record_of_two_hits_in_coloured_noise():
+    model = two_hits()
+    pulls = []
+    for seed in range(8):
+        found = identify(records(model, noise=0.05, colour=(-0.95,), seed=seed))
+        assert found.model.order == 3
+        assert not found.choice.ambiguous
+        pairing = pair_exponents(found.model.exponents, model.exponents, PERIOD)
+        std = found.model.exponent_std[pairing.permutation]
+        pulls.append(
+            [(pairing.differences.real / std.real)[[0, 2]], (pairing.differences.imag[0] / std.imag[0]).repeat(2)]
+        )
+    assert 0.5 < np.sqrt(np.mean(np.square(pulls))) < 1.6
+
+
+def test_colour_is_seen_in_any_hit():
+    model = two_hits()
+    white, coloured = records(model, noise=0.1)[0], records(model, noise=0.1, colour=(-0.9,))[1]
+    taps = found_filter(lift(segment([white, coloured])), model)
+    assert (taps[:, 1] < -0.2).all()
+
+
+def test_the_shortest_filter_that_does_is_taken():
+    model = system()
+    assert found_filter(lifted(model, noise=0.1, colour=(-0.9,), n_cycles=100), model).shape == (2, 2)
+    long = (-0.5, 0.0, 0.0, 0.0, 0.0, 0.45)
+    assert found_filter(lifted(model, noise=0.1, colour=long, n_cycles=400), model).shape == (2, 9)
+
+
+def test_a_trace_of_colour_is_not_worth_a_filter():
+    """Beyond doubt in a long record, and nothing would be gained."""
+    model = system()
+    assert found_filter(lifted(model, noise=0.1, colour=(-0.04,), n_cycles=4000), model) is None
+
+
+def test_colour_beside_a_pole_whose_powers_overflow():
+    """A generous fit may hold one, with a residue of nothing."""
+    model = system()
+    raw = lifted(model, noise=0.1, colour=(-0.9,), n_cycles=800)
+    generous = fit_residues(np.append(model.multipliers, 3.0), raw.responses)
+    assert_allclose(whitening_filter(raw, generous)[:, 1], -0.9, atol=0.05)
+
+
+def test_generous_poles_are_as_many_as_modes_at_least():
+    """Ten pairs in white noise: what too few poles leave would look coloured."""
+    generator = np.random.default_rng(0)
+    upper = -0.03 + 1j * np.linspace(0.1, 0.45, 10) * 2.0 * np.pi / PERIOD
+    shapes = generator.standard_normal((10, 2, 1, 3)) + 1j * generator.standard_normal((10, 2, 1, 3))
+    model = PeriodicModel(
+        exponents=np.stack([upper, upper.conj()], axis=1).ravel(),
+        coefficients=np.stack([shapes, shapes[..., ::-1].conj()], axis=1).reshape(20, 2, 1, 3),
+        harmonics=[-1, 0, 1],
+        period=PERIOD,
+        channels=["c0", "c1"],
+    )
+    assert first_filter(lifted(model, noise=0.05, n_cycles=200)) is None
+
+
+def test_the_branch_is_that_of_the_record_and_not_of_the_filtered_responses():
+    """The filter all but takes the largest harmonic away."""
+    model = system()
+    raw = lifted(model, noise=1e-6)
+    delay, rate = PERIOD / 12, -0.03 + 1.1j
+    turn = np.exp(rate * delay)
+    notch = np.array([1.0, -2.0 * turn.real, abs(turn) ** 2])
+    through = whitened(raw, np.stack([notch, notch]) + np.array([0.0, 0.0, 0.02]))
+    back = assemble(fit_residues(model.multipliers, through.responses), through, harmonics=2)
+    assert np.abs(back.exponents - rate).min() < 1e-6
+
+
+def test_the_noise_floor_goes_through_the_filter():
+    """What the record cannot be believed below: rounding is white, and a filter makes it √(Σ a²) times as large."""
+    raw = lift(segment(records(system(), noise=1e-6, colour=(-0.99,))), floor=1e-4)
+    through = whitened(raw, np.array([[1.0, -0.99], [1.0, -0.99]]))
+    assert_allclose(through.noise, raw.noise * np.hypot(1.0, 0.99), rtol=1e-6)
+
+
+def test_a_narrow_peak_of_the_noise_is_no_mode_without_a_doubt():
+    peak = (-2.0 * 0.999 * np.cos(0.14 * np.pi), 0.999**2)
+    model, wrong = system(channels=3), 0
+    for seed in range(5):
+        found = identify(records(model, noise=2e-4, colour=peak, seed=seed))
+        wrong += found.model.order != 3
+        assert found.model.order == 3 or found.choice.ambiguous
+    assert wrong, "every order was right: the doubt was not tried"
+
+
+def test_an_order_that_needs_every_period_is_not_whitened():
+    made = records(system(), noise=0.05, colour=(-0.95,), n_cycles=25)
+    with pytest.raises(IdentificationError, match="order 24 cannot be reached"):
+        identify(made, order=24)

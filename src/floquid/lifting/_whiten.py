@@ -141,7 +141,8 @@ def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[NDArray
         logs = np.asarray(np.log(modal.multipliers), np.complex128)
         last = np.where(logs.real > 0.0, length - 1, 0)
         powers = np.exp(logs[:, None] * (np.arange(length) - last[:, None]))
-        shapes = modal.residues[:, :, hit] * np.exp(logs * last)[:, None]
+        alive = modal.residues[:, :, hit].any(axis=1)
+        shapes = modal.residues[:, :, hit] * np.exp(np.where(alive, logs * last, 0.0))[:, None]
         for channel in range(lifted.n_channels):
             rows = slice(channel * phases, (channel + 1) * phases)
             values = data.values[rows, hit, :length]

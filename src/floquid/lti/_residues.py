@@ -13,6 +13,9 @@ from floquid.lti._factor import BLOCK
 from floquid.lti._poles import PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
+LARGEST_GROWTH = 345.0
+"""The logarithm of the growth over a record beyond which squares leave the range of floating point."""
+
 
 def fit_residues(
     multipliers: ArrayLike,
@@ -102,7 +105,12 @@ def _of_input(
     left = np.zeros(data.n_outputs)
     # The columns were scaled so that a growing mode cannot overflow; residues belong to sample zero.
     s = poles.full()
-    scale = np.exp(-np.where(s.real > 0, samples - 1, 0) * s)
+    growth = np.where(s.real > 0, samples - 1, 0) * s
+    # A pole of noise that would have to start from less than can be computed with has no residue.
+    scale = np.where(
+        growth.real < LARGEST_GROWTH, np.exp(-np.minimum(growth.real, LARGEST_GROWTH) - 1j * growth.imag), 0
+    )
+    back = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale != 0)
     step = max(1, BLOCK // samples)
     for start in range(0, data.n_outputs, step):
         part = slice(start, start + step)
@@ -111,7 +119,7 @@ def _of_input(
         residues[:, part] = scale[:, None] * complex_residues(poles, inverse @ projected.T)
         left[part] = _energy_left(block, q, projected)
     pinv = scale[:, None] * complex_residues(poles, inverse @ q.T)
-    slope = pinv @ (np.arange(samples)[:, None] * columns / scale)
+    slope = pinv @ (np.arange(samples)[:, None] * columns * back)
     return residues, pinv @ pinv.conj().T, slope, np.sqrt(left / max(samples - poles.order, 1))
 
 
