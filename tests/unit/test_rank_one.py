@@ -12,9 +12,10 @@ from floquid import PeriodicModel, Record, identify
 from floquid.core import ConstantPeriod
 from floquid.lti import MaximumLikelihood, TimeResponses
 from floquid.lti._exponentials import fit
-from floquid.lti._factor import factor
+from floquid.lti._factor import factor, factors
 from floquid.lti._poles import PoleSet
 from floquid.lti._rank_one import Products, Stacked, fit_products, ranks
+from floquid.lti._removal import Removal
 from floquid.testing import assert_exponents_close
 
 IDENTIFIER = MaximumLikelihood()
@@ -204,3 +205,36 @@ def test_the_chain_finds_both_from_two_records_and_one_from_one():
     assert alone.model.order == 2
     assert "modes of equal multipliers are seen as one" in " ".join(alone.choice.reasons)
     assert dataclasses.is_dataclass(alone.choice)
+
+
+@pytest.mark.parametrize("shared", [0.0, 0.05])
+def test_deviations_beside_noise_that_outputs_share(shared):
+    """The separate mode of three; noise of its own at each output, and more that is common to ten of them."""
+    pulls = []
+    for seed in range(12):
+        clean = ringing([*EQUAL, -0.03 + 2.0j], noise=1e-9, seed=seed)
+        generator = np.random.default_rng(100 + seed)
+        own = generator.standard_normal(clean.values.shape)
+        common = np.repeat(generator.standard_normal((3, *clean.values.shape[1:])), 10, axis=0)
+        size = np.abs(clean.values).max()
+        noisy = clean.values + size * (0.02 * own + shared * common)
+        spread = np.full(clean.noise.shape, size * np.hypot(0.02, shared))
+        model = found(TimeResponses(values=noisy, dt=1.0, noise=spread))
+        assert model.order == 6, f"seed {seed}"
+        alone = int(np.argmin(np.abs(model.poles - (-0.03 + 2.0j))))
+        std = np.sqrt(np.diag(model.covariance))[[alone, alone + 6]]
+        off = model.poles[alone] - (-0.03 + 2.0j)
+        pulls.append(np.array([off.real, off.imag]) / std)
+    assert 0.6 < np.sqrt(np.mean(np.square(pulls))) < 1.45
+
+
+def test_a_hit_shorter_than_the_starts_is_identified_as_one_without_it():
+    """Its few samples hold no pole by themselves, and none is kept for their sake."""
+    logs = [-0.02 + 1.0j, -0.03 + 2.0j]
+    data = ringing(logs, lengths=[150, 12])
+    poles = PoleSet.from_multipliers(full([*logs, *(-0.05 + 1j * np.arange(0.2, 3.0, 0.4))]))
+    blocks = factors(data)
+    assert min(len(block.values) for block in blocks) < poles.order
+    # What the short hit can do without counts for nothing: the rises are those of the long one.
+    assert_allclose(Removal.of(poles, blocks).rises(), Removal.of(poles, blocks[:1]).rises())
+    assert farthest(found(data).multipliers, full(logs)) < 5e-3
