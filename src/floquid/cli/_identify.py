@@ -30,6 +30,7 @@ def identify(
     order: OptionalWhole = None,
     harmonics: OptionalWhole = None,
     states: str | None = None,
+    constrained: Annotated[bool | None, Parameter(negative=())] = None,
     trust_period: Annotated[bool | None, Parameter(negative=())] = None,
     out: OptionalPlace = None,
     format: Literal["text", "json"] = "text",  # noqa: A002
@@ -66,6 +67,9 @@ def identify(
         lscf and poly.
     states
         The channels that are the displacement states of A(t), comma-separated; no A(t) when not given.
+    constrained
+        Finish with residues held to their harmonics: smaller deviations where modes are weak, fast, or folded onto one
+        another.
     trust_period
         Warn instead of refusing when the response seems to repeat with another period than the one given.
     out
@@ -88,6 +92,7 @@ def identify(
         order=order,
         harmonics=harmonics,
         states=None if states is None else split(states),
+        constrained=constrained,
         trust_period=trust_period,
     )
     with (

@@ -1,7 +1,21 @@
-"""A modal model of lifted responses → the `PeriodicModel`: delay, branch, harmonics and their uncertainty."""
+"""A modal model of lifted responses → the `PeriodicModel`: delay, branch, harmonics and their uncertainty.
+
+`constrain` finishes it with residues held to their harmonics.
+"""
 
 from floquid.periodic._assemble import assemble
+from floquid.periodic._constrain import Constrained, constrain
 from floquid.periodic._harmonics import participation, select_bands
 from floquid.periodic._synchrony import Synchrony, drift, spacing, synchrony
 
-__all__ = ["Synchrony", "assemble", "drift", "participation", "select_bands", "spacing", "synchrony"]
+__all__ = [
+    "Constrained",
+    "Synchrony",
+    "assemble",
+    "constrain",
+    "drift",
+    "participation",
+    "select_bands",
+    "spacing",
+    "synchrony",
+]

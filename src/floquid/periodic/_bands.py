@@ -13,7 +13,7 @@ from floquid.periodic._sums import Columns
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """The real parameters: decays, then the turns of pairs, and the fundamental if it is free.
+    """The real parameters: decays, then the turns of pairs.
 
     A parameter multiplies the coefficient on each column by its weight; a turn also takes the cosine to the sine.
     """
@@ -58,7 +58,6 @@ class Entries:
     bands: NDArray[np.int64]
     """The lowest and highest harmonic of each (entries, 2)."""
     fundamental: float
-    free_period: bool = False
 
     @property
     def half_turns(self) -> NDArray[np.int64]:
@@ -88,24 +87,18 @@ class Entries:
 
     def parameters(self) -> Parameters:
         """What the real parameters move."""
-        modes, harmonics = self._members()
+        modes, _ = self._members()
         own = (modes == np.arange(len(self.exponents))[:, None]).astype(float)
-        pairs = own[~self.real]
-        rows = [own, pairs]
-        if self.free_period:
-            rows.append((harmonics + 0.5 * self.half_turns[modes])[None, :])
-        weights = np.concatenate(rows)
+        weights = np.concatenate([own, own[~self.real]])
         turns = np.arange(len(weights)) >= len(own)
         return Parameters(np.concatenate([weights, weights], axis=1), turns)
 
     def moved(self, step: NDArray[np.float64]) -> Entries:
         """After a step in the real parameters."""
-        n, pairs = len(self.exponents), int((~self.real).sum())
-        fundamental = self.fundamental + (float(step[n + pairs]) if self.free_period else 0.0)
+        n = len(self.exponents)
         turned = np.zeros(n)
-        turned[~self.real] = step[n : n + pairs]
-        imag = np.where(self.real, 0.5 * self.half_turns * fundamental, self.exponents.imag + turned)
-        return replace(self, exponents=self.exponents.real + step[:n] + 1j * imag, fundamental=fundamental)
+        turned[~self.real] = step[n:]
+        return replace(self, exponents=self.exponents + step[:n] + 1j * turned)
 
     def padded(self, by: int, most: int) -> Entries:
         """With wider bands, but within half the samples of a period of the axis."""
@@ -115,15 +108,13 @@ class Entries:
         return replace(self, bands=np.stack([np.minimum(low, self.bands[:, 0]), np.maximum(high, self.bands[:, 1])], 1))
 
     @staticmethod
-    def of(model: PeriodicModel, *, free_period: bool = False) -> Entries:
+    def of(model: PeriodicModel) -> Entries:
         """Those of a model, with the bands that it keeps."""
         chosen = upper(model)
         real = np.array([is_real(model, r) for r in chosen], bool)
         kept = (model.coefficients != 0).any(axis=(1, 2))[chosen]
         bands = [(model.harmonics[row][0], model.harmonics[row][-1]) if row.any() else (0, 0) for row in kept]
-        return Entries(
-            model.exponents[chosen], real, np.array(bands, np.int64).reshape(-1, 2), model.fundamental, free_period
-        )
+        return Entries(model.exponents[chosen], real, np.array(bands, np.int64).reshape(-1, 2), model.fundamental)
 
 
 def is_real(model: PeriodicModel, mode: int) -> bool:

@@ -35,13 +35,10 @@ class Constrained:
         The periodic model.
     noise
         The deviation of what is left (channels, hits) [units of the channels].
-    period_std
-        The standard deviation of the period [s]; None where it was not free.
     """
 
     model: PeriodicModel
     noise: NDArray[np.float64]
-    period_std: float | None = None
 
 
 def constrain(
@@ -75,7 +72,7 @@ def constrain(
     Raises
     ------
     InputError
-        The model is not one of these responses.
+        The model is not one of these responses, or two of its multipliers are equal.
     """
     if (model.n_hits, len(model.channels)) != (lifted.n_hits, lifted.n_channels):
         raise input_error(
@@ -84,6 +81,15 @@ def constrain(
             "be a model of `lifted`",
             f"it has {len(model.channels)} channels and {model.n_hits} hits, and the responses "
             f"{lifted.n_channels} and {lifted.n_hits}",
+        )
+    gaps = np.abs(np.subtract.outer(model.multipliers, model.multipliers)) + np.eye(model.order)
+    if (gaps < 1e-12).any():
+        raise input_error(
+            "model",
+            "constrain",
+            "have distinct multipliers",
+            "two are equal, and residues that are free in each hit do not tell their modes apart",
+            "Keep the model as it is: `constrained=False`.",
         )
     most = (lifted.n_phases - 1) // 2
     entries = Entries.of(model)
@@ -217,7 +223,7 @@ def _model(model: PeriodicModel, lifted: Lifted, found: Held, bands: NDArray[np.
         exponents=exponents,
         coefficients=out[..., used],
         harmonics=whole[used],
-        period=2.0 * np.pi / found.entries.fundamental,
+        period=model.period,
         channels=model.channels,
         covariance=of_parts @ found.covariance() @ of_parts.T,
         coefficient_std=out_std[..., used],

@@ -13,7 +13,7 @@ from floquid.core import ConstantPeriod, Cycles, Record, channels_named
 from floquid.errors import IdentificationError
 from floquid.lifting import lift
 from floquid.order import judge
-from floquid.periodic import assemble
+from floquid.periodic import assemble, constrain
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._doubts import ambiguity, too_low, warnings, wrong_period
 from floquid.pipeline._find_poles import find_poles
@@ -90,6 +90,10 @@ def _identified(used: tuple[Record, ...], chosen: Settings, report: Callable[[st
             f"{doubt}\n  Correct the period; if it is no whole number of samples, resample the record. If you know the "
             "period to be right, pass `trust_period=True` (`--trust-period`)."
         )
+    if chosen.constrained:
+        report("holding the residues to their harmonics")
+        alarm, free = chosen.harmonic_false_alarm, chosen.harmonics is None
+        model = constrain(model, lifted, false_alarm=alarm, choose=free, padding=1 if free else 0).model
     state = None
     if chosen.states:
         report("rebuilding the state matrix")

@@ -37,6 +37,8 @@ class Settings:
     noise_floor
         The least share of a channel's largest value that the noise is taken to be: the level down to which the record
         can be believed.
+    constrained
+        Finish with residues held to their harmonics (`floquid.periodic.constrain`).
     trust_period
         Warn instead of refusing when the response seems to repeat with another period than the one given.
 
@@ -56,6 +58,7 @@ class Settings:
     mode_false_alarm: float = 1e-9
     harmonic_false_alarm: float = 1e-8
     noise_floor: float = 1e-10
+    constrained: bool = False
     trust_period: bool = False
 
     def __post_init__(self) -> None:
@@ -76,9 +79,11 @@ class Settings:
         if not isinstance(self.identifier, (AbstractIdentifier, type(None))):
             must, remedy = "be an identifier of `floquid.lti`, or None", "Pass an object, such as AMI()."
             raise input_error("identifier", of, must, f"is {self.identifier!r:.60}", remedy)
-        if not isinstance(self.trust_period, (bool, np.bool_)):
-            raise input_error("trust_period", of, "be true or false", f"is {self.trust_period!r}")
-        object.__setattr__(self, "trust_period", bool(self.trust_period))
+        for name in ("constrained", "trust_period"):
+            value = getattr(self, name)
+            if not isinstance(value, (bool, np.bool_)):
+                raise input_error(name, of, "be true or false", f"is {value!r}")
+            object.__setattr__(self, name, bool(value))
         for name in ("mode_false_alarm", "harmonic_false_alarm", "noise_floor"):
             if not 0.0 < positive(getattr(self, name), name, of) < 1.0:
                 raise input_error(name, of, "lie between 0 and 1", f"is {getattr(self, name)}")
