@@ -35,7 +35,7 @@ slow: $(INSTALLED) ## run the slow statistics
 bench: $(INSTALLED) ## time the benchmarks
 	$(PYTEST) benchmarks --benchmark-enable --benchmark-only
 
-order: $(INSTALLED) ## how often the order is right, over random systems (into build/order/; an hour on two cores)
+order: $(INSTALLED) ## how often the order is right, over random systems (into build/order/; ten minutes on two cores)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.order --jobs 2 --out build/order
 
 peers: $(INSTALLED) ## our identifiers beside other people's (into docs/peers/; a quarter of an hour)

@@ -73,6 +73,8 @@ def constrain(
     ------
     InputError
         The model is not one of these responses, or two of its multipliers are equal.
+    IdentificationError
+        There is no such fit near the model's exponents.
     """
     if (model.n_hits, len(model.channels)) != (lifted.n_hits, lifted.n_channels):
         raise input_error(
@@ -138,14 +140,14 @@ def _coefficients(
     rate = np.where(parameters.turns[:, None], 1j, 1.0) * half
     for number, hit in enumerate(found.hits):
         scale = scales(lifted, number, columns)
-        last = np.where(np.abs(scale) != 1.0, (int(lifted.responses.lengths[number]) - 1) * lifted.period, 0.0)
         factor = np.where(sines, 0.5, 1.0)[:, None] / gain.T * scale[:, None] ** -1.0
         alpha, beta = np.split(hit.coefficients, 2)
         own = (alpha - 1j * beta) * factor
+        # The slopes are those of e^{st} counted from t = 0, also where a column is scaled by its end.
         moved = -np.einsum("kl,plc->kcp", hit.inverse @ hit.mixed, parameters.applied(hit.coefficients))
         up, down = np.split(moved, 2)
         slopes = (up - 1j * down) * factor[:, :, None]
-        slopes -= own[:, :, None] * np.einsum("kc,pk->kcp", relative + last[:, None], rate)
+        slopes -= own[:, :, None] * np.einsum("kc,pk->kcp", relative, rate)
         n = len(rates)
         variance = np.diag(hit.inverse)
         both = np.diag(hit.inverse[:n, n:])

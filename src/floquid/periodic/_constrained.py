@@ -18,12 +18,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.errors import IdentificationError
 from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries
 from floquid.periodic._sums import Columns, Sums, sums
 
 ITERATIONS = 40
 """Steps at most."""
+
+LONGEST_STEP = 0.2
+"""The most that an exponent may move in a step, over one period."""
+
+FARTHEST = 0.5
+"""The most that an exponent may move in all, over one period: the multiplier then is another one."""
 
 AT_REST = 1e-4
 """Standard deviations that the last step may have."""
@@ -107,13 +114,20 @@ def evaluated(lifted: Lifted, entries: Entries, start: tuple[NDArray[np.float64]
 
 
 def settled(lifted: Lifted, entries: Entries) -> Held:
-    """The least squares near these exponents: Levenberg-Marquardt on the projected cost."""
+    """The least squares near these exponents: Levenberg-Marquardt on the projected cost.
+
+    Raises
+    ------
+    IdentificationError
+        There is none near them: an exponent moves by more than `FARTHEST`.
+    """
     now, damping = evaluated(lifted, entries), 1e-6
     for _ in range(ITERATIONS if len(entries.exponents) else 0):
         scale = np.sqrt(np.diag(now.information)) + np.finfo(float).tiny
         system = now.information / np.outer(scale, scale)
         while damping < 1e8:
             step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale
+            step *= min(1.0, LONGEST_STEP / (np.abs(step).max() * lifted.period + np.finfo(float).tiny))
             start = tuple(hit.coefficients for hit in now.hits)
             trial = evaluated(lifted, now.entries.moved(step), start)
             if trial.cost <= now.cost * (1.0 + 1e-12):
@@ -123,6 +137,13 @@ def settled(lifted: Lifted, entries: Entries) -> Held:
             return now
         done = np.abs(step * scale).max() < AT_REST
         now, damping = trial, max(0.1 * damping, 1e-12)
+        farthest = float(np.abs(now.entries.exponents - entries.exponents).max()) * lifted.period
+        if farthest > FARTHEST:
+            raise IdentificationError(
+                "Holding the residues to their harmonics moves an exponent away from where lifting found it, by "
+                f"{farthest:.2g} a period: a mode hardly rises above the noise. Leave it out (`order`), or finish "
+                "without (`constrained=False`)."
+            )
         if done:
             break
     return now
