@@ -14,7 +14,8 @@ from floquid.lti import MaximumLikelihood, TimeResponses
 from floquid.lti._exponentials import fit
 from floquid.lti._factor import factor, factors
 from floquid.lti._poles import PoleSet
-from floquid.lti._rank_one import Products, Stacked, fit_products, ranks
+from floquid.lti._rank import ranks
+from floquid.lti._rank_one import Products, Stacked, fit_products
 from floquid.lti._removal import Removal
 from floquid.testing import assert_exponents_close
 

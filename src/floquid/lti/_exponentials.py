@@ -202,21 +202,21 @@ LEAST_DAMPING = 1e-12
 
 
 def polish(
-    poles: PoleSet,
+    start: PoleSet | Fit,
     factors: Sequence[Factor],
     *,
     iterations: int = 60,
     tolerance: float = 1e-4,
     enough: float = -np.inf,
 ) -> Fit:
-    """The maximum-likelihood poles near `poles`: Levenberg-Marquardt on the projected cost.
+    """The maximum-likelihood poles near those of the start: Levenberg-Marquardt on the projected cost.
 
     Ends when a step is below `tolerance` standard deviations in every parameter or below rounding, or as soon as the
-    cost is below `enough`.
+    cost is below `enough`. A fit that is given as the start must be one of these factors.
     """
-    now = fit(poles, factors)
+    now = start if isinstance(start, Fit) else fit(start, factors)
     damping = 1e-6
-    for _ in range(iterations if len(poles) else 0):
+    for _ in range(iterations if len(now.poles) else 0):
         scale = np.sqrt(np.diag(now.information)) + np.finfo(float).tiny
         system = now.information / np.outer(scale, scale)
         while damping < 1e8:

@@ -17,7 +17,8 @@ from floquid.lti._horizon import energetic_length, horizon, search_window
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._order import checked_order, reached
 from floquid.lti._poles import PoleSet
-from floquid.lti._rank_one import PRODUCTS, Noise, merged, refined, separated
+from floquid.lti._rank import Noise
+from floquid.lti._rank_one import PRODUCTS, merged, refined, separated
 from floquid.lti._residual import Residual, filtered, whitening_of
 from floquid.lti._residues import model_of
 from floquid.lti._select import Threshold, choose, force_order, plausible
@@ -163,7 +164,7 @@ class MaximumLikelihood(AbstractIdentifier):
             outcome = Outcome.NOT_WHITE
         elif found.poles.order >= most:
             outcome = Outcome.TOO_FEW_SAMPLES
-        model = _model(state, polish(found.poles, blocks, tolerance=AT_REST), blocks, outcome, left)
+        model = _model(state, polish(found, blocks, tolerance=AT_REST), blocks, outcome, left)
         several = self.rank_one and order is None and min(state.data.n_inputs, state.data.n_outputs) > 1
         return self._separated(state, model) if several and model.order else model
 

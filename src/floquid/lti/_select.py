@@ -181,7 +181,7 @@ def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
             enough = now.cost + limit
             less = polish(now.poles.without(int(entry)), factors, iterations=25, tolerance=1e-2, enough=enough)
             if less.cost - now.cost < limit:
-                now, changed = polish(less.poles, factors), True
+                now, changed = polish(less, factors), True
                 break
     return now
 
@@ -250,7 +250,7 @@ def _add(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
             continue
         more = polish(now.poles.plus([candidate]), factors, iterations=25, tolerance=1e-2)
         if possible(more) and now.cost - more.cost > threshold.of(size):
-            return polish(more.poles, factors)
+            return polish(more, factors)
     return now
 
 
