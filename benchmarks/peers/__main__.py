@@ -103,7 +103,7 @@ def machine() -> dict[str, Any]:
 
 def asked(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.peers", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=20, help="records of the rotor, and draws of each number of modes")
+    parser.add_argument("--seeds", type=int, default=40, help="records of the rotor, and draws of each number of modes")
     parser.add_argument("--only", default="", help="those whose names hold one of these words, comma-separated")
     parser.add_argument("--parts", default=",".join(PARTS), help="of paper, modes, growth, comma-separated")
     parser.add_argument("--quick", action="store_true", help="time once, and grow through two small sizes only")

@@ -10,6 +10,7 @@ from floquid.lti._exponentials import fit, polish
 from floquid.lti._factor import factor
 from floquid.lti._hankel import Realisation, hankel_covariance
 from floquid.lti._poles import PoleSet
+from floquid.lti._search import _by_columns, _by_diagonals
 
 IDENTIFIER = MaximumLikelihood(rank_one=False)
 """The responses made here have residues of any rank."""
@@ -296,3 +297,14 @@ def test_refining_on_other_noise_keeps_the_order_and_moves_to_the_new_optimum():
     refined = IDENTIFIER.refine(state, found)
     assert refined.order == found.order
     assert farthest(refined.multipliers, IDENTIFIER.extract(state).multipliers) < 1e-6
+
+
+@pytest.mark.parametrize(("samples", "rank"), [(1, 1), (2, 1), (63, 5), (64, 3), (65, 70), (130, 2)])
+def test_sums_along_and_across_the_gram_matrix_are_those_of_transformed_columns(samples, rank):
+    values = np.random.default_rng(samples).standard_normal((samples, rank))
+    decays = np.array([0.0, 0.01, 0.3])
+    envelopes = np.exp(-np.multiply.outer(decays, np.arange(samples)))
+    lines = 1 << int(np.ceil(np.log2(2 * samples)))
+    both = (sums(values, envelopes, decays, lines) for sums in (_by_diagonals, _by_columns))
+    for found, expected in zip(*both, strict=True):
+        assert_allclose(found, expected, atol=1e-13 * np.abs(expected).max())

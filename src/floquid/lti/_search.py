@@ -21,6 +21,9 @@ from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import BLOCK, Factor
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 
+ROWS = 64
+"""Rows of the Gram matrix at a time."""
+
 LARGEST_GRAM = 1200
 """Samples up to which the Gram matrix of the residual is formed; of longer ones, columns are transformed."""
 
@@ -94,14 +97,22 @@ def _by_diagonals(
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
     """The same from the Gram matrix: e^{-d(n + m)} is constant across the diagonals, e^{-2dn} e^{-dl} along them."""
     samples = len(values)
-    padded = np.zeros((samples, 2 * samples))
-    padded[:, :samples] = values @ values.T
-    # Rows one entry longer are turned: a column then is a lag; rows one entry shorter: a column then is a sum.
-    row, column = padded.strides
-    upper = as_strided(padded, (samples, samples), (row + column, column))
-    along = (envelopes**2 @ upper) * envelopes
+    along, across = np.zeros((len(decays), samples)), np.zeros(2 * samples - 1)
+    # Half of the Gram matrix is enough; some rows at a time stay in the cache.
+    for start in range(0, samples, ROWS):
+        gram = values[start : start + ROWS] @ values[start:].T
+        rows, wide = gram.shape
+        padded = np.zeros((rows, 2 * wide))
+        padded[:, :wide] = gram
+        padded[:, :rows] = np.triu(gram[:, :rows])
+        # Rows one entry longer are turned: a column then is a lag; rows one entry shorter: a column then is a sum.
+        row, column = padded.strides
+        upper = as_strided(padded, (rows, wide), (row + column, column))
+        along[:, :wide] += envelopes[:, start : start + rows] ** 2 @ upper
+        lags = 2 * wide - 1
+        across[2 * start :] += 2.0 * padded.ravel()[: rows * lags].reshape(rows, lags).sum(axis=0)
+        across[2 * start : 2 * (start + rows) : 2] -= np.diagonal(gram)
+    along *= envelopes
     power = 2.0 * np.fft.rfft(along, lines, axis=1).real - along[:, :1]
-    lags = 2 * samples - 1
-    across = padded.ravel()[: samples * lags].reshape(samples, lags).sum(axis=0)
-    weights = np.exp(-np.multiply.outer(decays, np.arange(lags)))
+    weights = np.exp(-np.multiply.outer(decays, np.arange(2 * samples - 1)))
     return power, np.fft.rfft(weights * across, lines, axis=1)

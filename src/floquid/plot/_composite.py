@@ -50,7 +50,8 @@ def composite(analysis: Analysis | Mapping[str, Analysis], *, points: int = 4000
         panels = figure.subplots(len(named), sharex=True, squeeze=False)[:, 0]
         for axes, (name, one) in zip(panels, named.items(), strict=True):
             _draw(axes, one, points, turn)
-            axes.set_ylabel("mean magnitude / noise [-]")
+            filtered = "" if one.lifted.whitening is None else ",\nafter the whitening filter"
+            axes.set_ylabel(f"mean magnitude / noise [-]{filtered}")
             if name:
                 axes.set_title(plain(name), loc="left")
         panels[-1].set_xlabel(rf"frequency in the lifted band, 0 to $\omega$/2 [{unit}]")
