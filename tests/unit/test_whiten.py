@@ -16,6 +16,7 @@ from floquid.lifting import lift, unlift, whitened, whitening_filter
 from floquid.lti import fit_residues
 from floquid.periodic import assemble, synchrony
 from floquid.periodic._synchrony import drift
+from floquid.pipeline import _find_poles
 from floquid.pipeline import lifted as lifted_of
 from floquid.pipeline._colour import first_filter
 from floquid.store import load, save
@@ -396,3 +397,19 @@ def test_an_order_that_needs_every_period_is_not_whitened():
     made = records(system(), noise=0.05, colour=(-0.95,), n_cycles=25)
     with pytest.raises(IdentificationError, match="order 24 cannot be reached"):
         identify(made, order=24)
+
+
+@pytest.mark.parametrize(
+    ("first", "searches"),
+    [(-0.9, 1), (-0.86, 2), (-0.4, 2), (None, 2)],
+    ids=["a filter that is right", "one that is nearly", "one that leaves colour", "none"],
+)
+def test_the_noise_is_judged_again_by_what_the_poles_leave(monkeypatch, first, searches):
+    model = system(channels=3)
+    taps, count, settled = None if first is None else np.tile([1.0, first], (3, 1)), [], _find_poles._settled
+    monkeypatch.setattr(_find_poles, "first_filter", lambda _: taps)
+    monkeypatch.setattr(_find_poles, "_settled", lambda *given: count.append(1) or settled(*given))
+    found = identify(records(model, noise=0.05, colour=(-0.9,), n_cycles=300))
+    assert len(count) == searches
+    assert_allclose(found.lifted.whitening[:, 1], -0.9, atol=0.02)
+    assert found.model.order == 3
