@@ -4,17 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.signal import lfilter
 
 from floquid import Record, identify
 from floquid.core import ConstantPeriod, PeriodicModel
-from floquid.errors import InputError
+from floquid.errors import IdentificationError, InputError
 from floquid.lifting import lift, whitened
 from floquid.lti import fit_residues
 from floquid.periodic import assemble, constrain
 from floquid.periodic._bands import Entries
 from floquid.periodic._constrained import evaluated
+from floquid.store import load, save
 from floquid.sync import segment
 from floquid.testing import pair_exponents
 
@@ -249,6 +250,45 @@ def test_a_model_of_other_responses_is_refused():
     lifted = lift(segment(records(system(channels=3))))
     with pytest.raises(InputError, match=r"`model` of `constrain` must be a model of `lifted`"):
         constrain(system(), lifted)
+
+
+def test_harmonics_that_are_held_out_are_warned_of():
+    """The misfit is that of chance where the bands are right."""
+    model = system(channels=3)
+    misfits = []
+    for seed in range(20):
+        lifted = lift(segment(records(model, noise=0.03, seed=seed))).with_noise(np.full((3, 1), 0.03))
+        misfits.append(constrain(near(model, lifted, off=0.0), lifted).misfit)
+    assert np.abs(misfits).max() < 4.0
+    assert np.std(misfits) > 0.4
+    made = records(model, noise=0.03)
+    assert not any("held to their harmonics" in words for words in identify(made, constrained=True).warnings)
+    short = identify(made, constrained=True, harmonics=0)
+    assert any("held to their harmonics leave more than noise" in words for words in short.warnings)
+
+
+def test_equal_multipliers_are_refused():
+    model = system(channels=3, hits=2)
+    lifted = lift(segment(records(model)))
+    same = replace(model, exponents=np.repeat(model.exponents[:2][None], 2, axis=0).ravel())
+    with pytest.raises(InputError, match=r"`model` of `constrain` must have distinct multipliers"):
+        constrain(same, lifted)
+
+
+def test_a_fit_that_runs_away_is_refused():
+    """Modes of which nothing is left after a period, in more noise than response."""
+    model = system([-0.9 + 0.9j, -0.8 + 2.2j])
+    lifted = lift(segment(records(model, noise=1.0))).with_noise(np.full((2, 1), 1.0))
+    with pytest.raises(IdentificationError, match="moves an exponent away from where lifting found it"):
+        constrain(near(model, lifted, off=0.0), lifted)
+
+
+def test_a_constrained_result_is_stored(tmp_path):
+    found = identify(records(system(real=[(-0.05, 1)]), noise=0.02), constrained=True)
+    save(found, tmp_path / "r.h5")
+    back = load(tmp_path / "r.h5")
+    assert back.settings.constrained
+    assert_array_equal(back.model.coefficients, found.model.coefficients)
 
 
 def test_the_chain_with_the_constrained_finish():

@@ -97,7 +97,7 @@ def identify(
     )
     with (
         nullcontext() if out is None else result_folder(out) as folder,
-        progress(STAGES + (3 if out else 0)) as report,
+        progress(STAGES + (1 if choices.settings.constrained else 0) + (3 if out else 0)) as report,
     ):
         records, choices = read_records(files, choices, OF, report)
         analysis = identify_records(records, choices.resolved(), report=report)

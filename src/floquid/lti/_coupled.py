@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._exponentials import positive_part
+from floquid._numerics import positive_part
 from floquid.lti._one_mode import Mode, band_lines, real_rows
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._spectrum import Block, mode_columns

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._numerics import positive_part, sandwich
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PAIR, PoleSet
 
@@ -34,14 +35,8 @@ class Fit:
     information: NDArray[np.float64]
 
     def covariance(self) -> NDArray[np.float64]:
-        """The covariance of the real parameters (order, order), for noise of unit variance.
-
-        Information is brought to a unit diagonal first: a weak mode beside a strong one is not a null direction.
-        """
-        scale = np.sqrt(np.maximum(np.diag(self.information), np.finfo(float).tiny))
-        both = np.outer(scale, scale)
-        inverse = np.linalg.pinv(self.information / both, rcond=1e-14, hermitian=True)
-        return inverse @ (self.gauss_newton / both) @ inverse / both
+        """The covariance of the real parameters (order, order), for noise of unit variance."""
+        return sandwich(self.information, self.gauss_newton)
 
 
 def powers(s: NDArray[np.complex128], samples: int) -> NDArray[np.complex128]:
@@ -94,6 +89,14 @@ def _remainder(block: Factor, q: NDArray[np.float64], projected: NDArray[np.floa
     return left if left > 1e-6 * whole else float(np.sum((block.values - q @ projected) ** 2))
 
 
+def _decomposed(poles: PoleSet, samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Q and R of the real columns, and their slopes less what the columns take of them (samples, order)."""
+    columns = real_powers(poles, samples)
+    q, r = np.linalg.qr(columns)
+    slopes = np.arange(samples)[:, None] * columns
+    return q, r, slopes - q @ (q.T @ slopes)
+
+
 def fit(poles: PoleSet, factors: Sequence[Factor]) -> Fit:
     """Cost, gradient and information matrices at `poles`.
 
@@ -105,11 +108,7 @@ def fit(poles: PoleSet, factors: Sequence[Factor]) -> Fit:
     cost, gradient = 0.0, np.zeros(n)
     whole, noise = np.zeros((n, n)), np.zeros((n, n))
     for block in factors:
-        samples = len(block.values)
-        columns = real_powers(poles, samples)
-        q, r = np.linalg.qr(columns)
-        slopes = np.arange(samples)[:, None] * columns
-        slopes -= q @ (q.T @ slopes)
+        q, r, slopes = _decomposed(poles, len(block.values))
         both = np.concatenate([q, slopes], axis=1).T @ block.values
         rank = q.shape[1]  # of a block with fewer samples than poles, its samples
         projected, seen = both[:rank], both[rank:]
@@ -137,10 +136,7 @@ def of_dependent_noise(found: Fit, factors: Sequence[Factor]) -> Fit:
     slopes_of, scatter = Slopes.of(poles), np.zeros((n, n))
     for block in factors:
         samples = len(block.values)
-        columns = real_powers(poles, samples)
-        q, r = np.linalg.qr(columns)
-        slopes = np.arange(samples)[:, None] * columns
-        slopes -= q @ (q.T @ slopes)
+        q, r, slopes = _decomposed(poles, samples)
         projected = q.T @ block.values
         residues = np.linalg.pinv(r, rcond=1e-14) @ projected
         turned = (block.values - q @ projected) @ residues.T
@@ -182,19 +178,6 @@ class Slopes:
         """Σ_j of the slopes' products with one another (order, order), from `moved` and the residues' moments."""
         both, n = np.concatenate(self.residues), len(moments)
         return (moved * moments[both][:, both].reshape(2, n, 2, n)).sum(axis=(0, 2))
-
-
-def positive_part(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`reduced`, with which stays definite: each direction keeps a hundredth of what it has in `whole`."""
-    if not len(whole):
-        return whole
-    scale = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(whole / np.outer(scale, scale))
-    root = vectors * np.sqrt(np.maximum(values, 1e-15 * values[-1]))
-    inner = np.linalg.solve(root, np.linalg.solve(root, reduced / np.outer(scale, scale)).T)
-    share, directions = np.linalg.eigh(0.5 * (inner + inner.T))
-    kept = root @ (directions * np.maximum(share, 1e-2)) @ directions.T @ root.T
-    return kept * np.outer(scale, scale)
 
 
 LEAST_DAMPING = 1e-12

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from floquid._numerics import positive_part
 from floquid.lti._coupled import LEAST_INFORMATION, Bands, Coupled, bands_of, complex_columns
-from floquid.lti._exponentials import complex_residues, positive_part
+from floquid.lti._exponentials import complex_residues
 from floquid.lti._isolation import Isolated, growth, residues
 from floquid.lti._poles import PAIR
 from floquid.lti._spectrum import Block, composites

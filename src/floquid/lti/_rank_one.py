@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._exponentials import LEAST_DAMPING, basis, complex_residues, positive_part
+from floquid._numerics import positive_part, sandwich
+from floquid.lti._exponentials import LEAST_DAMPING, basis, complex_residues
 from floquid.lti._factor import Factor, factors
 from floquid.lti._noise import product_noise
 from floquid.lti._poles import PAIR, PoleSet
@@ -316,10 +317,7 @@ def _covariance(found: ProductFit, stacked: Stacked, colour: NDArray[np.float64]
     The scatter of the gradient is that of what is left, whose responses need not err independently, times the noise
     at the frequency of each pole (order,), over its mean.
     """
-    size = np.sqrt(np.maximum(np.diag(found.information), np.finfo(float).tiny))
-    both = np.outer(size, size)
-    inverse = np.linalg.pinv(found.information / both, rcond=1e-12, hermitian=True)
-    unit = inverse @ (_scatter(found.products, stacked) / both) @ inverse / both
+    unit = sandwich(found.information, _scatter(found.products, stacked), smallest=1e-12)
     own = _pole_parameters(found.products)
     map_ = found.products.poles.parameter_map()
     stack = np.concatenate([map_.real, map_.imag]) * np.sqrt(colour)[found.products.poles.columns()[0]]

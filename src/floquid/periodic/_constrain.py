@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
+from floquid.lti import fit_residues
 from floquid.periodic._bands import Entries, upper
 from floquid.periodic._constrained import Held, evaluated, settled
 from floquid.periodic._harmonics import GAP, select_bands
@@ -35,10 +36,14 @@ class Constrained:
         The periodic model.
     noise
         The deviation of what is left (channels, hits) [units of the channels].
+    misfit
+        How much more holding the residues leaves than noise explains, in standard deviations: beyond a few, a mode is
+        several that fold onto one another, or has harmonics outside its band.
     """
 
     model: PeriodicModel
     noise: NDArray[np.float64]
+    misfit: float
 
 
 def constrain(
@@ -104,7 +109,7 @@ def constrain(
             break
         entries = replace(found.entries, bands=loose)
         found = settled(lifted, entries.padded(padding, most))
-    return Constrained(_model(model, lifted, found, bands), _noise_left(lifted, found))
+    return Constrained(_model(model, lifted, found, bands), _noise_left(lifted, found), _misfit(model, lifted, found))
 
 
 def _chosen(lifted: Lifted, wide: Held, false_alarm: float) -> NDArray[np.int64]:
@@ -231,6 +236,23 @@ def _model(model: PeriodicModel, lifted: Lifted, found: Held, bands: NDArray[np.
         coefficient_std=out_std[..., used],
         provenance=model.provenance,
     )
+
+
+def _misfit(model: PeriodicModel, lifted: Lifted, found: Held) -> float:
+    r"""The rise of the cost over that of free residues, as a chi-square brought to zero mean and unit variance.
+
+    .. math:: z = \frac{J_{\mathrm{held}} - J_{\mathrm{free}} - \nu}{\sqrt{2 \nu}}
+
+    with ν the number of residues less that of coefficients; the free fit is at the model's own exponents.
+    """
+    free = fit_residues(model.multipliers, lifted.responses)
+    assert free.residual_std is not None
+    samples = np.maximum(lifted.responses.lengths - model.order, 0)
+    cost = float(np.sum((free.residual_std / lifted.responses.noise) ** 2 * samples))
+    coefficients = int(found.entries.sines().sum()) + len(found.entries.sines())
+    residues = model.order * lifted.n_phases
+    degrees = max((residues - coefficients) * lifted.n_channels * lifted.n_hits, 1)
+    return (found.cost - cost - degrees) / np.sqrt(2.0 * degrees)
 
 
 def _noise_left(lifted: Lifted, found: Held) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._numerics import positive_part, sandwich
 from floquid.errors import IdentificationError
 from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries
@@ -72,10 +73,7 @@ class Held:
 
     def covariance(self) -> NDArray[np.float64]:
         """Of the real parameters (parameters, parameters): the sandwich of information and scatter."""
-        scale = np.sqrt(np.maximum(np.diag(self.information), np.finfo(float).tiny))
-        both = np.outer(scale, scale)
-        inverse = np.linalg.pinv(self.information / both, rcond=1e-14, hermitian=True)
-        return inverse @ (self.gauss_newton / both) @ inverse / both
+        return sandwich(self.information, self.gauss_newton)
 
 
 def evaluated(lifted: Lifted, entries: Entries, start: tuple[NDArray[np.float64], ...] | None = None) -> Held:
@@ -110,7 +108,7 @@ def evaluated(lifted: Lifted, entries: Entries, start: tuple[NDArray[np.float64]
         turned = np.einsum("kl,qlc->qkc", hit.curvature, moved)
         scatter += np.einsum("pkc,qkc,c->pq", moved, turned, weight)
         noise += lifted.n_channels * parameters.spread(hit.curvature, hit.inverse)
-    return Held(entries, tuple(hits), cost, gradient, scatter, _definite(scatter, scatter - noise))
+    return Held(entries, tuple(hits), cost, gradient, scatter, positive_part(scatter, scatter - noise))
 
 
 def settled(lifted: Lifted, entries: Entries) -> Held:
@@ -206,15 +204,3 @@ def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     good = values > ROUNDING * values[-1]
     return (vectors[:, good] / values[good]) @ vectors[:, good].T / np.outer(scale, scale)
-
-
-def _definite(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`reduced`, with which stays definite: each direction keeps a hundredth of what it has in `whole`."""
-    if not len(whole):
-        return whole
-    scale = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(whole / np.outer(scale, scale))
-    root = vectors * np.sqrt(np.maximum(values, 1e-15 * values[-1]))
-    inner = np.linalg.solve(root, np.linalg.solve(root, reduced / np.outer(scale, scale)).T)
-    share, directions = np.linalg.eigh(0.5 * (inner + inner.T))
-    return root @ (directions * np.maximum(share, 1e-2)) @ directions.T @ root.T * np.outer(scale, scale)

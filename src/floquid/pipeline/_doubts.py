@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 from floquid.order import Choice
-from floquid.periodic import synchrony
+from floquid.periodic import Constrained, synchrony
+
+MISFIT = 6.0
+"""Standard deviations of what held residues leave at which they are doubted."""
 
 CONFIDENT = 2e-3
 """A mode counts as well determined when both parts of its exponent have a deviation below this share of ω."""
@@ -38,6 +41,17 @@ def too_low(order: int, choice: Choice) -> str:
         f"The order given, {order}, is too low: a further mode would take {share:.3g} times out of the misfit what "
         "noise explains, so that the others are bent by more than their deviations say. Let the order be found, or ask "
         "for a higher one."
+    )
+
+
+def misfit(held: Constrained) -> str:
+    """What speaks against residues that were held to their harmonics; empty when nothing does."""
+    if held.misfit <= MISFIT:
+        return ""
+    return (
+        f"Residues held to their harmonics leave more than noise ({held.misfit:.3g} standard deviations): harmonics "
+        "are missing, or a mode is several that fold onto one another, and exponents are bent by more than their "
+        "deviations say. Allow more harmonics, or finish without `constrained`."
     )
 
 

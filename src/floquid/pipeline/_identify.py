@@ -15,7 +15,7 @@ from floquid.lifting import lift
 from floquid.order import judge
 from floquid.periodic import assemble, constrain
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._doubts import ambiguity, too_low, warnings, wrong_period
+from floquid.pipeline._doubts import ambiguity, misfit, too_low, warnings, wrong_period
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._settings import Settings
 from floquid.reconstruction import reconstruct
@@ -90,10 +90,12 @@ def _identified(used: tuple[Record, ...], chosen: Settings, report: Callable[[st
             f"{doubt}\n  Correct the period; if it is no whole number of samples, resample the record. If you know the "
             "period to be right, pass `trust_period=True` (`--trust-period`)."
         )
+    bent = ""
     if chosen.constrained:
         report("holding the residues to their harmonics")
         alarm, free = chosen.harmonic_false_alarm, chosen.harmonics is None
-        model = constrain(model, lifted, false_alarm=alarm, choose=free, padding=1 if free else 0).model
+        held = constrain(model, lifted, false_alarm=alarm, choose=free, padding=1 if free else 0)
+        model, bent = held.model, misfit(held)
     state = None
     if chosen.states:
         report("rebuilding the state matrix")
@@ -107,7 +109,7 @@ def _identified(used: tuple[Record, ...], chosen: Settings, report: Callable[[st
         model=model,
         state=state,
         choice=choice,
-        warnings=tuple(word for word in (missing, doubt) if word) + ambiguity(choice) + warnings(model),
+        warnings=tuple(word for word in (missing, doubt, bent) if word) + ambiguity(choice) + warnings(model),
     )
 
 
