@@ -345,3 +345,12 @@ def test_a_terminal_that_cannot_show_greek(here, monkeypatch):
     ended = subprocess.run([script, *shlex.split(GOOD)], capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "Re \\u03bb [1/s]" in ended.stdout
+
+
+def test_the_legend_says_how_it_was_finished(here):
+    free, held = (" ".join(typed(f"{GOOD}{option}").split()) for option in ("", " --constrained"))
+    assert "harmonics of the shape that rise above the noise." in free
+    assert "harmonics of the shape that rise above the noise, the residues held to them." in held
+    bare = " ".join(typed(f"{GOOD} --identifier era --harmonics 2").split())
+    assert "this identifier gives no standard deviations" in bare
+    assert "harmonics of the shape, as asked for." in bare

@@ -53,9 +53,9 @@ def print_analysis(analysis: Analysis) -> None:
     used = {word for r in upper_modes(analysis.model) for word in _notes(analysis.model, r)}
     meanings = [f"{word}: {meaning}" for word, meaning in NOTES.items() if word in used]
     deviations = NO_DEVIATIONS if analysis.model.exponent_std is None else DEVIATIONS
-    kept = "as asked for" if analysis.settings.harmonics is not None else "that rise above the noise"
-    legend = f"A row with ± is a conjugate pair; {deviations}. {LEGEND}; m: harmonics of the shape, {kept}"
-    legend = legend.replace("shape, that", "shape that")
+    kept = ", as asked for" if analysis.settings.harmonics is not None else " that rise above the noise"
+    kept += ", the residues held to them" if analysis.settings.constrained else ""
+    legend = f"A row with ± is a conjugate pair; {deviations}. {LEGEND}; m: harmonics of the shape{kept}"
     console.print("; ".join([legend, *meanings]) + ".", style="dim")
     if analysis.choice is not None and not analysis.choice.ambiguous:
         console.print(f"The order is clear. {' '.join(analysis.choice.reasons)}", style="dim")
