@@ -45,7 +45,8 @@ class Lifted:
     provenance
         Where the responses come from.
     floor
-        The least share of a channel's largest value that the noise is taken to be.
+        The least share of a channel's largest value that the noise is taken to be; of whitened responses, one for each
+        (channels, hits).
     whitening
         The filter of each channel along the record (channels, taps) that the responses went through (`whitened`); None
         where there was none.
