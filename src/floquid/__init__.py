@@ -6,7 +6,7 @@ known A(t), `systems` holds examples with known truth.
 """
 
 from floquid import floquet, systems
-from floquid.core import Channel, ConstantPeriod, PeriodicModel, Record
+from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
 from floquid.errors import FloquidError, IdentificationError, InputError
 from floquid.pipeline import Analysis, Settings, identify
 from floquid.readers import read, write
@@ -17,15 +17,18 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Analysis",
+    "AzimuthSignal",
     "Channel",
     "ConstantPeriod",
     "FloquidError",
     "IdentificationError",
     "InputError",
     "PeriodicModel",
+    "PulseTimes",
     "Record",
     "Settings",
     "StateModel",
+    "TachometerSignal",
     "floquet",
     "identify",
     "load",

@@ -1,19 +1,23 @@
 """The types that several rooms share: what goes in (`Record`), what it is cut into (`Cycles`), what comes out."""
 
 from floquid.core._channel import Channel, Quantity, channels_named
-from floquid.core._clock import ConstantPeriod
+from floquid.core._clock import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, TachometerSignal
 from floquid.core._cycles import Cycles
 from floquid.core._periodic_model import PeriodicModel
 from floquid.core._provenance import Provenance
 from floquid.core._record import Record
 
 __all__ = [
+    "AzimuthSignal",
     "Channel",
+    "Clock",
     "ConstantPeriod",
     "Cycles",
     "PeriodicModel",
     "Provenance",
+    "PulseTimes",
     "Quantity",
     "Record",
+    "TachometerSignal",
     "channels_named",
 ]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from floquid._checks import finite, input_error, positive
+from floquid._checks import finite, frozen_array, input_error, integer, positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,3 +52,111 @@ class ConstantPeriod:
         """The phase at `time` [s], as a fraction of a period in [0, 1)."""
         fraction = ((time - self.origin) / self.period) % 1.0
         return 0.0 if fraction > 1.0 - 1e-9 else fraction
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TachometerSignal:
+    """A channel of pulses: the shaft turns by a revolution in `pulses_per_revolution` of them.
+
+    Parameters
+    ----------
+    channel
+        The name of the channel that holds the pulses.
+    pulses_per_revolution
+        Pulses that the sensor gives in a revolution.
+    periods_per_revolution
+        Periods of the system in a revolution of the shaft: 2 for a two-fold symmetric shaft seen from the ground, 1/2
+        where everything repeats itself after two revolutions.
+
+    Raises
+    ------
+    InputError
+        The name is empty, or a number is not possible.
+    """
+
+    channel: str
+    pulses_per_revolution: int = 1
+    periods_per_revolution: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check_name(self.channel, "TachometerSignal")
+        integer(self.pulses_per_revolution, "pulses_per_revolution", "TachometerSignal", at_least=1)
+        _check_periods(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AzimuthSignal:
+    """A channel that holds the angle of the shaft, in degrees or radians, whole or wrapped.
+
+    Parameters
+    ----------
+    channel
+        The name of the channel.
+    periods_per_revolution
+        Periods of the system in a revolution of the shaft.
+
+    Raises
+    ------
+    InputError
+        The name is empty, or the number is not possible.
+    """
+
+    channel: str
+    periods_per_revolution: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check_name(self.channel, "AzimuthSignal")
+        _check_periods(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PulseTimes:
+    """The times of pulses, told by another instrument.
+
+    Parameters
+    ----------
+    times
+        When each pulse came (pulses,) [s], on the record's own time axis, ascending.
+    pulses_per_revolution
+        Pulses in a revolution.
+    periods_per_revolution
+        Periods of the system in a revolution of the shaft.
+
+    Raises
+    ------
+    InputError
+        The times do not ascend, or a number is not possible.
+    """
+
+    times: NDArray[np.float64]
+    pulses_per_revolution: int = 1
+    periods_per_revolution: float = 1.0
+
+    def __post_init__(self) -> None:
+        times = frozen_array(self.times, "times", "PulseTimes", axes=("pulses",))
+        if len(times) < 2 or not (np.diff(times) > 0).all():
+            got = f"has {len(times)}" if len(times) < 2 else "has a later one before an earlier one"
+            raise input_error("times", "PulseTimes", "hold two ascending times or more [s]", got)
+        object.__setattr__(self, "times", times)
+        integer(self.pulses_per_revolution, "pulses_per_revolution", "PulseTimes", at_least=1)
+        _check_periods(self)
+
+
+Clock = ConstantPeriod | TachometerSignal | AzimuthSignal | PulseTimes
+"""What ties the time of a record to the phase of the system's period."""
+
+
+def _check_name(channel: str, of: str) -> None:
+    if not isinstance(channel, str) or not channel.strip():
+        raise input_error("channel", of, "name a channel of the record", f"is {channel!r}")
+
+
+def _check_periods(clock: TachometerSignal | AzimuthSignal | PulseTimes) -> None:
+    name, of = "periods_per_revolution", type(clock).__name__
+    value = positive(clock.periods_per_revolution, name, of)
+    whole = max(value, 1.0 / value)
+    if abs(whole - round(whole)) > 1e-9 * whole:
+        raise input_error(
+            name, of, "be a whole number or one over a whole number", f"is {value:g}", "Pass 1, 2, 3 … or 1/2, 1/3 …"
+        )
+    object.__setattr__(clock, name, float(round(whole)) if value >= 1.0 else 1.0 / round(whole))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, frozen_array, input_error, positive
 from floquid.core._channel import Channel, channels_named
-from floquid.core._clock import ConstantPeriod
+from floquid.core._clock import Clock
 from floquid.core._provenance import Provenance
 
 
@@ -42,7 +42,7 @@ class Record:
     values: NDArray[np.float64]
     sample_rate: float
     channels: tuple[Channel, ...]
-    clock: ConstantPeriod | None = None
+    clock: Clock | None = None
     start: float = 0.0
     provenance: Provenance = field(default_factory=Provenance)
 
@@ -52,7 +52,7 @@ class Record:
         values: ArrayLike,
         sample_rate: float,
         channels: Sequence[Channel | str],
-        clock: ConstantPeriod | None = None,
+        clock: Clock | None = None,
         start: float = 0.0,
         provenance: Provenance | None = None,
     ) -> None:
@@ -78,10 +78,9 @@ class Record:
             )
         if array.shape[1] == 0:
             raise input_error("values", "Record", "hold at least one sample", f"has shape {array.shape}")
-        if clock is not None and not isinstance(clock, ConstantPeriod):
-            raise input_error(
-                "clock", "Record", "be a ConstantPeriod or None", f"is {clock!r}", "Pass ConstantPeriod(period=...)."
-            )
+        if clock is not None and not isinstance(clock, Clock):
+            must = "be a ConstantPeriod, TachometerSignal, AzimuthSignal, PulseTimes or None"
+            raise input_error("clock", "Record", must, f"is {clock!r}", "Pass ConstantPeriod(period=...).")
         put = object.__setattr__
         put(self, "values", array)
         put(self, "sample_rate", positive(sample_rate, "sample_rate", "Record", unit="Hz"))
@@ -123,7 +122,7 @@ class Record:
         values.flags.writeable = False
         return replace(self, values=values, channels=tuple(self.channels[row] for row in rows))
 
-    def with_clock(self, clock: ConstantPeriod) -> Record:
+    def with_clock(self, clock: Clock) -> Record:
         """The same record, tied to `clock`."""
         return replace(self, clock=clock)
 

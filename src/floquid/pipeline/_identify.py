@@ -139,7 +139,7 @@ def _prepare(records: Record | Sequence[Record], settings: Settings) -> tuple[Re
         if settings.channels:
             record = record.select(settings.channels)
         if settings.period is not None:
-            origin = record.clock.origin if record.clock else 0.0
+            origin = record.clock.origin if isinstance(record.clock, ConstantPeriod) else 0.0
             record = record.with_clock(ConstantPeriod(period=settings.period, origin=origin))
         used.append(record)
     return tuple(used)

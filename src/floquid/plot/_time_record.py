@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
-from floquid.core import Cycles, channels_named
+from floquid.core import ConstantPeriod, Cycles, channels_named
 from floquid.pipeline import Analysis
 from floquid.plot._several import degrees_a_period
 from floquid.plot._style import BLUE, VERMILION, envelope, finish, label_values, new_figure, plain, style
@@ -121,7 +121,7 @@ def _marks(cycles: Cycles, phase: int, periods_per_revolution: int | None) -> st
 def _first_sample(analysis: Analysis, hit: int) -> int:
     """The index in the record of the first sample of its first cycle."""
     record, cycles = analysis.records[hit], analysis.cycles[hit]
-    assert record.clock is not None
+    assert isinstance(record.clock, ConstantPeriod)
     ahead = (cycles.first_phase - record.clock.phase(record.start)) % 1.0
     return round(ahead * cycles.n_phases) % cycles.n_phases
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, get_args
 
-from floquid.core import Channel, Quantity, Record
+from floquid.core import Channel, ConstantPeriod, Quantity, Record
 from floquid.errors import InputError
 from floquid.readers._table import SECONDS, Source, check_distinct
 
@@ -172,7 +172,7 @@ def _find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple
 def record_line(record: Record) -> str:
     """Our comment line for `record`."""
     said: dict[str, Any] = {"sample_rate": record.sample_rate}
-    if record.clock is not None:
+    if isinstance(record.clock, ConstantPeriod):
         said |= {"period": record.clock.period, "origin": record.clock.origin}
     said["channels"] = [[c.name, c.quantity, c.unit, c.location, c.direction] for c in record.channels]
     return RECORD_LINE + json.dumps(said, ensure_ascii=False)

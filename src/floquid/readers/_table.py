@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import Channel, Record
+from floquid.core import Channel, ConstantPeriod, Record
 from floquid.errors import InputError
 
 SECONDS = {
@@ -107,7 +107,7 @@ def texts_of(record: Record) -> dict[str, list[str]]:
 def numbers_of(record: Record) -> dict[str, float]:
     """The rate of `record` [Hz], its start and its clock [s], by the names in our files."""
     numbers = {"sample_rate": record.sample_rate, "start": record.start}
-    if record.clock is not None:
+    if isinstance(record.clock, ConstantPeriod):
         numbers |= {"period": record.clock.period, "origin": record.clock.origin}
     return numbers
 

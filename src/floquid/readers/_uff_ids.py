@@ -22,7 +22,7 @@ from typing import get_args
 
 import numpy as np
 
-from floquid.core import Channel, Quantity, Record
+from floquid.core import Channel, ConstantPeriod, Quantity, Record
 from floquid.readers._table import Source
 from floquid.readers._uff_header import FunctionHeader
 
@@ -70,7 +70,7 @@ def id_lines(record: Record, channel: Channel) -> tuple[str, ...]:
         line,
         f"floquid rate={record.sample_rate!r} Hz start={record.start!r} s",
         "NONE",
-        "NONE" if clock is None else f"floquid period={clock.period!r} s origin={clock.origin!r} s",
+        f"floquid period={clock.period!r} s origin={clock.origin!r} s" if isinstance(clock, ConstantPeriod) else "NONE",
         f"floquid {json.dumps(words)}",
     )
 

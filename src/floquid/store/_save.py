@@ -14,7 +14,7 @@ import numpy as np
 
 from floquid._checks import describe, input_error
 from floquid._files import atomic_path
-from floquid.core import Channel, Provenance, Record
+from floquid.core import Channel, ConstantPeriod, Provenance, Record
 from floquid.lti import AbstractIdentifier
 from floquid.pipeline import Analysis, Settings
 from floquid.store import _layout as layout
@@ -118,7 +118,7 @@ def _put_settings(group: h5py.Group, settings: Settings) -> None:
 def _put_record(group: h5py.Group, record: Record) -> None:
     _put_fields(group, layout.RECORD, record)
     for item in layout.CLOCK:
-        _put(group, item, None if record.clock is None else getattr(record.clock, item.name))
+        _put(group, item, getattr(record.clock, item.name) if isinstance(record.clock, ConstantPeriod) else None)
     _put_channels(group, record.channels)
     _put_provenance(group, record.provenance)
 

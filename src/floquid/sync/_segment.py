@@ -121,6 +121,10 @@ def _clock(record: Record) -> ConstantPeriod:
             "the record has none",
             "Give the period: `--period SECONDS` or `--frequency HZ`, or `read(path, period=...)`.",
         )
+    if not isinstance(record.clock, ConstantPeriod):
+        must = "have a clock of constant period"
+        remedy = "Resample the record to a whole number of samples a period first."
+        raise input_error("records", "segment", must, f"one has a {type(record.clock).__name__}", remedy)
     return record.clock
 
 
