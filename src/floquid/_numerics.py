@@ -24,9 +24,10 @@ def positive_part(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> N
     """`reduced`, with which stays definite: each direction keeps a hundredth of what it has in `whole`."""
     if not len(whole):
         return whole
-    scale = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny))
+    size = np.diag(whole)
+    scale = np.sqrt(np.where(size > np.finfo(float).tiny, size, 1.0))
     values, vectors = np.linalg.eigh(whole / np.outer(scale, scale))
-    root = vectors * np.sqrt(np.maximum(values, 1e-15 * values[-1]))
+    root = vectors * np.sqrt(np.maximum(values, 1e-15 * max(values[-1], 1e-15)))
     inner = np.linalg.solve(root, np.linalg.solve(root, reduced / np.outer(scale, scale)).T)
     share, directions = np.linalg.eigh(0.5 * (inner + inner.T))
     kept = root @ (directions * np.maximum(share, 1e-2)) @ directions.T @ root.T

@@ -15,6 +15,7 @@ from floquid.lti import fit_residues
 from floquid.periodic import assemble, constrain
 from floquid.periodic._bands import Entries
 from floquid.periodic._constrained import evaluated
+from floquid.periodic._lifted_block import LiftedBlock
 from floquid.store import load, save
 from floquid.sync import segment
 from floquid.testing import pair_exponents
@@ -117,12 +118,12 @@ def test_the_gradient_is_that_of_the_cost(kind):
     model = KINDS[kind]
     lifted = lift(segment(records(model, noise=0.1))).with_noise(np.full((len(model.channels), model.n_hits), 0.1))
     entries = Entries.of(near(model, lifted, off=0.02))
-    now = evaluated(lifted, entries)
+    now = evaluated(LiftedBlock.all_of(lifted), entries)
     largest = np.abs(now.gradient).max()
     for k in range(len(now.gradient)):
         step = np.zeros(len(now.gradient))
         step[k] = 1e-5
-        up, down = (evaluated(lifted, entries.moved(sign * step)).cost for sign in (1.0, -1.0))
+        up, down = (evaluated(LiftedBlock.all_of(lifted), entries.moved(sign * step)).cost for sign in (1.0, -1.0))
         assert (up - down) / 4e-5 == pytest.approx(-now.gradient[k], rel=1e-4, abs=1e-5 * largest)
 
 

@@ -5,15 +5,20 @@
 
 from floquid.periodic._assemble import assemble
 from floquid.periodic._constrain import Constrained, constrain
+from floquid.periodic._fit import Fit, fit
+from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._harmonics import participation, select_bands
 from floquid.periodic._synchrony import Synchrony, drift, spacing, synchrony
 
 __all__ = [
     "Constrained",
+    "Fit",
+    "ForcedResponse",
     "Synchrony",
     "assemble",
     "constrain",
     "drift",
+    "fit",
     "participation",
     "select_bands",
     "spacing",

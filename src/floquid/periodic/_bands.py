@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from floquid.core import PeriodicModel
-from floquid.periodic._sums import Columns
+from floquid.periodic._blocks import PLAIN, Columns
 
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """The real parameters: decays, then the turns of pairs.
+    """The real parameters: decays, then the turns of pairs, then the fundamental.
 
     A parameter multiplies the coefficient on each column by its weight; a turn also takes the cosine to the sine.
     """
@@ -47,22 +47,31 @@ def _turned(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True)
 class Entries:
-    """Modes of a real response, a conjugate pair once: exponents (entries,), whether real, and bands.
+    """Modes of a real response, a conjugate pair once, and what is beside them: exponents (entries,), and bands.
 
-    Of a real multiplier, on the branch of κ half fundamentals, harmonic m is the conjugate of harmonic -κ - m, and
-    those with m + κ/2 ≥ 0 are parameters.
+    Of a real multiplier, with harmonics m + κ/2, harmonic m is the conjugate of harmonic -κ - m, and those with
+    m + κ/2 ≥ 0 are parameters.
     """
 
     exponents: NDArray[np.complex128]
+    """λ of pairs, the decay alone of real multipliers (entries,) [1/s]."""
     real: NDArray[np.bool_]
     bands: NDArray[np.int64]
     """The lowest and highest harmonic of each (entries, 2)."""
     fundamental: float
+    offsets: NDArray[np.float64]
+    """What is added to the harmonics of each: κ/2 of real multipliers (entries,)."""
+    fixed: NDArray[np.bool_]
+    """Whose exponents stay: those of the forced response (entries,)."""
+    factors: NDArray[np.int64]
+    """What each is multiplied by beside (entries,), such as `PLAIN`."""
+    free_period: bool = False
+    """Whether the fundamental is a parameter too."""
 
     @property
     def half_turns(self) -> NDArray[np.int64]:
         """κ of each real entry, zero for pairs (entries,)."""
-        return np.where(self.real, np.rint(2.0 * self.exponents.imag / self.fundamental), 0).astype(np.int64)
+        return np.where(self.real, np.rint(2.0 * self.offsets), 0).astype(np.int64)
 
     def _members(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The entry and the harmonic of each column."""
@@ -78,7 +87,7 @@ class Entries:
 
     def columns(self) -> Columns:
         """The columns of the fit."""
-        return Columns(self.exponents, *self._members())
+        return Columns(self.exponents, self.offsets, self.factors, *self._members(), self.fundamental)
 
     def sines(self) -> NDArray[np.bool_]:
         """Which columns have a sine (columns,): not a real multiplier's that does not turn."""
@@ -86,26 +95,67 @@ class Entries:
         return ~(self.real[modes] & (2 * harmonics + self.half_turns[modes] == 0))
 
     def parameters(self) -> Parameters:
-        """What the real parameters move."""
-        modes, _ = self._members()
-        own = (modes == np.arange(len(self.exponents))[:, None]).astype(float)
-        weights = np.concatenate([own, own[~self.real]])
-        turns = np.arange(len(weights)) >= len(own)
+        """What the real parameters move: decays, turns of pairs, the fundamental."""
+        columns = self.columns()
+        own = (columns.modes == np.arange(len(self.exponents))[:, None]).astype(float)
+        rows = [own[~self.fixed], own[~self.fixed & ~self.real]]
+        if self.free_period:
+            rows.append(columns.turns[None, :])
+        weights = np.concatenate(rows)
+        turns = np.arange(len(weights)) >= len(rows[0])
         return Parameters(np.concatenate([weights, weights], axis=1), turns)
 
     def moved(self, step: NDArray[np.float64]) -> Entries:
         """After a step in the real parameters."""
-        n = len(self.exponents)
-        turned = np.zeros(n)
-        turned[~self.real] = step[n:]
-        return replace(self, exponents=self.exponents + step[:n] + 1j * turned)
+        moved = np.zeros(len(self.exponents), complex)
+        decays, pairs = np.flatnonzero(~self.fixed), np.flatnonzero(~self.fixed & ~self.real)
+        moved[decays] += step[: len(decays)]
+        moved[pairs] += 1j * step[len(decays) : len(decays) + len(pairs)]
+        turned = float(step[-1]) if self.free_period else 0.0
+        return replace(self, exponents=self.exponents + moved, fundamental=self.fundamental + turned)
 
     def padded(self, by: int, most: int) -> Entries:
-        """With wider bands, but within half the samples of a period of the axis."""
-        turns = np.rint(self.exponents.imag / self.fundamental).astype(np.int64)
+        """With wider bands of the modes, but within `most` fundamentals of the axis."""
+        turns = np.rint(self.exponents.imag / self.fundamental + self.offsets).astype(np.int64)
         low = np.maximum(self.bands[:, 0] - by, -most - turns)
         high = np.minimum(self.bands[:, 1] + by, most - turns)
-        return replace(self, bands=np.stack([np.minimum(low, self.bands[:, 0]), np.maximum(high, self.bands[:, 1])], 1))
+        wider = np.stack([np.minimum(low, self.bands[:, 0]), np.maximum(high, self.bands[:, 1])], 1)
+        return replace(self, bands=np.where(self.fixed[:, None], self.bands, wider))
+
+    def picked(self, which: NDArray | list[int]) -> Entries:
+        """Some of the entries, in the order given."""
+        names = ("exponents", "real", "bands", "offsets", "fixed", "factors")
+        return replace(self, **{name: getattr(self, name)[which] for name in names})
+
+    def joined(self, other: Entries) -> Entries:
+        """These and then others."""
+        names = ("exponents", "real", "bands", "offsets", "fixed", "factors")
+        both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
+        return replace(self, **both)
+
+    @staticmethod
+    def made(
+        exponents: ArrayLike,
+        bands: ArrayLike,
+        fundamental: float,
+        *,
+        real: ArrayLike = False,
+        offsets: ArrayLike = 0.0,
+        fixed: bool = False,
+        factor: int = PLAIN,
+    ) -> Entries:
+        """Entries from lists."""
+        own = np.array(exponents, complex).reshape(-1)
+        n = len(own)
+        return Entries(
+            exponents=own,
+            real=np.broadcast_to(np.asarray(real, bool), n).copy(),
+            bands=np.broadcast_to(np.array(bands, np.int64).reshape(-1, 2), (n, 2)).copy(),
+            fundamental=fundamental,
+            offsets=np.broadcast_to(np.asarray(offsets, float), n).copy(),
+            fixed=np.full(n, fixed),
+            factors=np.full(n, factor),
+        )
 
     @staticmethod
     def of(model: PeriodicModel) -> Entries:
@@ -114,7 +164,9 @@ class Entries:
         real = np.array([is_real(model, r) for r in chosen], bool)
         kept = (model.coefficients != 0).any(axis=(1, 2))[chosen]
         bands = [(model.harmonics[row][0], model.harmonics[row][-1]) if row.any() else (0, 0) for row in kept]
-        return Entries(model.exponents[chosen], real, np.array(bands, np.int64).reshape(-1, 2), model.fundamental)
+        own = model.exponents[chosen]
+        offsets = np.where(real, 0.5 * np.rint(2.0 * own.imag / model.fundamental), 0.0)
+        return Entries.made(np.where(real, own.real, own), bands, model.fundamental, real=real, offsets=offsets)
 
 
 def is_real(model: PeriodicModel, mode: int) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,10 +12,12 @@ from floquid._checks import input_error
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 from floquid.lti import fit_residues
-from floquid.periodic._bands import Entries, upper
+from floquid.periodic._bands import Entries
+from floquid.periodic._blocks import Block
 from floquid.periodic._constrained import Held, evaluated, settled
-from floquid.periodic._harmonics import GAP, select_bands
-from floquid.periodic._sums import scales
+from floquid.periodic._harmonics import GAP
+from floquid.periodic._held import chosen_bands, model_of
+from floquid.periodic._lifted_block import LiftedBlock
 
 ROUNDS = 4
 """How often the bands may be chosen again."""
@@ -98,144 +101,32 @@ def constrain(
             "two are equal, and residues that are free in each hit do not tell their modes apart",
             "Keep the model as it is: `constrained=False`.",
         )
-    most = (lifted.n_phases - 1) // 2
-    entries = Entries.of(model)
-    bands, found = entries.bands, settled(lifted, entries.padded(padding, most))
+    most, blocks = (lifted.n_phases - 1) // 2, LiftedBlock.all_of(lifted)
+    found, bands = with_bands(blocks, Entries.of(model), most, false_alarm, choose=choose, padding=padding)
+    held = model_of(blocks, found, bands, channels=model.channels, provenance=model.provenance)
+    return Constrained(held, noise_left(blocks, found), _misfit(model, lifted, found))
+
+
+def with_bands(
+    blocks: Sequence[Block],
+    entries: Entries,
+    most: int,
+    false_alarm: float,
+    *,
+    choose: bool = True,
+    padding: int = PADDING,
+) -> tuple[Held, NDArray[np.int64]]:
+    """The fit with bands chosen again until they stay, and the bands that rise above the noise (entries, 2)."""
+    bands, found = entries.bands, settled(blocks, entries.padded(padding, most))
     for _ in range(ROUNDS if choose else 0):
-        wide = evaluated(lifted, replace(found.entries, bands=entries.bands).padded(GAP + 1, most))
-        loose = _chosen(lifted, wide, LOOSE)
-        bands = _chosen(lifted, wide, false_alarm)
+        wide = evaluated(blocks, replace(found.entries, bands=entries.bands).padded(GAP + 1, most))
+        loose = chosen_bands(blocks, wide, LOOSE)
+        bands = chosen_bands(blocks, wide, false_alarm)
         if (loose == entries.bands).all():
             break
         entries = replace(found.entries, bands=loose)
-        found = settled(lifted, entries.padded(padding, most))
-    return Constrained(_model(model, lifted, found, bands), _noise_left(lifted, found), _misfit(model, lifted, found))
-
-
-def _chosen(lifted: Lifted, wide: Held, false_alarm: float) -> NDArray[np.int64]:
-    """The bands that rise above the noise."""
-    entries = wide.entries
-    harmonics, coefficients, std = _coefficients(lifted, wide)
-    seeds = np.stack([np.minimum(0, -entries.half_turns), np.maximum(0, -entries.half_turns)], axis=1)
-    seeds = np.clip(seeds, harmonics[0], harmonics[-1])
-    kept = select_bands(coefficients, std, harmonics, seeds, false_alarm=false_alarm)
-    return np.array([(harmonics[row][0], harmonics[row][-1]) for row in kept], np.int64).reshape(-1, 2)
-
-
-def _coefficients(
-    lifted: Lifted, found: Held
-) -> tuple[NDArray[np.int64], NDArray[np.complex128], NDArray[np.complex128]]:
-    """Harmonics, coefficients and deviations (entries, channels, hits, harmonics) of what was fitted."""
-    entries = found.entries
-    columns, sines, parameters = entries.columns(), entries.sines(), entries.parameters()
-    low, high = int(entries.bands[:, 0].min()), int(entries.bands[:, 1].max())
-    low, high = (
-        min(low, -int(entries.half_turns.max(initial=0)) - high),
-        max(high, -int(entries.half_turns.min(initial=0)) - low),
-    )
-    harmonics = np.arange(low, high + 1)
-    shape = (len(entries.exponents), lifted.n_channels, lifted.n_hits, len(harmonics))
-    coefficients, std = np.zeros((2, *shape), complex)
-    rates = columns.rates(entries.fundamental)
-    gain = lifted.gain(rates)
-    relative = (lifted.gain(rates, slope=True) / gain).T
-    covariance = found.covariance()
-    # What each parameter moves the rate of a column by.
-    half = parameters.weights[:, : len(rates)]
-    rate = np.where(parameters.turns[:, None], 1j, 1.0) * half
-    for number, hit in enumerate(found.hits):
-        scale = scales(lifted, number, columns)
-        factor = np.where(sines, 0.5, 1.0)[:, None] / gain.T * scale[:, None] ** -1.0
-        alpha, beta = np.split(hit.coefficients, 2)
-        own = (alpha - 1j * beta) * factor
-        # The slopes are those of e^{st} counted from t = 0, also where a column is scaled by its end.
-        moved = -np.einsum("kl,plc->kcp", hit.inverse @ hit.mixed, parameters.applied(hit.coefficients))
-        up, down = np.split(moved, 2)
-        slopes = (up - 1j * down) * factor[:, :, None]
-        slopes -= own[:, :, None] * np.einsum("kc,pk->kcp", relative, rate)
-        n = len(rates)
-        variance = np.diag(hit.inverse)
-        both = np.diag(hit.inverse[:n, n:])
-        noise = lifted.noise[:, number] ** 2
-        for part, weights in ((1.0, (factor.real, factor.imag)), (1j, (factor.imag, -factor.real))):
-            direct = (
-                weights[0] ** 2 * variance[:n, None]
-                + weights[1] ** 2 * variance[n:, None]
-                + 2.0 * weights[0] * weights[1] * both[:, None]
-            )
-            turned = slopes.real if part == 1.0 else slopes.imag
-            of_poles = np.einsum("kcp,pq,kcq->kc", turned, covariance, turned)
-            deviation = np.sqrt(np.maximum(noise * direct + of_poles, 0.0))
-            _put(std, deviation * part, columns, harmonics, number)
-        _put(coefficients, own, columns, harmonics, number)
-    _mirror(entries, harmonics, coefficients, std)
-    return harmonics, coefficients, std
-
-
-def _put(target: NDArray, values: NDArray, columns, harmonics: NDArray[np.int64], hit: int) -> None:
-    places = columns.harmonics - harmonics[0]
-    for column, (mode, place) in enumerate(zip(columns.modes, places, strict=True)):
-        target[mode, :, hit, place] += values[column]
-
-
-def _mirror(entries: Entries, harmonics: NDArray[np.int64], coefficients: NDArray, std: NDArray) -> None:
-    """The other half of a real multiplier's shape."""
-    for entry in np.flatnonzero(entries.real):
-        for place, m in enumerate(harmonics):
-            other = -int(entries.half_turns[entry]) - m - harmonics[0]
-            if 2 * m + entries.half_turns[entry] > 0 and 0 <= other < len(harmonics):
-                coefficients[entry, :, :, other] = coefficients[entry, :, :, place].conj()
-                std[entry, :, :, other] = std[entry, :, :, place]
-
-
-def _model(model: PeriodicModel, lifted: Lifted, found: Held, bands: NDArray[np.int64]) -> PeriodicModel:
-    """The model with the exponents and coefficients of a fit, those within the bands."""
-    harmonics, coefficients, std = _coefficients(lifted, found)
-    mirror = -found.entries.half_turns[:, None] - bands[:, ::-1]
-    real = found.entries.real
-    ends = np.where(
-        real[:, None],
-        np.stack([np.minimum(bands[:, 0], mirror[:, 0]), np.maximum(bands[:, 1], mirror[:, 1])], 1),
-        bands,
-    )
-    kept = (harmonics >= ends[:, :1]) & (harmonics <= ends[:, 1:])
-    chosen = upper(model)
-    positions = {r: k for k, r in enumerate(chosen)}
-    order = model.order
-    width = int(max(-harmonics[0], harmonics[-1]))
-    whole = np.arange(-width, width + 1)
-    out, out_std = np.zeros((2, order, lifted.n_channels, lifted.n_hits, len(whole)), complex)
-    exponents = np.array(model.exponents)
-    n, pairs = len(chosen), np.flatnonzero(~real)
-    of_parts = np.zeros((2 * order, len(found.gradient)))
-    place = slice(int(harmonics[0] + width), int(harmonics[-1] + width) + 1)
-    for r in range(order):
-        entry, conjugate = positions.get(r), False
-        if entry is None:
-            partner = int(np.flatnonzero(model.exponents == model.exponents[r].conj())[0])
-            entry, conjugate = positions[partner], True
-        value = found.entries.exponents[entry]
-        exponents[r] = value.conjugate() if conjugate else value
-        shape = np.zeros((lifted.n_channels, lifted.n_hits, len(whole)), complex)
-        deviation = np.zeros_like(shape)
-        shape[..., place] = coefficients[entry] * kept[entry]
-        deviation[..., place] = std[entry] * kept[entry]
-        out[r] = shape[..., ::-1].conj() if conjugate else shape
-        out_std[r] = deviation[..., ::-1] if conjugate else deviation
-        of_parts[r, entry] = 1.0
-        if not real[entry]:
-            of_parts[order + r, n + int(np.flatnonzero(pairs == entry)[0])] = -1.0 if conjugate else 1.0
-    used = (out != 0).any(axis=(0, 1, 2)) | (whole == 0)
-    return PeriodicModel(
-        exponents=exponents,
-        coefficients=out[..., used],
-        harmonics=whole[used],
-        period=model.period,
-        channels=model.channels,
-        covariance=of_parts @ found.covariance() @ of_parts.T,
-        coefficient_std=out_std[..., used],
-        provenance=model.provenance,
-    )
+        found = settled(blocks, entries.padded(padding, most))
+    return found, bands
 
 
 def _misfit(model: PeriodicModel, lifted: Lifted, found: Held) -> float:
@@ -255,8 +146,12 @@ def _misfit(model: PeriodicModel, lifted: Lifted, found: Held) -> float:
     return (found.cost - cost - degrees) / np.sqrt(2.0 * degrees)
 
 
-def _noise_left(lifted: Lifted, found: Held) -> NDArray[np.float64]:
+def noise_left(blocks: Sequence[Block], found: Held) -> NDArray[np.float64]:
     """The deviation of what is left (channels, hits), corrected for the parameters used."""
     columns = int(found.entries.sines().sum()) + len(found.entries.sines())
-    free = [max(int(n) * lifted.n_phases - columns, 1) for n in lifted.responses.lengths]
-    return np.sqrt(np.stack([hit.left for hit in found.hits], axis=1) / free)
+    squares = np.zeros((1 + max(int(b.rows.max()) for b in blocks), 1 + max(b.hit for b in blocks)))
+    free = np.zeros(squares.shape)
+    for block, linear in zip(blocks, found.linear, strict=True):
+        squares[block.rows, block.hit] += linear.left
+        free[block.rows, block.hit] += max(block.n_samples - columns, 1)
+    return np.sqrt(squares / np.maximum(free, 1.0))

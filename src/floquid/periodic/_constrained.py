@@ -8,11 +8,12 @@ of harmonics, the same record says more of every exponent, and most of one that 
 (`errata.md`, "What makes it scale").
 
 The coefficients are eliminated (Golub and Pereyra 1973; Kaufman's Gauss-Newton matrix), and their own noise is taken
-off that matrix, as in `lti`. All that is needed of the data are sums of products with columns (`_sums`).
+off that matrix, as in `lti`. All that is needed of the data are sums of products with columns (`_blocks`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,9 +21,8 @@ from numpy.typing import NDArray
 
 from floquid._numerics import positive_part, sandwich
 from floquid.errors import IdentificationError
-from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries
-from floquid.periodic._sums import Columns, Sums, sums
+from floquid.periodic._blocks import Block, Columns, complex_of
 
 ITERATIONS = 40
 """Steps at most."""
@@ -39,13 +39,16 @@ AT_REST = 1e-4
 PASSES = 3
 """How often the coefficients of one set of exponents may be corrected."""
 
+GONE = 1e-200
+"""The sum of squares below which a column has decayed before the first sample."""
+
 ROUNDING = 1e-13
 """The share of its own size below which a direction of the columns is rounding."""
 
 
 @dataclass(frozen=True, slots=True)
-class Hit:
-    """What the linear part of one hit is worth: real coefficients α cos + β sin (2 columns, channels), and matrices."""
+class Linear:
+    """What the linear part of one block is worth: coefficients α Re z + β Im z (2 columns, rows), and matrices."""
 
     coefficients: NDArray[np.float64]
     inverse: NDArray[np.float64]
@@ -62,10 +65,10 @@ class Hit:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """One fit: the entries with their exponents, the hits, and cost, gradient and matrices of the real parameters."""
+    """One fit: entries, what is linear of each block, and cost, gradient and matrices of the real parameters."""
 
     entries: Entries
-    hits: tuple[Hit, ...]
+    linear: tuple[Linear, ...]
     cost: float
     gradient: NDArray[np.float64]
     gauss_newton: NDArray[np.float64]
@@ -76,66 +79,67 @@ class Held:
         return sandwich(self.information, self.gauss_newton)
 
 
-def evaluated(lifted: Lifted, entries: Entries, start: tuple[NDArray[np.float64], ...] | None = None) -> Held:
+def evaluated(blocks: Sequence[Block], entries: Entries, start: tuple[NDArray[np.float64], ...] | None = None) -> Held:
     """The fit at these exponents, the coefficients eliminated.
 
     Parameters
     ----------
-    lifted
-        The responses and their noise.
+    blocks
+        The samples and their noise.
     entries
         Modes, bands and exponents.
     start
-        Coefficients near the right ones, for each hit: what is left is then small, and no digits are lost.
+        Coefficients near the right ones, for each block: what is left is then small, and no digits are lost.
 
     Returns
     -------
     Held
         Cost, gradient and matrices.
     """
-    columns, parameters = entries.columns(), entries.parameters()
+    columns, parameters, sines = entries.columns(), entries.parameters(), entries.sines()
     n = len(parameters.weights)
     cost, gradient, scatter, noise = 0.0, np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
-    hits = []
-    for number in range(lifted.n_hits):
-        before = None if start is None else start[number]
-        hit = _linear(lifted, number, columns, entries.sines(), before)
-        hits.append(hit)
-        weight = 1.0 / lifted.noise[:, number] ** 2
-        cost += float(hit.left @ weight)
-        moved = parameters.applied(hit.coefficients)
-        gradient += np.einsum("pkc,kc,c->p", moved, hit.slope, weight)
-        turned = np.einsum("kl,qlc->qkc", hit.curvature, moved)
+    found = []
+    for number, block in enumerate(blocks):
+        own = _linear(block, columns, sines, None if start is None else start[number])
+        found.append(own)
+        weight = 1.0 / block.noise**2
+        cost += float(own.left @ weight)
+        moved = parameters.applied(own.coefficients)
+        gradient += np.einsum("pkc,kc,c->p", moved, own.slope, weight)
+        turned = np.einsum("kl,qlc->qkc", own.curvature, moved)
         scatter += np.einsum("pkc,qkc,c->pq", moved, turned, weight)
-        noise += lifted.n_channels * parameters.spread(hit.curvature, hit.inverse)
-    return Held(entries, tuple(hits), cost, gradient, scatter, positive_part(scatter, scatter - noise))
+        noise += len(block.rows) * parameters.spread(own.curvature, own.inverse)
+    return Held(entries, tuple(found), cost, gradient, scatter, positive_part(scatter, scatter - noise))
 
 
-def settled(lifted: Lifted, entries: Entries) -> Held:
+def settled(blocks: Sequence[Block], entries: Entries, *, at_rest: float = AT_REST) -> Held:
     """The least squares near these exponents: Levenberg-Marquardt on the projected cost.
+
+    It ends when a step is below `at_rest` standard deviations.
 
     Raises
     ------
     IdentificationError
         There is none near them: an exponent moves by more than `FARTHEST`.
     """
-    now, damping = evaluated(lifted, entries), 1e-6
-    for _ in range(ITERATIONS if len(entries.exponents) else 0):
+    now, damping, period = evaluated(blocks, entries), 1e-6, 2.0 * np.pi / entries.fundamental
+    for _ in range(ITERATIONS if len(now.gradient) else 0):
         scale = np.sqrt(np.diag(now.information)) + np.finfo(float).tiny
         system = now.information / np.outer(scale, scale)
         while damping < 1e8:
             step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale
-            step *= min(1.0, LONGEST_STEP / (np.abs(step).max() * lifted.period + np.finfo(float).tiny))
-            start = tuple(hit.coefficients for hit in now.hits)
-            trial = evaluated(lifted, now.entries.moved(step), start)
+            step *= min(1.0, LONGEST_STEP / (np.abs(step).max() * period + np.finfo(float).tiny))
+            start = tuple(own.coefficients for own in now.linear)
+            trial = evaluated(blocks, now.entries.moved(step), start)
             if trial.cost <= now.cost * (1.0 + 1e-12):
                 break
             damping = max(10.0 * damping, 1e-4)
         else:
             return now
-        done = np.abs(step * scale).max() < AT_REST
+        done = np.abs(step * scale).max() < at_rest
         now, damping = trial, max(0.1 * damping, 1e-12)
-        farthest = float(np.abs(now.entries.exponents - entries.exponents).max()) * lifted.period
+        farthest = float(np.abs(now.entries.exponents - entries.exponents).max()) * period
         if farthest > FARTHEST:
             raise IdentificationError(
                 "Holding the residues to their harmonics moves an exponent away from where lifting found it, by "
@@ -147,60 +151,38 @@ def settled(lifted: Lifted, entries: Entries) -> Held:
     return now
 
 
-def _linear(
-    lifted: Lifted, number: int, columns: Columns, sines: NDArray[np.bool_], start: NDArray[np.float64] | None
-) -> Hit:
-    """One hit: coefficients by normal equations, and again for what those leave, so that no digits are lost."""
+def _linear(block: Block, columns: Columns, sines: NDArray[np.bool_], start: NDArray[np.float64] | None) -> Linear:
+    """One block: coefficients by normal equations, and again for what those leave, so that no digits are lost."""
     kept = np.concatenate([np.ones(len(sines), bool), sines])
     size = 2 * len(sines)
-    coefficients = np.zeros((size, lifted.n_channels)) if start is None else start
+    coefficients = np.zeros((size, len(block.rows))) if start is None else start
     passes, round_ = (1 if start is not None else 2), 0
     while True:
         round_ += 1
-        found = sums(lifted, number, columns, _complex(coefficients))
-        gram, mixed, whole = (_real(found, q) for q in range(3))
-        seen, slope = (_real_data(part) for part in found.seen)
+        found = block.sums(columns, complex_of(coefficients))
         inverse = np.zeros((size, size))
-        inverse[np.ix_(kept, kept)] = _inverse(gram[np.ix_(kept, kept)])
-        step = inverse @ seen
-        gained = np.sum(step * seen, axis=0)
+        inverse[np.ix_(kept, kept)] = _inverse(found.gram[np.ix_(kept, kept)])
+        step = inverse @ found.seen
+        gained = np.sum(step * found.seen, axis=0)
         coefficients = coefficients + step
         if round_ == PASSES or (round_ >= passes and (gained <= 1e-3 * (found.left - gained)).all()):
             break
-    return Hit(
+    return Linear(
         coefficients=coefficients,
         inverse=inverse,
-        mixed=mixed,
-        curvature=whole - mixed @ inverse @ mixed.T,
-        slope=slope - mixed @ step,
+        mixed=found.mixed,
+        curvature=found.slopes - found.mixed @ inverse @ found.mixed.T,
+        slope=found.late - found.mixed @ step,
         left=found.left - gained,
     )
 
 
-def _real(found: Sums, q: int) -> NDArray[np.float64]:
-    """Products of the real columns, cosines and then sines (2 columns, 2 columns), times t^q."""
-    straight, crossed = found.straight[q], found.crossed[q]
-    return 0.5 * np.block(
-        [
-            [(straight + crossed).real, (straight + crossed).imag],
-            [(crossed - straight).imag, (straight - crossed).real],
-        ]
-    )
-
-
-def _real_data(seen: NDArray[np.complex128]) -> NDArray[np.float64]:
-    return np.concatenate([seen.real, -seen.imag])
-
-
-def _complex(coefficients: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """B with 2 Re B z = α cos + β sin."""
-    cosines, sines = np.split(coefficients, 2)
-    return 0.5 * (cosines - 1j * sines)
-
-
 def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """The inverse of a Gram matrix; directions that are rounding are left out."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    if not len(matrix):
+        return matrix
+    size = np.diag(matrix)
+    scale = np.sqrt(np.where(size > GONE, size, 1.0))
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     good = values > ROUNDING * values[-1]
     return (vectors[:, good] / values[good]) @ vectors[:, good].T / np.outer(scale, scale)

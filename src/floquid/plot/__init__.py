@@ -10,6 +10,7 @@ from floquid.plot._indicators import indicators
 from floquid.plot._residues import coefficients, residues
 from floquid.plot._save import save_figure, save_figures
 from floquid.plot._spectra import spectra
+from floquid.plot._speed import speed
 from floquid.plot._stabilisation import stabilisation
 from floquid.plot._system_elements import system_elements
 from floquid.plot._time_record import time_record
@@ -26,6 +27,7 @@ __all__ = [
     "save_figure",
     "save_figures",
     "spectra",
+    "speed",
     "stabilisation",
     "system_elements",
     "time_record",

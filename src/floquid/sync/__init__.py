@@ -1,5 +1,32 @@
 """Records to `Cycles`: what ties samples to the phase of the system, before any pole is known."""
 
+from floquid.sync._faults import Clipping, Dropout, Gap, clipped, dropouts, gaps
+from floquid.sync._hits import Impact, find_hits, find_impacts, split_hits
+from floquid.sync._interpolation import half_width, interpolate, interpolation_error
+from floquid.sync._pulses import pulse_times
+from floquid.sync._resample import bandwidth, resample
 from floquid.sync._segment import rejoin, segment
+from floquid.sync._shaft_angle import ShaftAngle, shaft_angle
 
-__all__ = ["rejoin", "segment"]
+__all__ = [
+    "Clipping",
+    "Dropout",
+    "Gap",
+    "Impact",
+    "ShaftAngle",
+    "bandwidth",
+    "clipped",
+    "dropouts",
+    "find_hits",
+    "find_impacts",
+    "gaps",
+    "half_width",
+    "interpolate",
+    "interpolation_error",
+    "pulse_times",
+    "rejoin",
+    "resample",
+    "segment",
+    "shaft_angle",
+    "split_hits",
+]

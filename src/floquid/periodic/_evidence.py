@@ -1,0 +1,88 @@
+"""What speaks for the modes that a search found, and against them."""
+
+from __future__ import annotations
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.periodic._held import shapes
+from floquid.periodic._search import Searched
+
+LOUD = 2.0
+"""Times what noise has from which on a peak that is left is a doubt."""
+
+NEAR = 0.1
+"""How near a sum of two exponents must be to a third, over its decay, to be taken for it."""
+
+CERTAIN = 5.0
+"""The same in standard deviations."""
+
+
+def evidence(found: Searched) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Sentences for the modes, and sentences against them."""
+    entries, peak = found.held.entries, found.peak
+    count = int((~entries.fixed).sum())
+    words = "One mode was" if count == 1 else f"{count} modes, a pair counted once, were"
+    found_how = (
+        f"{words} found one after another in the spectrum of what is left, none of them explained by noise or as a "
+        "harmonic of another."
+    )
+    share = peak.gain / peak.limit
+    where = f"{abs(peak.exponent.imag) / (2.0 * np.pi):.4g} Hz"
+    text = f"The strongest peak that is left, at {where}, is {share:.2f} of the highest that noise alone mostly has"
+    if share > LOUD:
+        doubt = f"{text}: what is left is not all noise (a nonlinearity, a drifting amplitude, another tone)."
+        return (found_how,), (doubt, *combinations(found))
+    return (found_how, f"{text}."), combinations(found)
+
+
+def combinations(found: Searched) -> tuple[str, ...]:
+    r"""Modes that a nonlinearity makes of others, a sentence each.
+
+    .. math:: \lambda_c = \lambda_a + \lambda_b + i m \omega
+
+    a and b being modes or conjugates of modes, each larger than c: the product of two multipliers, as a quadratic term
+    about a large orbit leaves it.
+    """
+    entries = found.held.entries
+    free = np.flatnonzero(~entries.fixed)
+    omega = entries.fundamental
+    values = entries.exponents[free] + 1j * omega * entries.offsets[free]
+    size, std = _sizes(found, free), _deviations(found, free)
+    sentences = []
+    for c, value in enumerate(values):
+        larger = np.flatnonzero(size > size[c])
+        signed = [(a, sign) for a in larger for sign in (1, -1)]
+        for (a, one), (b, other) in combinations_with_replacement(signed, 2):
+            total = (values[a] if one > 0 else values[a].conj()) + (values[b] if other > 0 else values[b].conj())
+            gap = value - total
+            gap = complex(gap.real, gap.imag - omega * round(gap.imag / omega))
+            if abs(gap) < max(CERTAIN * float(np.hypot(std[c], std[a] + std[b])), NEAR * abs(value.real)):
+                names = " and ".join(f"{abs(values[k].imag) / (2.0 * np.pi):.4g} Hz" for k in sorted({int(a), int(b)}))
+                sentences.append(
+                    f"The mode at {abs(value.imag) / (2.0 * np.pi):.4g} Hz is most likely no mode: its multiplier is a "
+                    f"product of those at {names}, which a nonlinearity makes."
+                )
+                break
+    return tuple(sentences)
+
+
+def _sizes(found: Searched, free: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The largest coefficient of each mode over the noise (modes,)."""
+    both = shapes(found.blocks, found.held)
+    noise = np.full(both.coefficients.shape[1:3], np.inf)
+    for block in found.blocks:
+        noise[block.rows, block.hit] = block.noise
+    return np.abs(both.coefficients[free] / noise[:, :, None]).max(axis=(1, 2, 3))
+
+
+def _deviations(found: Searched, free: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The larger deviation of the parts of each exponent (modes,)."""
+    entries = found.held.entries
+    std = np.sqrt(np.maximum(np.diag(found.held.covariance()), 0.0))
+    turns = np.zeros(len(free))
+    pairs = ~entries.real[free]
+    turns[pairs] = std[len(free) : len(free) + int(pairs.sum())]
+    return np.maximum(std[: len(free)], turns)

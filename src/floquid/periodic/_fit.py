@@ -1,0 +1,271 @@
+"""The fit of records as they were sampled: modes, their period, and the forced response, all together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
+from floquid.errors import IdentificationError
+from floquid.periodic._bands import Entries
+from floquid.periodic._blocks import PLAIN, SPEED, SPEED_RATE, SPEED_SQUARED, TREND
+from floquid.periodic._constrain import noise_left
+from floquid.periodic._constrained import evaluated, settled
+from floquid.periodic._evidence import evidence
+from floquid.periodic._forced import ForcedResponse
+from floquid.periodic._held import model_of, shapes
+from floquid.periodic._record_block import RecordBlock
+from floquid.periodic._record_blocks import record_blocks
+from floquid.periodic._search import Limits, Searched, forced_entries, searched
+from floquid.sync import ShaftAngle
+
+USUAL = (1, 2)
+"""Harmonics of the revolution that are always looked at where the forced response is to be found."""
+
+HIGHEST = 64
+"""The highest harmonic of the revolution that a forced response is looked for at."""
+
+KEPT = 1e-6
+"""The probability at which noise may pass for a harmonic of the forced response."""
+
+MOST_ENTRIES = 24
+"""Modes, a pair counted once, that are looked for at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """What the fit of records gives.
+
+    Parameters
+    ----------
+    model
+        The periodic model.
+    forced
+        The forced response; None where there is none.
+    noise
+        The deviation of what is left (channels, hits) [units of the channels].
+    period_std
+        The deviation of the period [s]; None where it was not a parameter.
+    reasons, doubts
+        What speaks for the modes found, and against them.
+    """
+
+    model: PeriodicModel
+    forced: ForcedResponse | None
+    noise: NDArray[np.float64]
+    period_std: float | None
+    reasons: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+
+def fit(
+    records: Sequence[Record],
+    clocks: Sequence[ConstantPeriod | ShaftAngle],
+    *,
+    forced: str | Sequence[int] = "auto",
+    periods_per_revolution: float = 1.0,
+    order: int | None = None,
+    harmonics: int | None = None,
+    free_period: bool = False,
+    mode_false_alarm: float = 1e-9,
+    harmonic_false_alarm: float = 1e-8,
+    report: Callable[[str], None] = lambda _: None,
+) -> Fit:
+    r"""Modes and forced response of records at the times at which they were sampled.
+
+    .. math:: y_{c,h}(t) = 2 \Re \sum_r \sum_{m \in M_r} B_{r,c,h,m}\, e^{\lambda_r (t - t_h) + i m \theta(t)}
+              + b_{c,h} + d_{c,h} t + 2 \Re \sum_j F_{c,h,j}\, e^{i j \theta(t)/\nu}
+
+    with θ the phase angle of the system (2π a period), ν periods a revolution, and t_h the instant of phase zero at or
+    before the first sample of hit h. Decay and frequency run in time, shapes in angle: on a shaft whose speed wanders
+    neither time nor angle alone makes the response one of an LTI system. Modes are found one after another in the
+    spectrum of what is left (Allen 2009, section 2.2.3, the FSE view), each fitted with all others at once, residues
+    held to contiguous bands of harmonics (eq. 12). Missing samples (NaN) take no part. Where the speed wanders, F is
+    let follow it to second order.
+
+    Parameters
+    ----------
+    records
+        One record, or one a hit on the same system, of equal channels.
+    clocks
+        What ties each record to the phase: a constant period, one for all, or the shaft's angle.
+    forced
+        "auto" finds the harmonics of the revolution in the forced response; or those to be fitted; "none" for none.
+    periods_per_revolution
+        ν, where the clocks are constant periods.
+    order
+        The number of complex poles, conjugates one by one; None finds it.
+    harmonics
+        Keep the harmonics -harmonics … harmonics of each mode; None keeps those that rise above the noise.
+    free_period
+        Whether the period is a parameter; the clocks then have a first value.
+    mode_false_alarm, harmonic_false_alarm
+        The probabilities at which noise may pass for a mode, and for a harmonic.
+    report
+        Is told of each stage.
+
+    Returns
+    -------
+    Fit
+        Model, forced response and noise.
+
+    Raises
+    ------
+    InputError
+        Records or clocks do not belong together, or the forced response cannot be what is asked for.
+    IdentificationError
+        No mode rises above the noise.
+    """
+    blocks, fundamental, nu = record_blocks(records, clocks, periods_per_revolution)
+    if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
+        raise input_error("free_period", "fit", "be false with a tachometer", "is true", "The shaft tells the period.")
+    most = _most(records, 2.0 * np.pi / fundamental)
+    listed = _listed(forced, most, nu)
+    wanders = any(block.speeds is not None for block in blocks)
+    auto = isinstance(forced, str) and forced == "auto"
+    base = _base(listed, nu, fundamental, wanders=wanders)
+    limits = Limits(
+        most=most,
+        modes=MOST_ENTRIES if order is None else (order + 1) // 2,
+        mode_alarm=mode_false_alarm,
+        harmonic_alarm=harmonic_false_alarm,
+        forced=np.arange(1, int(min(HIGHEST, most * nu)) + 1) / nu if auto else np.zeros(0),
+        choose=harmonics is None,
+        width=harmonics or 0,
+    )
+    report("searching for modes")
+    found = searched(blocks, replace(base, free_period=free_period), limits, report)
+    if not (~found.held.entries.fixed).any():
+        raise IdentificationError("Identification ended without a result: no mode rises above the noise.")
+    if auto:
+        found = _without_noise(found)
+    free = ~found.held.entries.fixed
+    reached = int(2 * free.sum() - (free & found.held.entries.real).sum())
+    if order is not None and reached != order:
+        raise IdentificationError(
+            f"Identification ended without a result: order {order} cannot be reached, {reached} is what was found. Ask "
+            "for that order, or let it be found."
+        )
+    names = records[0].channels
+    reasons, doubts = evidence(found)
+    model = model_of(
+        found.blocks,
+        found.held,
+        found.bands,
+        channels=names,
+        provenance=Provenance.merge(tuple(record.provenance for record in records)),
+    )
+    period_std = None
+    if free_period:
+        omega = found.held.entries.fundamental
+        period_std = float(2.0 * np.pi / omega**2 * np.sqrt(found.held.covariance()[-1, -1]))
+    return Fit(
+        model=model,
+        forced=_forced(found, nu, names, wanders=wanders),
+        noise=noise_left(found.blocks, found.held),
+        period_std=period_std,
+        reasons=reasons,
+        doubts=doubts,
+    )
+
+
+def _most(records: Sequence[Record], period: float) -> int:
+    """The highest harmonic of the period below half of the lowest sampling rate."""
+    least = min(record.sample_rate for record in records) * period
+    if least < 2.0:
+        raise input_error(
+            "period",
+            "fit",
+            "be two sampling intervals or more",
+            f"it is {least:.3g} of them",
+            "Check the period and the sampling rate.",
+        )
+    return max(int(np.ceil(0.5 * least - 1e-6)) - 1, 0)
+
+
+def _listed(forced: str | Sequence[int], most: int, nu: float) -> tuple[int, ...] | None:
+    """The harmonics of the revolution that are fitted in any case; None without a forced response."""
+    remedy = 'Pass "auto", "none" or harmonics of the revolution, as (1, 2).'
+    if isinstance(forced, str):
+        if forced not in ("auto", "none"):
+            raise input_error("forced", "fit", "be auto, none or a list of whole numbers", f"is {forced!r}", remedy)
+        return None if forced == "none" else tuple(j for j in USUAL if j / nu <= most)
+    chosen = tuple(dict.fromkeys(int(j) for j in forced))
+    for j in chosen:
+        if j < 1 or j / nu > most:
+            must = f"lie between 1 and {int(most * nu)}, what the sampling shows"
+            raise input_error("forced", "fit", must, f"has {j}", "Ask for lower harmonics, or sample faster.")
+    return chosen
+
+
+def _base(listed: tuple[int, ...] | None, nu: float, fundamental: float, *, wanders: bool) -> Entries:
+    """What is fitted in any case: offset, drift and the harmonics listed, let follow the speed where it wanders."""
+    if listed is None:
+        return forced_entries([], fundamental)
+    turns = [j / nu for j in listed]
+    base = forced_entries([0.0, *turns], fundamental).joined(forced_entries([0.0], fundamental, factor=TREND))
+    for factor in (SPEED, SPEED_SQUARED, SPEED_RATE) if wanders else ():
+        base = base.joined(forced_entries(turns, fundamental, factor=factor))
+    return base
+
+
+def _without_noise(found: Searched) -> Searched:
+    """Without those harmonics of the forced response, offset and drift that noise explains."""
+    from scipy.special import chdtri
+
+    both, entries = shapes(found.blocks, found.held), found.held.entries
+    place = int(np.flatnonzero(both.harmonics == 0)[0])
+    kept = ~entries.fixed
+    for entry in np.flatnonzero(entries.fixed):
+        value, std = both.coefficients[entry, ..., place], both.std[entry, ..., place]
+        parts = [(value.real, std.real)] + ([] if entries.real[entry] else [(value.imag, std.imag)])
+        score = sum(float(np.sum(np.divide(v, s, out=np.zeros_like(v), where=s > 0) ** 2)) for v, s in parts)
+        kept[entry] = score > chdtri(len(parts) * value.size, KEPT)
+    # What follows the speed is kept with its harmonic alone.
+    plain = entries.offsets[kept & entries.fixed & (entries.factors == PLAIN)]
+    follows = entries.fixed & (entries.factors > TREND)
+    kept &= ~follows | (np.abs(entries.offsets[:, None] - plain) < 1e-9).any(axis=1)
+    if kept.all():
+        return found
+    less = entries.picked(np.flatnonzero(kept))
+    held = settled(found.blocks, less) if (~less.fixed).any() else evaluated(found.blocks, less)
+    return replace(found, held=held, bands=found.bands[kept])
+
+
+def _forced(found: Searched, nu: float, channels: tuple[Channel, ...], *, wanders: bool) -> ForcedResponse | None:
+    """The forced response of a fit; None where nothing of it is there."""
+    entries = found.held.entries
+    if not entries.fixed.any():
+        return None
+    both = shapes(found.blocks, found.held)
+    place = int(np.flatnonzero(both.harmonics == 0)[0])
+    values, std = both.coefficients[..., place], both.std[..., place]
+    plain = entries.fixed & (entries.factors == PLAIN)
+    turning = sorted(np.flatnonzero(plain & (entries.offsets > 0)), key=lambda e: entries.offsets[e])
+    nothing = np.zeros(values.shape[1:])
+
+    def alone(which: NDArray[np.bool_], scale: NDArray[np.float64] | float = 1.0) -> tuple[NDArray, NDArray]:
+        own = np.flatnonzero(which)
+        return (values[own[0]].real / scale, std[own[0]].real / scale) if len(own) else (nothing, nothing)
+
+    offset, offset_std = alone(plain & (entries.offsets == 0.0))
+    half = np.ones(nothing.shape)
+    for block in found.blocks:
+        half[block.rows, block.hit] = block.half if isinstance(block, RecordBlock) else 1.0
+    drift, drift_std = alone(entries.fixed & (entries.factors == TREND), half)
+    return ForcedResponse(
+        harmonics=np.array([round(entries.offsets[e] * nu) for e in turning], np.int64),
+        coefficients=np.moveaxis(values[turning], 0, -1) if turning else np.zeros((*nothing.shape, 0), complex),
+        coefficient_std=np.moveaxis(std[turning], 0, -1) if turning else np.zeros((*nothing.shape, 0), complex),
+        offset=offset,
+        offset_std=offset_std,
+        drift=drift,
+        drift_std=drift_std,
+        revolution=2.0 * np.pi / entries.fundamental * nu,
+        channels=channels,
+        speed_dependent=wanders,
+    )

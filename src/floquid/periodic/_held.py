@@ -1,0 +1,144 @@
+"""What a fit with held residues says of coefficients: values, deviations, bands, and the model they make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Channel, PeriodicModel, Provenance
+from floquid.periodic._bands import Entries
+from floquid.periodic._blocks import Block
+from floquid.periodic._constrained import Held
+from floquid.periodic._harmonics import select_bands
+
+
+@dataclass(frozen=True, slots=True)
+class Shapes:
+    """Coefficients of each entry (entries, channels, hits, harmonics), and their deviations likewise.
+
+    The deviation of the real part is the real part, that of the imaginary part the imaginary one.
+    """
+
+    harmonics: NDArray[np.int64]
+    coefficients: NDArray[np.complex128]
+    std: NDArray[np.complex128]
+
+
+def shapes(blocks: Sequence[Block], found: Held) -> Shapes:
+    """The coefficients that a fit has, with their deviations."""
+    entries = found.entries
+    columns, sines, parameters = entries.columns(), entries.sines(), entries.parameters()
+    low, high = int(entries.bands[:, 0].min()), int(entries.bands[:, 1].max())
+    low, high = (
+        min(low, -int(entries.half_turns.max(initial=0)) - high),
+        max(high, -int(entries.half_turns.min(initial=0)) - low),
+    )
+    harmonics = np.arange(low, high + 1)
+    n_channels, n_hits = 1 + max(int(b.rows.max()) for b in blocks), 1 + max(b.hit for b in blocks)
+    shape = (len(entries.exponents), n_channels, n_hits, len(harmonics))
+    coefficients, std = np.zeros((2, *shape), complex)
+    n = len(columns.modes)
+    # What each parameter moves the rate of a column by.
+    rate = np.where(parameters.turns[:, None], 1j, 1.0) * parameters.weights[:, :n]
+    covariance = found.covariance()
+    for block, linear in zip(blocks, found.linear, strict=True):
+        gain = block.gain(columns.rates)
+        relative = (block.gain(columns.rates, slope=True) / gain).T
+        factor = np.where(sines, 0.5, 1.0)[:, None] / gain.T / block.scales(columns)[:, None]
+        alpha, beta = np.split(linear.coefficients, 2)
+        own = (alpha - 1j * beta) * factor
+        # The slopes are those of e^{st} counted from t = 0, also where a column is scaled by its end.
+        moved = -np.einsum("kl,plc->kcp", linear.inverse @ linear.mixed, parameters.applied(linear.coefficients))
+        up, down = np.split(moved, 2)
+        slopes = (up - 1j * down) * factor[:, :, None] - own[:, :, None] * np.einsum("kc,pk->kcp", relative, rate)
+        variance, both = np.diag(linear.inverse), np.diag(linear.inverse[:n, n:])
+        deviations = np.zeros(own.shape, complex)
+        for part, weights in ((1.0, (factor.real, factor.imag)), (1j, (factor.imag, -factor.real))):
+            direct = (
+                weights[0] ** 2 * variance[:n, None]
+                + weights[1] ** 2 * variance[n:, None]
+                + 2.0 * weights[0] * weights[1] * both[:, None]
+            )
+            turned = slopes.real if part == 1.0 else slopes.imag
+            of_poles = np.einsum("kcp,pq,kcq->kc", turned, covariance, turned)
+            deviations += part * np.sqrt(np.maximum(block.noise**2 * direct + of_poles, 0.0))
+        for place, values in ((coefficients, own), (std, deviations)):
+            place[columns.modes[:, None], block.rows, block.hit, (columns.harmonics - low)[:, None]] += values
+    _mirror(entries, harmonics, coefficients, std)
+    return Shapes(harmonics, coefficients, std)
+
+
+def _mirror(entries: Entries, harmonics: NDArray[np.int64], coefficients: NDArray, std: NDArray) -> None:
+    """The other half of a real multiplier's shape."""
+    for entry in np.flatnonzero(entries.real):
+        for place, m in enumerate(harmonics):
+            other = -int(entries.half_turns[entry]) - m - harmonics[0]
+            if 2 * m + entries.half_turns[entry] > 0 and 0 <= other < len(harmonics):
+                coefficients[entry, :, :, other] = coefficients[entry, :, :, place].conj()
+                std[entry, :, :, other] = std[entry, :, :, place]
+
+
+def chosen_bands(blocks: Sequence[Block], wide: Held, false_alarm: float) -> NDArray[np.int64]:
+    """The bands that rise above the noise, of the entries that are not fixed; the others keep theirs."""
+    entries, found = wide.entries, shapes(blocks, wide)
+    harmonics = found.harmonics
+    seeds = np.stack([np.minimum(0, -entries.half_turns), np.maximum(0, -entries.half_turns)], axis=1)
+    seeds = np.clip(seeds, harmonics[0], harmonics[-1])
+    kept = select_bands(found.coefficients, found.std, harmonics, seeds, false_alarm=false_alarm)
+    bands = np.array([(harmonics[row][0], harmonics[row][-1]) for row in kept], np.int64).reshape(-1, 2)
+    return np.where(entries.fixed[:, None], entries.bands, bands)
+
+
+def model_of(
+    blocks: Sequence[Block],
+    found: Held,
+    bands: NDArray[np.int64],
+    *,
+    channels: tuple[Channel, ...],
+    provenance: Provenance,
+) -> PeriodicModel:
+    """The periodic model of the entries that are not fixed, each with its conjugate, harmonics within the bands."""
+    own = np.flatnonzero(~found.entries.fixed)
+    entries, both = found.entries.picked(own), shapes(blocks, found)
+    harmonics, bands = both.harmonics, bands[own]
+    mirror = -entries.half_turns[:, None] - bands[:, ::-1]
+    outer = np.stack([np.minimum(bands[:, 0], mirror[:, 0]), np.maximum(bands[:, 1], mirror[:, 1])], 1)
+    ends = np.where(entries.real[:, None], outer, bands)
+    kept = ((harmonics >= ends[:, :1]) & (harmonics <= ends[:, 1:]))[:, None, None, :]
+    width = int(max(-harmonics[0], harmonics[-1]))
+    whole = np.arange(-width, width + 1)
+    place = slice(int(harmonics[0] + width), int(harmonics[-1] + width) + 1)
+    size = np.abs(entries.exponents + 1j * entries.fundamental * entries.offsets)
+    rows = [(entry, False) for entry in np.argsort(size, kind="stable")]
+    rows = [row for entry, _ in rows for row in ((entry, False), (entry, True))[: 1 if entries.real[entry] else 2]]
+    exponents = np.zeros(len(rows), complex)
+    out, out_std = np.zeros((2, len(rows), *both.coefficients.shape[1:3], len(whole)), complex)
+    of_parts = np.zeros((2 * len(rows), len(found.gradient)))
+    pairs = np.flatnonzero(~entries.real)
+    for r, (entry, conjugate) in enumerate(rows):
+        value = entries.exponents[entry] + 1j * entries.fundamental * entries.offsets[entry]
+        shape, deviation = np.zeros((2, *out.shape[1:]), complex)
+        shape[..., place] = both.coefficients[own[entry]] * kept[entry]
+        deviation[..., place] = both.std[own[entry]] * kept[entry]
+        exponents[r] = value.conjugate() if conjugate else value
+        out[r] = shape[..., ::-1].conj() if conjugate else shape
+        out_std[r] = deviation[..., ::-1] if conjugate else deviation
+        of_parts[r, entry] = 1.0
+        if not entries.real[entry]:
+            of_parts[len(rows) + r, len(own) + int(np.searchsorted(pairs, entry))] = -1.0 if conjugate else 1.0
+        elif entries.free_period:
+            of_parts[len(rows) + r, -1] = entries.offsets[entry]
+    used = (out != 0).any(axis=(0, 1, 2)) | (whole == 0)
+    return PeriodicModel(
+        exponents=exponents,
+        coefficients=out[..., used],
+        harmonics=whole[used],
+        period=2.0 * np.pi / entries.fundamental,
+        channels=channels,
+        covariance=of_parts @ found.covariance() @ of_parts.T,
+        coefficient_std=out_std[..., used],
+        provenance=provenance,
+    )

@@ -1,0 +1,150 @@
+r"""Blocks of lifted responses, one a hit.
+
+On lifted samples t = τ_p + nT, and z_j = e^{(λ_e + i(m + q)ω)τ_p} (μ_e e^{2πiq})^n since e^{imωT} = 1: every sum over
+samples of products of columns is a sum of products of a sum over cycles, one a pair of modes, and a sum over phases,
+one a pair of columns. No column is ever formed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.lifting import Lifted
+from floquid.periodic._blocks import Block, Columns, Sums
+
+
+@dataclass(frozen=True, slots=True)
+class LiftedBlock(Block):
+    """One hit of lifted responses."""
+
+    lifted: Lifted
+    hit: int
+    rows: NDArray[np.int64]
+    noise: NDArray[np.float64]
+
+    @staticmethod
+    def all_of(lifted: Lifted) -> tuple[LiftedBlock, ...]:
+        """One block a hit."""
+        rows = np.arange(lifted.n_channels)
+        return tuple(LiftedBlock(lifted, hit, rows, lifted.noise[:, hit]) for hit in range(lifted.n_hits))
+
+    @property
+    def n_cycles(self) -> int:
+        """Cycles of this hit."""
+        return int(self.lifted.responses.lengths[self.hit])
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of each channel."""
+        return self.n_cycles * self.lifted.n_phases
+
+    @property
+    def last(self) -> float:
+        """The start of the last cycle [s]: growing columns are counted from there."""
+        return (self.n_cycles - 1) * self.lifted.period
+
+    def with_noise(self, noise: NDArray[np.float64]) -> LiftedBlock:
+        """The same samples with other noise (rows,)."""
+        return replace(self, noise=noise)
+
+    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+        """What the whitening filter multiplies e^{st} by, or its slope (rows, rates)."""
+        return self.lifted.gain(rates, slope=slope)
+
+    def rest(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
+        """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
+        starts, _, parts, phases = self._factors(columns)
+        times = np.add.outer(starts, self.lifted.phase_times).ravel()
+        rest = [
+            (block - _model(columns, coefficients[:, row], phases, parts)).T.ravel()
+            for row, block in enumerate(self._values())
+        ]
+        return times, np.array(rest)
+
+    def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
+        """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
+        starts, cycles, parts, phases = self._factors(columns)
+        times = self.lifted.phase_times
+        # Real and imaginary parts beside each other, and the same times nT: one real product a channel.
+        weights = np.concatenate([parts, starts[:, None] * parts], axis=1)
+        folded = np.zeros((2, len(self.rows), self.lifted.n_phases, len(columns.exponents)), complex)
+        left = np.zeros(len(self.rows))
+        for row, block in enumerate(self._values()):
+            rest = block - _model(columns, coefficients[:, row], phases, parts)
+            left[row] = np.einsum("pn,pn->", rest, rest)
+            real, imag, late_real, late_imag = np.split(rest @ weights, 4, axis=1)
+            folded[:, row] = real + 1j * imag, late_real + 1j * late_imag
+        own, late = folded[:, :, :, columns.modes]
+        seen = np.einsum("pj,cpj->jc", phases.conj(), own)
+        late = np.einsum("pj,cpj->jc", phases.conj(), late + times[:, None] * own)
+        straight = _products(cycles.conj(), cycles, phases.conj(), phases, starts, times, columns.modes)
+        crossed = _products(cycles, cycles, phases, phases, starts, times, columns.modes)
+        gram, mixed, slopes = (_real(*both) for both in zip(straight, crossed, strict=True))
+        return Sums(gram, mixed, slopes, _real_data(seen), _real_data(late), left)
+
+    def _values(self) -> NDArray[np.float64]:
+        """(rows, phases, cycles)."""
+        shape = (len(self.rows), self.lifted.n_phases, self.n_cycles)
+        return self.lifted.responses.values[:, self.hit, : self.n_cycles].reshape(shape)
+
+    def _factors(self, columns: Columns) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Starts of the cycles, μ^n (cycles, entries), its real and minus its imaginary part, and the phases' part."""
+        if columns.factors.any():
+            raise input_error("entries", "LiftedBlock", "be exponentials", "one is not", "Fit the record itself.")
+        starts = np.asarray(np.arange(self.n_cycles) * self.lifted.period, np.float64)
+        own = columns.exponents + 1j * columns.fundamental * columns.offsets
+        cycles = np.asarray(np.exp(np.multiply.outer(starts, own)), np.complex128)
+        grows = columns.exponents.real > 0
+        cycles[:, grows] *= np.exp(-starts[-1] * columns.exponents[grows])
+        phases = np.exp(np.multiply.outer(self.lifted.phase_times, columns.rates))
+        return starts, cycles, np.concatenate([cycles.real, -cycles.imag], axis=1), phases
+
+
+def _model(
+    columns: Columns,
+    coefficients: NDArray[np.complex128],
+    phases: NDArray[np.complex128],
+    parts: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """2 Re Σ B z of one channel (phases, cycles); `parts` are Re μ^n and -Im μ^n."""
+    shapes: NDArray[np.complex128] = np.zeros((len(phases), len(columns.exponents)), complex)
+    np.add.at(shapes.T, columns.modes, (coefficients * phases).T)
+    return 2.0 * (np.concatenate([shapes.real, shapes.imag], axis=1) @ parts.T)
+
+
+def _products(
+    first: NDArray[np.complex128],
+    second: NDArray[np.complex128],
+    one: NDArray[np.complex128],
+    other: NDArray[np.complex128],
+    starts: NDArray[np.float64],
+    times: NDArray[np.float64],
+    modes: NDArray[np.int64],
+) -> tuple[NDArray[np.complex128], ...]:
+    """Σ (first one) (second other) t^q (columns, columns) for q = 0, 1, 2."""
+    long = [(first * (starts**k)[:, None]).T @ second for k in range(3)]
+    long = [part[modes][:, modes] for part in long]
+    short = [(one * (times**k)[:, None]).T @ other for k in range(3)]
+    return (
+        long[0] * short[0],
+        long[0] * short[1] + long[1] * short[0],
+        long[0] * short[2] + 2.0 * long[1] * short[1] + long[2] * short[0],
+    )
+
+
+def _real(straight: NDArray[np.complex128], crossed: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Products of the real columns from Σ z̄_i z_j and Σ z_i z_j (2 columns, 2 columns)."""
+    return 0.5 * np.block(
+        [
+            [(straight + crossed).real, (straight + crossed).imag],
+            [(crossed - straight).imag, (straight - crossed).real],
+        ]
+    )
+
+
+def _real_data(seen: NDArray[np.complex128]) -> NDArray[np.float64]:
+    return np.concatenate([seen.real, -seen.imag])

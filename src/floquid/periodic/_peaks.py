@@ -1,0 +1,140 @@
+r"""The strongest decaying exponential in what a fit leaves: looked for on the lines of windowed spectra.
+
+.. math:: G(\sigma, f) = \sum_{c,h} \frac{2\,|\sum_k r_{c,h}(t_k)\, e^{-(\sigma + 2\pi i f) t_k}|^2}
+          {s_{c,h}(f)^2 \sum_k e^{-2 \sigma t_k}}
+
+is what one exponential takes out of the misfit; in white noise it is a chi-square of two degrees of freedom a channel
+and hit. The noise s is the median level of each of a few bands, so that noise which is coloured makes no peaks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.periodic._blocks import Block
+
+BANDS = 8
+"""Bands whose median is the level of the noise."""
+
+DECAYS = 8
+"""Decay rates looked at, from one over the record to `FASTEST` over a period."""
+
+FASTEST = 0.7
+
+GROWTH = (2.0, 6.0)
+"""Growth over the record of the growing exponentials looked at, as logarithms."""
+
+SMALLEST = 1e-13
+"""The share of a channel's largest value below which what is left is rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """An exponential e^{λt}, λ on the upper half, with what it takes out of the misfit and what noise would."""
+
+    exponent: complex
+    gain: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """What a fit leaves of one block, on the grid it was sampled on: missing samples are zero."""
+
+    values: NDArray[np.float64]
+    """(rows, grid)."""
+    taken: NDArray[np.int64]
+    """Where on the grid there are samples (samples,)."""
+    step: float
+    """The sampling interval [s]."""
+    noise: NDArray[np.float64]
+    """The median level over the bands (rows,)."""
+    levels: NDArray[np.float64]
+    """The level of each band (rows, bands)."""
+
+    @staticmethod
+    def of(times: NDArray[np.float64], left: NDArray[np.float64], least: NDArray[np.float64]) -> Rest:
+        """From what is left at times [s]; the noise is at least `least` (rows,)."""
+        step = float(np.median(np.diff(times)))
+        taken = np.rint((times - times[0]) / step).astype(np.int64)
+        values = np.zeros((len(left), int(taken[-1]) + 1))
+        values[:, taken] = left
+        window = np.hanning(values.shape[1] + 2)[1:-1]
+        power = np.abs(np.fft.rfft(values * window, axis=1)[:, 1:]) ** 2 / np.sum(window[taken] ** 2)
+        parts = np.array_split(power, min(BANDS, power.shape[1]), axis=1)
+        # The power of a line of white noise is exponentially distributed: its median is ln 2 of its mean.
+        levels = np.sqrt([np.median(part, axis=1) / np.log(2.0) for part in parts]).T
+        levels = np.maximum(levels, least[:, None])
+        return Rest(values, taken, step, np.median(levels, axis=1), levels)
+
+    @property
+    def span(self) -> float:
+        """The time between the first and the last sample [s]."""
+        return float(self.taken[-1] - self.taken[0]) * self.step
+
+
+def strongest(
+    blocks: Sequence[Block],
+    rests: Sequence[Rest],
+    period: float,
+    false_alarm: float,
+    passed: Sequence[float] = (),
+) -> Peak:
+    """The exponential that takes most out of what is left.
+
+    Parameters
+    ----------
+    blocks
+        The blocks.
+    rests
+        What is left of each.
+    period
+        The period [s].
+    false_alarm
+        The probability at which noise alone passes the limit, over all lines.
+    passed
+        Angular frequencies [rad/s] that are not looked at again, with the lines next to them.
+
+    Returns
+    -------
+    Peak
+        The strongest.
+    """
+    from scipy.special import chdtri
+
+    span = max(rest.span for rest in rests)
+    step = min(rest.step for rest in rests)
+    lines = 2 * 2 ** int(np.ceil(np.log2(span / step + 2.0)))
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(lines, step), np.float64)
+    open_ = np.ones(len(omega), bool)
+    for frequency in passed:
+        open_ &= np.abs(omega - frequency) > 8.0 * np.pi / span
+    decays = np.geomspace(1.0 / span, max(FASTEST / period, 2.0 / span), DECAYS)
+    degrees = 2 * sum(len(block.rows) for block in blocks)
+    limit = float(chdtri(degrees, false_alarm / (len(omega) * len(decays))))
+    best = Peak(0j, 0.0, limit)
+    for decay in (*decays, *(-growth / span for growth in GROWTH)):
+        gain = np.zeros(len(omega))
+        for rest in rests:
+            gain += _gain(rest, decay, omega, lines)
+        gain[0] *= 0.5
+        gain[~open_] = 0.0
+        k = int(np.argmax(gain))
+        if gain[k] > best.gain:
+            best = Peak(complex(-decay, omega[k]), float(gain[k]), limit)
+    return best
+
+
+def _gain(rest: Rest, decay: float, omega: NDArray[np.float64], lines: int) -> NDArray[np.float64]:
+    """What an exponential of each frequency takes out of the misfit of one block (lines,)."""
+    times = np.arange(rest.values.shape[1]) * rest.step
+    window = np.exp(-decay * (times - (0.0 if decay >= 0 else times[-1])))
+    seen = np.fft.rfft(rest.values * window, lines, axis=1)
+    bands = rest.levels.shape[1]
+    centres = (np.arange(bands) + 0.5) / bands * (np.pi / rest.step)
+    level = np.array([np.interp(omega, centres, own) for own in rest.levels])
+    return np.sum(2.0 * np.abs(seen) ** 2 / level**2, axis=0) / np.sum(window[rest.taken] ** 2)

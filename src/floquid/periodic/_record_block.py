@@ -1,0 +1,102 @@
+"""Blocks of a record as it was sampled: any times, any phase angle, channels with the same samples missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.periodic._blocks import SPEED, SPEED_RATE, SPEED_SQUARED, TREND, Block, Columns, Sums
+
+CHUNK = 4096
+"""Samples whose columns are formed at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordBlock(Block):
+    """Samples at times after phase zero (samples,) [s]; the phase angle at each [rad], None for ωt."""
+
+    times: NDArray[np.float64]
+    values: NDArray[np.float64]
+    """(rows, samples)."""
+    hit: int
+    rows: NDArray[np.int64]
+    noise: NDArray[np.float64]
+    angles: NDArray[np.float64] | None = None
+    speeds: NDArray[np.float64] | None = None
+    """The factors `SPEED`, `SPEED_SQUARED` and `SPEED_RATE`, of unit size (3, samples); None for a steady shaft."""
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of each channel."""
+        return len(self.times)
+
+    @property
+    def last(self) -> float:
+        """The time of the last sample [s]: growing columns are counted from there."""
+        return float(self.times[-1])
+
+    @property
+    def middle(self) -> float:
+        """The time about which trends are counted [s]."""
+        return 0.5 * float(self.times[0] + self.times[-1])
+
+    @property
+    def half(self) -> float:
+        """What trends are counted in [s]: half of the time between the first and the last sample."""
+        return max(0.5 * float(self.times[-1] - self.times[0]), np.finfo(float).tiny)
+
+    def with_noise(self, noise: NDArray[np.float64]) -> RecordBlock:
+        """The same samples with other noise (rows,)."""
+        return replace(self, noise=noise)
+
+    def rest(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
+        """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
+        left = self.values.copy()
+        for chunk in self._chunks():
+            both = self._columns(columns, chunk)
+            left[:, chunk] -= _weights(coefficients) @ both.T
+        return self.times, left
+
+    def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
+        """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
+        n, rows = 2 * len(columns.modes), len(self.rows)
+        gram, mixed, slopes = np.zeros((3, n, n))
+        seen, late, left = np.zeros((n, rows)), np.zeros((n, rows)), np.zeros(rows)
+        weights = _weights(coefficients)
+        for chunk in self._chunks():
+            both = self._columns(columns, chunk)
+            timed = both * self.times[chunk, None]
+            rest = self.values[:, chunk] - weights @ both.T
+            gram += both.T @ both
+            mixed += both.T @ timed
+            slopes += timed.T @ timed
+            seen += both.T @ rest.T
+            late += timed.T @ rest.T
+            left += np.einsum("cn,cn->c", rest, rest)
+        return Sums(gram, mixed, slopes, seen, late, left)
+
+    def _chunks(self) -> list[slice]:
+        return [slice(first, first + CHUNK) for first in range(0, self.n_samples, CHUNK)]
+
+    def _columns(self, columns: Columns, chunk: slice) -> NDArray[np.float64]:
+        """Re z and Im z beside each other (samples, 2 columns)."""
+        times = self.times[chunk]
+        angles = columns.fundamental * times if self.angles is None else self.angles[chunk]
+        grows = columns.exponents.real > 0
+        decays = np.exp(np.multiply.outer(times, np.where(grows, 0.0, columns.exponents)))
+        decays[:, grows] = np.exp(np.multiply.outer(times - self.last, columns.exponents[grows]))
+        decays[:, columns.factors == TREND] *= ((times - self.middle) / self.half)[:, None]
+        if self.speeds is not None:
+            for factor, own in zip((SPEED, SPEED_SQUARED, SPEED_RATE), self.speeds, strict=True):
+                decays[:, columns.factors == factor] *= own[chunk, None]
+        turns, where = np.unique(columns.turns, return_inverse=True)
+        turned = np.exp(1j * np.multiply.outer(angles, turns))
+        z: NDArray[np.complex128] = decays[:, columns.modes] * turned[:, where]
+        return np.concatenate([z.real, z.imag], axis=1)
+
+
+def _weights(coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """α and β with 2 Re B z = α Re z + β Im z (rows, 2 columns)."""
+    return 2.0 * np.concatenate([coefficients.real, -coefficients.imag]).T

@@ -1,0 +1,259 @@
+"""A spline of shaft angle against time, fitted by linear least squares together with the lines' own offsets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+    from scipy.sparse import csr_array
+
+LADDER = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048)
+"""Numbers of pieces of the cubic spline that are tried, beside one straight line."""
+
+DOUBT = 0.01
+"""A speed that is steady is called unsteady with this probability at most."""
+
+OUTLYING = 6.0
+"""Robust standard deviations beyond which a pulse is left out."""
+
+BLOCK = 4096
+"""Instants whose deviations are found together."""
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AngleSpline:
+    """A B-spline of the angle over [first, last] with the covariance of its coefficients, straight beyond its ends.
+
+    Parameters
+    ----------
+    first, last
+        The span [s].
+    slope
+        The speed of the straight line that the spline is added to [rad/s]: zero angle of the line is at `first`.
+    knots, coefficients, degree
+        The spline over (t - first)/(last - first): the knots (coefficients + degree + 1,), the coefficients
+        (coefficients,) [rad].
+    covariance
+        Of the coefficients (coefficients, coefficients) [rad²].
+    """
+
+    first: float
+    last: float
+    slope: float
+    knots: Values
+    coefficients: Values
+    degree: int
+    covariance: Values
+
+    def angle(self, times: Values) -> Values:
+        """The angle at `times` [rad]."""
+        x, inside, spline = self._evaluate(times)
+        return self.slope * (times - self.first) + spline(inside) + (x - inside) * spline(inside, 1)
+
+    def speed(self, times: Values) -> Values:
+        """The speed at `times` [rad/s]."""
+        _, inside, spline = self._evaluate(times)
+        return self.slope + spline(inside, 1) / (self.last - self.first)
+
+    def angle_std(self, times: Values) -> Values:
+        """The standard deviation of the angle at `times` [rad]."""
+        return self._deviation(times, derivative=False)
+
+    def speed_std(self, times: Values) -> Values:
+        """The standard deviation of the speed at `times` [rad/s]."""
+        return self._deviation(times, derivative=True) / (self.last - self.first)
+
+    def mean_speed(self) -> tuple[float, float]:
+        """The mean speed over the span and its standard deviation [rad/s]."""
+        ends = np.zeros(len(self.coefficients))
+        ends[0], ends[-1] = -1.0, 1.0  # the spline meets its first and its last coefficient
+        span = self.last - self.first
+        return (
+            self.slope + float(ends @ self.coefficients) / span,
+            float(np.sqrt(max(ends @ self.covariance @ ends, 0.0))) / span,
+        )
+
+    def _evaluate(self, times: Values) -> tuple[Values, Values, BSpline]:
+        from scipy.interpolate import BSpline
+
+        x = (times - self.first) / (self.last - self.first)
+        return x, np.clip(x, 0.0, 1.0), BSpline(self.knots, self.coefficients, self.degree)
+
+    def _deviation(self, times: Values, *, derivative: bool) -> Values:
+        from scipy.interpolate import BSpline
+
+        x, inside, _ = self._evaluate(times)
+        basis = BSpline(self.knots, np.eye(len(self.coefficients)), self.degree)
+        found = np.empty(len(times))
+        for begin in range(0, len(times), BLOCK):
+            part = slice(begin, begin + BLOCK)
+            rows = basis(inside[part], int(derivative))
+            out = np.flatnonzero(x[part] != inside[part])
+            if not derivative and len(out):
+                rows[out] += (x[part] - inside[part])[out, None] * basis(inside[part][out], 1)
+            found[part] = np.einsum("ij,ij->i", rows @ self.covariance, rows)
+        return np.sqrt(np.maximum(found, 0.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AngleFit:
+    """The spline, the offsets of the lines (lines,) [rad] of mean zero with their deviations, and what is left over.
+
+    `residuals` (pulses,) [rad] are of every pulse, those not `kept` included; `std` [rad] is of those that are.
+    """
+
+    spline: AngleSpline
+    offsets: Values
+    offsets_std: Values
+    kept: NDArray[np.bool_]
+    residuals: Values
+    std: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Rung:
+    """A fit with one number of pieces, and what its deviations are made of."""
+
+    knots: Values
+    degree: int
+    coefficients: Values
+    offsets: Values
+    squares: float
+    n_parameters: int
+    factor: tuple[Values, bool]
+    weights: Values
+    inverse_counts: Values
+
+    def deviations(self) -> tuple[Values, Values]:
+        """For noise of unit variance: the coefficients' covariance, and the offsets' deviations from their mean."""
+        from scipy.linalg import cho_solve
+
+        inverse = cho_solve(self.factor, np.eye(len(self.coefficients)))
+        # The offsets' own covariance is D⁻¹ + Wᵀ N⁻¹ W, of which no more is formed than is needed.
+        n_seen = np.count_nonzero(self.inverse_counts) + 1
+        spread = inverse @ self.weights
+        variances = self.inverse_counts + np.einsum("kl,kl->l", self.weights, spread)
+        with_mean = (self.inverse_counts + self.weights.T @ spread.sum(axis=1)) / n_seen
+        of_mean = (self.inverse_counts.sum() + self.weights.sum(axis=1) @ spread.sum(axis=1)) / n_seen**2
+        return inverse, np.sqrt(np.maximum(variances - 2.0 * with_mean + of_mean, 0.0))
+
+
+def fit_angle(times: Values, angles: Values, lines: NDArray[np.int64], n_lines: int, most: int) -> AngleFit:
+    """Fit `angles` [rad] at `times` [s] of pulses of `lines` (pulses,) by a spline of at most `most` pieces.
+
+    The offset of line 0 is zero while fitting. Outliers are left out and the fit is done again, until none is found.
+    """
+    first, last = float(times[0]), float(times[-1])
+    x = (times - first) / (last - first)
+    slope = float((angles[-1] - angles[0]) / (last - first))
+    wave = angles - slope * (times - first)
+    kept = np.ones(len(times), dtype=bool)
+    floor = 8.0 * np.finfo(float).eps * max(float(np.abs(angles).max()), slope * abs(first), slope * abs(last))
+    seen = [kept]
+    rung = _climb(x, wave, lines, n_lines, most, floor)
+    for _ in range(20):
+        rest = _residuals(rung, x, wave, lines)
+        limit = OUTLYING * max(1.4826 * float(np.median(np.abs(rest))), floor)
+        kept = np.abs(rest) <= limit
+        if any(np.array_equal(kept, one) for one in seen) or np.count_nonzero(kept) <= rung.n_parameters:
+            break
+        seen.append(kept)
+        rung = _climb(x[kept], wave[kept], lines[kept], n_lines, most, floor)
+    kept = seen[-1]
+    variance = max(rung.squares / max(np.count_nonzero(kept) - rung.n_parameters, 1), floor**2)
+    present = np.bincount(lines[kept], minlength=n_lines) > 0
+    offsets = np.where(present, rung.offsets, np.nan)
+    inverse, lines_std = rung.deviations()
+    return AngleFit(
+        spline=AngleSpline(
+            first=first,
+            last=last,
+            slope=slope,
+            knots=rung.knots,
+            coefficients=rung.coefficients,
+            degree=rung.degree,
+            covariance=variance * inverse,
+        ),
+        offsets=offsets - float(np.nanmean(offsets)),
+        offsets_std=np.where(present, np.sqrt(variance) * lines_std, np.nan),
+        kept=kept,
+        residuals=_residuals(rung, x, wave, lines),
+        std=float(np.sqrt(variance)),
+    )
+
+
+def _residuals(rung: _Rung, x: Values, wave: Values, lines: NDArray[np.int64]) -> Values:
+    from scipy.interpolate import BSpline
+
+    return wave - BSpline(rung.knots, rung.coefficients, rung.degree)(x) - rung.offsets[lines]
+
+
+def _climb(x: Values, wave: Values, lines: NDArray[np.int64], n_lines: int, most: int, floor: float) -> _Rung:
+    """The straight line, or where it is significantly worse the spline that Akaike's corrected criterion prefers."""
+    from scipy.special import fdtrc
+
+    line = _solve(x, wave, lines, n_lines, np.array([0.0, 0.0, 1.0, 1.0]), 1)
+    tried = []
+    for pieces in LADDER:
+        if pieces > most or pieces + 3 + len(np.unique(lines)) + 2 > len(x):
+            break
+        inner = np.quantile(x, np.linspace(0.0, 1.0, pieces + 1)[1:-1])  # as many pulses in each piece: none is empty
+        tried.append(_solve(x, wave, lines, n_lines, np.concatenate([[0.0] * 4, inner, [1.0] * 4]), 3))
+    if not tried:
+        return line
+    least = len(x) * floor**2  # below it, all is rounding
+    best = min(tried, key=lambda rung: _criterion(rung, len(x), least))
+    more, free = best.n_parameters - line.n_parameters, len(x) - best.n_parameters
+    gain = (line.squares - best.squares) / max(best.squares, least) * free / more
+    if fdtrc(more, free, max(gain, 0.0)) * len(tried) > DOUBT:
+        return line
+    return best
+
+
+def _criterion(rung: _Rung, n: int, least: float) -> float:
+    p = rung.n_parameters + 1  # and the variance
+    return n * float(np.log(max(rung.squares, least))) + 2.0 * p + 2.0 * p * (p + 1) / max(n - p - 1, 1)
+
+
+def _solve(x: Values, wave: Values, lines: NDArray[np.int64], n_lines: int, knots: Values, degree: int) -> _Rung:
+    r"""Least squares of B c + Z g, the offsets g eliminated first: their normal matrix D = ZᵀZ is diagonal.
+
+    .. math:: (B^T B - W D W^T) c = (B^T - W Z^T) y, \qquad W = B^T Z D^{-1}
+    """
+    from scipy.interpolate import BSpline
+    from scipy.linalg import cho_factor, cho_solve
+    from scipy.sparse import csr_array
+
+    basis: csr_array = csr_array(BSpline.design_matrix(x, knots, degree))
+    n_coefficients = len(knots) - degree - 1
+    per_line = np.bincount(lines, minlength=n_lines).astype(float)
+    counted = per_line > 0
+    counted[np.argmax(counted)] = False  # the first line, line 0, is the reference: its offset is none
+    inverse_counts = np.where(counted, 1.0 / np.maximum(per_line, 1.0), 0.0)
+    choose: csr_array = csr_array((np.ones(len(x)), lines, np.arange(len(x) + 1)), shape=(len(x), n_lines))
+    shared: Any = (basis.T @ choose).toarray()
+    weights = shared * inverse_counts
+    normal = (basis.T @ basis).toarray() - weights @ shared.T
+    factor = cho_factor(normal)
+    of_lines = choose.T @ wave
+    coefficients = cho_solve(factor, basis.T @ wave - weights @ of_lines)
+    offsets = inverse_counts * (of_lines - shared.T @ coefficients)
+    rest = wave - basis @ coefficients - offsets[lines]
+    return _Rung(
+        knots=knots,
+        degree=degree,
+        coefficients=coefficients,
+        offsets=offsets,
+        squares=float(rest @ rest),
+        n_parameters=n_coefficients + int(np.count_nonzero(counted)),
+        factor=factor,
+        weights=weights,
+        inverse_counts=inverse_counts,
+    )

@@ -1,0 +1,167 @@
+"""The angle of a shaft from a channel that holds it, whole or wrapped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import Channel
+
+OF = "shaft_angle"
+
+TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "mrad": 2e3 * np.pi, "urad": 2e6 * np.pi}
+"""A revolution in each unit."""
+
+AGREES = 0.05
+"""How far the size of a wrap may be from a revolution, of it."""
+
+AMISS = 0.1
+"""Revolutions by which a sample may be off its neighbours before it is left out: one averaged over a wrap."""
+
+ONE_WAY = 0.8
+"""Of the path from block to block, what the shaft must get on by: noise goes to and fro a little."""
+
+NEAR = 101
+"""Steps of which the median is the local one."""
+
+A_REVOLUTION = 16
+"""The angle is averaged over blocks of a sixteenth of a revolution: resolution and noise of neighbours go together."""
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Azimuth:
+    """The angle [rad] of blocks of samples at their mean times [samples], and what became of the samples."""
+
+    positions: Values
+    angles: Values
+    backwards: bool
+    missing: int
+    rejected: int
+    block: int
+
+
+def unwrap_azimuth(values: Values, channel: Channel) -> Azimuth:
+    """The unwrapped angle of `channel`, of samples (samples,): counted as positive, zero where the channel is zero.
+
+    Raises
+    ------
+    InputError
+        The channel has too few samples or does not move, its unit is not one of angle, or its wraps are of another
+        size than a revolution.
+    """
+    index = np.flatnonzero(np.isfinite(values))
+    if len(index) < 3 or np.ptp(values[index]) == 0.0:
+        got = f"{channel.name!r} " + ("has fewer than three samples" if len(index) < 3 else "is constant")
+        raise input_error("record", OF, "have a channel of azimuth that turns", got, "Choose another clock.")
+    missing = len(values) - len(index)
+    turns = values / _revolution(values, channel)
+    good = index
+    for _ in range(3):
+        found, off = _unwrapped(turns, good)
+        amiss = np.abs(off) > AMISS
+        if not amiss.any():
+            break
+        near = np.concatenate([[False], amiss]) | np.concatenate([amiss, [False]])
+        if np.count_nonzero(~near) < max(3, len(index) // 2):
+            must = "have a channel of azimuth that turns"
+            got = f"{channel.name!r} jumps by more than {AMISS:g} revolutions at {np.count_nonzero(near)} samples"
+            raise input_error("record", OF, must, got, "Check the channel and its unit.")
+        good = good[~near]
+    found, _ = _unwrapped(turns, good)
+    backwards = bool(found[-1] < found[0])
+    found = -found if backwards else found
+    found -= np.floor(found[0])
+    block = max(int((len(found) - 1) / max(found[-1] - found[0], 1e-9) / A_REVOLUTION), 1)
+    block = min(block, max(len(found) // 8, 1))
+    whole = len(good) // block * block
+    places = good[:whole].reshape(-1, block)
+    tight = np.ptp(places, axis=1) < 2 * block  # over a stretch without samples the speed may change
+    tight |= not tight.any()
+    angles = found[:whole].reshape(-1, block)[tight].mean(axis=1)
+    path = float(np.abs(np.diff(angles)).sum())
+    if angles[-1] - angles[0] < ONE_WAY * path:
+        must = "be of a shaft that turns one way throughout"
+        got = f"{channel.name!r} gets on by {angles[-1] - angles[0]:.3g} revolutions on a path of {path:.3g}"
+        raise input_error(
+            "record", OF, must, got, "Cut the record to a part in which the shaft turns, or check the channel."
+        )
+    return Azimuth(
+        positions=places[tight].mean(axis=1),
+        angles=2.0 * np.pi * angles,
+        backwards=backwards,
+        missing=missing,
+        rejected=len(index) - len(good),
+        block=block,
+    )
+
+
+def _unwrapped(turns: Values, good: NDArray[np.intp]) -> tuple[Values, Values]:
+    """The angle [revolutions] at the samples `good`, and what each step is off from the local one (steps,)."""
+    from scipy.ndimage import median_filter
+
+    steps, lengths = np.diff(turns[good]), np.diff(good)
+    ones = lengths == 1
+    typical = float(np.median(_nearest(steps[ones]))) if ones.any() else 0.0
+    # About the typical step, so that up to half a revolution more or less is told.
+    per_sample = typical + _nearest(steps - typical * lengths) / lengths
+    size = min(NEAR, 2 * len(steps) - 1)
+    local = median_filter(per_sample, size=size, mode="reflect") * lengths
+    off = _nearest(steps - local)
+    return turns[good[0]] + np.concatenate([[0.0], np.cumsum(local + off)]), off
+
+
+def _nearest(turns: Values) -> Values:
+    """The angle less whole turns, in [-1/2, 1/2]."""
+    return turns - np.round(turns)
+
+
+def _revolution(values: Values, channel: Channel) -> float:
+    """A revolution in the channel's unit, agreed with the size of its wraps."""
+    if channel.unit not in (*TURNS, "-"):
+        must = "have an azimuth in deg or rad"
+        raise input_error("record", OF, must, f"{channel.name!r} has unit {channel.unit!r}", "Convert the channel.")
+    size = _wrap(values)
+    if channel.unit != "-":
+        turn = TURNS[channel.unit]
+        if size is not None and abs(size / turn - max(round(size / turn), 1)) > AGREES:
+            raise input_error(
+                "record",
+                OF,
+                f"have an azimuth that wraps at {turn:.6g} {channel.unit}",
+                f"{channel.name!r} wraps at {size:.4g}",
+                "Correct the channel's unit, or scale the channel so that a revolution is 360 deg.",
+            )
+        return turn
+    if size is None:
+        finite = values[np.isfinite(values)]
+        if np.ptp(finite) > 1.05 * TURNS["rad"]:
+            must = "have an azimuth with a unit, or one that wraps"
+            got = f"{channel.name!r} has no unit and runs over {np.ptp(finite):.6g} without a wrap"
+            raise input_error("record", OF, must, got, 'Give the channel its unit, "deg" or "rad".')
+        return TURNS["rad"]
+    for turn in (TURNS["deg"], TURNS["rad"]):
+        if abs(size / turn - 1.0) < AGREES:
+            return turn
+    raise input_error(
+        "record",
+        OF,
+        "have an azimuth that wraps at 360 deg or 2π rad",
+        f"{channel.name!r}, without a unit, wraps at {size:.4g}",
+        "Scale the channel so that a revolution is 360 and give it the unit deg.",
+    )
+
+
+def _wrap(values: Values) -> float | None:
+    """The size of a wrap: of the jumps between two steps like the others. None where there are none."""
+    finite = values[np.isfinite(values)]
+    span = float(np.ptp(np.quantile(finite, [0.001, 0.999])))
+    steps = np.diff(values)
+    off = steps - np.nanmedian(steps)
+    large, small = np.abs(off) > 0.3 * span, np.abs(off) < 0.1 * span
+    alone = large[1:-1] & small[:-2] & small[2:]
+    return float(np.median(np.abs(off[1:-1][alone]))) if alone.any() else None

@@ -1,0 +1,267 @@
+"""What is wrong with the samples of a record: clipped tops, dropouts, gaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import AzimuthSignal, Record, TachometerSignal
+from floquid.sync._impact_search import runs_of
+
+FLAT = 3
+"""Equal samples in a row that make a flat top."""
+
+STUCK = 10
+"""Equal samples in a row that make a dropout."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clipping:
+    """A channel that sits at its extreme value for several samples in a row.
+
+    Parameters
+    ----------
+    channel
+        The name of the channel.
+    unit
+        Its unit.
+    levels
+        The value or values it is cut at: the lowest, the highest or both.
+    samples
+        The samples at these values in flat tops.
+    share
+        Their share of the samples that are not missing.
+    """
+
+    channel: str
+    unit: str
+    levels: tuple[float, ...]
+    samples: int
+    share: float
+
+    @property
+    def sentence(self) -> str:
+        """What was found, in words."""
+        unit = "" if self.unit == "-" else f" {self.unit}"
+        at = " and ".join(f"{level:.6g}{unit}" for level in self.levels)
+        return f"channel {self.channel!r} is clipped at {at}: {self.samples} samples, {100.0 * self.share:.3g} %"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dropout:
+    """A stretch in which a channel stands still at one value that it jumps to or from.
+
+    Parameters
+    ----------
+    channel
+        The name of the channel.
+    unit
+        Its unit.
+    level
+        The value it stands at.
+    first, last
+        The times of the first and the last sample of the stretch [s].
+    samples
+        The samples in it.
+    """
+
+    channel: str
+    unit: str
+    level: float
+    first: float
+    last: float
+    samples: int
+
+    @property
+    def sentence(self) -> str:
+        """What was found, in words."""
+        unit = "" if self.unit == "-" else f" {self.unit}"
+        where = f"from {self.first:.6g} to {self.last:.6g} s, {self.samples} samples"
+        return f"channel {self.channel!r} stands still at {self.level:.6g}{unit} {where}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """A stretch of missing samples.
+
+    Parameters
+    ----------
+    channels
+        The names of the channels that miss just this stretch.
+    first, last
+        The times of the first and the last missing sample [s].
+    samples
+        The samples missing in each channel.
+    of
+        The number of channels of the record.
+    """
+
+    channels: tuple[str, ...]
+    first: float
+    last: float
+    samples: int
+    of: int
+
+    @property
+    def sentence(self) -> str:
+        """What is missing, in words."""
+        names = ", ".join(repr(name) for name in self.channels)
+        if len(self.channels) > 1:
+            who = f"all {self.of} channels miss" if len(self.channels) == self.of else f"channels {names} miss"
+        else:
+            who = f"channel {names} misses"
+        if self.samples == 1:
+            return f"{who} 1 sample at {self.first:.6g} s"
+        return f"{who} {self.samples} samples from {self.first:.6g} to {self.last:.6g} s"
+
+
+def clipped(record: Record) -> tuple[Clipping, ...]:
+    r"""The channels that are cut off at their extreme values.
+
+    A flat top is a run of three equal samples or more at the channel's highest or lowest value, unless a smooth crest
+    explains it. A crest that stays within one quantum q (the smallest step between two values of the channel) for r
+    samples is a parabola, which loses at most
+
+    .. math:: q \left(\frac{3r - 1}{r - 1}\right)^2
+
+    r samples further out on either side. A flat top loses more, by half at least. So a coarsely quantised or coarsely
+    sampled sine is not called clipped, nor is one of less than about six bits that is. Pulse and angle channels, those
+    of the clock and those that switch between two levels are passed over; so are a level of zero, which is a dropout's
+    or the padding of a file, and a level at which the channel rests for half of the record.
+
+    Parameters
+    ----------
+    record
+        The record.
+
+    Returns
+    -------
+    tuple of Clipping
+        One a clipped channel, in the order of the record.
+    """
+    found: list[Clipping] = []
+    for row, values, quantum in _judged(record):
+        channel = record.channels[row]
+        rest = float(np.nanmedian(values))
+        levels: list[float] = []
+        samples = 0
+        for level in (float(np.nanmin(values)), float(np.nanmax(values))):
+            tops = [] if level in (0.0, rest) else [run for run in runs_of(values == level) if run[1] - run[0] >= FLAT]
+            flat = sum(stop - first for first, stop in tops if _cut(values, first, stop, quantum))
+            if flat:
+                levels.append(level)
+                samples += flat
+        if levels:
+            share = samples / int(np.isfinite(values).sum())
+            found.append(
+                Clipping(channel=channel.name, unit=channel.unit, levels=tuple(levels), samples=samples, share=share)
+            )
+    return tuple(found)
+
+
+def dropouts(record: Record, *, least: int = STUCK) -> tuple[Dropout, ...]:
+    """The stretches in which a channel stands still: zeros put in for lost samples, or a last value held.
+
+    A run of equal samples that the channel enters or leaves by a jump of more than four quanta, away from its highest
+    and lowest values unless it is zero. The channels that `clipped` passes over are passed over, and forces, which
+    rest between blows.
+
+    Parameters
+    ----------
+    record
+        The record.
+    least
+        The samples in a row that make a dropout.
+
+    Returns
+    -------
+    tuple of Dropout
+        In the order of channels, then of time.
+    """
+    found: list[Dropout] = []
+    for row, values, quantum in _judged(record):
+        channel = record.channels[row]
+        if channel.quantity == "force":
+            continue
+        extremes = (float(np.nanmin(values)), float(np.nanmax(values)))
+        # A run of n equal samples is a run of n - 1 differences of zero.
+        for first, stop in ((a, b + 1) for a, b in runs_of(np.diff(values) == 0.0)):
+            level = float(values[first])
+            if stop - first < least or (level in extremes and level != 0.0):
+                continue
+            beside = [values[n] for n in (first - 1, stop) if 0 <= n < len(values) and np.isfinite(values[n])]
+            if max((abs(value - level) for value in beside), default=0.0) > 4.0 * quantum:
+                times = (float(record.start + n / record.sample_rate) for n in (first, stop - 1))
+                begin, last = times
+                found.append(
+                    Dropout(
+                        channel=channel.name,
+                        unit=channel.unit,
+                        level=level,
+                        first=begin,
+                        last=last,
+                        samples=stop - first,
+                    )
+                )
+    return tuple(found)
+
+
+def gaps(record: Record) -> tuple[Gap, ...]:
+    """The runs of missing samples (NaN); channels that miss the very same stretch share one.
+
+    Parameters
+    ----------
+    record
+        The record.
+
+    Returns
+    -------
+    tuple of Gap
+        In order of time.
+    """
+    where: dict[tuple[int, int], list[str]] = {}
+    for channel, values in zip(record.channels, record.values, strict=True):
+        for run in runs_of(np.isnan(values)):
+            where.setdefault(run, []).append(channel.name)
+    return tuple(
+        Gap(
+            channels=tuple(where[first, stop]),
+            first=float(record.start + first / record.sample_rate),
+            last=float(record.start + (stop - 1) / record.sample_rate),
+            samples=stop - first,
+            of=record.n_channels,
+        )
+        for first, stop in sorted(where)
+    )
+
+
+def _judged(record: Record) -> list[tuple[int, NDArray[np.float64], float]]:
+    """Row, samples and quantum of the channels that measure something that moves smoothly."""
+    clock = record.clock.channel if isinstance(record.clock, TachometerSignal | AzimuthSignal) else None
+    judged: list[tuple[int, NDArray[np.float64], float]] = []
+    for row, (channel, values) in enumerate(zip(record.channels, record.values, strict=True)):
+        if channel.quantity in ("pulse", "angle") or channel.name == clock:
+            continue
+        distinct = np.unique(values[np.isfinite(values)])
+        if len(distinct) >= 3 and not (channel.quantity != "force" and _two_levels(values, distinct[0], distinct[-1])):
+            judged.append((row, values, float(np.diff(distinct).min())))
+    return judged
+
+
+def _two_levels(values: NDArray[np.float64], lowest: float, highest: float) -> bool:
+    """Whether a channel switches between two levels: nine samples of ten within a tenth of the range of either."""
+    margin = 0.1 * (highest - lowest)
+    low, high = (values <= lowest + margin).sum(), (values >= highest - margin).sum()
+    switches = len(runs_of(values >= highest - margin))
+    return bool(low + high > 0.9 * np.isfinite(values).sum() and min(low, high) > 0 and switches >= 3)
+
+
+def _cut(values: NDArray[np.float64], first: int, stop: int, quantum: float) -> bool:
+    """Whether no smooth crest explains the flat top."""
+    length = stop - first
+    beside = [values[n] for n in (first - length, stop - 1 + length) if 0 <= n < len(values)]
+    lost = [abs(value - values[first]) for value in beside if np.isfinite(value)]
+    most = quantum * ((3 * length - 1) / (length - 1)) ** 2
+    return bool(lost) and float(np.mean(lost)) > 1.5 * most

@@ -1,0 +1,253 @@
+"""Where the samples of a record tell of an impact: in its force, or in what an autoregressive model does not foretell.
+
+Instants are sample numbers here. A blow is (first sample, first free sample, strength as a share of the strongest's,
+whether it is more than one).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+
+Blow = tuple[int, int, float, bool]
+
+LONGEST_MEMORY = 64
+"""Samples that the model looks back at most."""
+
+TERMS = 160
+"""Coefficients a channel of the model at most: memory times channels."""
+
+ROWS_A_TERM = 5
+"""Samples a coefficient that the fit needs."""
+
+MOST_ROWS = 20_000
+"""Samples that the fit uses at most, evenly spread: more make it slower, not better."""
+
+ASSUMED_NOISE = 1e-5
+"""Noise that the fit takes for granted, against the standard deviation of the channel: it keeps a record without noise
+from a fit that is exact and unstable."""
+
+LEAST_ERROR = 1e-4
+"""Prediction error that is never an impact, against the standard deviation of the channel."""
+
+LIMIT = 5.0
+"""The root of an impact's prediction error in a window exceeds the usual by this many times the usual scatter."""
+
+SIDED = 0.7
+"""Share of the errors around an impact that lies ahead of it forwards and before it backwards: less is chatter."""
+
+NEARBY = 16
+"""Windows on each side over which the usual prediction error is taken."""
+
+PASSES = 6
+
+
+def by_force(force: NDArray[np.float64], *, least: float, apart: int) -> list[Blow]:
+    """Blows of a force (samples,): away from its resting level, by two thresholds.
+
+    The resting level is the median and the noise the median deviation, which a few short blows do not move.
+    """
+    away = np.abs(force - np.nanmedian(force)) if np.isfinite(force).any() else np.zeros(len(force))
+    noise, largest = 1.4826 * float(np.nanmedian(away)), float(np.nanmax(away, initial=0.0))
+    high = max(least * largest, 8.0 * noise)
+    if not 0.0 < high < largest:
+        return []
+    low = min(max(0.01 * largest, 4.0 * noise), 0.5 * high)
+    above = np.nan_to_num(away) > low
+    runs = [(a, b, float(np.nanmax(away[a:b]))) for a, b in runs_of(above)]
+    blows: list[Blow] = []
+    for first, stop, size in (run for run in runs if run[2] >= high):
+        if blows and first - blows[-1][1] <= apart:
+            blows[-1] = (blows[-1][0], stop, max(blows[-1][2], size / largest), True)
+        else:
+            blows.append((first, stop, size / largest, False))
+    return blows
+
+
+def by_response(values: NDArray[np.float64], rows: list[int], *, least: float, apart: int) -> list[Blow]:
+    """Blows that the rows of `values` (channels, samples) show by the errors of two predictions."""
+    scaled = _scaled(values[rows])
+    complete = ~np.isnan(scaled).any(axis=0)
+    memory, whole = _memory(complete, len(rows))
+    np.nan_to_num(scaled, copy=False)
+    window = max(4, memory // 2)
+    free = whole
+    errors = _errors(scaled, memory, whole, free)
+    excess, limit = _excess(*errors, window, len(rows))
+    for _ in range(PASSES):
+        counted = np.concatenate([[0], np.cumsum(excess > limit)])
+        # A row of the fit is n ... n + memory: free when no impact comes after its first and up to its last sample.
+        now = whole & (counted[memory + 1 : -1] == counted[1 : -1 - memory])
+        if (now == free).all() or now.sum() < ROWS_A_TERM * memory * len(rows):
+            break
+        free = now
+        errors = _errors(scaled, memory, whole, free)
+        excess, limit = _excess(*errors, window, len(rows))
+    alone = (1.0 + 5.0 / np.sqrt(len(rows))) ** 2
+    return _blows(excess, limit, errors[:2], alone, memory + window, least=least, apart=apart)
+
+
+def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and one past the last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+def _scaled(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The channels about their means, in units of their standard deviations."""
+    centred = values - np.nanmean(values, axis=1, keepdims=True)
+    centred /= np.nanstd(centred, axis=1, keepdims=True)
+    return centred
+
+
+def _memory(complete: NDArray[np.bool_], channels: int) -> tuple[int, NDArray[np.bool_]]:
+    """How far the model looks back, and which rows (samples - memory,) of the fit miss no sample."""
+    memory = max(1, min(LONGEST_MEMORY, TERMS // channels, len(complete) // (ROWS_A_TERM * channels + 1)))
+    counted = np.concatenate([[0], np.cumsum(~complete)])
+    while memory >= 2:
+        whole = counted[memory + 1 :] == counted[: -1 - memory]
+        if whole.sum() >= ROWS_A_TERM * memory * channels:
+            return memory, whole
+        memory //= 2
+    need = 2 * (ROWS_A_TERM * channels + 1)
+    raise input_error(
+        "record",
+        "find_impacts",
+        f"have {need} samples or more with few missing, to find impacts in {channels} response channels",
+        f"has {len(complete)}, of which {int((~complete).sum())} miss a channel",
+        "Leave channels with gaps out by `channels`, or give the instants of the impacts.",
+    )
+
+
+def _errors(
+    scaled: NDArray[np.float64], memory: int, whole: NDArray[np.bool_], free: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Squares of the errors of the predictions forwards and backwards (samples,), and the least that counts.
+
+    They are in units of their own mean square over `free` rows and of channels; NaN where there is no prediction.
+    """
+    channels, samples = scaled.shape
+    windows = sliding_window_view(scaled, memory + 1, axis=1)
+    chosen = np.flatnonzero(free)
+    chosen = chosen[:: max(1, -(-len(chosen) // MOST_ROWS))]
+    table = windows[:, chosen].transpose(1, 2, 0).reshape(len(chosen), -1)
+    mean = table.mean(axis=0)
+    table -= mean
+    gram = table.T @ table / len(chosen)
+    filters = np.hstack([_filter(gram, channels, ahead=True), _filter(gram, channels, ahead=False)])
+    errors = np.empty((samples - memory, 2 * channels))
+    for first in range(0, len(errors), 8192):
+        block = windows[:, first : first + 8192].transpose(1, 2, 0).reshape(-1, len(mean))
+        errors[first : first + 8192] = (block - mean) @ filters
+    ahead, back = np.full((2, samples), np.nan)
+    floor = 0.0
+    for squares, error in ((ahead[memory:], errors[:, :channels]), (back[:-memory], errors[:, channels:])):
+        covariance = error[free].T @ error[free] / free.sum() + LEAST_ERROR**2 * np.eye(channels)
+        inverse = np.linalg.inv(covariance)
+        squares[:] = np.where(whole, np.einsum("nc,cd,nd->n", error, inverse, error, optimize=True) / channels, np.nan)
+        floor = max(floor, LEAST_ERROR**2 * float(np.trace(inverse)) / channels)
+    return ahead, back, floor
+
+
+def _filter(gram: NDArray[np.float64], channels: int, *, ahead: bool) -> NDArray[np.float64]:
+    """What makes the prediction error of a row's last (or first) sample out of the row, in order of time."""
+    size = len(gram)
+    target = slice(size - channels, size) if ahead else slice(0, channels)
+    known = slice(0, size - channels) if ahead else slice(channels, size)
+    ridge = ASSUMED_NOISE**2 * np.eye(size - channels)
+    filters = np.zeros((size, channels))
+    filters[target] = np.eye(channels)
+    filters[known] = -np.linalg.solve(gram[known, known] + ridge, gram[known, target])
+    return filters
+
+
+def _excess(
+    ahead: NDArray[np.float64], back: NDArray[np.float64], floor: float, window: int, channels: int
+) -> tuple[NDArray[np.float64], float]:
+    """The mean square error ahead of each instant and back before it, against what is usual (samples + 1,).
+
+    And what only an impact exceeds.
+    """
+    instants = np.arange(len(ahead) + 1)
+    later, earlier = np.minimum(instants + window, len(ahead)), np.maximum(instants - window, 0)
+    total, number = np.zeros((2, len(instants)))
+    for squares, first, stop in ((ahead, instants, later), (back, earlier, instants)):
+        there = np.isfinite(squares)
+        sums = np.concatenate([[0.0], np.cumsum(np.where(there, squares, 0.0))])
+        counts = np.concatenate([[0], np.cumsum(there)])
+        total += sums[stop] - sums[first]
+        number += counts[stop] - counts[first]
+    enough = number >= max(2, window // 4)
+    mean = np.where(enough, total / np.maximum(number, 1), np.nan)
+    sparse = mean[::window]
+    padded = np.pad(sparse, NEARBY, constant_values=np.nan)
+    around = sliding_window_view(padded, 2 * NEARBY + 1)
+    usual = max(float(np.nanmedian(mean)), floor)
+    # An all-missing neighbourhood takes what is usual elsewhere.
+    filled = np.where(np.isfinite(around).any(axis=1, keepdims=True), around, usual)
+    nearby = np.maximum(np.nanmedian(filled, axis=1), usual)
+    excess = np.nan_to_num(mean / np.repeat(nearby, window)[: len(mean)])
+    return excess, _limit(excess[::window], channels * window)
+
+
+def _limit(excess: NDArray[np.float64], terms: int) -> float:
+    """What only an impact exceeds, given the excess in every window and the number of squares in half of one.
+
+    The scatter is that of white noise, or what the record shows where it is larger (chatter, a system not quite
+    linear). Squared, since the upper tail of a sum of squares is longer than the lower.
+    """
+    shown = excess[excess > 0.0]
+    scatter = 1.4826 * np.median(np.abs(shown - np.median(shown))) if len(shown) else 0.0
+    return float((1.0 + LIMIT * max(np.sqrt(1.0 / terms), scatter)) ** 2)
+
+
+def _blows(
+    excess: NDArray[np.float64],
+    limit: float,
+    squares: tuple[NDArray[np.float64], NDArray[np.float64]],
+    alone: float,
+    reach: int,
+    *,
+    least: float,
+    apart: int,
+) -> list[Blow]:
+    """Stretches above the limit as blows, those closer than `apart` as one."""
+    spans: list[tuple[int, int]] = []
+    for first, stop in runs_of(excess > limit):
+        # A run spans what one impact disturbs, up to `reach` on either side of it.
+        if spans and first - spans[-1][1] <= max(apart - 2 * reach, reach):
+            spans[-1] = (spans[-1][0], stop)
+        else:
+            spans.append((first, stop))
+    placed: list[Blow] = []
+    for first, stop in spans:
+        size = float(np.sqrt(excess[first:stop].max()))
+        low, high = max(0, first - reach), min(len(squares[0]), stop + reach)
+        start, end, sided = _place(*squares, low, high, alone)
+        if sided >= SIDED:
+            placed.append((start, end, size, stop - first > 2 * reach + 2))
+    strongest = max((size for _, _, size, _ in placed), default=1.0)
+    return [(a, b, size / strongest, double) for a, b, size, double in placed if size >= least * strongest]
+
+
+def _place(
+    ahead: NDArray[np.float64], back: NDArray[np.float64], low: int, high: int, alone: float
+) -> tuple[int, int, float]:
+    """First sample of a blow, first after it that is free again, and how far its errors lie on their own sides.
+
+    What is foretold forwards fails after the blow alone and backwards before it alone: the instant between the two is
+    where the sum of the errors on their own sides is largest. A blow that lasts fails both, from its first sample to
+    its last, as far as single errors stand out. Chatter fails both everywhere: its share is a half.
+    """
+    # Where one side has no prediction (an end of the record), the other must stand out of the noise to count.
+    late, early = (np.nan_to_num(squares[low:high], nan=2.0) for squares in (ahead, back))
+    between = int(np.argmax(np.concatenate([[0.0], np.cumsum(early - late)])))
+    begun, over = np.flatnonzero(late > alone), np.flatnonzero(early > alone)
+    start = min(between, int(begun[0])) if len(begun) else between
+    end = max(between, int(over[-1]) + 1) if len(over) else between
+    late, early = (np.maximum(squares - 2.0, 0.0) for squares in (late, early))
+    own, other = early[:start].sum() + late[end:].sum(), late[:start].sum() + early[end:].sum()
+    return low + start, low + end, float(own / (own + other)) if own > 0.0 else 0.0

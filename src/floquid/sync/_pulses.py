@@ -1,0 +1,183 @@
+"""When the pulses of a tachometer came, to a small fraction of a sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import Record, TachometerSignal, channels_named
+from floquid.sync._pulse_levels import Levels, find_levels
+
+OF = "pulse_times"
+
+RISE, FALL = 0.45, 0.25
+"""A pulse begins above the one and ends below the other, in heights: narrow pulses rarely show their full height."""
+
+ENDS = (2, 1, 4)
+"""Samples of base and of top that the sum over an edge takes in beyond the rise: filters ring, and noise adds up."""
+
+NEAR = 16
+"""The most samples beside an edge from which the levels there are taken: bases drift, and teeth differ in height."""
+
+Samples = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+def pulse_times(record: Record, channel: str) -> NDArray[np.float64]:
+    r"""When the pulses of a channel came.
+
+    .. math:: t = t_b - \Delta t \sum_{k=a}^{b} \frac{v_k - v_\mathrm{base}}{v_\mathrm{top} - v_\mathrm{base}}
+
+    with samples a … b from the base to the top and :math:`t_b` the end of the last one's interval: the area under an
+    edge tells its instant exactly however it falls between the samples, as long as nothing in it is faster than the
+    sampling rate. A wide pulse is timed by its leading edge, half-way up. One of a few samples, without a top to see,
+    is timed by its middle: half the sum of what the area says of its two edges, or its centroid above the base,
+    whichever makes the pulses come the more evenly. Each is a fixed angle of the shaft.
+
+    The levels, the polarity (a pulse is where the signal is for less than 60 % of the time) and the rise are found. A
+    pulse is left out whose edge (of a narrow one: any part) is cut by the record's ends or lacks samples. The base may
+    drift by a twentieth of the height.
+
+    Parameters
+    ----------
+    record
+        The record.
+    channel
+        The name of the channel of pulses. Where the record's clock is a `TachometerSignal` of this channel, the
+        evenness is judged from one revolution to the next.
+
+    Returns
+    -------
+    numpy.ndarray
+        The times (pulses,) [s], on the record's time axis, ascending.
+
+    Raises
+    ------
+    InputError
+        There is no such channel, it holds fewer than two pulses, or they do not stand out of its noise.
+    """
+    (row,) = channels_named(record.channels, [channel], argument="channel", of=OF)
+    values = record.values[row]
+    levels = find_levels(values, channel)
+    heights = levels.polarity * (values - levels.base) / levels.height
+    begins, ends = _excursions(heights)
+    clock, lines = record.clock, 1
+    if isinstance(clock, TachometerSignal) and clock.channel == channel:
+        lines = clock.pulses_per_revolution
+    positions = _positions(heights, begins, ends, levels, lines)
+    if len(positions) < 2:
+        got = f"channel {channel!r} holds {len(positions) or 'no'} whole pulse" + ("s" if not len(positions) else "")
+        remedy = "Choose the tachometer's channel, use a longer record, or give the period."
+        raise input_error("channel", OF, "hold two pulses or more", got, remedy)
+    return record.start + positions / record.sample_rate
+
+
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """What a typical pulse of the channel looks like [samples]."""
+
+    width: float
+    gap: float
+    rise: int
+
+
+def _excursions(heights: Samples) -> tuple[Indices, Indices]:
+    """Where pulses begin, and the first sample after each: between the thresholds, and in gaps, the state is kept."""
+    state = np.zeros(len(heights), dtype=np.int8)
+    state[heights > RISE] = 1
+    state[heights < FALL] = -1
+    last = np.maximum.accumulate(np.where(state != 0, np.arange(len(state)), 0))
+    high = state[last] > 0
+    turns = np.flatnonzero(np.diff(high.astype(np.int8), prepend=0, append=0))
+    return turns[::2], turns[1::2]
+
+
+def _positions(heights: Samples, begins: Indices, ends: Indices, levels: Levels, lines: int) -> Samples:
+    """Where each pulse is [samples], those left out that cannot be seen whole."""
+    if len(begins) < 2:
+        whole = (begins > 0) & (ends < len(heights))
+        return begins[whole].astype(float)
+    shape = _Shape(
+        width=float(np.median(ends - begins)),
+        gap=float(np.median(begins[1:] - ends[:-1])),
+        rise=_rise(heights, begins, levels.noise),
+    )
+    room = min(shape.width, shape.gap)
+    halves = [-(-shape.rise // 2) + more for more in ENDS]
+    if room < 2 * halves[0] + 1:
+        estimates = _middles(heights, begins, ends, shape)
+    else:
+        estimates = [_edges(heights, begins, shape, half) for half in halves if room >= 2 * half + 1]
+    return min(estimates, key=lambda positions: _unevenness(positions, lines))
+
+
+def _rise(heights: Samples, begins: Indices, noise: float) -> int:
+    """The samples that a typical leading edge has between base and top."""
+    margin = max(0.1, 3.0 * noise)
+    low, high = np.flatnonzero(heights < margin), np.flatnonzero(heights > 1.0 - margin)
+    before, after = np.searchsorted(low, begins) - 1, np.searchsorted(high, begins)
+    seen = (before >= 0) & (after < len(high))
+    if not seen.any():
+        return 0
+    return int(np.median(high[after[seen]] - low[before[seen]] - 1))
+
+
+def _windows(heights: Samples, starts: Indices, size: int) -> Samples:
+    """`size` samples from each start on (pulses, size); NaN beyond the record."""
+    index = starts[:, None] + np.arange(size)
+    inside = (index >= 0) & (index < len(heights))
+    return np.where(inside, heights[np.clip(index, 0, len(heights) - 1)], np.nan)
+
+
+def _level(samples: Samples, default: float) -> Samples:
+    """The median of each row (pulses, 1), or the default where most of the row is missing."""
+    few = np.isnan(samples).mean(axis=1) > 0.5 if samples.shape[1] >= 4 else np.ones(len(samples), dtype=bool)
+    level = np.full(len(samples), default)
+    if not few.all():
+        level[~few] = np.nanmedian(samples[~few], axis=1)
+    return level[:, None]
+
+
+def _edges(heights: Samples, begins: Indices, shape: _Shape, half: int) -> Samples:
+    """Leading edges by the area method, each between its own base and its own top."""
+    before = int(np.clip(shape.gap - 2 * half, 0, NEAR))
+    after = int(np.clip(shape.width - 2 * half, 0, NEAR))
+    base = _level(_windows(heights, begins - half - before, before), 0.0)
+    top = _level(_windows(heights, begins + half, after), 1.0)
+    base, top = np.where(top - base > 0.5, base, 0.0), np.where(top - base > 0.5, top, 1.0)
+    area = ((_windows(heights, begins - half, 2 * half) - base) / (top - base)).sum(axis=1)
+    positions = begins + half - 0.5 - area
+    return positions[np.isfinite(positions)]
+
+
+def _middles(heights: Samples, begins: Indices, ends: Indices, shape: _Shape) -> list[Samples]:
+    """Middles of narrow pulses: by the areas of their halves, and their centroids."""
+    apart = shape.gap + shape.width
+    half = max(min(int(np.ceil(0.5 * (shape.width + shape.rise))) + ENDS[0], int(0.5 * apart)), 1)
+    beside = int(np.clip(0.5 * apart - half - 0.5, 0, NEAR))
+    offsets = np.arange(-half, half + 1)
+    middle, centroid = np.array([]), 0.5 * (begins + ends - 1)
+    window = np.empty((0, 2 * half + 1))
+    for _ in range(2):  # the window is centred on what it shows
+        middle = np.round(centroid).astype(np.intp)
+        around = [_windows(heights, start, beside) for start in (middle - half - beside, middle + half + 1)]
+        window = _windows(heights, middle - half, 2 * half + 1) - _level(np.hstack(around), 0.0)
+        centroid = middle + (window @ offsets) / window.sum(axis=1)
+        seen = np.isfinite(centroid) & (np.abs(centroid - middle) < half)
+        middle, centroid, window = middle[seen], centroid[seen], window[seen]
+    # The areas on the two sides of a boundary between two samples, the one nearest to the middle, tell how far the two
+    # edges are from it.
+    right = centroid >= middle
+    before = np.where(right, window[:, : half + 1].sum(axis=1), window[:, :half].sum(axis=1))
+    after = window.sum(axis=1) - before
+    halves: Samples = np.where(right, middle + 0.5, middle - 0.5) + 0.5 * (after - before)
+    return [halves, np.asarray(centroid, dtype=np.float64)]
+
+
+def _unevenness(positions: Samples, lines: int) -> float:
+    """The median size of the second differences from one revolution to the next."""
+    bends = positions[2 * lines :] - 2.0 * positions[lines:-lines] + positions[: -2 * lines]
+    return float(np.median(np.abs(bends))) if len(bends) >= 4 else 0.0

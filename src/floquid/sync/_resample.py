@@ -1,0 +1,326 @@
+"""Synchronous resampling: the same number of samples in every period, from a record sampled at its own rate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import input_error, integer
+from floquid.core import ConstantPeriod, Cycles, Record
+from floquid.sync._interpolation import ACCURACY, BAND, check_options, half_width, interpolate
+
+FEWEST_PHASES = 8
+"""The fewest samples a period that are chosen from a bandwidth, where the sampling rate allows them."""
+
+_FALSE_ALARM = 1e-3
+# The chance that a record of white noise alone seems to hold a response.
+_LENGTHS = (256, 1024, 4096, 16384)
+# Samples of the stretches whose spectra are looked at.
+_SMALLEST_LINE = 1e-12
+# Power, as a share of the strongest line's, below which a line is leakage or rounding and not a response.
+
+
+@runtime_checkable
+class Shaft(Protocol):
+    """What is asked of a shaft angle: the angle at a time, the time at an angle, periods of the system a revolution."""
+
+    @property
+    def periods_per_revolution(self) -> float:
+        """Periods of the system in a revolution of the shaft."""
+        ...
+
+    def angle(self, times: NDArray[np.float64], /) -> NDArray[np.float64]:
+        """The angle of the shaft (times,) [rad] at `times` [s]."""
+        ...
+
+    def time_at(self, angle: NDArray[np.float64], /) -> NDArray[np.float64]:
+        """The time [s] at which the shaft comes by `angle` (angles,) [rad]."""
+        ...
+
+
+def resample(
+    records: Record | Sequence[Record],
+    clocks: ConstantPeriod | Shaft | Sequence[ConstantPeriod | Shaft],
+    *,
+    n_phases: int | None = None,
+    band: float = BAND,
+    accuracy: float = ACCURACY,
+) -> tuple[Cycles, ...]:
+    r"""Each record at P instants of each of its whole periods, all of them from phase zero.
+
+    .. math:: t_{m,p} = t_0 + (m + p/P)\,T \quad\text{or}\quad \nu\,\theta(t_{m,p})/2\pi = m + p/P, \qquad
+        f_c = \tfrac12 \min(f_s,\ P/\max_m T_m)
+
+    A constant period gives instants equally spaced in time, a shaft angle θ (with ν periods a revolution) instants
+    equally spaced in angle. The interpolation is that of `interpolate`: what lies up to band·f_c is kept within the
+    accuracy, what lies beyond (2 - band)·f_c is removed before it can fold. Cycles are kept where every instant has
+    its samples on either side; with missing samples, the longest run of such cycles. The provenance says what was done
+    and warns of a response beyond the pass band.
+
+    Parameters
+    ----------
+    records
+        One record, or one a hit on the same system: the same channels; rates and periods may differ.
+    clocks
+        One for each record: a `ConstantPeriod`, or a shaft angle with `angle(times)`, `time_at(angle)` and
+        `periods_per_revolution`.
+    n_phases
+        Samples a period P. None: as few as hold the `bandwidth` of the records in the pass band, at least 8, and never
+        more than the records' own samples a period.
+    band
+        The pass band as a share of the cut-off f_c.
+    accuracy
+        The error as a share of each line's amplitude.
+
+    Returns
+    -------
+    tuple of Cycles
+        One a record, with the length of each cycle.
+
+    Raises
+    ------
+    InputError
+        The channels differ, there is not one clock a record, a period is shorter than two samples or longer than its
+        record, or no whole cycle has all the samples it needs.
+    """
+    several = (records,) if isinstance(records, Record) else tuple(records)
+    ties = (clocks,) if isinstance(clocks, (ConstantPeriod, Shaft)) else tuple(clocks)
+    check_options(band, accuracy, "resample")
+    _check_alike(several, ties)
+    cuts = tuple(_Cut.of(record, clock) for record, clock in zip(several, ties, strict=True))
+    reaches = tuple(bandwidth(record) for record in several)
+    most = min(record.sample_rate * cut.mean for record, cut in zip(several, cuts, strict=True))
+    if n_phases is None:
+        wanted = max(2.0 * reach * cut.longest / band for reach, cut in zip(reaches, cuts, strict=True))
+        phases = min(max(FEWEST_PHASES, int(np.ceil(wanted))), int(most * (1.0 + 1e-9)))
+    else:
+        phases = integer(n_phases, "n_phases", "resample", at_least=max(2, int(np.ceil(2e-4 * most))))
+    return tuple(
+        _resampled(record, cut, phases, reach, band, accuracy)
+        for record, cut, reach in zip(several, cuts, reaches, strict=True)
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Cut:
+    """The whole cycles within a record."""
+
+    clock: ConstantPeriod | Shaft
+    first: int
+    bounds: NDArray[np.float64]
+    """Start of each cycle, and end of the last (cycles + 1,) [s]."""
+
+    @classmethod
+    def of(cls, record: Record, clock: ConstantPeriod | Shaft) -> _Cut:
+        """The cycles of `clock` that begin and end within `record`."""
+        ends = record.start + np.array([0.0, record.n_samples - 1.0]) / record.sample_rate
+        if isinstance(clock, ConstantPeriod):
+            low, high = (ends - clock.origin) / clock.period
+        else:
+            low, high = np.asarray(clock.angle(ends)) * clock.periods_per_revolution / (2.0 * np.pi)
+        first, last = int(np.ceil(low)), int(np.floor(high))
+        if last <= first:
+            raise input_error(
+                "clocks",
+                "resample",
+                "have at least one whole period within each record",
+                f"one record of {record.duration:.6g} s holds {max(high - low, 0.0):.3g} periods",
+                "Check the unit of the period, or use a longer record.",
+            )
+        bounds = instants(clock, np.arange(first, last + 1.0))
+        if not (np.diff(bounds) > 0).all():
+            must = "have an angle that grows over each record"
+            raise input_error("clocks", "resample", must, "one turns back", "Leave out the part where the shaft does.")
+        cut = cls(clock=clock, first=first, bounds=bounds)
+        samples = float(np.diff(bounds).min()) * record.sample_rate
+        if samples < 2.0:
+            raise input_error(
+                "clocks",
+                "resample",
+                "have periods of at least two samples",
+                f"one is {samples / record.sample_rate:.6g} s, or {samples:.3g} samples at {record.sample_rate:.6g} Hz",
+                "Check the units of the period and of the sampling rate.",
+            )
+        return cut
+
+    @property
+    def n_cycles(self) -> int:
+        return len(self.bounds) - 1
+
+    @property
+    def mean(self) -> float:
+        """The mean period [s]."""
+        return float(self.bounds[-1] - self.bounds[0]) / self.n_cycles
+
+    @property
+    def longest(self) -> float:
+        """The longest period [s]."""
+        return float(np.diff(self.bounds).max())
+
+    def lengths(self, kept: slice) -> NDArray[np.float64]:
+        """The length of each kept cycle (cycles,) [s]."""
+        if isinstance(self.clock, ConstantPeriod):
+            return np.full(kept.stop - kept.start, self.clock.period)
+        return np.diff(self.bounds)[kept]
+
+
+def instants(clock: ConstantPeriod | Shaft, turns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The times [s] at which the system has gone through `turns` periods since its phase zero."""
+    if isinstance(clock, ConstantPeriod):
+        return clock.origin + turns * clock.period
+    return np.asarray(clock.time_at(2.0 * np.pi * turns / clock.periods_per_revolution), dtype=np.float64)
+
+
+def _resampled(record: Record, cut: _Cut, phases: int, reach: float, band: float, accuracy: float) -> Cycles:
+    """One record at `phases` instants of each whole cycle that has the samples for them."""
+    cutoff = 0.5 * min(record.sample_rate, phases / cut.longest)
+    turns = cut.first + np.arange(cut.n_cycles * phases) / phases
+    values = interpolate(
+        record.values,
+        record.sample_rate,
+        record.start,
+        instants(cut.clock, turns),
+        cutoff=cutoff,
+        band=band,
+        accuracy=accuracy,
+    ).reshape(record.n_channels, cut.n_cycles, phases)
+    kept = _longest_run(np.isfinite(values).all(axis=(0, 2)))
+    half = half_width(record.sample_rate, cutoff=cutoff, band=band, accuracy=accuracy)
+    if kept.stop == kept.start:
+        raise input_error(
+            "records",
+            "resample",
+            f"hold a whole cycle with {half} samples on either side of each instant, none of them missing",
+            f"none of the {cut.n_cycles} cycles of one record has them",
+            "Use a longer record, a lower `accuracy` or a lower `band`.",
+        )
+    taken = values[:, kept]
+    if taken.size < values.size:
+        taken = taken.copy()  # what was left out is not held on to
+    taken.flags.writeable = False
+    left = cut.n_cycles - taken.shape[1]
+    how = "time" if isinstance(cut.clock, ConstantPeriod) else "shaft angle"
+    step = (
+        f"resampled from {record.sample_rate:.6g} Hz to {phases} samples a period ({phases / cut.mean:.6g} Hz), "
+        f"equally spaced in {how}: pass band up to {band * cutoff:.6g} Hz, error at most {accuracy:.2g} of each line's "
+        "amplitude"
+    )
+    if left:
+        step += f"; {left} of {cut.n_cycles} cycles left out, within {half} samples of an end"
+        step += " or of a missing sample, or not in the longest run" if np.isnan(record.values).any() else ""
+    if reach > band * cutoff:
+        step += (
+            f"; warning: the response reaches {reach:.6g} Hz, beyond the pass band: what lies above "
+            f"{(2.0 - band) * cutoff:.6g} Hz is removed, what lies between is weakened"
+        )
+    return Cycles(
+        values=taken.transpose(0, 2, 1),
+        periods=cut.lengths(kept),
+        channels=record.channels,
+        provenance=record.provenance.then(step),
+    )
+
+
+def _longest_run(whole: ArrayLike) -> slice:
+    """The first of the longest runs of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], np.asarray(whole), [False]))))
+    starts, stops = edges[::2], edges[1::2]
+    if not len(starts):
+        return slice(0, 0)
+    longest = int(np.argmax(stops - starts))
+    return slice(int(starts[longest]), int(stops[longest]))
+
+
+def _check_alike(records: tuple[Record, ...], clocks: tuple[ConstantPeriod | Shaft, ...]) -> None:
+    """Refuse records that cannot be hits on one system, and clocks that are not one a record."""
+    if not records:
+        raise input_error("records", "resample", "hold at least one record", "is empty")
+    if len(clocks) != len(records):
+        raise input_error("clocks", "resample", f"hold one for each of {len(records)} records", f"holds {len(clocks)}")
+    for clock in clocks:
+        if not isinstance(clock, (ConstantPeriod, Shaft)):
+            raise input_error(
+                "clocks",
+                "resample",
+                "be a ConstantPeriod or a shaft angle",
+                f"one is a {type(clock).__name__}",
+                "Find the shaft angle from the pulses or the azimuth channel first.",
+            )
+    first = [(channel.name, channel.unit) for channel in records[0].channels]
+    for number, record in enumerate(records[1:], start=2):
+        other = [(channel.name, channel.unit) for channel in record.channels]
+        if other != first:
+            raise input_error(
+                "records",
+                "resample",
+                "have the same channels, in the same units",
+                f"number 1 has {_words(first)} and number {number} has {_words(other)}",
+                "Choose common channels with `--channels`, in one order.",
+            )
+
+
+def _words(channels: list[tuple[str, str]]) -> str:
+    return ", ".join(f"{name} [{unit}]" for name, unit in channels)
+
+
+def bandwidth(record: Record) -> float:
+    r"""The highest frequency at which a channel of `record` rises above its own white noise [Hz].
+
+    .. math:: \max\Bigl\{f_l : \bar S(f_l) > s\,\chi^2_{\nu}(1 - \alpha)/\nu
+        \ \text{ or }\ \max_k S_k(f_l) > s\,\chi^2_2(1 - \alpha/K)/2\Bigr\}
+
+    for the periodograms S_k of K half overlapping stretches and their mean with ν degrees of freedom (Welch 1967), at
+    stretches of 256, 1024, 4096 and 16384 samples: a short decay shows in the short ones, a weak line in the long. The
+    level of noise s is the median of the mean over frequency, so that a response may fill up to about half of the
+    lines. White noise in every channel gives 0 in 999 records of 1000. A line below a millionth of the largest one's
+    amplitude is taken for rounding or leakage, and one within five lines of a larger one for its flank. Stretches with
+    missing samples are left out. Zero where nothing rises above the noise; half the sampling rate where no 64 samples
+    follow one another.
+    """
+    gaps = np.concatenate(([0], np.cumsum(np.isnan(record.values).any(axis=0))))
+    begins = {length: _stretches(gaps, length) for length in _LENGTHS if length <= max(256, record.n_samples // 8)}
+    begins = {length: starts for length, starts in begins.items() if len(starts)} or {64: _stretches(gaps, 64)}
+    if not len(begins[min(begins)]):
+        return 0.5 * record.sample_rate
+    chance = _FALSE_ALARM / (record.n_channels * len(begins))
+    return max(
+        _highest_line(np.lib.stride_tricks.sliding_window_view(channel, length)[starts], record.sample_rate, chance)
+        for length, starts in begins.items()
+        for channel in record.values
+    )
+
+
+def _stretches(gaps: NDArray[np.intp], length: int) -> NDArray[np.intp]:
+    """Where half overlapping stretches without a missing sample begin; `gaps` counts those before each sample."""
+    starts = np.arange(0, max(len(gaps) - length, 0), length // 2)
+    return starts[gaps[starts + length] == gaps[starts]]
+
+
+def _highest_line(stretches: NDArray[np.float64], sample_rate: float, chance: float) -> float:
+    """The highest line of any of the stretches (stretches, samples), or of all, above the white noise; 0 if none is."""
+    from scipy.ndimage import maximum_filter1d
+    from scipy.signal import detrend
+    from scipy.stats import chi2
+
+    count, length = stretches.shape
+    # Side lobes below the smallest line that counts; half a main lobe is a little over five lines.
+    window = np.kaiser(length, 16.0)
+    # The trend takes from the lowest lines, and the last one is real.
+    frequencies = np.fft.rfftfreq(length, 1.0 / sample_rate)[2:-1]
+    power = np.abs(np.fft.rfft(detrend(stretches, axis=-1) * window)[:, 2:-1]) ** 2
+    overlap = (window[length // 2 :] @ window[: length // 2]) / (window @ window)
+    freedom = 2.0 * count / (1.0 + 2.0 * (1.0 - 1.0 / count) * overlap**2)
+    mean = power.mean(axis=0)
+    noise = np.median(mean) * freedom / chi2.median(freedom)
+    floor = _SMALLEST_LINE * power.max()
+    each = 0.5 * chance / len(frequencies)
+    # A summit, and not the flank of a stronger line.
+    above = (mean > max(noise * chi2.isf(each, freedom) / freedom, floor)) & (mean == maximum_filter1d(mean, 11))
+    single = power > max(noise * chi2.isf(each / count, 2.0) / 2.0, floor)
+    above |= (single & (power == maximum_filter1d(power, 11, axis=-1))).any(axis=0)
+    # The line may lie half a bin higher.
+    return float(frequencies[above][-1]) + 0.5 * sample_rate / length if above.any() else 0.0

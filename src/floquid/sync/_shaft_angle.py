@@ -1,0 +1,330 @@
+"""The angle of the shaft against time, from pulses or from an azimuth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import frozen_array, input_error
+from floquid.core import AzimuthSignal, PulseTimes, Record, TachometerSignal, channels_named
+from floquid.sync._angle_spline import AngleFit, AngleSpline, fit_angle
+from floquid.sync._azimuth import unwrap_azimuth
+from floquid.sync._count import count
+from floquid.sync._pulses import pulse_times
+from floquid.sync._steadiness import ROUGH, alike, gaps, outside, repairs, uneven, verdict
+
+OF = "shaft_angle"
+
+APART = 2.0
+"""Revolutions between knots at least: less, and uneven lines would be taken for a change of speed."""
+
+GRID = 2000
+"""Instants at which the speed is looked at, at least."""
+
+TURN = 2.0 * np.pi
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShaftAngle:
+    r"""The angle of the shaft over time with its uncertainty, and what may be said of the speed.
+
+    .. math:: \theta(t) = \sum_j c_j B_j(t), \qquad \theta(t_k) = 2 \pi n_k / L + g_{n_k \bmod L} - g_0 + \epsilon_k
+
+    Parameters
+    ----------
+    spline
+        The angle over the evidence, straight beyond it; one straight line where the speed is constant.
+    periods_per_revolution
+        Periods of the system in a revolution.
+    times, residuals, lines
+        Of each pulse that was counted, or block of samples of an azimuth: its time (pulses,) [s], the angle that it
+        shows less the angle of the fit (pulses,) [rad], and the line that it is (pulses,).
+    kept
+        Those that were not rejected (pulses,).
+    jitter
+        The standard deviation of what is left over: of pulses their times [s], of an azimuth the angle averaged over a
+        sixteenth of a revolution [rad].
+    jitter_unit
+        "s" or "rad".
+    geometry, geometry_std
+        How far each line of the encoder is ahead of even spacing (lines,) [rad], and its standard deviation; NaN for
+        lines that never gave a pulse. None where that is not estimated: one line, or less than three revolutions.
+    n_pulses, missing, doubled, rejected
+        Pulses (of an azimuth: samples) that were used; that should have come and did not; left out as one too many in
+        its place; left out as outliers.
+    wander
+        The rms of the speed about its mean, over the mean.
+    steady
+        Whether the speed is constant enough for a periodic model.
+    reasons
+        Why, with numbers, and what was repaired.
+    """
+
+    spline: AngleSpline
+    periods_per_revolution: float
+    times: Values
+    residuals: Values
+    lines: NDArray[np.int64]
+    kept: NDArray[np.bool_]
+    jitter: float
+    jitter_unit: Literal["s", "rad"]
+    geometry: Values | None
+    geometry_std: Values | None
+    n_pulses: int
+    missing: int
+    doubled: int
+    rejected: int
+    wander: float
+    steady: bool
+    reasons: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("times", "residuals", "lines", "kept", "geometry", "geometry_std"):
+            array = getattr(self, name)
+            if array is not None and array.flags.writeable:
+                array = array.copy()
+                array.flags.writeable = False
+                object.__setattr__(self, name, array)
+
+    @property
+    def first(self) -> float:
+        """Where the evidence begins [s]."""
+        return self.spline.first
+
+    @property
+    def last(self) -> float:
+        """Where the evidence ends [s]."""
+        return self.spline.last
+
+    @property
+    def mean_speed(self) -> float:
+        """The mean speed over the evidence [rad/s]."""
+        return self.spline.mean_speed()[0]
+
+    @property
+    def period(self) -> float:
+        """The mean period of the system [s]: 2π over the mean speed and the periods per revolution."""
+        return TURN / (self.mean_speed * self.periods_per_revolution)
+
+    @property
+    def period_std(self) -> float:
+        """The standard deviation of the mean period [s]."""
+        speed, std = self.spline.mean_speed()
+        return self.period * std / speed
+
+    def angle(self, times: ArrayLike) -> Values:
+        """The angle [rad] at `times` [s], unwrapped: zero at a pulse of line 0, or where the azimuth is."""
+        return self._at(self.spline.angle, times, "angle")
+
+    def angle_std(self, times: ArrayLike) -> Values:
+        """The standard deviation of the angle [rad] at `times` [s]."""
+        return self._at(self.spline.angle_std, times, "angle_std")
+
+    def speed(self, times: ArrayLike) -> Values:
+        """The speed [rad/s] at `times` [s]."""
+        return self._at(self.spline.speed, times, "speed")
+
+    def speed_std(self, times: ArrayLike) -> Values:
+        """The standard deviation of the speed [rad/s] at `times` [s]."""
+        return self._at(self.spline.speed_std, times, "speed_std")
+
+    def time_at(self, angle: ArrayLike) -> Values:
+        """When the shaft comes to `angle` [rad]: the time [s] of each, by Newton's method.
+
+        Raises
+        ------
+        InputError
+            An angle is not finite.
+        """
+        return self._at(self._times_at, angle, "time_at", argument="angle")
+
+    def _times_at(self, angles: Values) -> Values:
+        grid = np.linspace(self.first, self.last, max(GRID, 8 * len(self.spline.knots)))
+        known = self.spline.angle(grid)
+        times = np.interp(angles, known, grid)
+        for _ in range(50):
+            step = (angles - self.spline.angle(times)) / self.spline.speed(times)
+            times += step
+            if not step.size or np.abs(step).max() <= 4.0 * np.spacing(np.abs(times).max()):
+                break
+        return times
+
+    @staticmethod
+    def _at(function: Callable[[Values], Values], values: ArrayLike, method: str, argument: str = "times") -> Values:
+        shape = np.shape(values)
+        flat = frozen_array(np.ravel(values), argument, f"ShaftAngle.{method}", axes=(argument,))
+        return function(flat).reshape(shape)
+
+
+@dataclass(frozen=True, slots=True)
+class _Evidence:
+    """Instants at which the angle is known up to the offset of a line, and what was done to get them."""
+
+    times: Values
+    angles: Values
+    lines: NDArray[np.int64]
+    n_lines: int
+    missing: int
+    doubled: int
+    rejected: int
+    absent: tuple[int, ...]
+    each: int
+    what: str
+    said: tuple[str, ...]
+
+
+def shaft_angle(record: Record) -> ShaftAngle:
+    r"""The angle of the shaft by the record's clock: a tachometer, an azimuth, or times of pulses.
+
+    .. math:: \min_{c, g} \sum_k \Bigl(2 \pi n_k / L - \sum_j c_j B_j(t_k) + g_{n_k \bmod L}\Bigr)^2
+
+    One linear least squares for a cubic B-spline and the offsets of the L lines. The number of pieces is the one that
+    Akaike's corrected criterion prefers; a straight line, unless it is worse with a significance of 1 %. Pulses beyond
+    six robust deviations are left out.
+
+    Parameters
+    ----------
+    record
+        A record whose clock is a `TachometerSignal`, an `AzimuthSignal` or `PulseTimes`.
+
+    Returns
+    -------
+    ShaftAngle
+        The angle, and the verdict on the speed.
+
+    Raises
+    ------
+    InputError
+        The clock is another, its channel is not in the record or holds no pulses or no angle, fewer than three pulses
+        are left, or the shaft stands still or turns back on the way.
+    """
+    clock = record.clock
+    if not isinstance(clock, TachometerSignal | AzimuthSignal | PulseTimes):
+        got = "has none" if clock is None else "has a ConstantPeriod, which says the angle already"
+        must = "have a clock of pulses or azimuth"
+        raise input_error("record", OF, must, got, "Pass record.with_clock(TachometerSignal(channel=...)).")
+    seen = _of_azimuth(record, clock) if isinstance(clock, AzimuthSignal) else _of_pulses(record, clock)
+    revolutions = float(seen.angles[-1] - seen.angles[0]) / TURN
+    fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, max(int(revolutions / APART), 1))
+    spline = fit.spline
+    speeds = spline.speed(np.linspace(spline.first, spline.last, max(GRID, 8 * len(spline.knots))))
+    mean = spline.mean_speed()[0]
+    if speeds.min() <= 0.0:
+        must = "be of a shaft that turns one way throughout"
+        got = f"its speed goes from {speeds.min() / TURN:.3g} to {speeds.max() / TURN:.3g} Hz"
+        raise input_error("record", OF, must, got, "Cut the record to a part in which the shaft turns.")
+    wander = float(np.sqrt(np.mean((speeds / mean - 1.0) ** 2))) if spline.degree > 1 else 0.0
+    steady, why = verdict(wander, float(speeds[-1] - speeds[0]) / mean, mean)
+    pulses = not isinstance(clock, AzimuthSignal)
+    n_used = int(np.count_nonzero(fit.kept)) * seen.each
+    rejected = seen.rejected + int(np.count_nonzero(~fit.kept)) * seen.each
+    return ShaftAngle(
+        spline=spline,
+        periods_per_revolution=clock.periods_per_revolution,
+        times=seen.times,
+        residuals=fit.residuals,
+        lines=seen.lines,
+        kept=fit.kept,
+        jitter=fit.std / mean if pulses else fit.std,
+        jitter_unit="s" if pulses else "rad",
+        geometry=-fit.offsets if seen.n_lines > 1 else None,
+        geometry_std=fit.offsets_std if seen.n_lines > 1 else None,
+        n_pulses=n_used,
+        missing=seen.missing,
+        doubled=seen.doubled,
+        rejected=rejected,
+        wander=wander,
+        steady=steady,
+        reasons=(why, *_remarks(record, seen, fit, n_used, rejected)),
+    )
+
+
+def _remarks(record: Record, seen: _Evidence, fit: AngleFit, n_used: int, rejected: int) -> list[str]:
+    """What was repaired, learned or has to be taken on trust."""
+    spline = fit.spline
+    fixed = repairs(
+        missing=seen.missing,
+        doubled=seen.doubled,
+        rejected=rejected,
+        used=n_used,
+        what=seen.what,
+        absent=seen.absent,
+        lines=seen.n_lines,
+    )
+    said = [*seen.said, *fixed, *gaps(seen.times[fit.kept], spline.mean_speed()[0])]
+    if seen.n_lines > 1:
+        said += uneven(fit.offsets, fit.offsets_std)
+    if fit.std > ROUGH * TURN:
+        said.append(
+            f"What is left over scatters by {np.degrees(fit.std):.3g} deg: the sensor is poor, or the speed changes "
+            "within a revolution."
+        )
+    said += alike(fit.residuals[fit.kept])
+    ends = spline.speed(np.array([spline.first, spline.last])) / TURN
+    stop = record.start + (record.n_samples - 1) / record.sample_rate
+    return said + outside(float(ends[0]) * (spline.first - record.start), float(ends[1]) * (stop - spline.last))
+
+
+def _of_pulses(record: Record, clock: TachometerSignal | PulseTimes) -> _Evidence:
+    lines = clock.pulses_per_revolution
+    of_record = isinstance(clock, TachometerSignal)
+    times = pulse_times(record, clock.channel) if of_record else clock.times
+    if len(times) < 3:
+        raise input_error(
+            "record",
+            OF,
+            "have three pulses or more, for the speed and how well it is known",
+            f"has {len(times)}, at {times[0]:.6g} and {times[-1]:.6g} s",
+            "Use a longer record, or pass ConstantPeriod(period=..., origin=...) from these two.",
+        )
+    found = count(times, lines)
+    said = [
+        f"How many pulses were lost between {a:.6g} and {b:.6g} s is a guess: the speeds before and after differ."
+        for a, b in found.doubtful
+    ]
+    seen = len(np.unique(found.numbers % lines))
+    known = lines > 1 and found.numbers[-1] - found.numbers[0] >= 3 * lines and len(found.kept) >= 2 * seen
+    if lines > 1 and not known:
+        said.append(f"There are fewer than three revolutions: the {lines} lines are taken as evenly spaced.")
+    if lines > 1 and not found.absent:
+        said.append("Nothing marks one of the lines: phase zero is at the first pulse, not at a known angle.")
+    # Zero at the first pulse of line 0.
+    origin = -(-int(found.numbers[0]) // lines) * lines
+    return _Evidence(
+        times=times[found.kept],
+        angles=TURN * (found.numbers - origin) / lines,
+        lines=found.numbers % lines if known else np.zeros(len(found.kept), dtype=np.int64),
+        n_lines=lines if known else 1,
+        missing=found.missing,
+        doubled=found.doubled,
+        rejected=0,
+        absent=found.absent,
+        each=1,
+        what="pulses",
+        said=tuple(said),
+    )
+
+
+def _of_azimuth(record: Record, clock: AzimuthSignal) -> _Evidence:
+    (row,) = channels_named(record.channels, [clock.channel], argument="record", of=OF)
+    found = unwrap_azimuth(record.values[row], record.channels[row])
+    said = ("The azimuth falls: the shaft turns backwards, and that way is counted as positive.",)
+    return _Evidence(
+        times=record.start + found.positions / record.sample_rate,
+        angles=found.angles,
+        lines=np.zeros(len(found.angles), dtype=np.int64),
+        n_lines=1,
+        missing=found.missing,
+        doubled=0,
+        rejected=found.rejected,
+        absent=(),
+        each=found.block,
+        what="samples",
+        said=said if found.backwards else (),
+    )
