@@ -57,9 +57,7 @@ def record_blocks(
             blocks.append(
                 RecordBlock(
                     times=times[taken],
-                    values=record.values
-                    if everything and len(rows) == record.n_channels
-                    else record.values[rows][:, taken],
+                    values=record.values if whole_record else record.values[rows][:, taken],
                     hit=hit,
                     rows=rows,
                     noise=np.ones(len(rows)),

@@ -227,7 +227,7 @@ def _trials(
     alone = Entries.made([peak.exponent], [(0, 0)], omega)
     grids = [
         RecordBlock(
-            times=rest.taken * rest.step,
+            times=np.asarray(rest.taken * rest.step, np.float64),
             values=rest.values[:, rest.taken],
             hit=block.hit,
             rows=block.rows,

@@ -70,7 +70,7 @@ def by_force(force: NDArray[np.float64], *, least: float, apart: int) -> list[Bl
 def by_response(values: NDArray[np.float64], rows: list[int], *, least: float, apart: int) -> list[Blow]:
     """Blows that the rows of `values` (channels, samples) show by the errors of two predictions."""
     scaled = _scaled(values[rows])
-    complete = ~np.isnan(scaled).any(axis=0)
+    complete: NDArray[np.bool_] = np.asarray(~np.isnan(scaled).any(axis=0))
     memory, whole = _memory(complete, len(rows))
     np.nan_to_num(scaled, copy=False)
     window = max(4, memory // 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,7 +58,7 @@ class Run:
         A number is out of its range.
     """
 
-    rotor: JeffcottRotor = JeffcottRotor()
+    rotor: JeffcottRotor = field(default_factory=JeffcottRotor)
     n_periods: int = 1024
     samples_per_period: float = 50.0 * 1.00371
     wander: float = 0.002
