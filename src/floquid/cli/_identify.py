@@ -16,13 +16,18 @@ from floquid.cli._terminal import print_analysis, print_folder
 from floquid.pipeline import identify as identify_records
 
 OF = "floquid identify"
-STAGES = 8
+STAGES = 9
 
 
 def identify(
     *files: Place,
     period: float | None = None,
     frequency: float | None = None,
+    tach: str | None = None,
+    azimuth: str | None = None,
+    estimate_period: Annotated[bool | None, Parameter(negative=())] = None,
+    pulses_per_rev: OptionalWhole = None,
+    periods_per_rev: float | None = None,
     origin: float | None = None,
     rate: float | None = None,
     channels: str | None = None,
@@ -30,7 +35,11 @@ def identify(
     order: OptionalWhole = None,
     harmonics: OptionalWhole = None,
     states: str | None = None,
-    constrained: Annotated[bool | None, Parameter(negative=())] = None,
+    forced: str | None = None,
+    orbit: bool | None = None,
+    find_hits: Annotated[bool | None, Parameter(negative=())] = None,
+    skip: float | None = None,
+    constrained: bool | None = None,
     trust_period: Annotated[bool | None, Parameter(negative=())] = None,
     out: OptionalPlace = None,
     format: Literal["text", "json"] = "text",  # noqa: A002
@@ -48,6 +57,17 @@ def identify(
         The period of the system [s]: half a revolution for a two-fold symmetric shaft seen from the ground.
     frequency
         The fundamental frequency [Hz], one over the period; instead of --period.
+    tach
+        The channel of a tachometer, whose pulses tell the angle of the shaft; instead of --period.
+    azimuth
+        The channel that holds the angle of the shaft, in degrees or radians; instead of --period.
+    estimate_period
+        Find the period from the response alone; --period may give a first value.
+    pulses_per_rev
+        Pulses of the tachometer in a revolution; 1 when not given.
+    periods_per_rev
+        Periods of the system in a revolution of the shaft: 2 for a two-fold symmetric shaft seen from the ground; 1
+        when not given.
     origin
         The time of phase zero [s]; 0 when not given.
     rate
@@ -67,9 +87,18 @@ def identify(
         lscf and poly.
     states
         The channels that are the displacement states of A(t), comma-separated; no A(t) when not given.
+    forced
+        The forced response beside the free one (imbalance, gravity, an orbit): auto finds it, none leaves it out, 1,2
+        are harmonics of the revolution that are fitted in any case; auto when not given.
+    orbit
+        Subtract the periodic orbit that a file holds; --no-orbit leaves it in.
+    find_hits
+        Look for impacts in each record, and take each free response after one as a hit of its own.
+    skip
+        Periods left out after each impact, where the response is not linear yet; 0 when not given.
     constrained
-        Finish with residues held to their harmonics: smaller deviations where modes are weak, fast, or folded onto one
-        another.
+        Finish with residues held to their harmonics, the usual end: smaller deviations where modes are weak, fast, or
+        folded onto one another. --no-constrained keeps the residues of lifting free.
     trust_period
         Warn instead of refusing when the response seems to repeat with another period than the one given.
     out
@@ -92,12 +121,21 @@ def identify(
         order=order,
         harmonics=harmonics,
         states=None if states is None else split(states),
+        estimate_period=estimate_period,
+        tach=tach,
+        azimuth=azimuth,
+        pulses_per_revolution=pulses_per_rev,
+        periods_per_revolution=periods_per_rev,
+        forced=forced,
+        orbit=orbit,
+        find_hits=find_hits,
+        skip=skip,
         constrained=constrained,
         trust_period=trust_period,
     )
     with (
         nullcontext() if out is None else result_folder(out) as folder,
-        progress(STAGES + (1 if choices.settings.constrained else 0) + (3 if out else 0)) as report,
+        progress(STAGES + (3 if out else 0)) as report,
     ):
         records, choices = read_records(files, choices, OF, report)
         analysis = identify_records(records, choices.resolved(), report=report)

@@ -44,24 +44,26 @@ def read_records(
 ) -> tuple[list[Record], Choices]:
     """The records, and the choices with the names that the channels have from here on."""
     chosen, records = choices.settings, []
+    signals = [name for name in (chosen.tach, chosen.azimuth) if name is not None]
     for file in files:
         report(f"reading {file.name}")
         record = read(
             file,
             period=chosen.period,
             rate=choices.rate,
-            channels=chosen.channels or None,
+            channels=(*chosen.channels, *(n for n in signals if n not in chosen.channels)) if chosen.channels else None,
             origin=choices.origin,
         )
-        if record.clock is None:
+        if record.clock is None and not signals and not chosen.estimate_period:
             raise input_error(
                 "--period",
                 of,
                 "be given",
                 f"neither it nor --frequency is, and {file} does not state one",
-                "Give the period of the system [s], as in --period 0.02, or its frequency [Hz], as in --frequency 50.",
+                "Give the period of the system [s], as in --period 0.02, its frequency [Hz], as in --frequency 50, or the "
+                "channel of a tachometer, as in --tach tach; --estimate-period finds it from the response.",
             )
         records.append(record)
     if chosen.channels:  # a path may stand for all rows of a matrix: from here on each has its name
-        choices = choices.with_given(channels=tuple(channel.name for channel in records[0].channels))
+        choices = choices.with_given(channels=tuple(c.name for c in records[0].channels if c.name not in signals))
     return records, choices

@@ -54,7 +54,7 @@ def print_analysis(analysis: Analysis) -> None:
     meanings = [f"{word}: {meaning}" for word, meaning in NOTES.items() if word in used]
     deviations = NO_DEVIATIONS if analysis.model.exponent_std is None else DEVIATIONS
     kept = ", as asked for" if analysis.settings.harmonics is not None else " that rise above the noise"
-    kept += ", the residues held to them" if analysis.settings.constrained else ""
+    kept += ", the residues held to them" if analysis.held else ""
     legend = f"A row with ± is a conjugate pair; {deviations}. {LEGEND}; m: harmonics of the shape{kept}"
     console.print("; ".join([legend, *meanings]) + ".", style="dim")
     if analysis.choice is not None and not analysis.choice.ambiguous:
@@ -75,24 +75,38 @@ def print_folder(folder: Path | None, *others: str) -> None:
 
 
 def _print_record(console: Console, analysis: Analysis) -> None:
-    first, cycles = analysis.records[0], analysis.cycles
+    first, cycles = (analysis.measured or analysis.records)[0], analysis.cycles
     hits = ", ".join(str(c.n_cycles) for c in cycles)
     console.print(
         f"{counted(len(cycles), 'record')}, {counted(first.n_channels, 'channel')} at {first.sample_rate:.8g} Hz; "
-        f"period {analysis.model.period:.8g} s (ω = {analysis.model.fundamental:.6g} rad/s): "
+        f"period {_period(analysis)} s (ω = {analysis.model.fundamental:.6g} rad/s): "
         f"{counted(cycles[0].n_phases, 'sample')} a period, {hits} periods."
     )
-    for step in dict.fromkeys(step for record in analysis.records for step in record.provenance.steps):
+    records = analysis.measured or analysis.records
+    for step in dict.fromkeys(step for record in records for step in record.provenance.steps):
         console.print(f"  {step}", style="dim")
-    coloured = analysis.lifted.whitening is not None
+    for sentence in analysis.synchronisation:
+        console.print(f"  {sentence}")
+    coloured = analysis.lifted.whitening is not None and analysis.fit is None
     print_title(console, "Noise found, standard deviation after the whitening filter" if coloured else NOISE)
     console.print(_noise_table(analysis))
+    if analysis.fit is not None:
+        return
     print_whitening(console, analysis.lifted)
     if coloured:
         words = (
             "The noise above is what is left after the filter, less than that of the record; shapes are the record's."
         )
         console.print(words, style="dim")
+
+
+def _period(analysis: Analysis) -> str:
+    """The period, with its deviation where it was estimated."""
+    std = None if analysis.fit is None else analysis.fit.period_std
+    if std is None and analysis.shafts:
+        std = analysis.shafts[0].period_std
+    period = analysis.model.period
+    return f"{period:.8g}" if std is None else with_error(period, std)
 
 
 def print_whitening(console: Console, lifted: Lifted) -> None:
@@ -111,7 +125,7 @@ def print_whitening(console: Console, lifted: Lifted) -> None:
 
 def _noise_table(analysis: Analysis) -> Table:
     """The noise of each channel in each hit; of more than two hits, the quietest and the loudest."""
-    noise = analysis.lifted.noise
+    noise = analysis.noise
     peaks = np.array([np.abs(hit.values).max(axis=(1, 2)) for hit in analysis.cycles]).T
     several = noise.shape[1]
     titles = {1: ["noise"], 2: ["hit 1", "hit 2"]}.get(several, [f"least of {several} hits", "most"])
@@ -138,7 +152,7 @@ def modes_table(analysis: Analysis) -> Table:
     for number, r in enumerate(upper_modes(model), start=1):
         error = std[r] if std is not None else complex(np.nan, np.nan)
         value, real = model.exponents[r], is_real(model, r)
-        harmonics, _ = participation(model, r, 1.0 / analysis.lifted.noise)
+        harmonics, _ = participation(model, r, 1.0 / analysis.noise)
         table.add_row(
             str(number),
             with_error(value.real, error.real),

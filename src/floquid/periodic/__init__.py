@@ -8,9 +8,11 @@ from floquid.periodic._constrain import Constrained, constrain
 from floquid.periodic._fit import Fit, fit
 from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._harmonics import participation, select_bands
-from floquid.periodic._synchrony import Synchrony, drift, spacing, synchrony
+from floquid.periodic._synchrony import NEGLIGIBLE_SLIP, SIGNIFICANT, Synchrony, drift, spacing, synchrony
 
 __all__ = [
+    "NEGLIGIBLE_SLIP",
+    "SIGNIFICANT",
     "Constrained",
     "Fit",
     "ForcedResponse",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -123,7 +122,7 @@ class Entries:
         wider = np.stack([np.minimum(low, self.bands[:, 0]), np.maximum(high, self.bands[:, 1])], 1)
         return replace(self, bands=np.where(self.fixed[:, None], self.bands, wider))
 
-    def picked(self, which: NDArray | Sequence[int]) -> Entries:
+    def picked(self, which: ArrayLike) -> Entries:
         """Some of the entries, in the order given."""
         names = ("exponents", "real", "bands", "offsets", "fixed", "factors")
         return replace(self, **{name: getattr(self, name)[np.asarray(which, np.int64)] for name in names})

@@ -16,6 +16,9 @@ LOUD = 2.0
 NEAR = 0.1
 """How near a sum of two exponents must be to a third, over its decay, to be taken for it."""
 
+CHANCE = 0.01
+"""The tolerance, over the fundamental, beyond which a sum agrees by chance too often to say anything."""
+
 CERTAIN = 5.0
 """The same in standard deviations."""
 
@@ -59,7 +62,8 @@ def combinations(found: Searched) -> tuple[str, ...]:
             total = (values[a] if one > 0 else values[a].conj()) + (values[b] if other > 0 else values[b].conj())
             gap = value - total
             gap = complex(gap.real, gap.imag - omega * round(gap.imag / omega))
-            if abs(gap) < max(CERTAIN * float(np.hypot(std[c], std[a] + std[b])), NEAR * abs(value.real)):
+            tolerance = max(CERTAIN * float(np.hypot(std[c], std[a] + std[b])), NEAR * abs(value.real))
+            if abs(gap) < tolerance < CHANCE * omega:
                 names = " and ".join(f"{abs(values[k].imag) / (2.0 * np.pi):.4g} Hz" for k in sorted({int(a), int(b)}))
                 sentences.append(
                     f"The mode at {abs(value.imag) / (2.0 * np.pi):.4g} Hz is most likely no mode: its multiplier is a "

@@ -12,7 +12,7 @@ from floquid._checks import input_error
 from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
-from floquid.periodic._blocks import PLAIN, SPEED, SPEED_RATE, SPEED_SQUARED, TREND
+from floquid.periodic._blocks import PLAIN, SPEED, SPEED_RATE, SPEED_SQUARED, TREND, complex_of
 from floquid.periodic._constrain import noise_left
 from floquid.periodic._constrained import evaluated, settled
 from floquid.periodic._evidence import evidence
@@ -48,8 +48,13 @@ class Fit:
         The forced response; None where there is none.
     noise
         The deviation of what is left (channels, hits) [units of the channels].
+    free
+        The records without the forced response.
     period_std
         The deviation of the period [s]; None where it was not a parameter.
+    own_period
+        (own period - period given)/period given as the response has it, a linear estimate, and its deviation; None
+        where the period was a parameter, the shaft tells it, or the response does not.
     reasons, doubts
         What speaks for the modes found, and against them.
     """
@@ -57,7 +62,9 @@ class Fit:
     model: PeriodicModel
     forced: ForcedResponse | None
     noise: NDArray[np.float64]
+    free: tuple[Record, ...]
     period_std: float | None
+    own_period: tuple[float, float] | None
     reasons: tuple[str, ...]
     doubts: tuple[str, ...]
 
@@ -167,7 +174,9 @@ def fit(
         model=model,
         forced=_forced(found, nu, names, wanders=wanders),
         noise=noise_left(found.blocks, found.held),
+        free=_free(records, found),
         period_std=period_std,
+        own_period=None if free_period or isinstance(clocks[0], ShaftAngle) else _own_period(found),
         reasons=reasons,
         doubts=doubts,
     )
@@ -269,3 +278,31 @@ def _forced(found: Searched, nu: float, channels: tuple[Channel, ...], *, wander
         channels=channels,
         speed_dependent=wanders,
     )
+
+
+def _free(records: Sequence[Record], found: Searched) -> tuple[Record, ...]:
+    """The records without what is fixed in the fit."""
+    entries = found.held.entries
+    if not entries.fixed.any():
+        return tuple(records)
+    columns = entries.columns()
+    values = [np.full(record.values.shape, np.nan) for record in records]
+    for block, linear in zip(found.blocks, found.held.linear, strict=True):
+        coefficients = complex_of(linear.coefficients) * entries.fixed[columns.modes][:, None]
+        _, left = block.rest(columns, coefficients)
+        own = values[block.hit]
+        taken = ~np.isnan(records[block.hit].values[block.rows[0]])
+        own[np.ix_(block.rows, np.flatnonzero(taken))] = left
+    for array in values:
+        array.flags.writeable = False
+    return tuple(replace(record, values=array) for record, array in zip(records, values, strict=True))
+
+
+def _own_period(found: Searched) -> tuple[float, float] | None:
+    """The step that the period would make if it were a parameter, relative, and its deviation."""
+    now = evaluated(found.blocks, replace(found.held.entries, free_period=True))
+    if now.information[-1, -1] <= 0.0:
+        return None
+    covariance = now.covariance()
+    step = float((covariance @ now.gradient)[-1]) / now.entries.fundamental
+    return -step, float(np.sqrt(covariance[-1, -1])) / now.entries.fundamental

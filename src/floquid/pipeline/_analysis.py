@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from floquid.core import Cycles, PeriodicModel, Provenance, Record
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.order import Choice
+from floquid.periodic import Fit
 from floquid.pipeline._settings import Settings
 from floquid.reconstruction import StateModel
+from floquid.sync import ShaftAngle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,6 +34,17 @@ class Analysis:
         Φ and A(t), when states were asked for.
     choice
         What speaks for the order found and against it; None where the order was given.
+    fit
+        The fit of the records as they were sampled, with the forced response; None where lifting was enough. Then
+        `records` are the free response alone, resampled to whole samples a period.
+    measured
+        The records as they were read, where `fit` is; not kept in a result file.
+    shafts
+        The angle of the shaft in each record that has a tachometer or an azimuth; not kept in a result file.
+    held
+        Whether the residues were held to their harmonics in the end.
+    synchronisation
+        How well the records are synchronised, and what was done to them, a sentence each.
     warnings
         What a reader of the result must know.
     """
@@ -41,7 +57,17 @@ class Analysis:
     model: PeriodicModel
     state: StateModel | None = None
     choice: Choice | None = None
+    fit: Fit | None = None
+    measured: tuple[Record, ...] = ()
+    shafts: tuple[ShaftAngle, ...] = ()
+    held: bool = False
+    synchronisation: tuple[str, ...] = ()
     warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def noise(self) -> NDArray[np.float64]:
+        """The deviation of the noise (channels, hits) [units of the channels]."""
+        return self.lifted.noise if self.fit is None else self.fit.noise
 
     @property
     def provenance(self) -> Provenance:

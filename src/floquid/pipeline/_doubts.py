@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 from floquid.order import Choice
-from floquid.periodic import Constrained, synchrony
+from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, Constrained, Fit, spacing, synchrony
 
 MISFIT = 6.0
 """Standard deviations of what held residues leave at which they are doubted."""
@@ -27,6 +27,31 @@ def wrong_period(model: PeriodicModel, lifted: Lifted) -> str:
         f"The response does not repeat with the period given: its own is {own:.10g} ± "
         f"{model.period * found.std:.1g} s, not {model.period:.10g} s; over the record the phase slips by "
         f"{found.slip:.3g} samples. Exponents and shapes would look right and be wrong."
+    )
+
+
+def wrong_measured_period(found: Fit, lifted: Lifted, rate: float) -> str:
+    """The same for records fitted as they were sampled at `rate` [Hz]."""
+    model = found.model
+    torn = spacing(model, lifted)
+    relative, std = (torn.relative, torn.std) if torn is not None else (found.own_period or (0.0, np.inf))
+    slip = abs(relative) * int(lifted.responses.lengths.max()) * model.period * rate
+    if abs(relative) <= SIGNIFICANT * std or slip <= NEGLIGIBLE_SLIP:
+        return ""
+    own, samples = model.period * (1.0 + relative), model.period * (1.0 + relative) * rate
+    whole = round(samples)
+    cause = "The period, the sampling rate or the time column is wrong or rounded."
+    if abs(samples - whole) < max(3.0 * std * samples, 1e-6 * samples):
+        cause = (
+            f"That is {whole} sampling intervals, a whole number: the sampling interval ({1.0 / rate:.6g} s) or the "
+            f"period was rounded. If the period is right, the sampling interval is {model.period / whole:.10g} s "
+            f"(`rate={whole / model.period:.10g}`, `--rate`)."
+        )
+    return (
+        f"The response does not repeat with the period given: its own is {own:.10g} ± {model.period * std:.1g} s, not "
+        f"{model.period:.10g} s; over the record the phase slips by {slip:.3g} samples. Exponents and shapes would look "
+        f"right and be wrong.\n  {cause} If you know the period to be right, pass `trust_period=True` "
+        "(`--trust-period`)."
     )
 
 

@@ -9,7 +9,15 @@ from hashlib import sha256
 import numpy as np
 
 from floquid._checks import input_error
-from floquid.core import ConstantPeriod, Cycles, Record, channels_named
+from floquid.core import (
+    AzimuthSignal,
+    Clock,
+    ConstantPeriod,
+    Cycles,
+    Record,
+    TachometerSignal,
+    channels_named,
+)
 from floquid.errors import IdentificationError
 from floquid.lifting import lift
 from floquid.order import judge
@@ -17,6 +25,7 @@ from floquid.periodic import assemble, constrain
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._doubts import ambiguity, misfit, too_low, warnings, wrong_period
 from floquid.pipeline._find_poles import find_poles
+from floquid.pipeline._measured import measured, why_measured
 from floquid.pipeline._settings import Settings
 from floquid.reconstruction import reconstruct
 from floquid.sync import segment
@@ -71,12 +80,18 @@ def identify(
         return _identified(used, chosen, report)
 
 
-def _identified(used: tuple[Record, ...], chosen: Settings, report: Callable[[str], None]) -> Analysis:
+def _identified(
+    used: tuple[Record, ...], chosen: Settings, report: Callable[[str], None], said: tuple[str, ...] = ()
+) -> Analysis:
     """The chain from records with their clock on."""
+    _refuse_copies(used)
+    why = why_measured(used, chosen)
+    if why:
+        _refuse_far(used, chosen)
+        return measured(used, chosen, report, said=(*said, f"Fitted as sampled, not lifted: {why}."))
     report("cutting into periods")
     cycles = segment(used)
     _refuse_impossible(chosen, cycles)
-    _refuse_copies(used)
     report("estimating the noise")
     lifted = lift(cycles, floor=chosen.noise_floor)
     lifted, modal, choice = find_poles(lifted, chosen, report)
@@ -136,13 +151,39 @@ def _prepare(records: Record | Sequence[Record], settings: Settings) -> tuple[Re
         )
     used = []
     for record in several:
+        clock = _clock(record, settings)
+        own = [clock.channel] if isinstance(clock, (TachometerSignal, AzimuthSignal)) else []
         if settings.channels:
-            record = record.select(settings.channels)
-        if settings.period is not None:
-            origin = record.clock.origin if isinstance(record.clock, ConstantPeriod) else 0.0
-            record = record.with_clock(ConstantPeriod(period=settings.period, origin=origin))
-        used.append(record)
+            record = record.select([*settings.channels, *(name for name in own if name not in settings.channels)])
+        used.append(record if clock is None else record.with_clock(clock))
     return tuple(used)
+
+
+def _clock(record: Record, settings: Settings) -> Clock | None:
+    """The clock that the settings name, or the record's own."""
+    turns = settings.periods_per_revolution
+    if settings.tach is not None:
+        return TachometerSignal(
+            channel=settings.tach,
+            pulses_per_revolution=settings.pulses_per_revolution,
+            periods_per_revolution=turns,
+        )
+    if settings.azimuth is not None:
+        return AzimuthSignal(channel=settings.azimuth, periods_per_revolution=turns)
+    if settings.period is not None:
+        origin = record.clock.origin if isinstance(record.clock, ConstantPeriod) else 0.0
+        return ConstantPeriod(period=settings.period, origin=origin)
+    return record.clock
+
+
+def _refuse_far(records: Sequence[Record], settings: Settings) -> None:
+    """Refuse what cannot end well for records fitted as they were sampled."""
+    names = [channel for channel in records[0].channels if channel.name not in (settings.tach, settings.azimuth)]
+    channels_named(names, settings.states, argument="states", of="identify")
+    if settings.identifier is not None:
+        must, got = "be None for records that are fitted as they were sampled", f"is {settings.identifier!r:.60}"
+        remedy = "Leave it out: modes are found in the spectrum of what is left, and fitted by maximum likelihood."
+        raise input_error("identifier", "identify", must, got, remedy)
 
 
 def _refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:

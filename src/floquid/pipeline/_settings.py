@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from floquid._checks import input_error, integer, positive
+from floquid._checks import finite, input_error, integer, positive
+from floquid.core import AzimuthSignal
 from floquid.lti import AbstractIdentifier
 
 
@@ -38,9 +39,28 @@ class Settings:
         The least share of a channel's largest value that the noise is taken to be: the level down to which the record
         can be believed.
     constrained
-        Finish with residues held to their harmonics (`floquid.periodic.constrain`).
+        Finish with residues held to their harmonics, and look for modes that lifting cannot tell apart.
     trust_period
         Warn instead of refusing when the response seems to repeat with another period than the one given.
+    estimate_period
+        Find the period from the response alone.
+    tach
+        The name of a channel of tachometer pulses; None for a record's own clock.
+    azimuth
+        The name of a channel that holds the angle of the shaft.
+    pulses_per_revolution
+        Pulses of the tachometer in a revolution.
+    periods_per_revolution
+        Periods of the system in a revolution of the shaft: 2 for a two-fold symmetric shaft seen from the ground.
+    forced
+        The forced response beside the free one: "auto" finds it, "none" leaves it out, "1,2" or (1, 2) are harmonics of
+        the revolution that are fitted in any case.
+    orbit
+        Whether the orbit that a record holds is subtracted.
+    find_hits
+        Whether each record is searched for impacts, and cut into one free response after each.
+    skip
+        Periods after each impact that are left out, where they are not linear yet.
 
     Raises
     ------
@@ -58,8 +78,17 @@ class Settings:
     mode_false_alarm: float = 1e-9
     harmonic_false_alarm: float = 1e-8
     noise_floor: float = 1e-10
-    constrained: bool = False
+    constrained: bool = True
     trust_period: bool = False
+    estimate_period: bool = False
+    tach: str | None = None
+    azimuth: str | None = None
+    pulses_per_revolution: int = 1
+    periods_per_revolution: float = 1.0
+    forced: str = "auto"
+    orbit: bool = True
+    find_hits: bool = False
+    skip: float = 0.0
 
     def __post_init__(self) -> None:
         of = "Settings"
@@ -79,7 +108,11 @@ class Settings:
         if not isinstance(self.identifier, (AbstractIdentifier, type(None))):
             must, remedy = "be an identifier of `floquid.lti`, or None", "Pass an object, such as AMI()."
             raise input_error("identifier", of, must, f"is {self.identifier!r:.60}", remedy)
-        for name in ("constrained", "trust_period"):
+        self._check_clock()
+        object.__setattr__(self, "forced", _forced_text(self.forced))
+        if finite(self.skip, "skip", of) < 0.0:
+            raise input_error("skip", of, "not be negative", f"is {self.skip:g}", "It counts periods.")
+        for name in ("constrained", "trust_period", "estimate_period", "orbit", "find_hits"):
             value = getattr(self, name)
             if not isinstance(value, (bool, np.bool_)):
                 raise input_error(name, of, "be true or false", f"is {value!r}")
@@ -87,3 +120,45 @@ class Settings:
         for name in ("mode_false_alarm", "harmonic_false_alarm", "noise_floor"):
             if not 0.0 < positive(getattr(self, name), name, of) < 1.0:
                 raise input_error(name, of, "lie between 0 and 1", f"is {getattr(self, name)}")
+
+    def _check_clock(self) -> None:
+        """Refuse two clocks at once, and numbers that no clock can have."""
+        of = "Settings"
+        integer(self.pulses_per_revolution, "pulses_per_revolution", of, at_least=1)
+        AzimuthSignal(channel="-", periods_per_revolution=self.periods_per_revolution)
+        given = {
+            "period": self.period is not None,
+            "tach": self.tach is not None,
+            "azimuth": self.azimuth is not None,
+            "estimate_period": bool(self.estimate_period),
+        }
+        named = [name for name, there in given.items() if there]
+        for name in ("tach", "azimuth"):
+            value = getattr(self, name)
+            if value is not None and (not isinstance(value, str) or not value.strip()):
+                raise input_error(name, of, "be the name of a channel", f"is {value!r}")
+        if len(named) > 1 and named != ["period", "estimate_period"]:
+            must, got = "not be given beside another clock", f"{' and '.join(named)} are"
+            raise input_error(named[1], of, must, got, "Say in one way what ties the record to the period.")
+
+    @property
+    def forced_harmonics(self) -> str | tuple[int, ...]:
+        """`forced` as `floquid.periodic.fit` takes it: "auto", "none", or harmonics of the revolution."""
+        if self.forced in ("auto", "none"):
+            return self.forced
+        return tuple(int(word) for word in self.forced.split(","))
+
+
+def _forced_text(value: object) -> str:
+    """The forced response asked for, as a text."""
+    words = value.split(",") if isinstance(value, str) else value
+    if isinstance(value, str) and value.strip() in ("auto", "none"):
+        return value.strip()
+    try:
+        numbers = sorted({int(word) for word in words})  # type: ignore[union-attr]
+        if not numbers or numbers[0] < 1 or any(float(word) != int(word) for word in words):  # type: ignore[union-attr]
+            raise ValueError
+    except (TypeError, ValueError):
+        must = 'be "auto", "none" or harmonics of the revolution'
+        raise input_error("forced", "Settings", must, f"is {value!r}", 'Pass e.g. "1,2".') from None
+    return ",".join(str(number) for number in numbers)

@@ -5,7 +5,7 @@ from floquid.sync._hits import Impact, find_hits, find_impacts, split_hits
 from floquid.sync._interpolation import half_width, interpolate, interpolation_error
 from floquid.sync._pulses import pulse_times
 from floquid.sync._resample import bandwidth, resample
-from floquid.sync._segment import rejoin, segment
+from floquid.sync._segment import rejoin, samples_per_period, segment
 from floquid.sync._shaft_angle import ShaftAngle, shaft_angle
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "pulse_times",
     "rejoin",
     "resample",
+    "samples_per_period",
     "segment",
     "shaft_angle",
     "split_hits",

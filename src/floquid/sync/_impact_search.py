@@ -36,6 +36,10 @@ LEAST_ERROR = 1e-4
 LIMIT = 5.0
 """The root of an impact's prediction error in a window exceeds the usual by this many times the usual scatter."""
 
+ALONE = 3.5
+"""A single sample stands out when the root of its error, over all channels, is this many deviations above its usual
+value: the chance of noise is about 1 in 100 000."""
+
 SIDED = 0.7
 """Share of the errors around an impact that lies ahead of it forwards and before it backwards: less is chatter."""
 
@@ -86,7 +90,7 @@ def by_response(values: NDArray[np.float64], rows: list[int], *, least: float, a
         free = now
         errors = _errors(scaled, memory, whole, free)
         excess, limit = _excess(*errors, window, len(rows))
-    alone = (1.0 + 5.0 / np.sqrt(len(rows))) ** 2
+    alone = (1.0 + ALONE / np.sqrt(len(rows))) ** 2
     return _blows(excess, limit, errors[:2], alone, memory + window, least=least, apart=apart)
 
 
@@ -244,10 +248,12 @@ def _place(
     """
     # Where one side has no prediction (an end of the record), the other must stand out of the noise to count.
     late, early = (np.nan_to_num(squares[low:high], nan=2.0) for squares in (ahead, back))
-    between = int(np.argmax(np.concatenate([[0.0], np.cumsum(early - late)])))
+    own_side = np.concatenate([[0.0], np.cumsum(early - late)])
+    # More than one instant where neither side has a prediction: somewhere among missing samples.
+    between = np.flatnonzero(own_side == own_side.max())
     begun, over = np.flatnonzero(late > alone), np.flatnonzero(early > alone)
-    start = min(between, int(begun[0])) if len(begun) else between
-    end = max(between, int(over[-1]) + 1) if len(over) else between
+    start = int(np.concatenate([between[:1], begun[:1]]).min())
+    end = int(np.concatenate([between[-1:], over[-1:] + 1]).max())
     late, early = (np.maximum(squares - 2.0, 0.0) for squares in (late, early))
     own, other = early[:start].sum() + late[end:].sum(), late[:start].sum() + early[end:].sum()
     return low + start, low + end, float(own / (own + other)) if own > 0.0 else 0.0

@@ -1,0 +1,194 @@
+"""Records as they really come: fitted at the times at which they were sampled.
+
+This way is gone where the samples are not a whole number a period, a tachometer tells the angle, samples are missing,
+the period is to be found, or a forced response lies beside the free one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from floquid._checks import input_error
+from floquid.core import AzimuthSignal, ConstantPeriod, PulseTimes, Record, TachometerSignal
+from floquid.errors import IdentificationError, InputError
+from floquid.lifting import lift
+from floquid.lti import fit_residues
+from floquid.order import Choice
+from floquid.periodic import Fit, fit
+from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._doubts import ambiguity, warnings, wrong_measured_period
+from floquid.pipeline._settings import Settings
+from floquid.reconstruction import reconstruct
+from floquid.sync import ShaftAngle, rejoin, resample, samples_per_period, segment, shaft_angle
+
+SIGNALS = (TachometerSignal, AzimuthSignal, PulseTimes)
+
+
+def why_measured(records: tuple[Record, ...], settings: Settings) -> str:
+    """Why the records cannot be cut into periods as they are; empty where they can."""
+    if any(isinstance(record.clock, SIGNALS) for record in records):
+        return "a shaft angle that is measured"
+    if settings.estimate_period:
+        return "a period that is to be found"
+    if settings.forced not in ("auto", "none"):
+        return "a forced response"
+    if any(np.isnan(record.values).any() for record in records):
+        return "missing samples"
+    try:
+        for record in records:
+            samples_per_period(record)
+    except InputError as error:
+        if "whole number" not in str(error):
+            raise
+        return "a period that is no whole number of samples"
+    try:
+        segment(records)
+    except InputError as error:
+        if "same phases" not in str(error) and "same sample rate" not in str(error):
+            raise
+        return "records sampled at different phases"
+    return ""
+
+
+def measured(
+    records: tuple[Record, ...],
+    settings: Settings,
+    report: Callable[[str], None],
+    *,
+    said: tuple[str, ...] = (),
+) -> Analysis:
+    """The chain for records as they were sampled.
+
+    Parameters
+    ----------
+    records
+        The records with their clocks.
+    settings
+        The options.
+    report
+        Is told of each stage.
+    said
+        What was done to the records before, a sentence each.
+
+    Returns
+    -------
+    Analysis
+        The result; its `records` are the free response resampled to whole samples a period.
+    """
+    responses, clocks, shafts = _clocks(records, settings, report)
+    found = fit(
+        responses,
+        clocks,
+        forced=settings.forced_harmonics,
+        periods_per_revolution=settings.periods_per_revolution,
+        order=settings.order,
+        harmonics=settings.harmonics,
+        free_period=settings.estimate_period,
+        mode_false_alarm=settings.mode_false_alarm,
+        harmonic_false_alarm=settings.harmonic_false_alarm,
+        report=report,
+    )
+    report("resampling the free response")
+    period = found.model.period
+    steady = [_steady(clock, record, period) for clock, record in zip(clocks, responses, strict=True)]
+    cycles = resample(found.free, steady)
+    synchronous = tuple(rejoin(hit) for hit in cycles)
+    lifted = lift(cycles, floor=settings.noise_floor)
+    doubt = "" if shafts or settings.estimate_period else wrong_measured_period(found, lifted, responses[0].sample_rate)
+    if doubt and not settings.trust_period:
+        raise IdentificationError(doubt)
+    modal = fit_residues(found.model.multipliers, lifted.responses)
+    model = replace(found.model, provenance=lifted.provenance)
+    state = None
+    if settings.states:
+        report("rebuilding the state matrix")
+        state = reconstruct(model, settings.states, times=settings.system_times)
+    choice = Choice(order=model.order, model=modal, reasons=found.reasons, doubts=found.doubts)
+    own = tuple(dict.fromkeys(reason for shaft in shafts for reason in shaft.reasons))
+    unsteady = tuple(_unsteady(shaft) for shaft in shafts if not shaft.steady)
+    if unsteady and not settings.trust_period:
+        raise IdentificationError(unsteady[0])
+    return Analysis(
+        settings=settings,
+        records=synchronous,
+        cycles=cycles,
+        lifted=lifted,
+        modal=modal,
+        model=model,
+        state=state,
+        choice=None if settings.order is not None else choice,
+        fit=found,
+        measured=records,
+        shafts=shafts,
+        held=True,
+        synchronisation=(*said, *own, *_said_of(found)),
+        warnings=tuple(word for word in (doubt, *unsteady) if word)
+        + (ambiguity(choice) if settings.order is None else ())
+        + warnings(model),
+    )
+
+
+def _clocks(
+    records: tuple[Record, ...], settings: Settings, report: Callable[[str], None]
+) -> tuple[list[Record], list[ConstantPeriod | ShaftAngle], tuple[ShaftAngle, ...]]:
+    """The responses without the channel of the clock, and what ties each to the phase."""
+    responses, clocks, shafts = [], [], []
+    for record in records:
+        clock = record.clock
+        if isinstance(clock, SIGNALS):
+            report("finding the angle of the shaft")
+            shaft = shaft_angle(record)
+            shafts.append(shaft)
+            clocks.append(shaft)
+            if not isinstance(clock, PulseTimes):
+                record = record.select([c.name for c in record.channels if c.name != clock.channel])
+        else:
+            assert clock is not None
+            clocks.append(clock)
+        responses.append(record)
+    if shafts and len(shafts) < len(clocks):
+        must, got = "all have a measured shaft angle, or none", "some have"
+        raise input_error("records", "identify", must, got, "Give each its clock.")
+    return responses, clocks, tuple(shafts)
+
+
+def _steady(clock: ConstantPeriod | ShaftAngle, record: Record, period: float) -> ConstantPeriod:
+    """A clock of constant period, its phase zero at that of the record's begin."""
+    if isinstance(clock, ConstantPeriod):
+        return ConstantPeriod(period=period, origin=record.start - clock.phase(record.start) * clock.period)
+    turns = float(clock.angle(np.array([record.start]))[0]) * clock.periods_per_revolution / (2.0 * np.pi)
+    begin = clock.time_at(np.array([2.0 * np.pi * np.floor(turns + 1e-9) / clock.periods_per_revolution]))
+    return ConstantPeriod(period=period, origin=float(begin[0]))
+
+
+def _unsteady(shaft: ShaftAngle) -> str:
+    return (
+        f"The speed of the shaft is not constant enough for a periodic model: {' '.join(shaft.reasons)} Use a part of "
+        "the record where it is, or pass `trust_period=True` (`--trust-period`)."
+    )
+
+
+def _said_of(found: Fit) -> tuple[str, ...]:
+    """The forced response, in words."""
+    forced = found.forced
+    if forced is None:
+        return ("No forced response was looked for.",)
+    said = []
+    if len(forced.harmonics):
+        largest = forced.amplitudes.max(axis=1) / found.noise[:, :1]
+        parts = [
+            f"{j} a revolution (up to {largest[:, k].max():.3g} times the noise)"
+            for k, j in enumerate(forced.harmonics)
+        ]
+        follows = ", let follow the speed" if forced.speed_dependent else ""
+        said.append(f"A forced response was fitted beside the modes{follows}: {', '.join(parts)}.")
+    else:
+        said.append("No harmonic of a forced response rises above the noise.")
+    if forced.offset.any():
+        said.append("An offset of the channels was fitted beside the modes.")
+    if forced.drift.any():
+        said.append("A drift of the channels, linear in time, was fitted beside the modes.")
+    return tuple(said)
