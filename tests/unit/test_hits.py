@@ -19,8 +19,8 @@ from floquid.systems import JeffcottRotor
 ROTOR = JeffcottRotor()
 PHASES = 50
 RATE = PHASES / ROTOR.period
-SCALES = np.array([1.0, 3e5, 2e-4, 40.0])[:, None]
-UNITS = ("m", "um", "km", "mm")
+SCALES = np.array([1.0, 3e9, 2e-7, 40.0])[:, None]
+UNITS = ("m", "nm", "km", "mm")
 HITS = ((0, 1.0, 45.0), (3317, 0.6, 100.0), (6504, 0.8, 10.0))
 
 
@@ -59,10 +59,10 @@ def samples(record, times):
 
 
 def with_force(record, blows, *, noise=0.01, seed=1, at_row=4):
-    """`record` with the force of half sines of (first sample, length, size)."""
+    """`record` with the force of soft blows of (first sample, length, size)."""
     force = noise * np.random.default_rng(seed).standard_normal(record.n_samples)
     for first, length, size in blows:
-        force[first : first + length] += size * np.sin(np.pi * (np.arange(length) + 0.5) / length)
+        force[first : first + length] += size * np.sin(np.pi * (np.arange(length) + 0.5) / length) ** 2
     channels = list(record.channels)
     channels.insert(at_row, Channel(name="hammer", unit="N"))
     return replace(record, values=np.insert(record.values, at_row, force, axis=0), channels=tuple(channels))
@@ -91,6 +91,28 @@ def test_one_free_response_has_no_hit_in_fifty_seeds(imbalance):
 def test_neither_a_record_without_noise_nor_one_of_noise_alone_has_a_hit():
     assert find_hits(measured(HITS[:1], noise=0.0)) == ()
     assert find_hits(measured(HITS[:1], noise=3.0)) == ()
+
+
+def test_errors_that_grow_and_fall_with_the_response_are_not_hits():
+    """As where the system is not quite linear: an error of 5 % of a response that dies away, and all the same a hit."""
+    for seed in range(10):
+        for hits, found in ((HITS[:1], []), ((HITS[0], (6504, 0.5, 45.0)), [6504])):
+            response = free(hits, 200)
+            fading = 0.05 * np.exp(-np.arange(response.shape[1]) / 1500)
+            error = fading * np.random.default_rng(seed).standard_normal(response.shape)
+            record = measured(hits, seed=seed, noise=0.002)
+            largest = np.abs(response).max(axis=1, keepdims=True)
+            faulty = replace(record, values=record.values + SCALES * largest * error)
+            assert_allclose(samples(faulty, find_hits(faulty)), found, atol=2)
+
+
+def test_channels_that_tell_the_same_do_no_harm():
+    for noise in (0.0, 0.02):
+        record = measured(noise=noise)
+        channels = (*record.channels, Channel(name="again"), Channel(name="still"))
+        twice = np.vstack([record.values, 2.0 * record.values[:1], np.ones_like(record.values[:1])])
+        doubled = replace(record, values=twice, channels=channels)
+        assert_allclose(samples(doubled, find_hits(doubled)), [3317, 6504], atol=2)
 
 
 def test_one_channel_without_noise_or_with_it_shows_the_hits():
@@ -140,15 +162,17 @@ def test_an_impact_that_lasts_has_an_end_after_which_the_response_is_free():
 
 
 def test_a_bounce_is_one_impact_that_is_flagged():
-    record = measured((HITS[0], (4000, 1.0, 80.0), (4090, 0.7, 80.0), (8000, 1.0, 20.0)))
-    first, second = find_impacts(record, apart=200 / RATE)
+    record = measured((HITS[0], (4000, 1.0, 80.0), (4250, 0.7, 80.0), (8000, 1.0, 20.0)))
+    first, second = find_impacts(record, apart=400 / RATE)
     assert first.double
     assert not second.double
-    assert_allclose(samples(record, [first.start, first.end, second.start]), [4000, 4090, 8000], atol=3)
+    assert_allclose(samples(record, [first.start, first.end, second.start]), [4000, 4250, 8000], atol=3)
     assert "more than one blow" in first.sentence
     assert "more than one blow" not in second.sentence
-    third = find_impacts(record, apart=10 / RATE)[0]
-    assert (samples(record, third.end) < 4085) or third.double
+    assert_allclose(samples(record, find_hits(record)), [4000, 4250, 8000], atol=3)
+    # Nearer than the model looks back they cannot be told apart, and are still flagged.
+    near, _ = find_impacts(measured((HITS[0], (4000, 1.0, 80.0), (4090, 0.7, 80.0), (8000, 1.0, 20.0))), apart=1 / RATE)
+    assert near.double
 
 
 def test_a_hit_weaker_than_the_least_does_not_count():
@@ -273,6 +297,16 @@ def test_what_is_skipped_or_too_short_is_left_out_and_said():
     assert third.provenance.steps[-1].startswith("hit 3 of 4 ")
     assert len(split_hits(record, at, skip=50 / RATE, shortest=50 / RATE)) == 4
     assert len(split_hits(record, at, skip=50 / RATE, shortest=3000 / RATE)) == 1
+
+
+@pytest.mark.parametrize("start", [0.0, 0.1, -1e4 / 3])
+def test_an_instant_on_a_sample_begins_with_that_sample(start):
+    record = measured(start=start)
+    for first in (1, 7, 123, 3001, 9973):
+        (piece,) = split_hits(record, [start + first / RATE])
+        assert piece.n_samples == record.n_samples - first
+        (piece,) = split_hits(record, [start + (first + 0.3) / RATE])
+        assert piece.n_samples == record.n_samples - first - 1
 
 
 def test_pieces_keep_the_clock():

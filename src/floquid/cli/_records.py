@@ -45,13 +45,14 @@ def read_records(
     """The records, and the choices with the names that the channels have from here on."""
     chosen, records = choices.settings, []
     signals = [name for name in (chosen.tach, chosen.azimuth) if name is not None]
+    named = (*chosen.channels, *(name for name in signals if name not in chosen.channels)) if chosen.channels else None
     for file in files:
         report(f"reading {file.name}")
         record = read(
             file,
             period=chosen.period,
             rate=choices.rate,
-            channels=(*chosen.channels, *(n for n in signals if n not in chosen.channels)) if chosen.channels else None,
+            channels=named,
             origin=choices.origin,
         )
         if record.clock is None and not signals and not chosen.estimate_period:
@@ -60,8 +61,8 @@ def read_records(
                 of,
                 "be given",
                 f"neither it nor --frequency is, and {file} does not state one",
-                "Give the period of the system [s], as in --period 0.02, its frequency [Hz], as in --frequency 50, or the "
-                "channel of a tachometer, as in --tach tach; --estimate-period finds it from the response.",
+                "Give the period of the system [s], as in --period 0.02, its frequency [Hz], as in --frequency 50, or "
+                "the channel of a tachometer, as in --tach tach; --estimate-period finds it from the response.",
             )
         records.append(record)
     if chosen.channels:  # a path may stand for all rows of a matrix: from here on each has its name

@@ -5,6 +5,7 @@
 
 from floquid.periodic._assemble import assemble
 from floquid.periodic._constrain import Constrained, constrain
+from floquid.periodic._finish import Finished, finish
 from floquid.periodic._fit import Fit, fit
 from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._harmonics import participation, select_bands
@@ -14,12 +15,14 @@ __all__ = [
     "NEGLIGIBLE_SLIP",
     "SIGNIFICANT",
     "Constrained",
+    "Finished",
     "Fit",
     "ForcedResponse",
     "Synchrony",
     "assemble",
     "constrain",
     "drift",
+    "finish",
     "fit",
     "participation",
     "select_bands",

@@ -42,11 +42,14 @@ class Constrained:
     misfit
         How much more holding the residues leaves than noise explains, in standard deviations: beyond a few, a mode is
         several that fold onto one another, or has harmonics outside its band.
+    entries
+        What was fitted: modes with their bands.
     """
 
     model: PeriodicModel
     noise: NDArray[np.float64]
     misfit: float
+    entries: Entries
 
 
 def constrain(
@@ -104,7 +107,7 @@ def constrain(
     most, blocks = (lifted.n_phases - 1) // 2, LiftedBlock.all_of(lifted)
     found, bands = with_bands(blocks, Entries.of(model), most, false_alarm, choose=choose, padding=padding)
     held = model_of(blocks, found, bands, channels=model.channels, provenance=model.provenance)
-    return Constrained(held, noise_left(blocks, found), _misfit(model, lifted, found))
+    return Constrained(held, noise_left(blocks, found), excess(model, lifted, found), found.entries)
 
 
 def with_bands(
@@ -129,7 +132,7 @@ def with_bands(
     return found, bands
 
 
-def _misfit(model: PeriodicModel, lifted: Lifted, found: Held) -> float:
+def excess(model: PeriodicModel, lifted: Lifted, found: Held) -> float:
     r"""The rise of the cost over that of free residues, as a chi-square brought to zero mean and unit variance.
 
     .. math:: z = \frac{J_{\mathrm{held}} - J_{\mathrm{free}} - \nu}{\sqrt{2 \nu}}

@@ -16,6 +16,9 @@ LOUD = 2.0
 NEAR = 0.1
 """How near a sum of two exponents must be to a third, over its decay, to be taken for it."""
 
+DOUBLE = 0.5
+"""Decays that two modes must be apart, modulo the fundamental, to be surely two."""
+
 CHANCE = 0.01
 """The tolerance, over the fundamental, beyond which a sum agrees by chance too often to say anything."""
 
@@ -32,13 +35,33 @@ def evidence(found: Searched) -> tuple[tuple[str, ...], tuple[str, ...]]:
         f"{words} found one after another in the spectrum of what is left, none of them explained by noise or as a "
         "harmonic of another."
     )
+    against = (*doubles(found), *combinations(found))
     share = peak.gain / peak.limit
     where = f"{abs(peak.exponent.imag) / (2.0 * np.pi):.4g} Hz"
     text = f"The strongest peak that is left, at {where}, is {share:.2f} of the highest that noise alone mostly has"
     if share > LOUD:
         doubt = f"{text}: what is left is not all noise (a nonlinearity, a drifting amplitude, another tone)."
-        return (found_how,), (doubt, *combinations(found))
-    return (found_how, f"{text}."), combinations(found)
+        return (found_how,), (doubt, *against)
+    return (found_how, f"{text}."), against
+
+
+def doubles(found: Searched) -> tuple[str, ...]:
+    """Modes that fold onto one another nearer than they decay, a sentence each: they may be one."""
+    entries = found.held.entries
+    free = np.flatnonzero(~entries.fixed)
+    omega, sentences = entries.fundamental, []
+    values = entries.exponents[free] + 1j * omega * entries.offsets[free]
+    for k, value in enumerate(values):
+        for other in values[k + 1 :]:
+            gaps = [value - other, value - other.conjugate()]
+            gaps = [complex(gap.real, gap.imag - omega * round(gap.imag / omega)) for gap in gaps]
+            if min(abs(gap) for gap in gaps) < DOUBLE * min(abs(value.real), abs(other.real)):
+                names = f"{abs(value.imag) / (2.0 * np.pi):.4g} Hz and {abs(other.imag) / (2.0 * np.pi):.4g} Hz"
+                sentences.append(
+                    f"The modes at {names} are whole numbers of fundamentals apart within {DOUBLE:g} of their decay: "
+                    "they may be one mode with harmonics that its band leaves out."
+                )
+    return tuple(sentences)
 
 
 def combinations(found: Searched) -> tuple[str, ...]:

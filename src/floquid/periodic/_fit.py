@@ -20,7 +20,8 @@ from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._held import model_of, shapes
 from floquid.periodic._record_block import RecordBlock
 from floquid.periodic._record_blocks import record_blocks
-from floquid.periodic._search import Limits, Searched, forced_entries, searched
+from floquid.periodic._search import Searched, forced_entries, searched
+from floquid.periodic._trial import Limits
 from floquid.sync import ShaftAngle
 
 USUAL = (1, 2)

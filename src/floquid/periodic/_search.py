@@ -21,22 +21,21 @@ from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import Block, complex_of
 from floquid.periodic._constrain import PADDING, noise_left, with_bands
 from floquid.periodic._constrained import Held, evaluated, settled
-from floquid.periodic._held import chosen_bands
 from floquid.periodic._peaks import Peak, Rest, strongest
 from floquid.periodic._record_block import RecordBlock
+from floquid.periodic._trial import (
+    ROUGHLY,
+    WIDEST,
+    Limits,
+    criterion,
+    needed,
+    tried,
+    with_better_bands,
+    with_real_ones,
+)
 
 FIRST_BAND = 1
 """Harmonics on each side that a new mode is fitted with."""
-
-WIDEST = 4
-"""Harmonics on each side that a mode may have while others are still missing, and take what is theirs."""
-
-STRICT = 1e-6
-"""The probability at which noise may pass for a harmonic while modes are still missing: a wide band takes what is a
-mode of its own that folds next to this one."""
-
-ROUGHLY = 0.1
-"""Standard deviations at which a fit counts as settled while modes are still missing."""
 
 LOOK = 1.0
 """How many peaks of noise are expected among those that are tried: it is the fit that decides."""
@@ -55,35 +54,6 @@ TRIED = 4
 
 ROUNDS = 3
 """How often the search may go on after the bands were chosen for good."""
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """What a search is held to.
-
-    Parameters
-    ----------
-    most
-        The highest harmonic of the axis that the sampling shows.
-    modes
-        Entries that may be found, at most.
-    mode_alarm, harmonic_alarm
-        The probabilities at which noise may pass for a mode, and for a harmonic.
-    forced
-        Turns a period of the harmonics that a forced response may have; empty when none is looked for (harmonics,).
-    choose
-        Whether bands are chosen; else each mode has `width` harmonics on each side.
-    width
-        See `choose`.
-    """
-
-    most: int
-    modes: int
-    mode_alarm: float
-    harmonic_alarm: float
-    forced: NDArray[np.float64]
-    choose: bool = True
-    width: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,9 +87,9 @@ def searched(
     Searched
         The fit.
     """
-    blocks, held, peak = _added(tuple(blocks), evaluated(blocks, base), limits, report)
+    blocks, held = _added(tuple(blocks), evaluated(blocks, base), limits, report)
     report("choosing harmonics")
-    blocks, held, bands = _finished(blocks, _needed(blocks, held, limits), limits)
+    blocks, held, bands = _finished(blocks, needed(blocks, held, limits), limits)
     for _ in range(ROUNDS if limits.choose else 0):
         # The harmonics fitted beyond each band may hold what is another mode's: it is looked for without them.
         try:
@@ -127,50 +97,22 @@ def searched(
         except (IdentificationError, np.linalg.LinAlgError):
             break
         before = len(narrow.entries.exponents)
-        more, wider, peak = _added(blocks, _with_twin(blocks, narrow, limits) or narrow, limits, report)
+        more, wider = _added(blocks, _with_twin(blocks, narrow, limits) or narrow, limits, report)
         if len(wider.entries.exponents) == before:
             break
         report("choosing harmonics")
-        more, wider, ends = _finished(more, _needed(more, wider, limits), limits)
-        if _criterion(more, wider) >= _criterion(more, evaluated(more, held.entries)):
+        more, wider, ends = _finished(more, needed(more, wider, limits), limits)
+        if criterion(more, wider) >= criterion(more, evaluated(more, held.entries)):
             break
         blocks, held, bands = more, wider, ends
-    held, bands = _with_real_ones(blocks, held, bands)
+    held, bands = with_real_ones(blocks, held, bands)
+    peak = strongest(blocks, rests_of(blocks, held), 2.0 * np.pi / held.entries.fundamental, LOOK)
     return Searched(blocks, held, bands, peak)
-
-
-def _with_real_ones(blocks: tuple[Block, ...], held: Held, bands: NDArray[np.int64]) -> tuple[Held, NDArray[np.int64]]:
-    """With each pair whose multipliers may be one real multiplier taken for that, where the criterion says so."""
-    for entry in np.flatnonzero(~held.entries.fixed & ~held.entries.real):
-        entries = held.entries
-        value, omega = entries.exponents[entry], entries.fundamental
-        half = round(2.0 * value.imag / omega)
-        if abs(value.imag - 0.5 * half * omega) > abs(value.real):
-            continue
-        turns = np.abs(np.append(entries.bands[entry], bands[entry]) + 0.5 * half).reshape(2, 2).max(axis=1)
-        fitted, kept = (np.array([-(half // 2) - half % 2, int(np.floor(turn - 0.5 * half))]) for turn in turns)
-        real, exponents = entries.real.copy(), entries.exponents.copy()
-        offsets, ends = entries.offsets.copy(), entries.bands.copy()
-        real[entry], exponents[entry] = True, value.real
-        offsets[entry], ends[entry] = 0.5 * half, fitted
-        trial = replace(entries, real=real, exponents=exponents, offsets=offsets, bands=ends)
-        with suppress(IdentificationError, np.linalg.LinAlgError):
-            found = settled(blocks, trial)
-            if _criterion(blocks, found) <= _criterion(blocks, held):
-                held, bands = found, bands.copy()
-                bands[entry] = kept
-    return held, bands
-
-
-def _criterion(blocks: Sequence[Block], found: Held) -> float:
-    """Akaike's: the misfit, and two for each number that is fitted."""
-    rows = sum(len(block.rows) for block in blocks)
-    return found.cost + 2.0 * (len(found.gradient) + _size(found.entries) * rows)
 
 
 def _added(
     blocks: tuple[Block, ...], held: Held, limits: Limits, report: Callable[[str], None]
-) -> tuple[tuple[Block, ...], Held, Peak]:
+) -> tuple[tuple[Block, ...], Held]:
     """With every mode that rises above the noise, bands within `WIDEST`."""
     passed: list[float] = []
     while True:
@@ -180,7 +122,7 @@ def _added(
         peak = strongest(blocks, rests, period, LOOK, passed)
         full = int((~held.entries.fixed).sum()) >= limits.modes
         if peak.gain < peak.limit or full or len(passed) >= REFUSALS:
-            return blocks, held, peak
+            return blocks, held
         trial = _with_peak(blocks, rests, held, peak, limits)
         if trial is None:
             passed.append(peak.exponent.imag)
@@ -193,11 +135,11 @@ def _added(
 def _with_peak(blocks: tuple[Block, ...], rests: Sequence[Rest], held: Held, peak: Peak, limits: Limits) -> Held | None:
     """The fit with one more harmonic, of the forced response or of a mode, or one more mode; None where it fails."""
     span = max(rest.span for rest in rests)
-    own, best, most = evaluated(blocks, held.entries), None, 0.0
+    own, best, most = with_better_bands(blocks, evaluated(blocks, held.entries), limits), None, 0.0
     for trial in _trials(blocks, rests, held.entries, peak, limits, 4.0 * np.pi / span):
-        found, won = _won(blocks, own, trial, limits)
-        if found is not None and won > most:
-            best, most = found, won
+        found, lead = tried(blocks, own, trial, limits)
+        if found is not None and lead > most:
+            best, most = found, lead
     return best
 
 
@@ -264,94 +206,12 @@ def _with_twin(blocks: tuple[Block, ...], held: Held, limits: Limits) -> Held | 
                 one = Entries.made([complex(decay * value.real, frequency)], [(-FIRST_BAND, FIRST_BAND)], omega)
                 trials.append(entries.joined(one))
     costs = [evaluated(blocks, trial).cost for trial in trials]
-    best, most = None, 0.0
+    own, best, most = with_better_bands(blocks, held, limits), None, 0.0
     for k in np.argsort(costs)[:TRIED]:
-        found, won = _won(blocks, held, trials[k], limits)
-        if found is not None and won > most:
-            best, most = found, won
+        found, lead = tried(blocks, own, trials[k], limits)
+        if found is not None and lead > most:
+            best, most = found, lead
     return best
-
-
-def _needed(blocks: tuple[Block, ...], held: Held, limits: Limits) -> Held:
-    """The fit without modes that are not needed: noise explains them, or another has them as harmonics."""
-    from scipy.special import chdtri
-
-    rows = sum(len(block.rows) for block in blocks)
-    while True:
-        entries, best, most = held.entries, None, 0.0
-        free = np.flatnonzero(~entries.fixed)
-        for entry in free:
-            rest = entries.picked([k for k in range(len(entries.exponents)) if k != entry])
-            own = entries.picked([entry])
-            more = len(own.parameters().weights) + rows * _size(own)
-            least = float(chdtri(more, limits.mode_alarm)) - 2.0 * more
-            for trial in (rest, *_taken_over(entries, int(entry), limits)):
-                now = evaluated(blocks, trial)
-                # Where even a full step of the others does not make up for it, no fit is needed.
-                gained = float(now.gradient @ np.linalg.lstsq(now.information, now.gradient, rcond=1e-12)[0])
-                if _criterion(blocks, now) - 2.0 * gained > _criterion(blocks, held) + least:
-                    continue
-                with suppress(IdentificationError, np.linalg.LinAlgError):
-                    now = settled(blocks, trial, at_rest=ROUGHLY)
-                won = _criterion(blocks, held) + least - _criterion(blocks, now)
-                if won > most:
-                    best, most = now, won
-        if best is None:
-            return held
-        held = best
-
-
-def _taken_over(entries: Entries, entry: int, limits: Limits) -> list[Entries]:
-    """The entries without one, its harmonics being given to each mode that it folds onto."""
-    trials, value = [], entries.exponents[entry]
-    for other in np.flatnonzero(~entries.fixed & ~entries.real):
-        for sign in (1.0, -1.0):
-            if other == entry or entries.real[entry]:
-                continue
-            gap = complex(value.real, sign * value.imag) - entries.exponents[other]
-            turns = round(gap.imag / entries.fundamental)
-            near = abs(gap - 1j * turns * entries.fundamental) < abs(value.real)
-            if near and turns:
-                ends = sign * entries.bands[entry] + turns
-                bands = entries.bands.copy()
-                bands[other] = min(bands[other, 0], ends.min()), max(bands[other, 1], ends.max())
-                if bands[other, 1] - bands[other, 0] <= 2 * limits.most:
-                    trials.append(replace(entries, bands=bands).picked([k for k in range(len(bands)) if k != entry]))
-    return trials
-
-
-def _won(blocks: Sequence[Block], held: Held, trial: Entries, limits: Limits) -> tuple[Held | None, float]:
-    """The fit of a trial, and by how much its criterion beats what noise would give; None where it fails.
-
-    Its bands are chosen again where that does no harm.
-    """
-    from scipy.special import chdtri
-
-    rows = sum(len(block.rows) for block in blocks)
-    more = len(trial.parameters().weights) - len(held.gradient) + rows * (_size(trial) - _size(held.entries))
-    more = max(more, 1)
-    least = _criterion(blocks, held) - float(chdtri(more, limits.mode_alarm)) + 2.0 * more
-    try:
-        found = settled(blocks, trial, at_rest=ROUGHLY)
-    except (IdentificationError, np.linalg.LinAlgError):
-        return None, 0.0
-    if limits.choose:
-        wide = evaluated(blocks, _widened(found.entries))
-        bands = chosen_bands(blocks, wide, STRICT)
-        with suppress(IdentificationError, np.linalg.LinAlgError):
-            other = settled(blocks, replace(found.entries, bands=bands), at_rest=ROUGHLY)
-            found = min(found, other, key=lambda one: _criterion(blocks, one))
-    return found, least - _criterion(blocks, found)
-
-
-def _widened(entries: Entries) -> Entries:
-    wide = np.stack([np.minimum(entries.bands[:, 0], -WIDEST), np.maximum(entries.bands[:, 1], WIDEST)], axis=1)
-    return replace(entries, bands=np.where(entries.fixed[:, None], entries.bands, wide))
-
-
-def _size(entries: Entries) -> int:
-    """Real coefficients of one channel."""
-    return len(entries.sines()) + int(entries.sines().sum())
 
 
 def _finished(

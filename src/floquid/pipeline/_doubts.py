@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 from floquid.order import Choice
-from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, Constrained, Fit, spacing, synchrony
+from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, Finished, Fit, spacing, synchrony
 
 MISFIT = 6.0
 """Standard deviations of what held residues leave at which they are doubted."""
@@ -49,8 +49,8 @@ def wrong_measured_period(found: Fit, lifted: Lifted, rate: float) -> str:
         )
     return (
         f"The response does not repeat with the period given: its own is {own:.10g} ± {model.period * std:.1g} s, not "
-        f"{model.period:.10g} s; over the record the phase slips by {slip:.3g} samples. Exponents and shapes would look "
-        f"right and be wrong.\n  {cause} If you know the period to be right, pass `trust_period=True` "
+        f"{model.period:.10g} s; over the record the phase slips by {slip:.3g} samples. Exponents and shapes would "
+        f"look right and be wrong.\n  {cause} If you know the period to be right, pass `trust_period=True` "
         "(`--trust-period`)."
     )
 
@@ -69,14 +69,14 @@ def too_low(order: int, choice: Choice) -> str:
     )
 
 
-def misfit(held: Constrained) -> str:
+def misfit(ended: Finished) -> str:
     """What speaks against residues that were held to their harmonics; empty when nothing does."""
-    if held.misfit <= MISFIT:
+    if ended.misfit <= MISFIT:
         return ""
     return (
-        f"Residues held to their harmonics leave more than noise ({held.misfit:.3g} standard deviations): harmonics "
+        f"Residues held to their harmonics leave more than noise ({ended.misfit:.3g} standard deviations): harmonics "
         "are missing, or a mode is several that fold onto one another, and exponents are bent by more than their "
-        "deviations say. Allow more harmonics, or finish without `constrained`."
+        "deviations say. Allow more harmonics, or finish with `constrained=False` (`--no-constrained`)."
     )
 
 

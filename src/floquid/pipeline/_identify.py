@@ -20,8 +20,9 @@ from floquid.core import (
 )
 from floquid.errors import IdentificationError
 from floquid.lifting import lift
-from floquid.order import judge
-from floquid.periodic import assemble, constrain
+from floquid.lti import fit_residues
+from floquid.order import Choice, judge
+from floquid.periodic import assemble, finish
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._doubts import ambiguity, misfit, too_low, warnings, wrong_period
 from floquid.pipeline._find_poles import find_poles
@@ -105,12 +106,22 @@ def _identified(
             f"{doubt}\n  Correct the period; if it is no whole number of samples, resample the record. If you know the "
             "period to be right, pass `trust_period=True` (`--trust-period`)."
         )
-    bent = ""
+    bent, ended = "", None
     if chosen.constrained:
         report("holding the residues to their harmonics")
-        alarm, free = chosen.harmonic_false_alarm, chosen.harmonics is None
-        held = constrain(model, lifted, false_alarm=alarm, choose=free, padding=1 if free else 0)
-        model, bent = held.model, misfit(held)
+        ended = finish(
+            model,
+            lifted,
+            false_alarm=chosen.harmonic_false_alarm,
+            mode_false_alarm=chosen.mode_false_alarm,
+            choose=chosen.harmonics is None,
+            search=chosen.order is None and chosen.identifier is None,
+            report=report,
+        )
+        model, bent = ended.model, misfit(ended)
+        if ended.reasons is not None:
+            modal = fit_residues(model.multipliers, lifted.responses)
+            choice = Choice(order=model.order, model=modal, reasons=ended.reasons, doubts=ended.doubts)
     state = None
     if chosen.states:
         report("rebuilding the state matrix")
@@ -124,6 +135,8 @@ def _identified(
         model=model,
         state=state,
         choice=choice,
+        held=ended is not None and ended.held,
+        synchronisation=said,
         warnings=tuple(word for word in (missing, doubt, bent) if word) + ambiguity(choice) + warnings(model),
     )
 

@@ -37,19 +37,25 @@ def why_measured(records: tuple[Record, ...], settings: Settings) -> str:
         return "a forced response"
     if any(np.isnan(record.values).any() for record in records):
         return "missing samples"
+    return _why_uncut(records)
+
+
+def _why_uncut(records: tuple[Record, ...]) -> str:
+    """Why records of constant period cannot be cut into whole samples; empty where they can."""
+    uncut = {
+        "whole number": "a period that is no whole number of samples",
+        "same phases": "records sampled at different phases",
+        "same sample rate": "records sampled at different rates",
+    }
     try:
         for record in records:
             samples_per_period(record)
-    except InputError as error:
-        if "whole number" not in str(error):
-            raise
-        return "a period that is no whole number of samples"
-    try:
         segment(records)
     except InputError as error:
-        if "same phases" not in str(error) and "same sample rate" not in str(error):
-            raise
-        return "records sampled at different phases"
+        for words, why in uncut.items():
+            if words in str(error):
+                return why
+        raise
     return ""
 
 
@@ -78,7 +84,7 @@ def measured(
     Analysis
         The result; its `records` are the free response resampled to whole samples a period.
     """
-    responses, clocks, shafts = _clocks(records, settings, report)
+    responses, clocks, shafts = _clocks(records, report)
     found = fit(
         responses,
         clocks,
@@ -132,7 +138,7 @@ def measured(
 
 
 def _clocks(
-    records: tuple[Record, ...], settings: Settings, report: Callable[[str], None]
+    records: tuple[Record, ...], report: Callable[[str], None]
 ) -> tuple[list[Record], list[ConstantPeriod | ShaftAngle], tuple[ShaftAngle, ...]]:
     """The responses without the channel of the clock, and what ties each to the phase."""
     responses, clocks, shafts = [], [], []

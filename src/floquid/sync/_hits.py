@@ -83,7 +83,9 @@ def find_impacts(
 
     A free response that starts at the first sample is no impact: an empty result says that the record is one free
     response from its first sample (or that the first samples are all that was hit). Two blows nearer than the model's
-    memory (up to 64 samples) cannot be told from one long impact in the response alone.
+    memory (up to 64 samples) cannot be told from one long impact in the response alone, and the soft beginning and end
+    of a long one drown in noise: then split with a `skip`. A hard knock of loose parts is an impact; longer chatter,
+    which both predictions miss on both of its sides, is not counted.
 
     Parameters
     ----------

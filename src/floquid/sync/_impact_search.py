@@ -36,9 +36,8 @@ LEAST_ERROR = 1e-4
 LIMIT = 5.0
 """The root of an impact's prediction error in a window exceeds the usual by this many times the usual scatter."""
 
-ALONE = 3.5
-"""A single sample stands out when the root of its error, over all channels, is this many deviations above its usual
-value: the chance of noise is about 1 in 100 000."""
+ALONE = 5.0
+"""A single sample stands out when the root of its error over all channels is this many deviations above the usual."""
 
 SIDED = 0.7
 """Share of the errors around an impact that lies ahead of it forwards and before it backwards: less is chatter."""

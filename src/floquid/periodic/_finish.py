@@ -1,0 +1,126 @@
+"""The end of an identification by lifting: residues held to their harmonics, and modes that lifting merged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from floquid.core import PeriodicModel
+from floquid.errors import FloquidError
+from floquid.lifting import Lifted
+from floquid.periodic._constrain import Constrained, constrain, excess
+from floquid.periodic._constrained import evaluated
+from floquid.periodic._evidence import evidence
+from floquid.periodic._held import model_of
+from floquid.periodic._lifted_block import LiftedBlock
+from floquid.periodic._search import forced_entries, searched
+from floquid.periodic._trial import Limits, criterion
+
+MISFIT = 6.0
+"""Standard deviations of what held residues leave at which modes are looked for that lifting merged."""
+
+WEAK = 2e-3
+"""The deviation of an exponent over the fundamental above which it may stand for several modes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """The end of an identification.
+
+    Parameters
+    ----------
+    model
+        The periodic model.
+    held
+        Whether its residues are held to their harmonics.
+    misfit
+        What they leave beyond noise, in standard deviations; zero where they are free.
+    reasons, doubts
+        What speaks for its modes and against them where they are others than lifting found; None where they are not.
+    """
+
+    model: PeriodicModel
+    held: bool
+    misfit: float
+    reasons: tuple[str, ...] | None = None
+    doubts: tuple[str, ...] = ()
+
+
+def finish(
+    model: PeriodicModel,
+    lifted: Lifted,
+    *,
+    false_alarm: float = 1e-8,
+    mode_false_alarm: float = 1e-9,
+    choose: bool = True,
+    search: bool = True,
+    report: Callable[[str], None] = lambda _: None,
+) -> Finished:
+    """The model with residues held to their harmonics, and with the modes that lifting could not tell apart.
+
+    Modes fold onto one another in lifted responses, and one that folds onto its own conjugate looks like two real
+    multipliers. Where a mode is weakly determined, or held residues leave more than noise, modes are looked for anew at
+    their unfolded frequencies (`fit`), and the better of the two is kept.
+
+    Parameters
+    ----------
+    model
+        The periodic model of the lifted responses.
+    lifted
+        The responses.
+    false_alarm
+        The probability at which noise may pass for one harmonic.
+    mode_false_alarm
+        The probability at which noise may pass for a mode.
+    choose
+        Whether bands are chosen again; else they are those of the model.
+    search
+        Whether modes may be looked for anew.
+    report
+        Is told of each stage.
+
+    Returns
+    -------
+    Finished
+        The model; that of lifting where holding the residues is not possible.
+    """
+    held: Constrained | None = None
+    with suppress(FloquidError, np.linalg.LinAlgError):
+        held = constrain(model, lifted, false_alarm=false_alarm, choose=choose, padding=1 if choose else 0)
+    plain = Finished(model, False, 0.0) if held is None else Finished(held.model, True, held.misfit)
+    if not (search and choose) or (held is not None and held.misfit < MISFIT and not _weak(held.model)):
+        return plain
+    report("looking for modes that fold onto one another")
+    blocks = LiftedBlock.all_of(lifted)
+    limits = Limits(
+        most=(lifted.n_phases - 1) // 2,
+        modes=model.order + 8,
+        mode_alarm=mode_false_alarm,
+        harmonic_alarm=false_alarm,
+        forced=np.zeros(0),
+    )
+    try:
+        found = searched(blocks, forced_entries([], model.fundamental), limits, report)
+    except (FloquidError, np.linalg.LinAlgError):
+        return plain
+    if not len(found.held.entries.exponents):
+        return plain
+    anew = evaluated(found.blocks, found.held.entries)
+    if held is not None and criterion(found.blocks, anew) >= criterion(
+        found.blocks, evaluated(found.blocks, held.entries)
+    ):
+        return plain
+    other = model_of(found.blocks, found.held, found.bands, channels=model.channels, provenance=model.provenance)
+    left = excess(other, lifted, evaluated(blocks, found.held.entries))
+    return Finished(other, True, left, *evidence(found))
+
+
+def _weak(model: PeriodicModel) -> bool:
+    """Whether a mode is so weakly determined that it may stand for several."""
+    std = model.exponent_std
+    return (
+        std is not None and model.order > 0 and float(np.maximum(std.real, std.imag).max()) > WEAK * model.fundamental
+    )
