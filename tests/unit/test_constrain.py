@@ -178,11 +178,11 @@ def test_the_noise_of_the_coefficients_is_taken_off_the_information():
     model, noise = system([-0.3 + 0.9j, -0.25 + 2.2j]), 0.2
     clean = lift(segment(records(model))).with_noise(np.full((2, 1), noise))
     entries = replace(Entries.of(near(model, clean, off=0.0)), bands=np.array([[-3, 3], [-3, 3]]))
-    exact = np.diag(evaluated(clean, entries).gauss_newton)
+    exact = np.diag(evaluated(LiftedBlock.all_of(clean), entries).gauss_newton)
     drawn = []
     for seed in range(200):
         noisy = lift(segment(records(model, noise=noise, seed=seed))).with_noise(np.full((2, 1), noise))
-        found = evaluated(noisy, entries)
+        found = evaluated(LiftedBlock.all_of(noisy), entries)
         drawn.append([np.diag(found.gauss_newton), np.diag(found.information)])
     whole, reduced = np.mean(drawn, axis=0)
     assert (whole > 1.06 * exact).all()

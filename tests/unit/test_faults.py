@@ -28,7 +28,7 @@ def record(*rows, names=None, units=None, clock=None, start=0.0):
     return Record(values=np.array(rows), sample_rate=RATE, channels=channels, clock=clock, start=start)
 
 
-@pytest.mark.parametrize("bits", [None, 16, 12, 10])
+@pytest.mark.parametrize("bits", [None, 16, 12, 10, 7])
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_a_channel_cut_at_both_ends_or_one_is_told(bits, noise):
     wave = decay(noise=noise)
@@ -36,12 +36,13 @@ def test_a_channel_cut_at_both_ends_or_one_is_told(bits, noise):
     rows = [wave, both, top] if bits is None else [quantised(row, bits) for row in (wave, both, top)]
     two, one = clipped(record(*rows, units=["m", "m/s", "m/s^2"]))
     assert (two.channel, one.channel) == ("c1", "c2")
-    assert_allclose(two.levels, (-0.7, 0.7), atol=3e-3)
-    assert_allclose(one.levels, (0.8,), atol=3e-3)
+    step = 0.0 if bits is None else 1.2 / 2**bits
+    assert_allclose(two.levels, (-0.7, 0.7), atol=1.01 * step)
+    assert_allclose(one.levels, (0.8,), atol=1.01 * step)
     if bits is None:
         assert 0.85 * np.sum(np.abs(both) == 0.7) <= two.samples <= np.sum(np.abs(both) == 0.7)
         assert two.share == two.samples / len(TIMES)
-    assert two.sentence.startswith("channel 'c1' is clipped at -0.7")
+    assert two.sentence.startswith(f"channel 'c1' is clipped at {two.levels[0]:.6g} m/s and {two.levels[1]:.6g} m/s: ")
     assert two.sentence.endswith("%")
     assert " m/s^2: " in one.sentence
 
@@ -79,6 +80,9 @@ def test_a_force_at_rest_is_not_clipped_but_its_flat_top_is():
         force[first : first + 40] = 30.0 * np.sin(np.pi * (np.arange(40) + 0.5) / 40)
     assert clipped(record(force, units=["N"])) == ()
     assert clipped(record(force + 0.5, units=["N"])) == ()
+    blow = force[500:540]
+    often = 0.5 + np.tile(np.concatenate([np.zeros(20), blow, np.zeros(100), blow]), 20)
+    assert clipped(record(often, units=["N"])) == ()
     (found,) = clipped(record(np.minimum(force, 20.0), units=["N"]))
     assert found.levels == (20.0,)
     assert found.samples == int((np.minimum(force, 20.0) == 20.0).sum())

@@ -106,6 +106,19 @@ def test_errors_that_grow_and_fall_with_the_response_are_not_hits():
             assert_allclose(samples(faulty, find_hits(faulty)), found, atol=2)
 
 
+def test_noise_that_comes_and_goes_raises_the_limit():
+    """What is usual is as scattered as the record shows: noise whose level changes every 60 samples, by up to four."""
+    for seed in range(5):
+        generator = np.random.default_rng(seed)
+        levels = np.repeat(np.exp(generator.uniform(-0.7, 0.7, 167)), 60)[:10000]
+        for hits, found in ((HITS[:1], []), (HITS, [3317, 6504])):
+            record = measured(hits, seed=seed, noise=0.0)
+            largest = np.abs(free(hits, 200)).max(axis=1, keepdims=True)
+            gusty = record.values + 0.003 * SCALES * largest * levels * generator.standard_normal(record.values.shape)
+            record = replace(record, values=gusty)
+            assert_allclose(samples(record, find_hits(record)), found, atol=2)
+
+
 def test_channels_that_tell_the_same_do_no_harm():
     for noise in (0.0, 0.02):
         record = measured(noise=noise)

@@ -30,6 +30,9 @@ class Record:
         What ties time to the phase of the system, or None while that is not known.
     start
         The time of the first sample [s].
+    orbit
+        One period of the periodic orbit that the response was about (channels, phases), from phase zero on; None where
+        there is none or it is not known. It is part of `values` until `identify` subtracts it.
     provenance
         Where the record comes from.
 
@@ -44,6 +47,7 @@ class Record:
     channels: tuple[Channel, ...]
     clock: Clock | None = None
     start: float = 0.0
+    orbit: NDArray[np.float64] | None = None
     provenance: Provenance = field(default_factory=Provenance)
 
     def __init__(
@@ -54,6 +58,7 @@ class Record:
         channels: Sequence[Channel | str],
         clock: Clock | None = None,
         start: float = 0.0,
+        orbit: ArrayLike | None = None,
         provenance: Provenance | None = None,
     ) -> None:
         named = as_channels(channels, "Record")
@@ -87,6 +92,11 @@ class Record:
         put(self, "channels", named)
         put(self, "clock", clock)
         put(self, "start", finite(start, "start", "Record", unit="s"))
+        if orbit is not None:
+            orbit = frozen_array(orbit, "orbit", "Record", axes=(len(named), "phases"))
+            if orbit.shape[1] == 0:
+                raise input_error("orbit", "Record", "have at least one phase", "has none", "Pass None for no orbit.")
+        put(self, "orbit", orbit)
         put(self, "provenance", provenance if provenance is not None else Provenance())
 
     @property
@@ -120,7 +130,8 @@ class Record:
         rows = channels_named(self.channels, names, argument="names", of="Record.select")
         values = self.values[rows]
         values.flags.writeable = False
-        return replace(self, values=values, channels=tuple(self.channels[row] for row in rows))
+        orbit = None if self.orbit is None else self.orbit[rows]
+        return replace(self, values=values, channels=tuple(self.channels[row] for row in rows), orbit=orbit)
 
     def with_clock(self, clock: Clock) -> Record:
         """The same record, tied to `clock`."""

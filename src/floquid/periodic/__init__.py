@@ -8,22 +8,30 @@ from floquid.periodic._constrain import Constrained, constrain
 from floquid.periodic._finish import Finished, finish
 from floquid.periodic._fit import Fit, fit
 from floquid.periodic._forced import ForcedResponse
+from floquid.periodic._fse import FSE, Family, fse
 from floquid.periodic._harmonics import participation, select_bands
+from floquid.periodic._period import PeriodCandidate, PeriodEstimate, estimate_period
 from floquid.periodic._synchrony import NEGLIGIBLE_SLIP, SIGNIFICANT, Synchrony, drift, spacing, synchrony
 
 __all__ = [
+    "FSE",
     "NEGLIGIBLE_SLIP",
     "SIGNIFICANT",
     "Constrained",
+    "Family",
     "Finished",
     "Fit",
     "ForcedResponse",
+    "PeriodCandidate",
+    "PeriodEstimate",
     "Synchrony",
     "assemble",
     "constrain",
     "drift",
+    "estimate_period",
     "finish",
     "fit",
+    "fse",
     "participation",
     "select_bands",
     "spacing",

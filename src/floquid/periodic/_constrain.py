@@ -95,8 +95,7 @@ def constrain(
             f"it has {len(model.channels)} channels and {model.n_hits} hits, and the responses "
             f"{lifted.n_channels} and {lifted.n_hits}",
         )
-    gaps = np.abs(np.subtract.outer(model.multipliers, model.multipliers)) + np.eye(model.order)
-    if (gaps < 1e-12).any():
+    if equal_multipliers(model):
         raise input_error(
             "model",
             "constrain",
@@ -108,6 +107,12 @@ def constrain(
     found, bands = with_bands(blocks, Entries.of(model), most, false_alarm, choose=choose, padding=padding)
     held = model_of(blocks, found, bands, channels=model.channels, provenance=model.provenance)
     return Constrained(held, noise_left(blocks, found), excess(model, lifted, found), found.entries)
+
+
+def equal_multipliers(model: PeriodicModel) -> bool:
+    """Whether two modes share a multiplier."""
+    gaps = np.abs(np.subtract.outer(model.multipliers, model.multipliers)) + np.eye(model.order)
+    return bool((gaps < 1e-12).any())
 
 
 def with_bands(

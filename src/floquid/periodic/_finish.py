@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid.core import PeriodicModel
-from floquid.errors import FloquidError
+from floquid.errors import FloquidError, IdentificationError
 from floquid.lifting import Lifted
-from floquid.periodic._constrain import Constrained, constrain, excess
+from floquid.periodic._constrain import Constrained, constrain, equal_multipliers, excess
 from floquid.periodic._constrained import evaluated
 from floquid.periodic._evidence import evidence
 from floquid.periodic._held import model_of
 from floquid.periodic._lifted_block import LiftedBlock
-from floquid.periodic._search import forced_entries, searched
+from floquid.periodic._search import Searched, forced_entries, searched
 from floquid.periodic._trial import Limits, criterion
 
 MISFIT = 6.0
@@ -88,13 +88,14 @@ def finish(
         The model; that of lifting where holding the residues is not possible.
     """
     held: Constrained | None = None
-    with suppress(FloquidError, np.linalg.LinAlgError):
+    if equal_multipliers(model):
+        return Finished(model, False, 0.0)  # free in each hit, residues do not tell such modes apart
+    with suppress(IdentificationError, np.linalg.LinAlgError):
         held = constrain(model, lifted, false_alarm=false_alarm, choose=choose, padding=1 if choose else 0)
     plain = Finished(model, False, 0.0) if held is None else Finished(held.model, True, held.misfit)
     if not (search and choose) or (held is not None and held.misfit < MISFIT and not _weak(held.model)):
         return plain
     report("looking for modes that fold onto one another")
-    blocks = LiftedBlock.all_of(lifted)
     limits = Limits(
         most=(lifted.n_phases - 1) // 2,
         modes=model.order + 8,
@@ -102,19 +103,26 @@ def finish(
         harmonic_alarm=false_alarm,
         forced=np.zeros(0),
     )
-    try:
-        found = searched(blocks, forced_entries([], model.fundamental), limits, report)
-    except (FloquidError, np.linalg.LinAlgError):
-        return plain
-    if not len(found.held.entries.exponents):
-        return plain
+    with suppress(FloquidError, np.linalg.LinAlgError):
+        found = searched(LiftedBlock.all_of(lifted), forced_entries([], model.fundamental), limits, report)
+        return _better(plain, held, found, lifted)
+    return plain
+
+
+def _better(plain: Finished, held: Constrained | None, found: Searched, lifted: Lifted) -> Finished:
+    """What a search found, if it explains the responses better than the model that there was."""
     anew = evaluated(found.blocks, found.held.entries)
-    if held is not None and criterion(found.blocks, anew) >= criterion(
-        found.blocks, evaluated(found.blocks, held.entries)
-    ):
+    if not len(anew.entries.exponents):
         return plain
-    other = model_of(found.blocks, found.held, found.bands, channels=model.channels, provenance=model.provenance)
-    left = excess(other, lifted, evaluated(blocks, found.held.entries))
+    other = model_of(
+        found.blocks, found.held, found.bands, channels=plain.model.channels, provenance=plain.model.provenance
+    )
+    left = excess(other, lifted, evaluated(LiftedBlock.all_of(lifted), found.held.entries))
+    if held is None:
+        return plain if left > MISFIT else Finished(other, True, left, *evidence(found))
+    before = evaluated(found.blocks, held.entries)
+    if criterion(found.blocks, anew) >= criterion(found.blocks, before):
+        return plain
     return Finished(other, True, left, *evidence(found))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -79,6 +80,7 @@ def fit(
     order: int | None = None,
     harmonics: int | None = None,
     free_period: bool = False,
+    noise_floor: float = 1e-10,
     mode_false_alarm: float = 1e-9,
     harmonic_false_alarm: float = 1e-8,
     report: Callable[[str], None] = lambda _: None,
@@ -111,6 +113,8 @@ def fit(
         Keep the harmonics -harmonics … harmonics of each mode; None keeps those that rise above the noise.
     free_period
         Whether the period is a parameter; the clocks then have a first value.
+    noise_floor
+        The share of the largest free response that the noise is taken to be at least.
     mode_false_alarm, harmonic_false_alarm
         The probabilities at which noise may pass for a mode, and for a harmonic.
     report
@@ -144,6 +148,7 @@ def fit(
         forced=np.arange(1, int(min(HIGHEST, most * nu)) + 1) / nu if auto else np.zeros(0),
         choose=harmonics is None,
         width=harmonics or 0,
+        floor=noise_floor,
     )
     report("searching for modes")
     found = searched(blocks, replace(base, free_period=free_period), limits, report)
@@ -242,7 +247,9 @@ def _without_noise(found: Searched) -> Searched:
     if kept.all():
         return found
     less = entries.picked(np.flatnonzero(kept))
-    held = settled(found.blocks, less) if (~less.fixed).any() else evaluated(found.blocks, less)
+    held = evaluated(found.blocks, less)
+    with suppress(IdentificationError, np.linalg.LinAlgError):
+        held = settled(found.blocks, less)
     return replace(found, held=held, bands=found.bands[kept])
 
 

@@ -31,7 +31,7 @@ def shapes(blocks: Sequence[Block], found: Held) -> Shapes:
     """The coefficients that a fit has, with their deviations."""
     entries = found.entries
     columns, sines, parameters = entries.columns(), entries.sines(), entries.parameters()
-    low, high = int(entries.bands[:, 0].min()), int(entries.bands[:, 1].max())
+    low, high = int(entries.bands[:, 0].min(initial=0)), int(entries.bands[:, 1].max(initial=0))
     low, high = (
         min(low, -int(entries.half_turns.max(initial=0)) - high),
         max(high, -int(entries.half_turns.min(initial=0)) - low),

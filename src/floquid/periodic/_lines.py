@@ -192,26 +192,28 @@ def lines_by(
     entries = Entries.made(np.where(real, poles[own].real, poles[own]), (0, 0), fundamental, real=real).joined(base)
     noisy = tuple(block.with_noise(noise[block.rows, block.hit]) for block in blocks)
     if model.covariance is None:
-        held = _clear(noisy, settled(noisy, entries), false_alarm)
+        held = _clear(noisy, entries, false_alarm)
         return _lines_of(with_noise_left(noisy, held), held)
     held = evaluated(noisy, entries)
     both = np.concatenate([own, own + model.order])
     return replace(_lines_of(with_noise_left(noisy, held), held), covariance=model.covariance[np.ix_(both, both)])
 
 
-def _clear(blocks: Sequence[Block], held: Held, false_alarm: float) -> Held:
-    """The fit without lines that noise explains: a routine of fixed order has some to spare."""
+def _clear(blocks: Sequence[Block], entries: Entries, false_alarm: float) -> Held:
+    """The least squares without lines that noise explains, or that run away: a routine of fixed order has some."""
     from scipy.special import chdtri
 
-    blocks = with_noise_left(blocks, held)
     while True:
-        entries = held.entries
         free = np.flatnonzero(~entries.fixed)
-        size, rows = _strengths(blocks, evaluated(blocks, entries), relative=True)
-        weakest = int(np.argmin(size)) if len(free) else 0
-        if not len(free) or size[weakest] ** 2 > chdtri(2 * rows + 2, false_alarm):
+        try:
+            held, ran_away = settled(blocks, entries), False
+        except IdentificationError:
+            held, ran_away = evaluated(blocks, entries), True
+        own = with_noise_left(blocks, held)
+        size, responses = _strengths(own, evaluated(own, held.entries), relative=True)
+        if not len(free) or not (ran_away or size.min() ** 2 < chdtri(2 * responses + 2, false_alarm)):
             return held
-        held = settled(blocks, entries.picked(np.delete(np.arange(len(entries.exponents)), free[weakest])))
+        entries = held.entries.picked(np.delete(np.arange(len(entries.exponents)), free[np.argmin(size)]))
 
 
 def _fundamental(blocks: Sequence[RecordBlock]) -> float:

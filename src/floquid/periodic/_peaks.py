@@ -28,8 +28,8 @@ FASTEST = 0.7
 GROWTH = (2.0, 6.0)
 """Growth over the record of the growing exponentials looked at, as logarithms."""
 
-SMALLEST = 1e-13
-"""The share of a channel's largest value below which what is left is rounding."""
+QUIETEST = 0.01
+"""The level of a band over that of the loudest, at least: below, there are but the skirts of what is elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class Rest:
         parts = np.array_split(power, min(BANDS, power.shape[1]), axis=1)
         # The power of a line of white noise is exponentially distributed: its median is ln 2 of its mean.
         levels = np.sqrt([np.median(part, axis=1) / np.log(2.0) for part in parts]).T
-        levels = np.maximum(levels, least[:, None])
+        levels = np.maximum(levels, np.maximum(least[:, None], QUIETEST * levels.max(axis=1, keepdims=True)))
         return Rest(values, taken, step, np.median(levels, axis=1), levels)
 
     @property

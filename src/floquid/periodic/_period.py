@@ -22,10 +22,10 @@ from floquid.periodic._lines import Lines, beside, find_lines, raw_blocks, with_
 from floquid.periodic._record_block import RecordBlock
 from floquid.periodic._spacings import Spacing, spacings_of
 
-CERTAIN = float(np.log(1e3))
+CERTAIN = float(np.log(1e2))
 """The odds of a fundamental against chance from which on it counts as seen, as a logarithm."""
 
-DISTINCT = float(np.log(20.0))
+DISTINCT = float(np.log(10.0))
 """The odds of a fundamental against another one."""
 
 ROUNDS = 3
@@ -291,15 +291,16 @@ def _grown(
 ) -> tuple[Held, NDArray[np.int64]]:
     """The fit with one harmonic beyond each band of the families, and the bands that rise above the noise."""
     own = (np.arange(len(entries.bands)) < families)[:, None]
-    for last in range(ROUNDS, 0, -1):
+    rounds = 0
+    while True:
+        rounds += 1
         held = settled(blocks, replace(entries, bands=np.where(own, entries.padded(1, most).bands, entries.bands)))
         chosen = np.where(own, chosen_bands(blocks, held, false_alarm), entries.bands)
         low, high = np.minimum(chosen[:, 0], entries.bands[:, 0]), np.maximum(chosen[:, 1], entries.bands[:, 1])
         union = np.stack([low, high], axis=1)
-        if last == 1 or (union == entries.bands).all():
+        if rounds == ROUNDS or (union == entries.bands).all():
             return held, union
         entries = replace(held.entries, bands=union)
-    raise AssertionError
 
 
 def _candidate(one: Spacing) -> PeriodCandidate:

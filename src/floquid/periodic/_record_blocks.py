@@ -41,8 +41,8 @@ def record_blocks(
             begin = record.start - clock.phase(record.start) * clock.period
             times = times - begin
         missing = np.isnan(record.values)
-        kinds, which = np.unique(missing, axis=0, return_inverse=True)
-        for kind, absent in enumerate(kinds):
+        _, first, which = np.unique(np.packbits(missing, axis=1), axis=0, return_index=True, return_inverse=True)
+        for kind, absent in enumerate(missing[first]):
             rows = np.flatnonzero(which.ravel() == kind)
             taken = ~absent
             if taken.sum() < 2:

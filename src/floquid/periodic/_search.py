@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
-from floquid.periodic._blocks import Block, complex_of
+from floquid.periodic._blocks import PLAIN, Block, complex_of
 from floquid.periodic._constrain import PADDING, noise_left, with_bands
 from floquid.periodic._constrained import Held, evaluated, settled
 from floquid.periodic._peaks import Peak, Rest, strongest
@@ -36,6 +36,9 @@ from floquid.periodic._trial import (
 
 FIRST_BAND = 1
 """Harmonics on each side that a new mode is fitted with."""
+
+FLOOR = 1e-12
+"""The share of the largest free response that the noise is taken to be at least."""
 
 LOOK = 1.0
 """How many peaks of noise are expected among those that are tried: it is the fit that decides."""
@@ -106,7 +109,7 @@ def searched(
             break
         blocks, held, bands = more, wider, ends
     held, bands = with_real_ones(blocks, held, bands)
-    peak = strongest(blocks, rests_of(blocks, held), 2.0 * np.pi / held.entries.fundamental, LOOK)
+    peak = strongest(blocks, rests_of(blocks, held, limits.floor), 2.0 * np.pi / held.entries.fundamental, LOOK)
     return Searched(blocks, held, bands, peak)
 
 
@@ -116,7 +119,7 @@ def _added(
     """With every mode that rises above the noise, bands within `WIDEST`."""
     passed: list[float] = []
     while True:
-        rests = rests_of(blocks, held)
+        rests = rests_of(blocks, held, limits.floor)
         blocks = tuple(block.with_noise(rest.noise) for block, rest in zip(blocks, rests, strict=True))
         period = 2.0 * np.pi / held.entries.fundamental
         peak = strongest(blocks, rests, period, LOOK, passed)
@@ -135,12 +138,31 @@ def _added(
 def _with_peak(blocks: tuple[Block, ...], rests: Sequence[Rest], held: Held, peak: Peak, limits: Limits) -> Held | None:
     """The fit with one more harmonic, of the forced response or of a mode, or one more mode; None where it fails."""
     span = max(rest.span for rest in rests)
+    line = 4.0 * np.pi / span
     own, best, most = with_better_bands(blocks, evaluated(blocks, held.entries), limits), None, 0.0
-    for trial in _trials(blocks, rests, held.entries, peak, limits, 4.0 * np.pi / span):
+    driven = _driven(held.entries, peak, limits, line)
+    if driven is not None:
+        # A mode with harmonics would take several lines of a forced response at once: those come first.
+        found, lead = tried(blocks, own, driven, limits)
+        if found is not None and lead > 0.5 * peak.gain:
+            return found
+    for trial in _trials(blocks, rests, held.entries, peak, limits, line):
         found, lead = tried(blocks, own, trial, limits)
         if found is not None and lead > most:
             best, most = found, lead
     return best
+
+
+def _driven(entries: Entries, peak: Peak, limits: Limits, line: float) -> Entries | None:
+    """The entries with the harmonic of the forced response that a peak may be; None where it is none."""
+    if not len(limits.forced):
+        return None
+    omega, frequency = entries.fundamental, peak.exponent.imag
+    turn = limits.forced[int(np.argmin(np.abs(limits.forced * omega - frequency)))]
+    known = entries.offsets[entries.fixed & (entries.factors == PLAIN)]
+    if abs(turn * omega - frequency) > line or (np.abs(known - turn) < 1e-9).any():
+        return None
+    return entries.joined(forced_entries([turn], omega))
 
 
 def _trials(
@@ -149,11 +171,6 @@ def _trials(
     """What a peak may be, in the order in which it is tried."""
     omega, frequency = entries.fundamental, peak.exponent.imag
     trials = []
-    if len(limits.forced):
-        turn = limits.forced[int(np.argmin(np.abs(limits.forced * omega - frequency)))]
-        known = entries.offsets[entries.fixed & (entries.factors == 0)]
-        if abs(turn * omega - frequency) < line and not (np.abs(known - turn) < 1e-9).any():
-            trials.append(entries.joined(forced_entries([turn], omega)))
     for entry in np.flatnonzero(~entries.fixed & ~entries.real):
         for sign in (1.0, -1.0):
             value = entries.exponents[entry]
@@ -192,7 +209,7 @@ def _with_twin(blocks: tuple[Block, ...], held: Held, limits: Limits) -> Held | 
     """
     entries, trials = held.entries, []
     free = np.flatnonzero(~entries.fixed & ~entries.real)
-    if len(free) >= limits.modes:
+    if not 0 < len(free) < limits.modes:
         return None
     values, omega = entries.exponents[free], entries.fundamental
     both = np.concatenate([values, values.conj()])
@@ -234,14 +251,16 @@ def _finished(
     return blocks, held, bands
 
 
-def rests_of(blocks: Sequence[Block], held: Held) -> list[Rest]:
-    """What a fit leaves of each block, with the level of its noise."""
+def rests_of(blocks: Sequence[Block], held: Held, floor: float = FLOOR) -> list[Rest]:
+    """What a fit leaves of each block; the noise is at least the share `floor` of the largest free response."""
     columns = held.entries.columns()
+    fixed = held.entries.fixed[columns.modes][:, None]
     rests = []
     for block, linear in zip(blocks, held.linear, strict=True):
-        times, left = block.rest(columns, complex_of(linear.coefficients))
-        _, whole = block.rest(columns, np.zeros((len(columns.modes), len(block.rows)), complex))
-        rests.append(Rest.of(times, left, 1e-13 * np.abs(whole).max(axis=1)))
+        coefficients = complex_of(linear.coefficients)
+        times, left = block.rest(columns, coefficients)
+        _, free = block.rest(columns, coefficients * fixed)
+        rests.append(Rest.of(times, left, floor * np.abs(free).max(axis=1)))
     return rests
 
 

@@ -53,11 +53,12 @@ def spacings_of(lines: Lines, tones: Lines, least: float, most: float) -> list[S
 
     .. math:: \frac{p(\text{lines} \mid \omega)}{p(\text{lines})} = \frac{1}{\omega \ln(\omega_1/\omega_0)}
               \sqrt{\frac{|C_\theta|}{|C|}}\, \frac{e^{-\chi^2/2}}{(2\pi)^{n/2}}
-              \prod_{\text{harmonics}} \frac{\omega D}{2}
+              \prod_{\text{harmonics}} \frac{3}{\pi^2 m^2}\, \frac{W D}{R}
 
-    n the degrees of freedom of χ²: a harmonic could have come out anywhere in a band of width ω/2, on either half of
-    the plane, and its decay anywhere between 0 and D, twice that of its family. The smaller ω, the less it says that
-    all spacings are multiples of it: of ω, ω/2, ω/3 … the largest has the highest odds.
+    n the degrees of freedom of χ²: a line that is no harmonic could have come out anywhere below the highest, W, with
+    any decay up to D, twice that of the family; one that is a harmonic of one of the R families is the more likely the
+    nearer it is to its strongest line. The smaller ω, the less it says that all spacings are multiples of it: of ω,
+    ω/2, ω/3 … the largest has the highest odds.
 
     Parameters
     ----------
@@ -118,7 +119,9 @@ def _judged(lines: Lines, tones: Lines, groups: tuple[Group, ...], fundamental: 
         return None
     spread = float(np.sqrt(average.covariance[-1, -1]))
     tone, count = _on_tones(tones, omega, spread)
-    prior = len(merged) * np.log(0.5 * omega) - np.log(omega * range_) + tone
+    far = np.array([m for group in groups for m in group.harmonics[1:]], float)
+    width = float(lines.exponents.imag.max())
+    prior = float(np.sum(np.log(3.0 * width / (np.pi**2 * far**2 * len(groups))))) - np.log(omega * range_) + tone
     decays = sum(np.log(2.0 * abs(lines.exponents[group.lines[0]].real)) for group, _ in merged)
     turning = lines.covariance.copy()
     turning[:n] = 0.0

@@ -44,6 +44,8 @@ class Limits:
         Whether bands are chosen; else each mode has `width` harmonics on each side.
     width
         See `choose`.
+    floor
+        The share of the largest free response that the noise is taken to be at least.
     """
 
     most: int
@@ -53,6 +55,7 @@ class Limits:
     forced: NDArray[np.float64]
     choose: bool = True
     width: int = 0
+    floor: float = 1e-12
 
 
 def criterion(blocks: Sequence[Block], found: Held) -> float:

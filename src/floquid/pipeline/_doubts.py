@@ -6,12 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
-from floquid.lifting import Lifted
+from floquid.lifting import Lifted, largest_values
+from floquid.lti import ModalModel
 from floquid.order import Choice
 from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, Finished, Fit, spacing, synchrony
 
 MISFIT = 6.0
 """Standard deviations of what held residues leave at which they are doubted."""
+
+LINEAR = 0.02
+"""The relative difference of periods up to which a linear estimate of it is worth telling."""
+
+QUIET = 1e-4
+"""The noise over the largest value below which a record says more than modes: a weak nonlinearity, for one."""
+
+STILL = 4.0
+"""Standard deviations within which a multiplier is 1 or -1."""
+
+SURE = 1e-3
+"""The deviation of its logarithm, over the number of poles, below which that says something."""
 
 CONFIDENT = 2e-3
 """A mode counts as well determined when both parts of its exponent have a deviation below this share of ω."""
@@ -38,20 +51,14 @@ def wrong_measured_period(found: Fit, lifted: Lifted, rate: float) -> str:
     slip = abs(relative) * int(lifted.responses.lengths.max()) * model.period * rate
     if abs(relative) <= SIGNIFICANT * std or slip <= NEGLIGIBLE_SLIP:
         return ""
-    own, samples = model.period * (1.0 + relative), model.period * (1.0 + relative) * rate
-    whole = round(samples)
-    cause = "The period, the sampling rate or the time column is wrong or rounded."
-    if abs(samples - whole) < max(3.0 * std * samples, 1e-6 * samples):
-        cause = (
-            f"That is {whole} sampling intervals, a whole number: the sampling interval ({1.0 / rate:.6g} s) or the "
-            f"period was rounded. If the period is right, the sampling interval is {model.period / whole:.10g} s "
-            f"(`rate={whole / model.period:.10g}`, `--rate`)."
-        )
+    own = "another"
+    if abs(relative) < LINEAR:
+        own = f"about {model.period * (1.0 + relative):.8g} s"
     return (
-        f"The response does not repeat with the period given: its own is {own:.10g} ± {model.period * std:.1g} s, not "
-        f"{model.period:.10g} s; over the record the phase slips by {slip:.3g} samples. Exponents and shapes would "
-        f"look right and be wrong.\n  {cause} If you know the period to be right, pass `trust_period=True` "
-        "(`--trust-period`)."
+        f"The response does not repeat with the period given, {model.period:.10g} s: its own is {own}. Exponents and "
+        "shapes would look right and be wrong.\n  Correct the period, the sampling rate or the time column; "
+        "`estimate_period=True` (`--estimate-period`) finds the period from the response. If you know the period to be "
+        "right, pass `trust_period=True` (`--trust-period`)."
     )
 
 
@@ -78,6 +85,32 @@ def misfit(ended: Finished) -> str:
         "are missing, or a mode is several that fold onto one another, and exponents are bent by more than their "
         "deviations say. Allow more harmonics, or finish with `constrained=False` (`--no-constrained`)."
     )
+
+
+def quiet(lifted: Lifted) -> bool:
+    """Whether the noise seen before any mode is fitted is so small that what modes leave is no noise."""
+    return bool((lifted.noise < QUIET * largest_values(lifted.responses.values, lifted.n_channels)).all())
+
+
+def below_modes(floor: float) -> str:
+    """What is said where a record with hardly any noise is no sum of modes down to that noise."""
+    return (
+        f"There is hardly any noise, and what modes leave is none: a nonlinearity, most likely. The record is believed "
+        f"down to {floor:g} of the largest value of each channel (`noise_floor`)."
+    )
+
+
+def driven(modal: ModalModel) -> bool:
+    """Whether a pole is that of a forced response: a multiplier of 1 or of -1, as sure as one can be."""
+    if modal.covariance is None:
+        return False
+    order = modal.order
+    std = np.sqrt(np.diag(modal.covariance)) * modal.dt
+    logs = modal.poles * modal.dt
+    still = np.abs(logs.real) < STILL * std[:order] + 1e-12
+    turn = np.minimum(np.abs(logs.imag), np.abs(np.pi - np.abs(logs.imag)))
+    sure = std[:order] * modal.order < SURE
+    return bool((still & (turn < STILL * std[order:] + 1e-12) & sure).any())
 
 
 def ambiguity(choice: Choice | None) -> tuple[str, ...]:

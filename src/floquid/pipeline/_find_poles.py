@@ -28,6 +28,10 @@ SAME = 0.02
 """The difference of taps that is not worth another search."""
 
 
+class UnsettledError(IdentificationError):
+    """The estimate of the noise does not settle as modes are fitted."""
+
+
 def find_poles(
     lifted: Lifted, settings: Settings, report: Callable[[str], None] = lambda _: None
 ) -> tuple[Lifted, ModalModel, Choice | None]:
@@ -125,7 +129,7 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
             modal = None
     if modal is None:
         asked = "" if settings.order is None else f" Or is the order asked for, {settings.order}, too low?"
-        raise IdentificationError(
+        raise UnsettledError(
             "Identification ended without a result: the noise cannot be told from the response, its estimate does not "
             "settle as modes are fitted. Look at the record: are its samples clipped, or rounded to a few levels?"
             f"{asked}"

@@ -24,12 +24,18 @@ from floquid.lti import fit_residues
 from floquid.order import Choice, judge
 from floquid.periodic import assemble, finish
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._doubts import ambiguity, misfit, too_low, warnings, wrong_period
-from floquid.pipeline._find_poles import find_poles
-from floquid.pipeline._measured import measured, why_measured
+from floquid.pipeline._before import hits_of, without_orbit
+from floquid.pipeline._doubts import ambiguity, below_modes, driven, misfit, quiet, too_low, warnings, wrong_period
+from floquid.pipeline._find_poles import UnsettledError, find_poles
+from floquid.pipeline._measured import NOT_WHOLE, measured, why_measured
+from floquid.pipeline._rounded import rounded
 from floquid.pipeline._settings import Settings
 from floquid.reconstruction import reconstruct
 from floquid.sync import segment
+
+FLOORS = (1e-4, 1e-3)
+"""Shares of a channel's largest value down to which a record that has hardly any noise is believed, one after another,
+where what modes leave is no noise."""
 
 LARGE = 20_000_000
 """Samples in all from which linear algebra may use all threads."""
@@ -75,10 +81,16 @@ def identify(
 
     chosen = _settings(settings, options)
     used = _prepare(records, chosen)
+    said: tuple[str, ...] = ()
+    if chosen.find_hits:
+        used, said = hits_of(used, chosen)
+    if chosen.orbit:
+        used, words = without_orbit(used)
+        said += words
     # The matrices are many and small: threads inside BLAS would wait for each other, on a busy machine for seconds.
     few = sum(record.values.size for record in used) < LARGE
     with threadpool_limits(limits=1 if few else None, user_api="blas"):
-        return _identified(used, chosen, report)
+        return _identified(used, chosen, report, said)
 
 
 def _identified(
@@ -89,13 +101,31 @@ def _identified(
     why = why_measured(used, chosen)
     if why:
         _refuse_far(used, chosen)
+        if why == NOT_WHOLE and not chosen.trust_period and (words := rounded(used, chosen, report)):
+            raise IdentificationError(words)
         return measured(used, chosen, report, said=(*said, f"Fitted as sampled, not lifted: {why}."))
     report("cutting into periods")
     cycles = segment(used)
     _refuse_impossible(chosen, cycles)
     report("estimating the noise")
     lifted = lift(cycles, floor=chosen.noise_floor)
-    lifted, modal, choice = find_poles(lifted, chosen, report)
+    found_by_default = chosen.identifier is None and chosen.order is None and chosen.constrained
+    floors = [chosen.noise_floor, *(floor for floor in FLOORS if found_by_default and quiet(lifted))]
+    while True:
+        try:
+            lifted, modal, choice = find_poles(lifted, chosen, report)
+            break
+        except UnsettledError:
+            if len(floors) == 1:
+                raise
+            floors = floors[1:]
+            chosen = replace(chosen, noise_floor=floors[0])
+            lifted = lift(cycles, floor=floors[0])
+    if floors[0] in FLOORS and chosen.noise_floor in FLOORS:
+        said += (below_modes(floors[0]),)
+    if chosen.forced == "auto" and found_by_default and driven(modal):
+        why = "a component that neither grows nor decays, which is a forced response"
+        return measured(used, chosen, report, said=(*said, f"Fitted as sampled, not lifted: {why}."))
     report("expanding the shapes in harmonics")
     model = assemble(modal, lifted, false_alarm=chosen.harmonic_false_alarm, harmonics=chosen.harmonics)
     missing = "" if chosen.order is None else too_low(chosen.order, judge(lifted.responses, modal))

@@ -24,6 +24,8 @@ from floquid.pipeline._settings import Settings
 from floquid.reconstruction import reconstruct
 from floquid.sync import ShaftAngle, rejoin, resample, samples_per_period, segment, shaft_angle
 
+NOT_WHOLE = "a period that is no whole number of samples"
+
 SIGNALS = (TachometerSignal, AzimuthSignal, PulseTimes)
 
 
@@ -43,7 +45,7 @@ def why_measured(records: tuple[Record, ...], settings: Settings) -> str:
 def _why_uncut(records: tuple[Record, ...]) -> str:
     """Why records of constant period cannot be cut into whole samples; empty where they can."""
     uncut = {
-        "whole number": "a period that is no whole number of samples",
+        "whole number": NOT_WHOLE,
         "same phases": "records sampled at different phases",
         "same sample rate": "records sampled at different rates",
     }
@@ -93,6 +95,7 @@ def measured(
         order=settings.order,
         harmonics=settings.harmonics,
         free_period=settings.estimate_period,
+        noise_floor=settings.noise_floor,
         mode_false_alarm=settings.mode_false_alarm,
         harmonic_false_alarm=settings.harmonic_false_alarm,
         report=report,
@@ -181,7 +184,7 @@ def _said_of(found: Fit) -> tuple[str, ...]:
     """The forced response, in words."""
     forced = found.forced
     if forced is None:
-        return ("No forced response was looked for.",)
+        return ()
     said = []
     if len(forced.harmonics):
         largest = forced.amplitudes.max(axis=1) / found.noise[:, :1]
@@ -192,7 +195,7 @@ def _said_of(found: Fit) -> tuple[str, ...]:
         follows = ", let follow the speed" if forced.speed_dependent else ""
         said.append(f"A forced response was fitted beside the modes{follows}: {', '.join(parts)}.")
     else:
-        said.append("No harmonic of a forced response rises above the noise.")
+        said.append("No harmonic of the revolution rises above the noise beside the modes.")
     if forced.offset.any():
         said.append("An offset of the channels was fitted beside the modes.")
     if forced.drift.any():

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from floquid._checks import describe
 from floquid.core import channels_named
 from floquid.readers._npz import _KEYS, _WORDS, _scalar, _time
-from floquid.readers._table import SECONDS, Source, Table, TimeColumn, make_channels
+from floquid.readers._table import SECONDS, Source, Table, TimeColumn, checked_orbit, make_channels
 from floquid.readers._variables import Variable, VariableFile, numbers, printable, require_numbers
 
 
@@ -38,9 +38,14 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
         location=words["locations"],
         direction=words["directions"],
     )
+    orbit = None
+    if "orbit" in held:
+        require_numbers(source, held["orbit"])
+        orbit = checked_orbit(source, file.numbers("orbit"), len(names))
     if channels is not None:
         chosen = channels_named(named, channels, argument="channels", of=source.of)
         values, named = values[chosen], tuple(named[row] for row in chosen)
+        orbit = None if orbit is None else orbit[chosen]
     others = [path for path in held if path not in _KEYS]
     notes = tuple(f"The file also holds `{printable(path)}`, which is not used." for path in others[:20])
     if len(others) > 20:
@@ -54,6 +59,7 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
         values=values,
         channels=named,
         time=time,
+        orbit=orbit,
         notes=notes,
         sample_rate=scalar(source, file, "sample_rate"),
         start=scalar(source, file, "start"),

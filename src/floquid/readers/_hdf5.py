@@ -22,7 +22,7 @@ from floquid.errors import InputError
 from floquid.readers._by_path import table_of_variables
 from floquid.readers._hdf5_limits import check_found, check_size
 from floquid.readers._hdf5_texts import HeapTexts
-from floquid.readers._table import Source, Table, numbers_of, texts_of
+from floquid.readers._table import Source, Table, numbers_of, orbit_of, texts_of
 from floquid.readers._variables import HDF5, MATLAB, Dialect, Kind, Variable, printable
 
 if TYPE_CHECKING:
@@ -258,6 +258,8 @@ def save_hdf5(record: Record, path: Path) -> None:
             fletcher32=True,
         )
         values.attrs["axes"] = "channels, samples"
+        for key, orbit in orbit_of(record).items():
+            file.create_dataset(key, data=orbit, chunks=orbit.shape, fletcher32=True)
         for key, texts in texts_of(record).items():
             coded = [text.encode() for text in texts]
             dtype = h5py.string_dtype("utf-8", max(1, *map(len, coded)))

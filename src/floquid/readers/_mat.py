@@ -14,7 +14,7 @@ from floquid.errors import InputError
 from floquid.readers._by_path import table_of_variables
 from floquid.readers._hdf5 import is_hdf5, load_hdf5
 from floquid.readers._mat5 import HEAD, DamagedError, Mat5File
-from floquid.readers._table import Source, Table, numbers_of, texts_of
+from floquid.readers._table import Source, Table, numbers_of, orbit_of, texts_of
 
 _LARGEST = (1 << 31) - (1 << 16)
 """Bytes that a variable may have in these files: two gibibytes, less what its head takes."""
@@ -88,6 +88,7 @@ def save_mat(record: Record, path: Path) -> None:
     content: dict[str, Any] = {
         "values": record.values,
         **numbers_of(record),
+        **orbit_of(record),
         **{key: _cell(texts) for key, texts in texts_of(record).items()},
     }
     with path.open("wb") as stream:  # savemat would add a suffix of its own to a name

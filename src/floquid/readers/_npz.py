@@ -14,10 +14,19 @@ from numpy.typing import NDArray
 from floquid._checks import describe
 from floquid.core import Record, channels_named
 from floquid.errors import InputError
-from floquid.readers._table import Source, Table, TimeColumn, make_channels, numbers_of, texts_of
+from floquid.readers._table import (
+    Source,
+    Table,
+    TimeColumn,
+    checked_orbit,
+    make_channels,
+    numbers_of,
+    orbit_of,
+    texts_of,
+)
 
 _WORDS = ("units", "quantities", "locations", "directions")
-_KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period", "origin")
+_KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period", "origin", "orbit")
 _LARGE, _PACKED = 1 << 30, 200
 _KEYS_REMEDY = "Save it with np.savez(file, values=values, sample_rate=rate, channels=names, units=units)."
 
@@ -42,9 +51,14 @@ def load_npz(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     named = make_channels(
         source, names, words["units"], quantity=quantities, location=words["locations"], direction=words["directions"]
     )
+    orbit = None
+    if "orbit" in arrays:
+        _require_numbers(source, arrays["orbit"], "orbit")
+        orbit = checked_orbit(source, arrays["orbit"], len(names))
     if channels is not None:
         chosen = channels_named(named, channels, argument="channels", of=source.of)
         values, named = values[chosen], tuple(named[row] for row in chosen)
+        orbit = None if orbit is None else orbit[chosen]
     notes = tuple(f"The file also holds `{key}`, which is not used." for key in others)
     time = None
     if "time" in arrays and ignore_time:
@@ -52,7 +66,7 @@ def load_npz(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     elif "time" in arrays:
         time = _time(source, arrays["time"], values.shape[1])
     numbers = {key: _scalar(source, arrays, key) for key in ("sample_rate", "start", "period", "origin")}
-    return Table(values=values, channels=named, time=time, rate_note=None, notes=notes, **numbers)
+    return Table(values=values, channels=named, time=time, rate_note=None, orbit=orbit, notes=notes, **numbers)
 
 
 def _arrays(source: Source) -> tuple[dict[str, NDArray[Any]], list[str]]:
@@ -174,6 +188,6 @@ def _scalar(source: Source, arrays: dict[str, NDArray[Any]], key: str) -> float 
 
 def save_npz(record: Record, path: Path) -> None:
     """Write `record` with every key that `load_npz` reads."""
-    content: dict[str, Any] = {"values": record.values, **numbers_of(record), **texts_of(record)}
+    content: dict[str, Any] = {"values": record.values, **numbers_of(record), **orbit_of(record), **texts_of(record)}
     with path.open("wb") as stream:  # savez would add a suffix of its own to a name
         np.savez(stream, **content)

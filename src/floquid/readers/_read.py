@@ -27,7 +27,8 @@ def read(
     """The record (channels, samples) in a file: sample n is at `start` + n/`rate` [s].
 
     The format is chosen by the suffix. `.npz`: `values` (channels, samples), `sample_rate` [Hz] or `time` (samples,)
-    [s], `channels`, and optionally `units`, `quantities`, `start` [s], `period` [s], `origin` [s]. `.csv`: a header
+    [s], `channels`, and optionally `units`, `quantities`, `start` [s], `period` [s], `origin` [s],
+    `orbit` (channels, phases). `.csv`: a header
     row, a time column, then channels, units in brackets; an empty cell or `nan` is a missing sample. `.mat` (MATLAB v5
     to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these without `values` is read by the paths of its
     variables in `channels`: `run/acc/x` is a vector of samples, `data[2]` row 2 of a matrix (channels, samples),
@@ -95,6 +96,7 @@ def read(
         channels=table.channels,
         clock=clock,
         start=axis.start,
+        orbit=table.orbit,
         provenance=Provenance(sources=(str(source.path),), steps=(step, *axis.notes, *table.notes)),
     )
 

@@ -53,7 +53,8 @@ class TimeColumn:
 class Table:
     """The content of a file, as it says it: `values` (channels, samples), None for what it does not say.
 
-    `rate_note` is the sentence on where `sample_rate` comes from, when "as the file states" is not all of it.
+    `orbit` is one period of the periodic orbit that the response was about (channels, phases). `rate_note` is the
+    sentence on where `sample_rate` comes from, when "as the file states" is not all of it.
     """
 
     values: NDArray[np.float64]
@@ -64,6 +65,7 @@ class Table:
     start: float | None = None
     period: float | None = None
     origin: float | None = None
+    orbit: NDArray[np.float64] | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -110,6 +112,28 @@ def numbers_of(record: Record) -> dict[str, float]:
     if isinstance(record.clock, ConstantPeriod):
         numbers |= {"period": record.clock.period, "origin": record.clock.origin}
     return numbers
+
+
+def orbit_of(record: Record) -> dict[str, NDArray[np.float64]]:
+    """The orbit of `record`, by its name in our files; empty where there is none."""
+    return {} if record.orbit is None else {"orbit": record.orbit}
+
+
+def checked_orbit(source: Source, array: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
+    """An orbit as a file has it (channels, phases).
+
+    Raises
+    ------
+    InputError
+        Its shape is not possible, or it is not finite.
+    """
+    if array.ndim != 2 or array.shape[0] != n_channels or not array.shape[1] or not np.isfinite(array).all():
+        raise source.error(
+            f"have `orbit` of shape (channels, phases) with {n_channels} channels, all finite",
+            f"has shape {array.shape} there" + ("" if np.isfinite(array).all() else ", not all of it finite"),
+            "Save one period of the orbit a channel, or leave it out.",
+        )
+    return np.asarray(array, np.float64)
 
 
 def check_distinct(source: Source, names: Iterable[str]) -> None:

@@ -92,6 +92,29 @@ MODEL = (
     ),
 )
 
+HELD = Item("held", "integer")
+"""1 where the residues were held to their harmonics in the end; absent in older files."""
+
+SYNCHRONISATION = Item("synchronisation", "text", ("sentences",))
+"""Absent in older files."""
+
+FIT = (
+    Item("noise", axes=("channels", "hits"), unit="that of the channel"),
+    Item("period_std", unit="s", optional=True),
+)
+"""Of records that were fitted as they were sampled; absent otherwise. The records in the file are the free response."""
+
+FORCED = (
+    Item("harmonics", "integer", ("harmonics",)),
+    Item("coefficients", "complex", ("channels", "hits", "harmonics"), unit="that of the channel"),
+    Item("coefficient_std", "complex", ("channels", "hits", "harmonics"), unit="that of the channel"),
+    *(Item(name, axes=("channels", "hits"), unit="that of the channel") for name in ("offset", "offset_std")),
+    *(Item(name, axes=("channels", "hits"), unit="that of the channel a second") for name in ("drift", "drift_std")),
+    Item("revolution", unit="s"),
+    Item("speed_dependent", "integer"),
+)
+"""The forced response beside the free one; absent where there is none."""
+
 STATE = (
     Item("times", axes=("times",), unit="s"),
     Item("transition", axes=("times", "states", "states")),

@@ -18,6 +18,7 @@ from floquid.errors import FloquidError, InputError
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import Composites, ModalModel, Outcome
 from floquid.order import Choice
+from floquid.periodic import Fit, ForcedResponse
 from floquid.pipeline import Analysis, Settings
 from floquid.reconstruction import StateModel
 from floquid.store import _layout as layout
@@ -117,6 +118,9 @@ def _read(file: h5py.File) -> Analysis:
         model=model,
         state=_get_state(file),
         choice=_get_choice(file, modal),
+        fit=_get_fit(file, model, records),
+        held=layout.HELD.name in file and _get(file, layout.HELD) == 1,
+        synchronisation=_get(file, layout.SYNCHRONISATION) if layout.SYNCHRONISATION.name in file else (),
         warnings=_get(file, layout.WARNINGS),
     )
 
@@ -133,6 +137,32 @@ def _get_choice(file: h5py.File, modal: ModalModel) -> Choice | None:
     if "choice" not in file:
         return None
     return Choice(order=modal.order, model=modal, **_get_fields(_group(file, "choice"), layout.CHOICE))
+
+
+def _get_fit(file: h5py.File, model: PeriodicModel, records: tuple[Record, ...]) -> Fit | None:
+    if "fit" not in file:
+        return None
+    group, forced = _group(file, "fit"), None
+    if "forced" in group:
+        found = _get_fields(_group(group, "forced"), layout.FORCED)
+        follows = found.pop("speed_dependent") == 1
+        forced = ForcedResponse(**found, channels=model.channels, speed_dependent=follows)
+    values = _get_fields(group, layout.FIT)
+    if values["noise"].shape != model.coefficients.shape[1:3]:
+        raise _DamagedError(f"fit/noise has the shape {values['noise'].shape}")
+    if forced is not None and forced.coefficients.shape[:2] != model.coefficients.shape[1:3]:
+        raise _DamagedError(f"fit/forced/coefficients has the shape {forced.coefficients.shape}")
+    words = _get_fields(_group(file, "choice"), layout.CHOICE) if "choice" in file else {"reasons": (), "doubts": ()}
+    return Fit(
+        model=model,
+        forced=forced,
+        noise=values["noise"],
+        free=records,
+        period_std=values["period_std"],
+        own_period=None,
+        reasons=words["reasons"],
+        doubts=words["doubts"],
+    )
 
 
 def _check_together(lifting: dict[str, Any], lifted: Lifted, modal: ModalModel, model: PeriodicModel) -> None:

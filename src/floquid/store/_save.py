@@ -16,6 +16,7 @@ from floquid._checks import describe, input_error
 from floquid._files import atomic_path
 from floquid.core import Channel, ConstantPeriod, Provenance, Record
 from floquid.lti import AbstractIdentifier
+from floquid.periodic import Fit
 from floquid.pipeline import Analysis, Settings
 from floquid.store import _layout as layout
 from floquid.store._identifiers import to_text
@@ -65,6 +66,10 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
         file.attrs["version"] = layout.VERSION
         file.attrs["floquid"] = version
         _put(file, layout.WARNINGS, analysis.warnings)
+        _put(file, layout.HELD, int(analysis.held))
+        _put(file, layout.SYNCHRONISATION, analysis.synchronisation)
+        if analysis.fit is not None:
+            _put_fit(file.create_group("fit"), analysis.fit)
         _put_settings(file.create_group("settings"), analysis.settings)
         for number, record in enumerate(analysis.records, start=1):
             _put_record(file.create_group(f"records/hit{number}"), record)
@@ -93,6 +98,12 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
             group = file.create_group("state")
             _put_fields(group, layout.STATE, analysis.state)
             _put_provenance(group, analysis.state.provenance)
+
+
+def _put_fit(group: h5py.Group, fit: Fit) -> None:
+    _put_fields(group, layout.FIT, fit)
+    if fit.forced is not None:
+        _put_fields(group.create_group("forced"), layout.FORCED, fit.forced)
 
 
 def _put_settings(group: h5py.Group, settings: Settings) -> None:

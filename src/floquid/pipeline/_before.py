@@ -1,0 +1,95 @@
+"""What is done to records before they are fitted: the orbit taken off, hits cut out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import ConstantPeriod, PulseTimes, Record, TachometerSignal
+from floquid.errors import IdentificationError
+from floquid.pipeline._settings import Settings
+from floquid.sync import find_hits, pulse_times, shaft_angle, split_hits
+
+CHUNK = 8192
+"""Samples at which an orbit is made at a time."""
+
+
+def without_orbit(records: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
+    r"""The records without the periodic orbit that they hold, and a sentence on it.
+
+    .. math:: o(t) = \sum_k O_k\, e^{2 \pi i k \theta(t)}
+
+    with O the discrete Fourier transform of the orbit over its phases, and θ the phase, in periods.
+    """
+    if all(record.orbit is None or record.clock is None for record in records):
+        return records, ()
+    free = []
+    for record in records:
+        if record.orbit is None or record.clock is None:
+            free.append(record)
+            continue
+        if isinstance(record.clock, ConstantPeriod):
+            turns = (record.times - record.clock.origin) / record.clock.period
+        else:
+            shaft = shaft_angle(record)
+            turns = shaft.angle(record.times) * shaft.periods_per_revolution / (2.0 * np.pi)
+        values = record.values - _at(record.orbit, turns)
+        values.flags.writeable = False
+        free.append(replace(record, values=values, orbit=None))
+    return tuple(free), ("The periodic orbit that the file holds was subtracted.",)
+
+
+def _at(orbit: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The orbit at phases in periods (channels, samples)."""
+    phases = orbit.shape[1]
+    parts = np.fft.rfft(orbit, axis=1) / phases
+    parts[:, 1 : (phases + 1) // 2] *= 2.0
+    harmonics = np.arange(parts.shape[1])
+    found = np.empty((len(orbit), len(turns)))
+    for first in range(0, len(turns), CHUNK):
+        turned = np.exp(2j * np.pi * np.multiply.outer(harmonics, turns[first : first + CHUNK] % 1.0))
+        found[:, first : first + CHUNK] = (parts @ turned).real
+    return found
+
+
+def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[str, ...]]:
+    """The free response after each impact as a record of its own, and what was done, in words.
+
+    Raises
+    ------
+    IdentificationError
+        There is no impact.
+    """
+    free, said = [], []
+    for record in records:
+        if isinstance(clock := record.clock, TachometerSignal):
+            # The pulses of the whole record: a piece alone would count the lines of an encoder from its own first.
+            pulses = PulseTimes(
+                times=pulse_times(record, clock.channel),
+                pulses_per_revolution=clock.pulses_per_revolution,
+                periods_per_revolution=clock.periods_per_revolution,
+            )
+            record = record.select([c.name for c in record.channels if c.name != clock.channel]).with_clock(pulses)
+        instants = find_hits(record)
+        if not instants:
+            said.append("No impact was found: the record is taken for one free response from its first sample.")
+            free.append(record)
+            continue
+        period = record.clock.period if isinstance(record.clock, ConstantPeriod) else None
+        if period is None and record.clock is not None:
+            period = shaft_angle(record).period
+        parts = split_hits(record, instants, skip=settings.skip * (period or 0.0))
+        if not parts:
+            raise IdentificationError(
+                "No free response is long enough after the impacts found. Give the records of single hits, or less "
+                "`skip` (`--skip`)."
+            )
+        free += parts
+        said.append(
+            f"{len(instants)} impacts were found, at {', '.join(f'{instant:.6g} s' for instant in instants[:12])}"
+            + (" …" if len(instants) > 12 else "")
+            + f"; the free responses after them are {len(parts)} hits on one system."
+        )
+    return tuple(free), tuple(said)
