@@ -5,6 +5,7 @@
 
 from floquid.periodic._assemble import assemble
 from floquid.periodic._constrain import Constrained, constrain
+from floquid.periodic._evidence import combinations_of
 from floquid.periodic._finish import Finished, finish
 from floquid.periodic._fit import Fit, fit
 from floquid.periodic._forced import ForcedResponse
@@ -26,6 +27,7 @@ __all__ = [
     "PeriodEstimate",
     "Synchrony",
     "assemble",
+    "combinations_of",
     "constrain",
     "drift",
     "estimate_period",

@@ -7,6 +7,8 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.core import PeriodicModel
+from floquid.periodic._bands import upper
 from floquid.periodic._held import shapes
 from floquid.periodic._search import Searched
 
@@ -65,18 +67,32 @@ def doubles(found: Searched) -> tuple[str, ...]:
 
 
 def combinations(found: Searched) -> tuple[str, ...]:
-    r"""Modes that a nonlinearity makes of others, a sentence each.
+    """Modes of a search that a nonlinearity makes of others, a sentence each."""
+    entries = found.held.entries
+    free = np.flatnonzero(~entries.fixed)
+    values = entries.exponents[free] + 1j * entries.fundamental * entries.offsets[free]
+    return _products(values, _deviations(found, free), _sizes(found, free), entries.fundamental)
+
+
+def combinations_of(model: PeriodicModel, noise: NDArray[np.float64]) -> tuple[str, ...]:
+    """Modes of a model that a nonlinearity makes of others, a sentence each; the noise is (channels, hits)."""
+    chosen, std = upper(model), model.exponent_std
+    if std is None or not chosen:
+        return ()
+    size = np.abs(model.coefficients[chosen] / noise[:, :, None]).max(axis=(1, 2, 3))
+    return _products(model.exponents[chosen], np.maximum(std.real, std.imag)[chosen], size, model.fundamental)
+
+
+def _products(
+    values: NDArray[np.complex128], std: NDArray[np.float64], size: NDArray[np.float64], omega: float
+) -> tuple[str, ...]:
+    r"""Exponents that are sums of those of two larger modes.
 
     .. math:: \lambda_c = \lambda_a + \lambda_b + i m \omega
 
-    a and b being modes or conjugates of modes, each larger than c: the product of two multipliers, as a quadratic term
-    about a large orbit leaves it.
+    a and b being modes or conjugates of modes: the product of two multipliers, as a quadratic term about a large orbit
+    leaves it.
     """
-    entries = found.held.entries
-    free = np.flatnonzero(~entries.fixed)
-    omega = entries.fundamental
-    values = entries.exponents[free] + 1j * omega * entries.offsets[free]
-    size, std = _sizes(found, free), _deviations(found, free)
     sentences = []
     for c, value in enumerate(values):
         larger = np.flatnonzero(size > size[c])

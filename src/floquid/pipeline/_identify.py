@@ -22,7 +22,7 @@ from floquid.errors import IdentificationError
 from floquid.lifting import lift
 from floquid.lti import fit_residues
 from floquid.order import Choice, judge
-from floquid.periodic import assemble, finish
+from floquid.periodic import assemble, combinations_of, finish
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._before import hits_of, without_orbit
 from floquid.pipeline._doubts import ambiguity, below_modes, driven, misfit, quiet, too_low, warnings, wrong_period
@@ -167,7 +167,10 @@ def _identified(
         choice=choice,
         held=ended is not None and ended.held,
         synchronisation=said,
-        warnings=tuple(word for word in (missing, doubt, bent) if word) + ambiguity(choice) + warnings(model),
+        warnings=tuple(word for word in (missing, doubt, bent) if word)
+        + ambiguity(choice)
+        + (combinations_of(model, lifted.noise) if ended is None or ended.reasons is None else ())
+        + warnings(model),
     )
 
 

@@ -17,7 +17,7 @@ from floquid.errors import IdentificationError, InputError
 from floquid.lifting import lift
 from floquid.lti import fit_residues
 from floquid.order import Choice
-from floquid.periodic import Fit, fit
+from floquid.periodic import Fit, estimate_period, fit
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._doubts import ambiguity, warnings, wrong_measured_period
 from floquid.pipeline._settings import Settings
@@ -86,6 +86,9 @@ def measured(
     Analysis
         The result; its `records` are the free response resampled to whole samples a period.
     """
+    if settings.estimate_period:
+        records, words = _with_own_period(records, report)
+        said += words
     responses, clocks, shafts = _clocks(records, report)
     found = fit(
         responses,
@@ -138,6 +141,27 @@ def measured(
         + (ambiguity(choice) if settings.order is None else ())
         + warnings(model),
     )
+
+
+def _with_own_period(
+    records: tuple[Record, ...], report: Callable[[str], None]
+) -> tuple[tuple[Record, ...], tuple[str, ...]]:
+    """The records with the period that the response has, and how that is known.
+
+    Raises
+    ------
+    IdentificationError
+        The response does not tell its period.
+    """
+    report("finding the period")
+    found = estimate_period(records, report=report)
+    if not found.told or found.period is None:
+        raise IdentificationError(
+            f"The response does not tell its period. {' '.join(found.reasons)}\n  Give the period (`--period`), a "
+            "tachometer (`--tach`), or a record with more cycles or less noise."
+        )
+    clocked = tuple(record.with_clock(ConstantPeriod(period=found.period, origin=record.start)) for record in records)
+    return clocked, found.reasons
 
 
 def _clocks(
