@@ -103,7 +103,7 @@ def test_json_is_the_summary_alone(here):
     summary = strict_json(text)
     assert list(summary) == [
         "format", "period", "period_std", "order", "order_choice", "n_cycles", "n_phases", "noise_whitening", "modes",
-        "system", "validation", "warnings",
+        "forced", "synchronisation", "system", "validation", "warnings",
     ]  # fmt: skip
     assert summary["format"] == "floquid-summary/1"
     assert summary["period"] == pytest.approx(2.0 * np.pi, rel=1e-15)
@@ -348,7 +348,7 @@ def test_a_terminal_that_cannot_show_greek(here, monkeypatch):
 
 
 def test_the_legend_says_how_it_was_finished(here):
-    free, held = (" ".join(typed(f"{GOOD}{option}").split()) for option in ("", " --constrained"))
+    free, held = (" ".join(typed(f"{GOOD}{option}").split()) for option in (" --no-constrained", ""))
     assert "harmonics of the shape that rise above the noise." in free
     assert "harmonics of the shape that rise above the noise, the residues held to them." in held
     bare = " ".join(typed(f"{GOOD} --identifier era --harmonics 2").split())

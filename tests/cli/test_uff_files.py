@@ -56,10 +56,11 @@ def test_six_digits_of_the_step_are_seen_through(at_51200):
     assert summary["n_phases"] == 50
     text = typed(["identify", "run.unv", "--period", period])
     assert "Sampling rate 51200 Hz: nominal" in " ".join(text.split())
-    # As printed, the step is another, and the phase would slip along the record: so it is refused.
+    # As printed, the step is another, and the phase would slip along the record: so it is fitted as it was sampled.
     printed = 1 / pyuff.UFF("run.unv").read_sets(0, header_only=True)["abscissa_inc"]
     assert printed != 51200.0
-    typed(["identify", "run.unv", "--period", period, "--rate", repr(printed)], 2, "whole number of sampling intervals")
+    text = typed(["identify", "run.unv", "--period", period, "--rate", repr(printed)])
+    assert "Fitted as sampled, not lifted: a period that is no whole number of samples." in " ".join(text.split())
 
 
 def test_a_rate_typed_is_the_one_used(at_51200):

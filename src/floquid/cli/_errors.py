@@ -23,8 +23,29 @@ _OPTIONS = {
     },
     "Settings": {
         "period": "The period",
-        **{name: f"`--{name}`" for name in ("channels", "order", "harmonics", "states")},
+        **{
+            name: f"`--{name}`"
+            for name in ("channels", "order", "harmonics", "states", "tach", "azimuth", "forced", "skip")
+        },
+        "estimate_period": "`--estimate-period`",
+        "pulses_per_revolution": "`--pulses-per-rev`",
+        "periods_per_revolution": "`--periods-per-rev`",
     },
+    "fit": {
+        "records": "The records",
+        "period": "The period",
+        "forced": "`--forced`",
+        "clocks": "The clocks",
+        "free_period": "`--estimate-period`",
+    },
+    "estimate_period": {"records": "The records"},
+    "resample": {"records": "The records", "clocks": "The clocks"},
+    "shaft_angle": {"record": "The record", "channel": "`--tach`", "clock": "The clock"},
+    "pulse_times": {"channel": "`--tach`", "record": "The record"},
+    "find_hits": {"record": "The record"},
+    "split_hits": {"skip": "`--skip`", "record": "The record"},
+    "AzimuthSignal": {"periods_per_revolution": "`--periods-per-rev`", "channel": "`--azimuth`"},
+    "TachometerSignal": {"periods_per_revolution": "`--periods-per-rev`", "channel": "`--tach`"},
     "ConstantPeriod": {"period": "The period", "origin": "`--origin`"},
     "segment": {"period": "The period", "records": "The records"},
     "lift": {"cycles": "The records"},

@@ -77,10 +77,12 @@ def print_folder(folder: Path | None, *others: str) -> None:
 def _print_record(console: Console, analysis: Analysis) -> None:
     first, cycles = (analysis.measured or analysis.records)[0], analysis.cycles
     hits = ", ".join(str(c.n_cycles) for c in cycles)
+    samples = f"{counted(cycles[0].n_phases, 'sample')} a period, {hits} periods"
+    if analysis.fit is not None:
+        samples = f"{first.sample_rate * analysis.model.period:.6g} samples a period, over {hits} whole periods"
     console.print(
         f"{counted(len(cycles), 'record')}, {counted(first.n_channels, 'channel')} at {first.sample_rate:.8g} Hz; "
-        f"period {_period(analysis)} s (ω = {analysis.model.fundamental:.6g} rad/s): "
-        f"{counted(cycles[0].n_phases, 'sample')} a period, {hits} periods."
+        f"period {_period(analysis)} s (ω = {analysis.model.fundamental:.6g} rad/s): {samples}."
     )
     records = analysis.measured or analysis.records
     for step in dict.fromkeys(step for record in records for step in record.provenance.steps):

@@ -243,7 +243,20 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
 
 
 def largest_values(values: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
-    """The largest size in each channel and hit (channels, hits)."""
+    """The largest size in each channel and hit.
+
+    Parameters
+    ----------
+    values
+        Lifted responses (outputs, hits, cycles).
+    n_channels
+        The number of channels.
+
+    Returns
+    -------
+    numpy.ndarray
+        (channels, hits), in the units of the channels.
+    """
     outputs, inputs, _ = values.shape
     largest = np.maximum(values.max(axis=2), -values.min(axis=2))
     return largest.reshape(n_channels, outputs // n_channels, inputs).max(axis=1)

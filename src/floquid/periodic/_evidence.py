@@ -75,7 +75,22 @@ def combinations(found: Searched) -> tuple[str, ...]:
 
 
 def combinations_of(model: PeriodicModel, noise: NDArray[np.float64]) -> tuple[str, ...]:
-    """Modes of a model that a nonlinearity makes of others, a sentence each; the noise is (channels, hits)."""
+    r"""Modes of a model that a nonlinearity makes of others, a sentence each.
+
+    .. math:: \lambda_c = \lambda_a + \lambda_b + i m \omega
+
+    Parameters
+    ----------
+    model
+        The periodic model.
+    noise
+        The deviation of the noise (channels, hits) [units of the channels].
+
+    Returns
+    -------
+    tuple of str
+        The sentences.
+    """
     chosen, std = upper(model), model.exponent_std
     if std is None or not chosen:
         return ()

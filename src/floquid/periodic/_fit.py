@@ -151,11 +151,15 @@ def fit(
         floor=noise_floor,
     )
     report("searching for modes")
-    found = searched(blocks, replace(base, free_period=free_period), limits, report)
+    found = searched(blocks, base, limits, report)
     if not (~found.held.entries.fixed).any():
         raise IdentificationError("Identification ended without a result: no mode rises above the noise.")
     if auto:
         found = _without_noise(found)
+    if free_period:
+        # Not before: with modes still missing, the period would go to where it takes what is theirs.
+        report("fitting the period")
+        found = replace(found, held=settled(found.blocks, replace(found.held.entries, free_period=True)))
     free = ~found.held.entries.fixed
     reached = int(2 * free.sum() - (free & found.held.entries.real).sum())
     if order is not None and reached != order:

@@ -109,6 +109,11 @@ def searched(
             break
         blocks, held, bands = more, wider, ends
     held, bands = with_real_ones(blocks, held, bands)
+    if held.entries.real[~held.entries.fixed].any():
+        # Two pairs may have stood for the harmonics of one real multiplier.
+        less = needed(blocks, held, limits)
+        if len(less.entries.exponents) < len(held.entries.exponents):
+            blocks, held, bands = _finished(blocks, less, limits)
     peak = strongest(blocks, rests_of(blocks, held, limits.floor), 2.0 * np.pi / held.entries.fundamental, LOOK)
     return Searched(blocks, held, bands, peak)
 

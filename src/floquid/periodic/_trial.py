@@ -134,12 +134,28 @@ def needed(blocks: tuple[Block, ...], held: Held, limits: Limits) -> Held:
         held = best
 
 
+def _taken_over_by_real(entries: Entries, entry: int) -> list[Entries]:
+    """The same, given to each real multiplier of like decay that it folds onto."""
+    trials, value = [], entries.exponents[entry]
+    at = value.imag / entries.fundamental + entries.offsets[entry]
+    for other in np.flatnonzero(entries.real & ~entries.fixed):
+        turns = at - entries.offsets[other]
+        off = abs(turns - round(turns)) * entries.fundamental
+        if other != entry and max(off, abs(value.real - entries.exponents[other].real)) < 0.5 * abs(value.real):
+            bands = entries.bands.copy()
+            bands[other, 1] = max(bands[other, 1], entries.bands[entry, 1] + round(turns))
+            trials.append(replace(entries, bands=bands).picked([k for k in range(len(bands)) if k != entry]))
+    return trials
+
+
 def _taken_over(entries: Entries, entry: int, limits: Limits) -> list[Entries]:
     """The entries without one, its harmonics being given to each mode that it folds onto."""
-    trials, value = [], entries.exponents[entry]
+    trials, value = _taken_over_by_real(entries, entry), entries.exponents[entry]
+    if entries.real[entry]:
+        return trials
     for other in np.flatnonzero(~entries.fixed & ~entries.real):
         for sign in (1.0, -1.0):
-            if other == entry or entries.real[entry]:
+            if other == entry:
                 continue
             gap = complex(value.real, sign * value.imag) - entries.exponents[other]
             turns = round(gap.imag / entries.fundamental)

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import PeriodicModel
+from floquid.core import PeriodicModel, Record
+from floquid.errors import FloquidError
 from floquid.lifting import Lifted, largest_values
 from floquid.lti import ModalModel
 from floquid.order import Choice
-from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, Finished, Fit, spacing, synchrony
+from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, Finished, Fit, estimate_period, spacing, synchrony
 
 MISFIT = 6.0
 """Standard deviations of what held residues leave at which they are doubted."""
-
-LINEAR = 0.02
-"""The relative difference of periods up to which a linear estimate of it is worth telling."""
 
 QUIET = 1e-4
 """The noise over the largest value below which a record says more than modes: a weak nonlinearity, for one."""
@@ -43,17 +43,29 @@ def wrong_period(model: PeriodicModel, lifted: Lifted) -> str:
     )
 
 
-def wrong_measured_period(found: Fit, lifted: Lifted, rate: float) -> str:
-    """The same for records fitted as they were sampled at `rate` [Hz]."""
-    model = found.model
+def wrong_measured_period(found: Fit, lifted: Lifted, records: Sequence[Record]) -> str:
+    """The same for records fitted as they were sampled.
+
+    Where modes look torn apart, or anything else speaks against them, the period is found from the response alone.
+    """
+    model, rate = found.model, records[0].sample_rate
     torn = spacing(model, lifted)
     relative, std = (torn.relative, torn.std) if torn is not None else (found.own_period or (0.0, np.inf))
     slip = abs(relative) * int(lifted.responses.lengths.max()) * model.period * rate
-    if abs(relative) <= SIGNIFICANT * std or slip <= NEGLIGIBLE_SLIP:
+    own, broken = "another", abs(relative) > SIGNIFICANT * std and slip > NEGLIGIBLE_SLIP
+    single = not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any()
+    if broken or found.doubts or single:
+        try:
+            estimate = estimate_period(records)
+        except FloquidError:
+            estimate = None
+        if estimate is not None and estimate.period is not None and estimate.period_std is not None:
+            share = max(estimate.period, model.period) / min(estimate.period, model.period)
+            limit = SIGNIFICANT * estimate.period_std / estimate.period
+            broken = abs(share / round(share) - 1.0) > limit
+            own = f"{estimate.period:.10g} ± {estimate.period_std:.1g} s"
+    if not broken:
         return ""
-    own = "another"
-    if abs(relative) < LINEAR:
-        own = f"about {model.period * (1.0 + relative):.8g} s"
     return (
         f"The response does not repeat with the period given, {model.period:.10g} s: its own is {own}. Exponents and "
         "shapes would look right and be wrong.\n  Correct the period, the sampling rate or the time column; "

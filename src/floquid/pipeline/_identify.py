@@ -97,8 +97,8 @@ def _identified(
     used: tuple[Record, ...], chosen: Settings, report: Callable[[str], None], said: tuple[str, ...] = ()
 ) -> Analysis:
     """The chain from records with their clock on."""
-    _refuse_copies(used)
     why = why_measured(used, chosen)
+    _refuse_copies(used)
     if why:
         _refuse_far(used, chosen)
         if why == NOT_WHOLE and not chosen.trust_period and (words := rounded(used, chosen, report)):
@@ -137,7 +137,7 @@ def _identified(
             "period to be right, pass `trust_period=True` (`--trust-period`)."
         )
     bent, ended = "", None
-    if chosen.constrained:
+    if chosen.constrained and model.covariance is not None:
         report("holding the residues to their harmonics")
         ended = finish(
             model,

@@ -109,7 +109,9 @@ def measured(
     cycles = resample(found.free, steady)
     synchronous = tuple(rejoin(hit) for hit in cycles)
     lifted = lift(cycles, floor=settings.noise_floor)
-    doubt = "" if shafts or settings.estimate_period else wrong_measured_period(found, lifted, responses[0].sample_rate)
+    doubt = ""
+    if not (shafts or settings.estimate_period):
+        doubt = wrong_measured_period(found, lifted, responses)
     if doubt and not settings.trust_period:
         raise IdentificationError(doubt)
     modal = fit_residues(found.model.multipliers, lifted.responses)

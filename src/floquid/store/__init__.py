@@ -8,6 +8,10 @@ numbers are float64, integers int64, texts UTF-8. A complex number is a compound
 without content (a null dataspace) stands for None: "not estimated", or "not given". The datasets are::
 
     /warnings                       texts
+    /held, synchronisation          1 where residues were held to their harmonics; sentences on the records
+    /fit/                           of records fitted as they were sampled: noise (channels, hits), period_std, and
+                                    forced/, the forced response: harmonics of the revolution, coefficients,
+                                    coefficient_std, offset, offset_std, drift, drift_std, revolution, speed_dependent
     /settings/                      period, channels, order, harmonics, ...: one dataset a field of `Settings`
     /records/hit1, hit2, .../       the records as used: values (channels, samples), sample_rate, start,
                                     period and origin of the clock, channels/, provenance/
