@@ -60,8 +60,8 @@ def test_times_instead_of_a_rate(tmp_path):
 
 
 def test_what_is_not_used_is_mentioned(tmp_path):
-    found = describe_file(archive(tmp_path, orbit=np.ones((2, 4)), note=np.array([None], dtype=object)))
-    assert "The file also holds `orbit`, which is not used." in found.notes
+    found = describe_file(archive(tmp_path, path=np.ones((2, 4)), note=np.array([None], dtype=object)))
+    assert "The file also holds `path`, which is not used." in found.notes
     assert "The file also holds `note`, which is not used." in found.notes
 
 

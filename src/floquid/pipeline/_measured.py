@@ -114,6 +114,12 @@ def measured(
         doubt = wrong_measured_period(found, lifted, responses)
     if doubt and not settings.trust_period:
         raise IdentificationError(doubt)
+    most = max(hit.n_cycles for hit in cycles)
+    if found.model.order >= most - 1:
+        raise IdentificationError(
+            f"The record holds {most} whole periods, too few for the {found.model.order} poles that were found in it. "
+            "Record longer, or check the period."
+        )
     modal = fit_residues(found.model.multipliers, lifted.responses)
     model = replace(found.model, provenance=lifted.provenance)
     state = None

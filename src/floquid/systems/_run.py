@@ -45,6 +45,8 @@ class Run:
         The largest response to the imbalance over the largest free response, in the first channel.
     noise
         The deviation of white noise, as a share of the largest free response in each channel.
+    impulse_deg
+        The direction of the impulse, from X towards Y [deg].
     start_deg
         The angle of the shaft at the first sample [deg].
     pulse_deg
@@ -64,6 +66,7 @@ class Run:
     wander: float = 0.002
     imbalance: float = 5.0
     noise: float = 0.02
+    impulse_deg: float = 45.0
     start_deg: float = 77.0
     pulse_deg: float = 18.0
     seed: int = 0
@@ -74,7 +77,8 @@ class Run:
         integer(self.seed, "seed", of, at_least=0)
         positive(self.samples_per_period, "samples_per_period", of)
         positive(self.pulse_deg, "pulse_deg", of, unit="deg")
-        finite(self.start_deg, "start_deg", of, unit="deg")
+        for name in ("start_deg", "impulse_deg"):
+            finite(getattr(self, name), name, of, unit="deg")
         for name in ("wander", "imbalance", "noise"):
             if finite(getattr(self, name), name, of) < 0.0:
                 raise input_error(name, of, "not be negative", f"is {getattr(self, name):g}")
@@ -120,8 +124,8 @@ class Run:
         """The free response to the impulse and the response to the imbalance, both (channels, samples)."""
         times = self.times
         outputs = self.rotor.outputs(self.angle(times) / self.rotor.speed)
-        kick = np.sqrt(0.5)
-        free = self._states(times, np.array([0.0, 0.0, kick, kick]), 0.0)
+        kick = np.deg2rad(self.impulse_deg)
+        free = self._states(times, np.array([0.0, 0.0, np.cos(kick), np.sin(kick)]), 0.0)
         free = np.einsum("tcn,tn->ct", outputs, free)
         if not self.imbalance:
             return free, np.zeros_like(free)
