@@ -154,7 +154,8 @@ def test_without_noise_the_nonlinearity_is_named():
 def test_everything_at_once():
     """Out of step, half a revolution a period, a tachometer, imbalance three times the free response."""
     period, truth = truth_of("rotor_650rpm")
-    analysis = identify(read(folder_of("rotor_650rpm") / "rotor_650rpm_tach.npz"), tach="tach", periods_per_revolution=2)
+    record = read(folder_of("rotor_650rpm") / "rotor_650rpm_tach.npz")
+    analysis = identify(record, tach="tach", periods_per_revolution=2)
     model = analysis.model
     assert model.period == pytest.approx(period, rel=1e-6)
     assert analysis.fit.forced.harmonics.tolist() == [1, 2]
