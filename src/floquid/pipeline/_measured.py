@@ -90,6 +90,9 @@ def measured(
         records, words = _with_own_period(records, report)
         said += words
     responses, clocks, shafts = _clocks(records, report)
+    unsteady = tuple(_unsteady(shaft) for shaft in shafts if not shaft.steady)
+    if unsteady and not settings.trust_period:
+        raise IdentificationError(unsteady[0])
     found = fit(
         responses,
         clocks,
@@ -128,9 +131,6 @@ def measured(
         state = reconstruct(model, settings.states, times=settings.system_times)
     choice = Choice(order=model.order, model=modal, reasons=found.reasons, doubts=found.doubts)
     own = tuple(dict.fromkeys(reason for shaft in shafts for reason in shaft.reasons))
-    unsteady = tuple(_unsteady(shaft) for shaft in shafts if not shaft.steady)
-    if unsteady and not settings.trust_period:
-        raise IdentificationError(unsteady[0])
     return Analysis(
         settings=settings,
         records=synchronous,

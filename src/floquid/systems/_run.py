@@ -18,7 +18,9 @@ TAYLOR = 9
 """Terms of the exponential of a step."""
 
 SLOW = (3, 5, 8, 11)
-"""Cycles of the speed's wander in the run."""
+"""Cycles of the speed's wander in `REFERENCE` periods."""
+
+REFERENCE = 1024
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +28,7 @@ class Run:
     r"""A run of a `JeffcottRotor` on a test rig.
 
     .. math::
-        \dot\theta = \Omega \Big(1 + \sum_j a_j \cos(2\pi c_j t/D + \phi_j)\Big), \qquad
+        \dot\theta = \Omega \Big(1 + \sum_j a_j \cos(2\pi c_j t/(1024\,T) + \phi_j)\Big), \qquad
         \ddot u + C \dot u + K(\theta)\, u = e\, \dot\theta^2\, [\cos\theta, \sin\theta]^T
 
     with an impulse at the first sample, and the rotor on the orbit of its imbalance before it.
@@ -95,7 +97,7 @@ class Run:
 
     def angle(self, times: ArrayLike) -> NDArray[np.float64]:
         """The angle of the shaft (times,) [rad]."""
-        t, length = np.asarray(times, float), self.n_periods * self.rotor.period
+        t, length = np.asarray(times, float), REFERENCE * self.rotor.period
         phases = np.random.default_rng([self.seed, 1]).uniform(0.0, 2.0 * np.pi, len(SLOW))
         total = np.deg2rad(self.start_deg) + self.rotor.speed * t
         for cycles, phase in zip(SLOW, phases, strict=True):

@@ -1,0 +1,168 @@
+"""`identify` for records as they really come: clocks, wrong periods, impacts, and what is said of them."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from floquid import ConstantPeriod, IdentificationError, InputError, Record, identify, load, save
+from floquid.periodic import fit
+from floquid.pipeline import Settings
+from floquid.sync import resample, shaft_angle
+from floquid.systems import JeffcottRotor, Run
+
+ROTOR = JeffcottRotor()
+
+
+def off(model, true):
+    """Errors of the exponents over their deviations, modulo i times the rotor's own ω (modes, 2), upper half."""
+    found = []
+    for value, std in zip(model.exponents, model.exponent_std, strict=True):
+        gap = np.asarray(true) - value
+        gap = gap.real + 1j * (gap.imag - np.rint(gap.imag))
+        gap = gap[np.argmin(np.abs(gap))]
+        if value.imag > 0:
+            found.append([gap.real / std.real, gap.imag / std.imag])
+    return np.array(found)
+
+
+@cache
+def run():
+    return Run(n_periods=150, seed=2)
+
+
+@cache
+def of_run():
+    return identify(run().record())
+
+
+def test_a_rig_with_a_tachometer_a_wander_and_an_imbalance():
+    analysis = of_run()
+    assert analysis.model.order == 4
+    assert np.abs(off(analysis.model, ROTOR.exponents())).max() < 5.0
+    assert set(analysis.fit.forced.harmonics) >= {1}
+    assert analysis.shafts[0].wander == pytest.approx(0.002, rel=0.3)
+    assert analysis.model.channels == ROTOR.channels
+    said = " ".join(analysis.synchronisation)
+    assert "a shaft angle that is measured" in said
+    assert "1 a revolution" in said
+
+
+def test_such_a_result_comes_back_from_a_file(tmp_path):
+    analysis = of_run()
+    save(analysis, tmp_path / "result.h5")
+    back = load(tmp_path / "result.h5")
+    assert back.held
+    assert back.synchronisation == analysis.synchronisation
+    assert_allclose(back.fit.noise, analysis.fit.noise)
+    assert_allclose(back.fit.forced.coefficients, analysis.fit.forced.coefficients)
+    assert_allclose(back.model.exponents, analysis.model.exponents)
+    assert_allclose(back.noise, analysis.noise)
+
+
+def test_resampling_everything_to_angle_would_not_do():
+    """The mutant that a fit in time and angle is there for: equal angles taken for equal times bend the exponential."""
+    record = Run(n_periods=200, wander=0.006, imbalance=0.0, seed=2).record()
+    shaft = shaft_angle(record)
+    record = record.select(["X", "Y", "X_tt", "Y_tt"])
+    right = fit([record], [shaft], order=4).model
+    (cut,) = resample(record, shaft, n_phases=16)
+    values = cut.values.transpose(0, 2, 1).reshape(4, -1)
+    bent = Record(values=values, sample_rate=16.0 / shaft.period, channels=record.channels)
+    wrong = fit([bent], [ConstantPeriod(period=shaft.period)], order=4).model
+    assert np.abs(off(right, ROTOR.exponents())).max() < 5.0
+    assert np.abs(off(wrong, ROTOR.exponents())).max() > 10.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_rounded_sampling_interval_is_refused_with_its_cause(seed):
+    """Allen 2009, section 3: 2π/50 printed as 0.126."""
+    right = ROTOR.simulate(n_periods=300, seed=seed)
+    wrong = Record(
+        values=right.values, sample_rate=1.0 / 0.126, channels=right.channels, clock=ConstantPeriod(period=2.0 * np.pi)
+    )
+    with pytest.raises(IdentificationError, match=r"50 sampling intervals, a whole number.*rounded(.|\n)*rate=7\.9577"):
+        identify(wrong)
+    assert identify(right).model.order == 4
+
+
+@pytest.mark.parametrize("share", [1.01, 1.0025, 1.05])
+def test_any_other_wrong_period_is_refused(share):
+    record = ROTOR.simulate(n_periods=40, samples_per_period=8, seed=1)
+    with pytest.raises(IdentificationError, match=r"does not repeat with the period given.*its own is 6\.28"):
+        identify(record, period=2.0 * np.pi * share)
+
+
+def test_the_period_is_found():
+    record = ROTOR.simulate(n_periods=150, samples_per_period=16, seed=3)
+    analysis = identify(replace(record, clock=None), estimate_period=True)
+    assert abs(analysis.model.period - 2.0 * np.pi) < 4.0 * analysis.fit.period_std
+    assert analysis.fit.period_std < 1e-3
+    assert np.abs(off(analysis.model, ROTOR.exponents())).max() < 5.0
+
+
+def test_a_constant_system_does_not_tell_a_period():
+    times = np.arange(2000) / 20.0
+    values = np.exp(-0.05 * times) * np.cos(3.1 * times) + np.exp(-0.07 * times) * np.cos(5.2 * times)
+    values = values + 0.01 * np.random.default_rng(0).standard_normal((2, 2000))
+    with pytest.raises(IdentificationError, match="does not tell its period"):
+        identify(Record(values=values, sample_rate=20.0, channels=["a", "b"]), estimate_period=True)
+
+
+def test_impacts_are_several_hits():
+    one, other = (ROTOR.simulate(n_periods=200, noise=0.0, impulse_deg=angle) for angle in (45.0, 130.0))
+    values = np.array(one.values)
+    later = 50 * 80
+    values[:, later:] += other.values[:, : values.shape[1] - later]
+    values += 0.01 * np.random.default_rng(0).standard_normal(values.shape)
+    analysis = identify(replace(one, values=values), find_hits=True)
+    assert "impact" in analysis.synchronisation[0]
+    assert np.abs(off(analysis.model, ROTOR.exponents())).max() < 5.0
+
+
+def test_a_run_up_is_refused():
+    with pytest.raises(IdentificationError, match="not constant enough"):
+        identify(Run(n_periods=400, wander=0.1, imbalance=0.0).record())
+
+
+def test_a_steady_run_is_the_simulation():
+    run = Run(n_periods=100, samples_per_period=50.0, wander=0.0, imbalance=0.0, start_deg=0.0)
+    free, _ = run.responses()
+    whole = ROTOR.simulate(n_periods=100, noise=0.0).values
+    assert_allclose(free, whole[:, : free.shape[1]], atol=1e-8)
+
+
+def test_the_response_to_the_imbalance_is_periodic():
+    run = Run(n_periods=20, samples_per_period=40.0, wander=0.0)
+    _, forced = run.responses()
+    assert_allclose(forced[:, 80:], forced[:, :-80], atol=1e-6)
+    assert np.abs(forced[0]).max() == pytest.approx(5.0 * np.abs(run.responses()[0][0]).max())
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"tach": "tach", "period": 1.0}, "beside another clock"),
+        ({"azimuth": "a", "estimate_period": True}, "beside another clock"),
+        ({"forced": "all"}, "harmonics of the revolution"),
+        ({"forced": (1.5,)}, "harmonics of the revolution"),
+        ({"skip": -1.0}, "not be negative"),
+        ({"periods_per_revolution": 1.5}, "whole number"),
+        ({"pulses_per_revolution": 0}, "at least 1"),
+    ],
+)
+def test_settings_that_are_refused(options, words):
+    with pytest.raises(InputError, match=words):
+        Settings(**options)
+
+
+def test_a_channel_that_is_not_there():
+    with pytest.raises(InputError, match="tacho"):
+        identify(run().record(), tach="tacho")
+
+
+def test_an_orbit_of_another_shape_is_refused():
+    with pytest.raises(InputError, match="orbit"):
+        Record(values=np.ones((2, 9)), sample_rate=1.0, channels=["a", "b"], orbit=np.ones((3, 4)))
