@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from floquid import ConstantPeriod, IdentificationError, InputError, Record, identify, load, save
 from floquid.periodic import fit
 from floquid.pipeline import Settings
+from floquid.plot import save_figures
 from floquid.sync import resample, shaft_angle
 from floquid.systems import JeffcottRotor, Run
 
@@ -60,6 +61,10 @@ def test_such_a_result_comes_back_from_a_file(tmp_path):
     assert_allclose(back.fit.forced.coefficients, analysis.fit.forced.coefficients)
     assert_allclose(back.model.exponents, analysis.model.exponents)
     assert_allclose(back.noise, analysis.noise)
+
+
+def test_its_figures_have_the_speed(tmp_path):
+    assert [path.name for path in save_figures(of_run(), tmp_path)] == ["time_record.png", "composite.png", "speed.png"]
 
 
 def test_resampling_everything_to_angle_would_not_do():

@@ -25,6 +25,8 @@ Truth = tuple[np.ndarray, np.ndarray]
 
 FILES = ("record.npz", "result.h5", "summary.json", "settings.toml")
 FIGURES = ("time_record.png", "composite.png", "system_elements.png")
+OF_A_SHAFT = ("speed.png",)
+"""The figure of a record with a tachometer or an azimuth."""
 UNFINISHED = ".floquid-unfinished-"
 """What the folder is called in which a result is put together; it is left behind when the machine or a kill ends it."""
 
@@ -69,7 +71,7 @@ class ResultFolder:
     def _publish(self, others: Sequence[str]) -> None:
         figures = self.path / "figures"
         figures.mkdir(exist_ok=True)
-        for name in FIGURES:
+        for name in (*FIGURES, *OF_A_SHAFT):
             new = self.unfinished / "figures" / name
             if new.exists():
                 new.replace(figures / name)
@@ -117,7 +119,7 @@ def _refuse_obstacles(path: Path, others: Sequence[str]) -> None:
     figures = path / "figures"
     if figures.exists() and not figures.is_dir():
         raise _unusable(path, f"{figures} is a file")
-    for file in [*(path / name for name in (*FILES, *others)), *(figures / name for name in FIGURES)]:
+    for file in [*(path / name for name in (*FILES, *others)), *(figures / name for name in (*FIGURES, *OF_A_SHAFT))]:
         if file.is_dir():
             raise _unusable(path, f"{file} is a folder")
 

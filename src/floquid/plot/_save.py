@@ -13,6 +13,7 @@ from floquid._checks import input_error
 from floquid._files import as_path, atomic_path
 from floquid.pipeline import Analysis
 from floquid.plot._composite import composite
+from floquid.plot._speed import speed
 from floquid.plot._style import style
 from floquid.plot._system_elements import system_elements
 from floquid.plot._time_record import time_record
@@ -34,7 +35,9 @@ def save_figures(
     formats: Sequence[Format] = ("png",),
     dpi: float = 150.0,
 ) -> tuple[Path, ...]:
-    """Write `time_record`, `composite` and, when there is an A(t), `system_elements`, each file whole or not at all.
+    """Write `time_record`, `composite`, with an A(t) `system_elements`, and with a tachometer `speed`.
+
+    Each file appears whole or not at all.
 
     Parameters
     ----------
@@ -69,6 +72,8 @@ def save_figures(
         figures["system_elements"] = system_elements(
             analysis.state, truth=truth, period=analysis.model.period, channels=analysis.model.channels
         )
+    if analysis.shafts:
+        figures["speed"] = speed(analysis.shafts[0])
     written = []
     for name, figure in figures.items():
         for form in formats:
