@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Channel, PeriodicModel, Provenance
+from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import Block
 from floquid.periodic._constrained import Held
@@ -132,13 +133,16 @@ def model_of(
         elif entries.free_period:
             of_parts[len(rows) + r, -1] = entries.offsets[entry]
     used = (out != 0).any(axis=(0, 1, 2)) | (whole == 0)
+    covariance = of_parts @ found.covariance() @ of_parts.T
+    if not (np.isfinite(covariance).all() and (np.diag(covariance) >= 0.0).all()):
+        raise IdentificationError("A mode is not determined at all: with its residues held, it has no deviation.")
     return PeriodicModel(
         exponents=exponents,
         coefficients=out[..., used],
         harmonics=whole[used],
         period=2.0 * np.pi / entries.fundamental,
         channels=channels,
-        covariance=of_parts @ found.covariance() @ of_parts.T,
+        covariance=covariance,
         coefficient_std=out_std[..., used],
         provenance=provenance,
     )
