@@ -127,6 +127,26 @@ def test_impacts_are_several_hits():
     assert np.abs(off(analysis.model, ROTOR.exponents())).max() < 5.0
 
 
+def test_clipped_channels_and_missing_samples_are_reported():
+    record = ROTOR.simulate(n_periods=60)
+    values = np.array(record.values)
+    values[0] = np.clip(values[0], -0.6, 0.6)
+    values[1, 100:130] = np.nan
+    analysis = identify(replace(record, values=values), order=4, trust_period=True)
+    assert any("'X' is clipped at -0.6 and 0.6" in warning for warning in analysis.warnings)
+    assert any("'Y' misses 30 samples" in sentence for sentence in analysis.synchronisation)
+    assert not any("clipped" in warning for warning in identify(record).warnings)
+
+
+def test_the_first_periods_can_be_left_out():
+    record = ROTOR.simulate(n_periods=200)
+    analysis = identify(record, skip=10.0)
+    assert analysis.cycles[0].n_cycles == 190
+    assert np.abs(off(analysis.model, ROTOR.exponents())).max() < 5.0
+    with pytest.raises(InputError, match="Skip less"):
+        identify(record, skip=200.0)
+
+
 def test_a_run_up_is_refused():
     with pytest.raises(IdentificationError, match="not constant enough"):
         identify(Run(n_periods=400, wander=0.1, imbalance=0.0).record())

@@ -95,7 +95,8 @@ def identify(
     find_hits
         Look for impacts in each record, and take each free response after one as a hit of its own.
     skip
-        Periods left out after each impact, where the response is not linear yet; 0 when not given.
+        Periods left out at the start, or after each impact found, where the response is not linear yet; 0 when not
+        given.
     constrained
         Finish with residues held to their harmonics, the usual end: smaller deviations where modes are weak, fast, or
         folded onto one another. --no-constrained keeps the residues of lifting free.

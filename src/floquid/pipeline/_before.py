@@ -7,10 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import input_error
 from floquid.core import ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.errors import IdentificationError
 from floquid.pipeline._settings import Settings
-from floquid.sync import find_hits, pulse_times, shaft_angle, split_hits
+from floquid.sync import clipped, dropouts, find_hits, gaps, pulse_times, shaft_angle, split_hits
+
+MOST_GAPS = 12
+"""Stretches of missing samples that are listed one by one."""
 
 CHUNK = 8192
 """Samples at which an orbit is made at a time."""
@@ -52,6 +56,51 @@ def _at(orbit: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.fl
         turned = np.exp(2j * np.pi * np.multiply.outer(harmonics, turns[first : first + CHUNK] % 1.0))
         found[:, first : first + CHUNK] = (parts @ turned).real
     return found
+
+
+def faults_of(records: tuple[Record, ...]) -> tuple[str, ...]:
+    """What is wrong with samples, a sentence each: channels that are clipped or stand still."""
+    found = []
+    for number, record in enumerate(records, start=1):
+        which = f"Record {number}: " if len(records) > 1 else ""
+        for fault in (*clipped(record), *dropouts(record)):
+            text = f"{which}{fault.sentence}"
+            found.append(f"{text[0].upper()}{text[1:]}.")
+    if found:
+        found.append("Samples that are not the response's bend exponents and shapes: mark them as missing (NaN).")
+    return tuple(found)
+
+
+def missing_of(records: tuple[Record, ...]) -> tuple[str, ...]:
+    """Which samples are missing, a sentence each."""
+    found = []
+    for number, record in enumerate(records, start=1):
+        which = f"Record {number}: " if len(records) > 1 else ""
+        own = gaps(record)
+        for gap in own[:MOST_GAPS]:
+            text = f"{which}{gap.sentence}"
+            found.append(f"{text[0].upper()}{text[1:]}.")
+        if len(own) > MOST_GAPS:
+            found.append(f"{which}There are {len(own) - MOST_GAPS} more stretches of missing samples.")
+    return tuple(found)
+
+
+def later(records: tuple[Record, ...], skip: float) -> tuple[tuple[Record, ...], tuple[str, ...]]:
+    """The records without their first `skip` periods, and a sentence on it."""
+    cut = []
+    for record in records:
+        if record.clock is None:
+            must, got = "come with a clock, since it counts periods", "the period is not known"
+            raise input_error("skip", "identify", must, got, "Give the period.")
+        period = record.clock.period if isinstance(record.clock, ConstantPeriod) else shaft_angle(record).period
+        samples = int(np.ceil(skip * period * record.sample_rate))
+        if samples > record.n_samples - 2:
+            got = f"is {skip:g} periods, and a record holds {record.duration / period:.4g}"
+            raise input_error("skip", "identify", "leave most of each record", got, "Skip less.")
+        values = record.values[:, samples:]
+        values.flags.writeable = False
+        cut.append(replace(record, values=values, start=record.start + samples / record.sample_rate))
+    return tuple(cut), (f"The first {skip:g} periods were left out.",)
 
 
 def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[str, ...]]:

@@ -24,7 +24,7 @@ from floquid.lti import fit_residues
 from floquid.order import Choice, judge
 from floquid.periodic import assemble, combinations_of, finish
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._before import hits_of, without_orbit
+from floquid.pipeline._before import faults_of, hits_of, later, missing_of, without_orbit
 from floquid.pipeline._doubts import ambiguity, below_modes, driven, misfit, quiet, too_low, warnings, wrong_period
 from floquid.pipeline._find_poles import UnsettledError, find_poles
 from floquid.pipeline._measured import NOT_WHOLE, measured, why_measured
@@ -81,16 +81,21 @@ def identify(
 
     chosen = _settings(settings, options)
     used = _prepare(records, chosen)
-    said: tuple[str, ...] = ()
+    faults, said = faults_of(used), missing_of(used)
     if chosen.find_hits:
-        used, said = hits_of(used, chosen)
+        used, words = hits_of(used, chosen)
+        said += words
+    elif chosen.skip:
+        used, words = later(used, chosen.skip)
+        said += words
     if chosen.orbit:
         used, words = without_orbit(used)
         said += words
     # The matrices are many and small: threads inside BLAS would wait for each other, on a busy machine for seconds.
     few = sum(record.values.size for record in used) < LARGE
     with threadpool_limits(limits=1 if few else None, user_api="blas"):
-        return _identified(used, chosen, report, said)
+        found = _identified(used, chosen, report, said)
+        return replace(found, warnings=(*faults, *found.warnings)) if faults else found
 
 
 def _identified(

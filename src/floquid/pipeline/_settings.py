@@ -60,7 +60,7 @@ class Settings:
     find_hits
         Whether each record is searched for impacts, and cut into one free response after each.
     skip
-        Periods after each impact that are left out, where they are not linear yet.
+        Periods after each impact that are left out, where they are not linear yet: of each record, without `find_hits`.
 
     Raises
     ------
