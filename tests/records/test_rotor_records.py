@@ -146,6 +146,7 @@ def test_without_noise_the_nonlinearity_is_named():
     analysis = identify(record)
     assert any("nonlinearity" in sentence for sentence in analysis.synchronisation)
     omega = 2.0 * np.pi / record.clock.period
+    assert sum("most likely no mode" in warning for warning in analysis.warnings) >= 3
     for value in truth:
         gap = analysis.model.exponents - value
         assert np.abs(gap.real + 1j * (gap.imag - omega * np.rint(gap.imag / omega))).min() < 2e-3 * omega

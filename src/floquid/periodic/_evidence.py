@@ -18,6 +18,9 @@ LOUD = 2.0
 NEAR = 0.1
 """How near a sum of two exponents must be to a third, over its decay, to be taken for it."""
 
+FAR = 0.6
+"""The same where a record is known to be nonlinear."""
+
 DOUBLE = 0.5
 """Decays that two modes must be apart, modulo the fundamental, to be surely two."""
 
@@ -74,7 +77,7 @@ def combinations(found: Searched) -> tuple[str, ...]:
     return _products(values, _deviations(found, free), _sizes(found, free), entries.fundamental)
 
 
-def combinations_of(model: PeriodicModel, noise: NDArray[np.float64]) -> tuple[str, ...]:
+def combinations_of(model: PeriodicModel, noise: NDArray[np.float64], *, nonlinear: bool = False) -> tuple[str, ...]:
     r"""Modes of a model that a nonlinearity makes of others, a sentence each.
 
     .. math:: \lambda_c = \lambda_a + \lambda_b + i m \omega
@@ -85,6 +88,9 @@ def combinations_of(model: PeriodicModel, noise: NDArray[np.float64]) -> tuple[s
         The periodic model.
     noise
         The deviation of the noise (channels, hits) [units of the channels].
+    nonlinear
+        Whether the record is known not to be one of modes alone: then sums are looked for from farther away, since
+        several may have come out as one.
 
     Returns
     -------
@@ -95,11 +101,19 @@ def combinations_of(model: PeriodicModel, noise: NDArray[np.float64]) -> tuple[s
     if std is None or not chosen:
         return ()
     size = np.abs(model.coefficients[chosen] / noise[:, :, None]).max(axis=(1, 2, 3))
-    return _products(model.exponents[chosen], np.maximum(std.real, std.imag)[chosen], size, model.fundamental)
+    worst = np.maximum(std.real, std.imag)[chosen]
+    near, chance = (FAR, 2.0 * CHANCE) if nonlinear else (NEAR, CHANCE)
+    return _products(model.exponents[chosen], worst, size, model.fundamental, near=near, chance=chance)
 
 
 def _products(
-    values: NDArray[np.complex128], std: NDArray[np.float64], size: NDArray[np.float64], omega: float
+    values: NDArray[np.complex128],
+    std: NDArray[np.float64],
+    size: NDArray[np.float64],
+    omega: float,
+    *,
+    near: float = NEAR,
+    chance: float = CHANCE,
 ) -> tuple[str, ...]:
     r"""Exponents that are sums of those of two larger modes.
 
@@ -116,8 +130,8 @@ def _products(
             total = (values[a] if one > 0 else values[a].conj()) + (values[b] if other > 0 else values[b].conj())
             gap = value - total
             gap = complex(gap.real, gap.imag - omega * round(gap.imag / omega))
-            tolerance = max(CERTAIN * float(np.hypot(std[c], std[a] + std[b])), NEAR * abs(value.real))
-            if abs(gap) < tolerance < CHANCE * omega:
+            tolerance = max(CERTAIN * float(np.hypot(std[c], std[a] + std[b])), near * abs(value.real))
+            if abs(gap) < tolerance < chance * omega:
                 names = " and ".join(f"{abs(values[k].imag) / (2.0 * np.pi):.4g} Hz" for k in sorted({int(a), int(b)}))
                 sentences.append(
                     f"The mode at {abs(value.imag) / (2.0 * np.pi):.4g} Hz is most likely no mode: its multiplier is a "

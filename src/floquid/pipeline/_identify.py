@@ -115,6 +115,7 @@ def _identified(
     report("estimating the noise")
     lifted = lift(cycles, floor=chosen.noise_floor)
     found_by_default = chosen.identifier is None and chosen.order is None and chosen.constrained
+    believed = False
     floors = [chosen.noise_floor, *(floor for floor in FLOORS if found_by_default and quiet(lifted))]
     while True:
         try:
@@ -123,10 +124,10 @@ def _identified(
         except UnsettledError:
             if len(floors) == 1:
                 raise
-            floors = floors[1:]
+            floors, believed = floors[1:], True
             chosen = replace(chosen, noise_floor=floors[0])
             lifted = lift(cycles, floor=floors[0])
-    if floors[0] in FLOORS and chosen.noise_floor in FLOORS:
+    if believed:
         said += (below_modes(floors[0]),)
     if chosen.forced == "auto" and found_by_default and driven(modal):
         why = "a component that neither grows nor decays, which is a forced response"
@@ -174,7 +175,7 @@ def _identified(
         synchronisation=said,
         warnings=tuple(word for word in (missing, doubt, bent) if word)
         + ambiguity(choice)
-        + (combinations_of(model, lifted.noise) if ended is None or ended.reasons is None else ())
+        + (combinations_of(model, lifted.noise, nonlinear=believed) if ended is None or ended.reasons is None else ())
         + warnings(model),
     )
 
