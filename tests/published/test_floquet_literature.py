@@ -13,7 +13,6 @@ from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 from floquid import floquet
-from floquid.errors import InputError
 from floquid.testing import assert_exponents_close
 
 
@@ -95,20 +94,21 @@ def test_half_period_gives_real_negative_multipliers_on_the_upper_edge_of_the_st
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7])
-def test_colaneri_is_refused_and_not_reported_wrongly(angle):
-    """The second exponent is -24, and its multiplier of 3e-66 is below the rounding error of the first.
+def test_colaneri_keeps_the_small_multiplier(angle):
+    """The second exponent is -24, and its multiplier of 3e-66 is far below the rounding error of the first.
 
-    In states turned by a constant angle it comes out as some 1e-15, which would pass for an exponent of -6.
+    In states turned by a constant angle the eigenvalue of a monodromy matrix that is formed comes out as some 1e-15,
+    which would pass for an exponent of -6.
     """
     turn = np.array([[cos(angle), -sin(angle)], [sin(angle), cos(angle)]])
 
     def system(t):
         return turn @ colaneri(t) @ turn.T
 
-    multipliers = floquet.multipliers(system, 2 * pi)
-    assert np.sort(np.abs(multipliers)) == pytest.approx([0.0, 1.0], abs=1e-11)
-    with pytest.raises(InputError, match=r"mean trace of A\(t\) is -24"):
-        floquet.exponents(system, 2 * pi)
+    assert floquet.exponents(system, 2 * pi) == pytest.approx([0.0, -24.0], abs=1e-12)
+    assert floquet.multipliers(system, 2 * pi) == pytest.approx([1.0, np.exp(-48.0 * pi)], rel=1e-11)
+    formed = np.sort(np.abs(np.linalg.eigvals(floquet.monodromy(system, 2 * pi))))
+    assert np.abs(np.log(formed[0] + 1e-300) / (2 * pi) + 24.0) > 10.0
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,185 @@
+"""What may be given as A(t), and its form for integration: resolved into harmonics where it is smooth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import frozen_array, input_error, positive
+from floquid.floquet._matrices import (
+    AbstractPeriodicMatrix,
+    FunctionMatrix,
+    HarmonicMatrix,
+    SampledMatrix,
+    line_weights,
+)
+
+StateMatrix: TypeAlias = AbstractPeriodicMatrix | Callable[[float], ArrayLike] | ArrayLike
+"""A(t): a periodic matrix, a callable t [s] -> (n, n) [1/s], or samples (n, n, phases) at t = 0, T/P, ..."""
+
+_FIRST, _LAST = 16, 512  # samples of a period tried until its harmonics have died away
+_PROBES = 16
+_OFFSET = 0.381966  # off every simple fraction of the period, where jumps and zeros like to sit
+
+
+class Prepared(NamedTuple):
+    """A(t) ready to be integrated."""
+
+    matrix: AbstractPeriodicMatrix
+    smooth: bool
+    """Whether it is smooth between its breaks for certain."""
+
+    scale: NDArray[np.float64]
+    """Units of the states (n,) in which A is best balanced."""
+
+    size: float
+    """Its largest row sum in these units [1/s]."""
+
+
+def periodic(system: StateMatrix, period: float | None, breaks: ArrayLike, of: str) -> AbstractPeriodicMatrix:
+    """What was given as A(t), as a square periodic matrix.
+
+    Raises
+    ------
+    InputError
+        It is none, it is not square, or its period is missing or differs from that of the matrix.
+    """
+    if isinstance(system, AbstractPeriodicMatrix):
+        if period is not None and positive(period, "period", of, unit="s") != system.period:
+            raise input_error(
+                "period",
+                of,
+                f"be left out or be that of the matrix, {system.period:g} s",
+                f"is {period:g} s",
+                "To declare another period use `repeated` or `reduced`.",
+            )
+        if np.size(breaks):
+            raise input_error(
+                "breaks", of, "be left out beside a periodic matrix", "is given", "The matrix has its own."
+            )
+        matrix = system
+    elif period is None:
+        raise input_error("period", of, "be given for a callable or samples", "is None", "In seconds: 2π/ω.")
+    elif callable(system):
+        matrix = FunctionMatrix(function=system, period=period, breaks=breaks, argument=("system", of))
+    else:
+        matrix = _sampled(system, period, breaks, of)
+    if matrix.shape[0] != matrix.shape[1]:
+        raise input_error("system", of, "be a square matrix (n, n)", f"is one of {matrix.shape}")
+    return matrix
+
+
+def prepare(matrix: AbstractPeriodicMatrix, tolerance: float, of: str) -> Prepared:
+    """A(t) in harmonics if they die away below `tolerance` of it, else as it is.
+
+    Raises
+    ------
+    InputError
+        A callable does not return finite real matrices of one shape, or does not repeat itself after its period.
+    """
+    if isinstance(matrix, FunctionMatrix):
+        found = None if np.size(matrix.breaks) else resolve(matrix, tolerance)
+        if found is None:
+            refuse_other_period(matrix, of)
+            samples = matrix.at(_probe_times(matrix.period))
+            scale, size = _balance(samples)
+            return Prepared(matrix, smooth=False, scale=scale, size=size)
+        return found
+    samples = matrix.at(_probe_times(matrix.period))
+    scale, size = _balance(samples)
+    return Prepared(matrix, smooth=True, scale=scale, size=size)
+
+
+def resolve(matrix: AbstractPeriodicMatrix, tolerance: float) -> Prepared | None:
+    """The harmonics of a matrix whose upper ones are below `tolerance` of its size, checked between and after samples.
+
+    The samples double until they suffice, none is taken twice; the check is one period later, so it is one of the
+    period as well. `None`: there is no end of the harmonics within reach, as where the matrix has a jump.
+    """
+    period, n = matrix.period, _FIRST
+    samples = matrix.at(period * np.arange(n) / n)
+    probes = period * (1.0 + np.array([_OFFSET, 0.5 * _OFFSET]))
+    later: NDArray[np.float64] | None = None
+    while True:
+        scale, size = _balance(samples)
+        lines = np.fft.rfft(samples, axis=0) * line_weights(n)[:, None, None]
+        upper = np.abs(lines[7 * n // 16 :]).sum(axis=0) * scale / scale[:, None]
+        if upper.max() <= tolerance * size:
+            found = _harmonic(lines, period)
+            later = matrix.at(probes) if later is None else later
+            missed = np.abs(later - found.at(probes)).max(axis=0) * scale / scale[:, None]
+            if missed.max() <= 10.0 * max(tolerance, 1e-13) * size:
+                return Prepared(found, smooth=True, scale=scale, size=size)
+        if n >= _LAST or (n >= 64 and upper.max() > 0.3 * np.abs(lines).max()):
+            return None
+        between = matrix.at(period * (np.arange(n) + 0.5) / n)
+        samples = np.stack([samples, between], axis=1).reshape(2 * n, *samples.shape[1:])
+        n *= 2
+
+
+def refuse_other_period(matrix: FunctionMatrix, of: str) -> None:
+    """Refuse a callable that is another matrix one period later."""
+    times = _probe_times(matrix.period)
+    distance = np.abs(times[:, None] - np.asarray(matrix.breaks)[None, :])
+    times = times[(distance > 1e-6 * matrix.period).all(axis=1)]
+    now, later = matrix.at(times), matrix.at(times + matrix.period)
+    change = np.abs(later - now).max(axis=(1, 2))
+    if change.size and change.max() > 1e-8 * np.abs(now).max():
+        worst = int(change.argmax())
+        raise input_error(
+            "period",
+            of,
+            "be a period of A(t)",
+            f"A differs by {change[worst]:.3g} between t = {times[worst]:g} and one period of {matrix.period:g} later",
+            "Half a revolution is a period only in the fixed frame: check the period and the coordinates.",
+        )
+
+
+def _sampled(system: ArrayLike, period: float, breaks: ArrayLike, of: str) -> SampledMatrix:
+    if np.size(breaks):
+        raise input_error(
+            "breaks", of, "be left out beside samples", "is given", "For jumps give a callable or a PiecewiseMatrix."
+        )
+    shape = np.shape(system)
+    if len(shape) == 3 and shape[0] != shape[1] and shape[1] == shape[2]:
+        raise input_error(
+            "system",
+            of,
+            "have shape (n, n, phases)",
+            f"has shape {shape}",
+            "Phase is the last axis: pass `np.moveaxis(A, 0, -1)`.",
+        )
+    remedy = "A constant matrix is one sample: pass `A[:, :, None]`." if len(shape) == 2 else "Or pass a callable."
+    values = frozen_array(system, "system", of, axes=("n", "n", "phases"), remedy=remedy)
+    if values.shape[0] != values.shape[1] or not values.size:
+        raise input_error("system", of, "have shape (n, n, phases)", f"has shape {values.shape}")
+    return SampledMatrix(values=values, period=period, argument=("system", of))
+
+
+def _harmonic(lines: NDArray[np.complex128], period: float) -> HarmonicMatrix:
+    """The series of the lines of `rfft`, already weighted, the last of them left out."""
+    upper = np.moveaxis(lines[1:-1], 0, 2) / 2.0
+    return HarmonicMatrix(
+        coefficients=np.concatenate([upper[..., ::-1].conj(), lines[0].real[..., None], upper], axis=2),
+        harmonics=np.arange(1 - len(lines) + 1, len(lines) - 1),
+        period=period,
+    )
+
+
+def _probe_times(period: float) -> NDArray[np.float64]:
+    return period * (np.arange(_PROBES) + _OFFSET) / _PROBES
+
+
+def _balance(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Units of the states that balance A (n,), powers of two, and the largest row sum in them."""
+    from scipy.linalg import matrix_balance
+
+    largest = np.abs(samples).max(axis=0)
+    if not largest.any():
+        return np.ones(len(largest)), 0.0
+    with np.errstate(invalid="ignore"):  # it makes integers of the units too, where it looks for permutations
+        balanced, (scale, _) = matrix_balance(largest, permute=False, separate=True)
+    return scale, float(balanced.sum(axis=1).max())
