@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from floquid import floquet
+from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close, pair_exponents
 
 LAWS = settings(max_examples=20, deadline=None, derandomize=True)
@@ -137,3 +138,35 @@ def test_pairing_undoes_permutation_and_branch(parts, data):
     assert_exponents_close(moved, truth, period, atol=0.01 + 1e-9)
     with pytest.raises(AssertionError, match=r"over 0\.001"):
         assert_exponents_close(moved, truth, period, atol=0.001)
+
+
+@LAWS
+@given(st.floats(0.2, 2.0), st.floats(0.3, 3.0), st.floats(0.3, 3.0), st.floats(0.0, 0.2))
+def test_isotropic_rotor_has_the_exponents_of_its_turning_frame(speed, rotor_x, rotor_y, damping):
+    """Multipliers over half a revolution are -exp(λπ/Ω), λ of a constant system: half a turn changes signs.
+
+    Compared as characteristic polynomials, since exponents meet at the edges of instability.
+    """
+    rotor = JeffcottRotor(
+        rotor_x=rotor_x, rotor_y=rotor_y, support_x=1.0, support_y=1.0, speed=speed, damping=damping
+    )
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    springs = np.diag([rotor_x / (1.0 + rotor_x), rotor_y / (1.0 + rotor_y)])
+    stiffness = springs - speed**2 * np.eye(2) + damping * speed * turn
+    turning = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -damping * np.eye(2) - 2.0 * speed * turn]])
+    exact = np.poly(-expm(turning * rotor.period))
+    size = max(1.0, np.abs(exact).max())
+    for found in (
+        floquet.multipliers(rotor.system, rotor.period),
+        np.exp(floquet.hill(rotor.system, rotor.period, raises=False).exponents * rotor.period),
+    ):
+        assert np.poly(found) == pytest.approx(exact, abs=1e-9 * size)
+
+
+@LAWS
+@given(systems)
+def test_the_two_routes_agree(system):
+    """The characteristic polynomial of the multipliers: they share no code."""
+    factors = floquet.multipliers(system, system.period)
+    hill = np.exp(floquet.hill(system, system.period, raises=False).exponents * system.period)
+    assert np.poly(hill) == pytest.approx(np.poly(factors), abs=1e-8 * max(1.0, np.abs(np.poly(factors)).max()))

@@ -13,6 +13,11 @@ from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close
 
 PERIOD = 2.0 * np.pi
+ROUTES = {
+    "factors": lambda rotor: floquet.exponents(rotor.system, rotor.period),
+    "hill": lambda rotor: floquet.hill(rotor.system, rotor.period).exponents,
+}
+both_routes = pytest.mark.parametrize("route", ROUTES)
 PAPER = np.array([-0.002 + 0.1303357j, -0.002 + 0.2593936j])
 PRINTED_DAMPING = np.array([-0.0039996 + 0.1303426j, -0.0020004 + 0.2593936j])
 
@@ -30,9 +35,10 @@ def test_period_is_half_a_revolution():
     assert JeffcottRotor().period == pytest.approx(PERIOD, rel=1e-15)
 
 
+@both_routes
 @pytest.mark.parametrize(("form", "expected"), [("identity", PAPER), ("support", PRINTED_DAMPING)])
-def test_exponents(form, expected):
-    found = JeffcottRotor(damping_form=form).exponents()
+def test_exponents(form, expected, route):
+    found = ROUTES[route](JeffcottRotor(damping_form=form))
     assert_exponents_close(found, with_conjugates(expected), PERIOD, atol=6e-8)
 
 
@@ -101,19 +107,21 @@ def test_residue_harmonics_of_y_in_mode_1():
     assert max(y[[2, -2]]) == pytest.approx(0.00007, abs=5e-6)
 
 
+@both_routes
 @pytest.mark.parametrize(("lower", "upper"), [(0.7212, 0.7558), (0.7849, 0.8252), (0.8483, 0.9018)])
-def test_instability_bands(lower, upper):
+def test_instability_bands(lower, upper, route):
     """The edges are given to four digits, so they are approached to one unit of the fourth."""
 
     def growth(speed):
-        return JeffcottRotor(speed=speed).exponents().real.max()
+        return ROUTES[route](JeffcottRotor(speed=speed)).real.max()
 
     assert growth(lower - 1e-4) < 0.0 < growth(lower + 1e-4)
     assert growth(upper + 1e-4) < 0.0 < growth(upper - 1e-4)
 
 
+@both_routes
 @pytest.mark.parametrize("speed", [0.5, 0.74, 1.3])
-def test_isotropic_support_is_a_constant_system_in_the_turning_frame(speed):
+def test_isotropic_support_is_a_constant_system_in_the_turning_frame(speed, route):
     """Multipliers over half a revolution are -exp(λ_rot π/Ω): half a turn changes the sign of turning coordinates."""
     rotor = JeffcottRotor(support_x=1.0, support_y=1.0, speed=speed, damping=0.05)
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -121,15 +129,16 @@ def test_isotropic_support_is_a_constant_system_in_the_turning_frame(speed):
     damping = 0.05 * np.eye(2) + 2.0 * speed * turn
     turning = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -damping]])
     expected = -np.exp(np.linalg.eigvals(turning) * np.pi / speed)
-    assert_exponents_close(rotor.exponents(), np.log(expected) * speed / np.pi, rotor.period, atol=1e-11)
+    assert_exponents_close(ROUTES[route](rotor), np.log(expected) * speed / np.pi, rotor.period, atol=1e-11)
 
 
+@both_routes
 @pytest.mark.parametrize(
     ("speed", "unstable"),
     [(0.5**0.5 - 1e-4, False), (0.5**0.5 + 1e-4, True), (0.6**0.5 - 1e-4, True), (0.6**0.5 + 1e-4, False)],
 )
-def test_isotropic_undamped_instability_band(speed, unstable):
-    growth = JeffcottRotor(support_y=1.0, damping=0.0, speed=speed).exponents().real.max()
+def test_isotropic_undamped_instability_band(speed, unstable, route):
+    growth = ROUTES[route](JeffcottRotor(support_y=1.0, damping=0.0, speed=speed)).real.max()
     assert (growth > 1e-4) if unstable else (growth < 1e-9)
 
 

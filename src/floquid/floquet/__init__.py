@@ -3,33 +3,66 @@
 Exponents are on the principal branch, -ω/2 < Im λ ≤ ω/2 with ω = 2π/period, unless a function says otherwise.
 """
 
+from floquid.floquet._discrete import DiscretePeriodicSystem, discretise
 from floquid.floquet._exponents import exponents, multipliers
+from floquid.floquet._file import MatrixFile, read_matrix
+from floquid.floquet._harmonic_system import HarmonicSystem, HarmonicTransfer, harmonic_transfer
+from floquid.floquet._hill import hill
+from floquid.floquet._hill_modes import HillModes, HillOutcome
+from floquid.floquet._lifted_system import LiftedSystem
+from floquid.floquet._lin_file import LinFile, LinSignals, read_lin
+from floquid.floquet._linearisation import AzimuthResolution, OpenFastLinearisation
 from floquid.floquet._lyapunov import FloquetLyapunov, lyapunov
-from floquid.floquet._matrices import (
-    AbstractPeriodicMatrix,
-    FunctionMatrix,
-    HarmonicMatrix,
-    PiecewiseMatrix,
-    SampledMatrix,
-)
+from floquid.floquet._matrices import FunctionMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix
+from floquid.floquet._matrix import AbstractPeriodicMatrix
 from floquid.floquet._modes import FloquetModes, ModesOutcome, modes
+from floquid.floquet._openfast import AzimuthRole, read_openfast
+from floquid.floquet._periods import common_period
+from floquid.floquet._sine_response import SineResponse, sine_response
+from floquid.floquet._stability_map import Instability, StabilityMap, stability_map
+from floquid.floquet._system import PeriodicSystem
 from floquid.floquet._system_matrix import StateMatrix
 from floquid.floquet._transition import monodromy, transition
 
 __all__ = [
     "AbstractPeriodicMatrix",
+    "AzimuthResolution",
+    "AzimuthRole",
+    "DiscretePeriodicSystem",
     "FloquetLyapunov",
     "FloquetModes",
     "FunctionMatrix",
     "HarmonicMatrix",
+    "HarmonicSystem",
+    "HarmonicTransfer",
+    "HillModes",
+    "HillOutcome",
+    "Instability",
+    "LiftedSystem",
+    "LinFile",
+    "LinSignals",
+    "MatrixFile",
     "ModesOutcome",
+    "OpenFastLinearisation",
+    "PeriodicSystem",
     "PiecewiseMatrix",
     "SampledMatrix",
+    "SineResponse",
+    "StabilityMap",
     "StateMatrix",
+    "common_period",
+    "discretise",
     "exponents",
+    "harmonic_transfer",
+    "hill",
     "lyapunov",
     "modes",
     "monodromy",
     "multipliers",
+    "read_lin",
+    "read_matrix",
+    "read_openfast",
+    "sine_response",
+    "stability_map",
     "transition",
 ]

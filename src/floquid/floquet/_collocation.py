@@ -188,7 +188,7 @@ def _step(
 def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     """The inverses; infinity for what has none, so that its interval is halved."""
     try:
-        return np.linalg.inv(matrices)
+        return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
     except np.linalg.LinAlgError:
         regular = np.linalg.det(matrices) != 0.0
         out = np.full(matrices.shape, np.inf)

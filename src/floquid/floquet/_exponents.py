@@ -123,8 +123,8 @@ def trace_integral(found: Factors, prepared: Prepared) -> float:
     """The integral of the trace of A over a period."""
     matrix = prepared.matrix
     if isinstance(matrix, HarmonicMatrix):
-        middle = np.asarray(matrix.coefficients)[..., len(np.asarray(matrix.harmonics)) // 2]
-        return float(np.trace(middle).real) * matrix.period
+        mean = np.asarray(matrix.coefficients)[..., np.asarray(matrix.harmonics) == 0].sum(axis=2)
+        return float(np.trace(mean).real) * matrix.period
     rule = gauss(stages(len(prepared.scale)))
     width = found.right - found.left
     values = matrix.at(found.left[:, None] + width[:, None] * rule.nodes)

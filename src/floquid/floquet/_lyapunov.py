@@ -115,7 +115,7 @@ def _block(
     product, taken = _product.scaled_product(inner)
     size = product.shape[0]
     whole = np.linalg.matrix_power(product, turns)
-    rate = np.asarray(logm(whole)).real / (turns * period) + taken / period * np.eye(size)
+    rate = np.real(np.asarray(logm(whole), dtype=np.complex128)) / (turns * period) + taken / period * np.eye(size)
     backs = np.stack([expm(-rate * width) for width in widths[:count]])
     ahead = np.stack([expm(rate * width) for width in widths[:count]])
     total = turns * count

@@ -2,195 +2,18 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias, get_args
+from functools import partial
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
+from floquid.floquet._matrix import AbstractPeriodicMatrix
 
 Interpolation: TypeAlias = Literal["fourier", "cubic", "linear"]
-
-
-class AbstractPeriodicMatrix(ABC):
-    """A real matrix M(t) = M(t + T): what all its forms answer."""
-
-    __slots__ = ()
-
-    @property
-    @abstractmethod
-    def period(self) -> float:
-        """The period T [s]."""
-
-    @property
-    @abstractmethod
-    def shape(self) -> tuple[int, int]:
-        """The numbers of rows and columns."""
-
-    @property
-    def breaks(self) -> NDArray[np.float64]:
-        """Instants in [0, T) at which the matrix or a derivative jumps (breaks,) [s]."""
-        return np.empty(0)
-
-    @abstractmethod
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
-        """The values at `times` [s] of any shape (..., rows, columns)."""
-
-    def __call__(self, times: ArrayLike) -> NDArray[np.float64]:
-        return self.at(times)
-
-    # The arithmetic is in `_arithmetic`, which knows the forms; numpy must not broadcast over the operands itself.
-    __array_ufunc__ = None
-
-    def __add__(self, other: Any) -> AbstractPeriodicMatrix:
-        from floquid.floquet._arithmetic import added
-
-        return added(self, other, 1.0)
-
-    __radd__ = __add__
-
-    def __sub__(self, other: Any) -> AbstractPeriodicMatrix:
-        from floquid.floquet._arithmetic import added
-
-        return added(self, other, -1.0)
-
-    def __rsub__(self, other: Any) -> AbstractPeriodicMatrix:
-        return -self + other
-
-    def __neg__(self) -> AbstractPeriodicMatrix:
-        return self * -1.0
-
-    def __mul__(self, factor: Any) -> AbstractPeriodicMatrix:
-        from floquid.floquet._arithmetic import scaled
-
-        return scaled(self, factor)
-
-    __rmul__ = __mul__
-
-    def __matmul__(self, other: Any) -> AbstractPeriodicMatrix:
-        from floquid.floquet._arithmetic import product
-
-        return product(self, other)
-
-    def __rmatmul__(self, other: Any) -> AbstractPeriodicMatrix:
-        from floquid.floquet._arithmetic import product
-
-        return product(other, self)
-
-    @property
-    def T(self) -> AbstractPeriodicMatrix:  # noqa: N802 - as numpy has it
-        """The transpose."""
-        from floquid.floquet._arithmetic import transposed
-
-        return transposed(self)
-
-    def to_harmonics(self, n_harmonics: int | None = None, *, tolerance: float = 1e-12) -> HarmonicMatrix:
-        """The Fourier series.
-
-        Parameters
-        ----------
-        n_harmonics
-            The highest harmonic kept; what lies above is left out, however much it is. By default as many as it takes
-            for the rest to fall below `tolerance`.
-        tolerance
-            What the harmonics left out may come to, as a share of each entry of the matrix.
-
-        Returns
-        -------
-        HarmonicMatrix
-            The series.
-
-        Raises
-        ------
-        InputError
-            The harmonics do not fall below `tolerance` within 512, as at a jump, and `n_harmonics` is not given.
-        """
-        from floquid.floquet._conversion import to_harmonics
-
-        return to_harmonics(self, n_harmonics, tolerance)
-
-    def to_samples(self, n_samples: int) -> SampledMatrix:
-        """Samples at equal steps from t = 0, with the trigonometric polynomial between them.
-
-        Parameters
-        ----------
-        n_samples
-            Samples in the period; harmonics from half of it up are folded, unseen. At a jump the sample is the value
-            after it.
-
-        Returns
-        -------
-        SampledMatrix
-            The samples.
-        """
-        from floquid.floquet._conversion import to_samples
-
-        return to_samples(self, n_samples)
-
-    def to_pieces(self, n_pieces: int) -> PiecewiseMatrix:
-        r"""Equal pieces from t = 0, in each of which the matrix is its mean there.
-
-        .. math:: M_i = \frac{P}{T} \int_{iT/P}^{(i + 1)T/P} M(t)\, dt
-
-        The mean, rather than the value in the middle, keeps the integral over the period, so that of A(t) the product
-        of the multipliers stays what it is. Exponents are right to second order in the length of a piece.
-
-        Parameters
-        ----------
-        n_pieces
-            Pieces in the period, P.
-
-        Returns
-        -------
-        PiecewiseMatrix
-            The pieces.
-
-        Raises
-        ------
-        InputError
-            The means are not found, as of a function that jumps where it names no break.
-        """
-        from floquid.floquet._conversion import to_pieces
-
-        return to_pieces(self, n_pieces)
-
-    def repeated(self, count: int) -> AbstractPeriodicMatrix:
-        """The same matrix declared over `count` of its periods.
-
-        Parameters
-        ----------
-        count
-            Periods in the new one.
-
-        Returns
-        -------
-        AbstractPeriodicMatrix
-            The matrix, in the same form.
-        """
-        from floquid.floquet._periods import repeated
-
-        return repeated(self, count)
-
-    def reduced(self) -> AbstractPeriodicMatrix:
-        """The same matrix declared over its smallest period.
-
-        That is the period over k for the largest k, up to 1000, with which the matrix repeats itself to 1e-10 of its
-        largest value: by its harmonics if it has them, else at 32 instants and between any two of its breaks. What is
-        constant has no smallest period and stays as it is. Half or a third of a revolution is often the period of
-        what two or three blades do to quantities of the fixed frame alone; a matrix that holds quantities of a single
-        blade has the whole revolution, and is not reduced.
-
-        Returns
-        -------
-        AbstractPeriodicMatrix
-            The matrix, in the same form; of trigonometric samples that k does not divide, the harmonics.
-        """
-        from floquid.floquet._periods import reduced
-
-        return reduced(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -208,6 +31,8 @@ class FunctionMatrix(AbstractPeriodicMatrix):
         from the side on which the step of an integration lies.
     vectorised
         Whether `function` takes an array of times, which is many times faster.
+    argument
+        What messages call the function: the argument, and the callable it was given to.
 
     Raises
     ------
@@ -222,7 +47,6 @@ class FunctionMatrix(AbstractPeriodicMatrix):
     vectorised: bool = False
     shape: tuple[int, int] = field(init=False)  # type: ignore[assignment]
     argument: tuple[str, str] = field(default=("function", "FunctionMatrix"), repr=False)
-    """What messages call it: the argument and the callable it was given to."""
 
     def __post_init__(self) -> None:
         name, of = self.argument
@@ -366,7 +190,8 @@ class HarmonicMatrix(AbstractPeriodicMatrix):
     def at(self, times: ArrayLike) -> NDArray[np.float64]:
         """The values at `times` [s] of any shape (..., rows, columns)."""
         instants = np.asarray(times, dtype=np.float64)
-        values, harmonics = np.asarray(self.coefficients), np.asarray(self.harmonics)
+        values = np.asarray(self.coefficients, dtype=np.complex128)
+        harmonics = np.asarray(self.harmonics)
         half = len(harmonics) // 2  # the upper half says all: the series is real
         angle = np.multiply.outer(np.mod(instants.ravel() / self.period, 1.0), 2.0 * np.pi * harmonics[half:])
         weight = np.where(harmonics[half:] == 0, 1.0, 2.0)
@@ -391,6 +216,8 @@ class SampledMatrix(AbstractPeriodicMatrix):
         "fourier", the trigonometric polynomial of lowest degree through samples in equal steps, which is exact when
         they resolve M(t); "cubic", the periodic spline of continuous curvature; "linear". By default "fourier" for
         equal steps and "cubic" for others.
+    argument
+        What messages call the samples: the argument, and the callable they were given to.
 
     Raises
     ------
@@ -403,7 +230,6 @@ class SampledMatrix(AbstractPeriodicMatrix):
     times: ArrayLike | None = None
     interpolation: Interpolation | None = None
     argument: tuple[str, str] = field(default=("values", "SampledMatrix"), repr=False)
-    """What messages call it: the argument and the callable it was given to."""
     _interpolant: Callable[[NDArray[np.float64]], NDArray[np.float64]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -538,25 +364,34 @@ def line_weights(n_samples: int) -> NDArray[np.float64]:
 def _interpolant(
     values: NDArray[np.float64], times: NDArray[np.float64], period: float, kind: str
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """The values between the samples: times (...) -> (..., rows, columns)."""
-    rows, columns, n_samples = values.shape
+    """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process."""
+    n_samples = values.shape[2]
     if n_samples == 1:
-        return lambda at: np.broadcast_to(values[..., 0], (*at.shape, rows, columns)).copy()
+        return partial(_constant, values[..., 0])
     if kind == "fourier":
-        lines = (np.fft.rfft(values, axis=2) * line_weights(n_samples)).reshape(-1, n_samples // 2 + 1).T
-
-        def series(at: NDArray[np.float64]) -> NDArray[np.float64]:
-            angle = np.multiply.outer(
-                np.mod((at.ravel() - times[0]) / period, 1.0), 2.0 * np.pi * np.arange(len(lines))
-            )
-            out = np.cos(angle) @ lines.real - np.sin(angle) @ lines.imag
-            return out.reshape(*at.shape, rows, columns)
-
-        return series
+        return partial(_series, np.fft.rfft(values, axis=2) * line_weights(n_samples), times[0], period)
     from scipy.interpolate import CubicSpline, make_interp_spline
 
     knots = np.append(times, times[0] + period)
-    closed = np.concatenate([values, values[..., :1]], axis=2)
-    stack = np.moveaxis(closed, 2, 0)
+    stack = np.moveaxis(np.concatenate([values, values[..., :1]], axis=2), 2, 0)
     spline = CubicSpline(knots, stack, bc_type="periodic") if kind == "cubic" else make_interp_spline(knots, stack, k=1)
-    return lambda at: np.asarray(spline(times[0] + np.mod(at - times[0], period)))
+    return partial(_spline, spline, times[0], period)
+
+
+def _constant(value: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.broadcast_to(value, (*at.shape, *value.shape)).copy()
+
+
+def _series(
+    lines: NDArray[np.complex128], start: float, period: float, at: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    rows, columns, count = lines.shape
+    angle = np.multiply.outer(np.mod((at.ravel() - start) / period, 1.0), 2.0 * np.pi * np.arange(count))
+    flat = lines.reshape(-1, count).T
+    return (np.cos(angle) @ flat.real - np.sin(angle) @ flat.imag).reshape(*at.shape, rows, columns)
+
+
+def _spline(
+    spline: Callable[[NDArray[np.float64]], NDArray[np.float64]], start: float, period: float, at: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    return np.asarray(spline(start + np.mod(at - start, period)))

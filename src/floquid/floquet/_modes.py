@@ -14,6 +14,7 @@ from floquid.floquet._collocation import Factors
 from floquid.floquet._exponents import balanced, principal_order, refuse_lost, trace_integral
 from floquid.floquet._system_matrix import Prepared, StateMatrix
 from floquid.floquet._transition import TOLERANCE, checked, factors
+from floquid.floquet._units import balanced_units
 
 _FIRST, _LAST = 64, 512  # phases of the period tried until the shapes' harmonics have died away
 _TAIL = 1e-10  # of a shape: its harmonics in the last eighth, where more phases are not needed
@@ -40,8 +41,8 @@ class FloquetModes:
               p_r(t) = p_r(t + T) = \sum_m c_{r,m}\, e^{i m \omega t}
 
     Each exponent is the representative of its class modulo iω whose zeroth harmonic is the strongest of its shape,
-    states weighted so that units do not matter; conjugates are chosen together. A shape's strongest coefficient of the
-    strongest harmonic is one.
+    states weighted so that units do not matter; conjugates are chosen together. Of the zeroth harmonic of a shape the
+    state that is strongest by the same weights is one.
 
     Parameters
     ----------
@@ -215,23 +216,21 @@ def _assembled(
     exponents = carried.logarithms[order] / period
     limit = (count - 1) // 2
     harmonics = np.arange(-limit, limit + 1)
-    coefficients = np.moveaxis(lines[harmonics % count][:, :, order], (2, 1, 0), (0, 1, 2))
-    energy = (np.abs(coefficients) ** 2).sum(axis=1)
+    plain = np.moveaxis(lines[harmonics % count][:, :, order], (2, 1, 0), (0, 1, 2)) * prepared.scale[None, :, None]
+    units = balanced_units(np.abs(prepared.matrix.at(period * np.arange(16) / 16)).max(axis=0))
+    energy = (np.abs(plain / units[None, :, None]) ** 2).sum(axis=1)
     centres = _centres(exponents, energy, harmonics, 2.0 * np.pi / period)
-    shifted = np.stack([_moved(c, int(m)) for c, m in zip(coefficients, centres, strict=True)])
+    shifted = np.stack([_moved(c, int(m)) for c, m in zip(plain, centres, strict=True)])
+    shares = (np.abs(shifted / units[None, :, None]) ** 2).sum(axis=1)
     middle = shifted[:, :, limit]
-    strongest = np.take_along_axis(middle, np.abs(middle).argmax(axis=1)[:, None], axis=1)
-    balanced_shapes = shifted / strongest[:, :, None]
-    shares = (np.abs(balanced_shapes) ** 2).sum(axis=1)
-    vectors = carried.vectors[0][:, order]
+    strongest = np.take_along_axis(middle, np.abs(middle / units).argmax(axis=1)[:, None], axis=1)
+    vectors = carried.vectors[0][:, order] * (prepared.scale / units)[:, None]
     condition = np.linalg.norm(_inverse_rows(vectors), axis=1) * np.linalg.norm(vectors, axis=0)
     error = tolerance * len(found.owner) ** 0.5 * condition
     groups = _defective(carried.logarithms[order], condition, error)
-    plain = balanced_shapes * prepared.scale[None, :, None]
-    top = np.take_along_axis(plain[:, :, limit], np.abs(plain[:, :, limit]).argmax(axis=1)[:, None], axis=1)
     return FloquetModes(
         exponents=exponents + 2j * np.pi / period * centres,
-        coefficients=plain / top[:, :, None],
+        coefficients=shifted / strongest[:, :, None],
         harmonics=harmonics,
         period=period,
         participation=shares / shares.sum(axis=1, keepdims=True),
@@ -275,7 +274,8 @@ def _moved(coefficients: NDArray[np.complex128], centre: int) -> NDArray[np.comp
 def _inverse_rows(vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """The left vectors; of a singular set those of one a rounding error away."""
     u, s, vh = np.linalg.svd(vectors)
-    return vh.conj().T @ (u.conj().T / np.maximum(s, 1e-16 * s[0])[:, None])
+    inverse = vh.conj().T @ (u.conj().T / np.maximum(s, 1e-16 * s[0])[:, None])
+    return np.asarray(inverse, dtype=np.complex128)
 
 
 def _defective(

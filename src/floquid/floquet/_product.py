@@ -130,9 +130,8 @@ def _eigen(factors: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArra
     """The logarithms of the eigenvalues of the product and its eigenvectors at node 0."""
     product, taken = scaled_product(factors)
     values, vectors = _eig(product)
-    values.imag += 0.0  # -0.0 would put a real negative multiplier on the lower edge of the strip
     with np.errstate(divide="ignore"):
-        return np.log(values) + taken, vectors
+        return np.asarray(np.log(values) + taken, dtype=np.complex128), vectors
 
 
 def _eig(matrix: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:

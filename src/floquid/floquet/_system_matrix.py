@@ -16,6 +16,7 @@ from floquid.floquet._matrices import (
     SampledMatrix,
     line_weights,
 )
+from floquid.floquet._units import binary_units
 
 StateMatrix: TypeAlias = AbstractPeriodicMatrix | Callable[[float], ArrayLike] | ArrayLike
 """A(t): a periodic matrix, a callable t [s] -> (n, n) [1/s], or samples (n, n, phases) at t = 0, T/P, ..."""
@@ -85,11 +86,11 @@ def prepare(matrix: AbstractPeriodicMatrix, tolerance: float, of: str) -> Prepar
         if found is None:
             refuse_other_period(matrix, of)
             samples = matrix.at(_probe_times(matrix.period))
-            scale, size = _balance(samples)
+            scale, size = balance(samples)
             return Prepared(matrix, smooth=False, scale=scale, size=size)
         return found
     samples = matrix.at(_probe_times(matrix.period))
-    scale, size = _balance(samples)
+    scale, size = balance(samples)
     return Prepared(matrix, smooth=True, scale=scale, size=size)
 
 
@@ -104,7 +105,7 @@ def resolve(matrix: AbstractPeriodicMatrix, tolerance: float) -> Prepared | None
     probes = period * (1.0 + np.array([_OFFSET, 0.5 * _OFFSET]))
     later: NDArray[np.float64] | None = None
     while True:
-        scale, size = _balance(samples)
+        scale, size = balance(samples)
         lines = np.fft.rfft(samples, axis=0) * line_weights(n)[:, None, None]
         upper = np.abs(lines[7 * n // 16 :]).sum(axis=0) * scale / scale[:, None]
         if upper.max() <= tolerance * size:
@@ -173,13 +174,8 @@ def _probe_times(period: float) -> NDArray[np.float64]:
     return period * (np.arange(_PROBES) + _OFFSET) / _PROBES
 
 
-def _balance(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def balance(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Units of the states that balance A (n,), powers of two, and the largest row sum in them."""
-    from scipy.linalg import matrix_balance
-
     largest = np.abs(samples).max(axis=0)
-    if not largest.any():
-        return np.ones(len(largest)), 0.0
-    with np.errstate(invalid="ignore"):  # it makes integers of the units too, where it looks for permutations
-        balanced, (scale, _) = matrix_balance(largest, permute=False, separate=True)
-    return scale, float(balanced.sum(axis=1).max())
+    scale = binary_units(largest)
+    return scale, float((largest * scale / scale[:, None]).sum(axis=1).max())

@@ -2,9 +2,10 @@
 
 `random_system` draws a linear time-periodic system across `Ranges` and gives its records; `findable` says what any
 identifier can tell of them, and `must_be_found` what a good one must. Spectra are compared modulo the fundamental,
-never by array order.
+never by array order. `system_with_exponents` builds an A(t) backwards from the exponents it is to have.
 """
 
+from floquid.testing._backwards import system_with_exponents
 from floquid.testing._bounds import cramer_rao_bound
 from floquid.testing._drawing import random_system
 from floquid.testing._findable import Findable, findable, must_be_found
@@ -23,4 +24,5 @@ __all__ = [
     "must_be_found",
     "pair_exponents",
     "random_system",
+    "system_with_exponents",
 ]

@@ -1,0 +1,81 @@
+"""Hill's matrix: the state equation in harmonics, truncated; in exponentials, or real in cosines and sines."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def block_toeplitz(coefficients: NDArray[np.complex128], n_harmonics: int) -> NDArray[np.complex128]:
+    """The product with M(t) in harmonics: block (k, m) is M_{k-m}, k and m from -N to N.
+
+    Parameters
+    ----------
+    coefficients
+        M_m, m = -M..M with M of at least 2 N (rows, columns, 2 M + 1).
+    n_harmonics
+        The truncation N.
+
+    Returns
+    -------
+    NDArray[np.complex128]
+        The matrix ((2 N + 1) rows, (2 N + 1) columns), harmonic by harmonic.
+    """
+    rows, columns, count = coefficients.shape
+    index = np.arange(2 * n_harmonics + 1)
+    blocks = coefficients[..., count // 2 + index[:, None] - index[None, :]]
+    return blocks.transpose(2, 0, 3, 1).reshape(len(index) * rows, len(index) * columns)
+
+
+def real_hill(coefficients: NDArray[np.complex128], n_harmonics: int, fundamental: float) -> NDArray[np.float64]:
+    r"""Hill's matrix of a real A(t) in cosines and sines, unitarily similar to A_{k-m} - i m ω δ_{km}.
+
+    With q_m = (c_m - i s_m)/√2 and q_{-m} = (c_m + i s_m)/√2 the unknowns are c_0..c_N, then s_1..s_N. It is real, so
+    that its eigenvalues are conjugate in pairs exactly.
+
+    Parameters
+    ----------
+    coefficients
+        A_m [1/s], m = -M..M with M of at least 2 N (n, n, 2 M + 1).
+    n_harmonics
+        The truncation N.
+    fundamental
+        ω [rad/s].
+
+    Returns
+    -------
+    NDArray[np.float64]
+        The matrix ((2 N + 1) n, (2 N + 1) n) [1/s].
+    """
+    n, _, count = coefficients.shape
+    m = np.arange(n_harmonics + 1)
+    weight = np.where(m == 0, np.sqrt(0.5), 1.0)
+    less = coefficients[..., count // 2 + m[:, None] - m[None, :]] * (weight[:, None] * weight)
+    more = coefficients[..., count // 2 + m[:, None] + m[None, :]] * (weight[:, None] * weight)
+    cos_cos, cos_sin = less.real + more.real, (less.imag - more.imag)[..., :, 1:]
+    sin_cos, sin_sin = -(less.imag + more.imag)[..., 1:, :], (less.real - more.real)[..., 1:, 1:]
+    blocks = np.concatenate(
+        [np.concatenate([cos_cos, cos_sin], axis=3), np.concatenate([sin_cos, sin_sin], axis=3)], axis=2
+    )
+    size = (2 * n_harmonics + 1) * n
+    matrix = np.ascontiguousarray(blocks.transpose(2, 0, 3, 1)).reshape(size, size)
+    cosine, sine = np.arange(n, (n_harmonics + 1) * n), np.arange((n_harmonics + 1) * n, size)
+    speed = np.repeat(fundamental * m[1:], n)
+    matrix[cosine, sine] -= speed
+    matrix[sine, cosine] += speed
+    return matrix
+
+
+def modulo(differences: NDArray[np.complex128], fundamental: float) -> NDArray[np.complex128]:
+    """Differences of exponents with the nearest multiple of iω taken off, of any shape (...) [1/s]."""
+    turns = np.round(np.imag(differences) / fundamental)
+    return np.asarray(differences - 1j * fundamental * turns, dtype=np.complex128)
+
+
+def in_exponentials(vectors: NDArray[np.complex128], n: int) -> NDArray[np.complex128]:
+    """Vectors in cosines and sines (size, vectors) as coefficients of e^{imωt} (vectors, n, 2 N + 1)."""
+    blocks = vectors.reshape(-1, n, vectors.shape[1]).transpose(2, 1, 0)
+    n_harmonics = blocks.shape[2] // 2
+    cosine, sine = blocks[..., 1 : n_harmonics + 1], blocks[..., n_harmonics + 1 :]
+    above, below = np.sqrt(0.5) * (cosine - 1j * sine), np.sqrt(0.5) * (cosine + 1j * sine)
+    return np.concatenate([below[..., ::-1], blocks[..., :1], above], axis=2)

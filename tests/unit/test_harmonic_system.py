@@ -1,0 +1,224 @@
+"""The harmonic state space, the harmonic transfer function and the response to a sine."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from floquid.errors import InputError
+from floquid.floquet._harmonic_system import HarmonicSystem, harmonic_transfer
+from floquid.floquet._hill import hill
+from floquid.floquet._matrices import FunctionMatrix, HarmonicMatrix, PiecewiseMatrix
+from floquid.floquet._sine_response import sine_response
+from floquid.floquet._system import PeriodicSystem
+
+T = 2.0
+W = 2 * np.pi / T
+
+
+def matrix(function, breaks=()):
+    return FunctionMatrix(function=function, period=T, breaks=breaks)
+
+
+def smooth_system():
+    return PeriodicSystem(
+        A=matrix(lambda t: [[0, 1], [-3 - np.cos(W * t), -0.9 - 0.3 * np.sin(2 * W * t)]]),
+        B=matrix(lambda t: [[0, 0.2], [1 + 0.5 * np.sin(W * t), 0]]),
+        C=matrix(lambda t: [[1 + 0.2 * np.cos(W * t), 0], [0, 1.0], [1.0, 1.0]]),
+        D=matrix(lambda t: [[0.1, 0], [0, 0.3 * np.cos(W * t)], [0, 0]]),
+        states=["x", "v"],
+        inputs=["force", "base"],
+        outputs=["a", "b", "c"],
+    )
+
+
+def jumping_system():
+    values = np.stack([[[0.0, 1.0], [-4.0, -0.9]], [[0.0, 1.0], [-2.0, -0.9]]], axis=2)
+    return PeriodicSystem(A=PiecewiseMatrix(values=values, edges=[0.0, 0.7], period=T), B=[[0.0], [1.0]])
+
+
+def simulated(system, omega, amplitude, times, n_periods=60):
+    """Return the outputs at `times` of the last period, after `n_periods` have passed."""
+    wave = lambda t: (amplitude * np.exp(1j * omega * t)).real  # noqa: E731
+    stops = np.unique([T * k + b for k in range(n_periods + 1) for b in (0.0, *np.asarray(system.A.breaks))])
+    stops = stops[stops <= n_periods * T]
+    x = np.zeros(system.n_states)
+    options = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+    for a, b in pairwise(stops):
+        middle = 0.5 * (a + b)
+
+        def rate(t, x, middle=middle, a=a, b=b):
+            inside = middle + (t - middle) * (1 - 1e-12)  # the side of a jump on which the step lies
+            return system.A.at(inside) @ x + system.B.at(t) @ wave(t)
+
+        x = solve_ivp(rate, (a, b), x, **options).y[:, -1]
+    later = n_periods * T + np.asarray(times)
+    found = solve_ivp(
+        lambda t, x: system.A.at(t) @ x + system.B.at(t) @ wave(t),
+        (n_periods * T, later[-1]),
+        x,
+        t_eval=later,
+        **options,
+    ).y
+    inputs = np.stack([wave(t) for t in later], axis=1)
+    return later, np.einsum("toi,it->ot", system.C.at(later), found) + np.einsum(
+        "toi,it->ot", system.D.at(later), inputs
+    )
+
+
+@pytest.mark.parametrize(
+    ("omega", "amplitude"), [(1.3, [1 + 0.5j, -0.4]), (W, [1.0, 0.3j]), (-0.4, [0.0, 1j]), (0.0, [1, 1])]
+)
+def test_sine_response_is_what_is_left_of_a_simulation(omega, amplitude):
+    system, column = smooth_system(), np.array(amplitude, dtype=complex)
+    found = sine_response(system, omega, column)
+    times, values = simulated(system, omega, column, [0.1, 0.5, 0.9, 1.4, 1.9])
+    assert np.abs(values).max() > 0.1
+    assert found.at(times) == pytest.approx(values, abs=1e-10)
+    assert found.frequencies == pytest.approx(omega + W * found.harmonics)
+    assert found.error.max() < 1e-10
+    assert found.at(2.0).shape == (3,)
+
+
+def test_sine_response_of_a_system_that_jumps():
+    """The harmonics are those of a simulation; their sum converges slowly, the velocity having kinks."""
+    system = jumping_system()
+    found = sine_response(system, 1.3)
+    assert found.error.max() < 1e-10
+    times, values = simulated(system, 1.3, np.ones(1), [0.1, 0.35, 0.6])
+    assert found.at(times)[0] == pytest.approx(values[0], abs=2e-6)
+    assert found.at(times)[1] == pytest.approx(values[1], abs=5e-4)
+    plain = HarmonicSystem.from_system(system, 250)
+    middle = plain.outputs.index(("y1", 0))
+    exact = plain.transfer(1.3j)[middle - 4 : middle + 6, plain.inputs.index(("u1", 0))]  # y1, y2 at -2..2, to 1e-9
+    assert found.values[:, found.harmonics.size // 2 + np.arange(-2, 3)].T.ravel() == pytest.approx(exact, abs=2e-9)
+
+
+def test_transfer_is_the_sine_response_for_each_input():
+    system = smooth_system()
+    found = harmonic_transfer(system, [0.0, 1.3, 7.0], n_harmonics=6, tolerance=1e-12)
+    assert found.values.shape == (3, 2, 13, 3)
+    assert found.inputs == ("force", "base")
+    for column, name in enumerate(found.inputs):
+        one = sine_response(system, 1.3, np.eye(2)[system.inputs.index(name)], n_harmonics=6, tolerance=1e-12)
+        assert found.values[:, column, :, 1] == pytest.approx(one.values, abs=1e-12)
+
+
+def test_transfer_repeats_with_the_fundamental():
+    """The lifted matrix at s + iω is that at s with rows and columns moved by a harmonic."""
+    lifted = HarmonicSystem.from_system(smooth_system(), 25)
+    rows = [i for i, (_, k) in enumerate(lifted.outputs) if abs(k) <= 3]
+    columns = [i for i, (_, k) in enumerate(lifted.inputs) if abs(k) <= 3]
+    here = lifted.transfer(0.4 + 1j * W)[np.ix_(rows, columns)]
+    there = lifted.transfer(0.4)[np.ix_(np.array(rows) + 3, np.array(columns) + 2)]
+    assert np.abs(here).max() > 0.1
+    assert here == pytest.approx(there, abs=1e-12)
+
+
+def test_constant_system_answers_at_the_input_frequency_alone():
+    a, b, c = np.array([[0.0, 1.0], [-4.0, -0.2]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
+    system = PeriodicSystem(A=HarmonicMatrix(coefficients=a[:, :, None], harmonics=[0], period=T), B=b, C=c, D=[[0.5]])
+    omega = np.array([0.3, 2.0, 9.0])
+    found = harmonic_transfer(system, omega, n_harmonics=2)
+    exact = 1 / (4 - omega**2 + 0.2j * omega) + 0.5
+    assert found.values[0, 0, 2] == pytest.approx(exact, abs=1e-13)
+    assert np.abs(found.values[0, 0, [0, 1, 3, 4]]).max() < 1e-15
+
+
+def test_labels_tell_name_and_harmonic():
+    lifted = HarmonicSystem.from_system(smooth_system(), 2)
+    assert lifted.states[:3] == (("x", -2), ("v", -2), ("x", -1))
+    assert lifted.inputs[4:6] == (("force", 0), ("base", 0))
+    assert lifted.outputs[-1] == ("c", 2)
+    assert lifted.A.shape == (10, 10)
+    assert lifted.D.shape == (15, 10)
+    assert repr(lifted) == "HarmonicSystem(2 states, 2 inputs and 3 outputs at the harmonics -2..2, period=2)"
+    row, column = lifted.states.index(("v", 1)), lifted.states.index(("x", 0))
+    assert lifted.A[row, column] == pytest.approx(-0.5)  # of -cos ωt
+    assert lifted.A[column, column] == 0.0
+    assert lifted.A[row, row] == pytest.approx(-0.9 - 1j * W)
+    assert lifted.D[lifted.outputs.index(("b", 1)), lifted.inputs.index(("base", 0))] == pytest.approx(0.15)
+
+
+def test_eigenvalues_of_the_lifted_state_matrix_are_the_exponents():
+    system = smooth_system()
+    values = np.linalg.eigvals(HarmonicSystem.from_system(system, 20).A)
+    for exponent in hill(system.A).exponents:
+        assert np.abs(values - exponent).min() < 1e-12
+
+
+def test_error_says_how_far_the_values_have_settled():
+    system = jumping_system()
+    exact = harmonic_transfer(system, [1.3], n_harmonics=4, tolerance=1e-12)
+    coarse = harmonic_transfer(system, [1.3], n_harmonics=4, tolerance=1e-3)
+    off = np.abs(coarse.values - exact.values).max(axis=(2, 3))
+    assert coarse.n_harmonics < exact.n_harmonics
+    assert (off > 0).all()
+    assert (off <= coarse.error).all()
+
+
+def test_unnamed_jumps_are_refused_or_reported():
+    values = np.asarray(jumping_system().A.values)
+    unnamed = matrix(lambda t: values[..., 0] if t % T < 0.7 else values[..., 1])
+    system = PeriodicSystem(A=unnamed, B=[[0.0], [1.0]])
+    with pytest.raises(InputError, match=r"have a response that settles to 1e-13.*\n.*name the jumps"):
+        harmonic_transfer(system, [1.3], n_harmonics=2, tolerance=1e-13)
+    found = harmonic_transfer(system, [1.3], n_harmonics=2, tolerance=1e-13, raises=False)
+    exact = harmonic_transfer(jumping_system(), [1.3], n_harmonics=2, tolerance=1e-12)
+    off = np.abs(found.values - exact.values).max()
+    assert 1e-12 < off < 2 * found.error.max() < 1e-7
+
+
+def oscillator(damping):
+    a = [[0.0, 1.0], [-2.2, -damping]]
+    swing = [[[0.0], [0.0]], [[0.1], [0.0]]]
+    return PeriodicSystem(
+        A=HarmonicMatrix.from_cosines(a, swing, np.zeros((2, 2, 1)), period=T), B=[[0.0], [1.0]], C=[[1.0, 0.0]]
+    )
+
+
+def test_an_unstable_system_has_no_steady_response():
+    with pytest.raises(InputError, match=r"`system` of `floquet.sine_response` must be stable, but has .* 0\.05 1/s"):
+        sine_response(oscillator(-0.1), 0.5)
+    assert harmonic_transfer(oscillator(-0.1), [0.5]).error.max() < 1e-8
+
+
+@pytest.mark.parametrize("turns", [-2, 0, 1])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_sine_at_an_undamped_exponent_is_refused(turns, sign):
+    natural = abs(hill(oscillator(0.0).A).exponents[0].imag)
+    with pytest.raises(InputError, match="keep off the undamped exponents"):
+        sine_response(oscillator(0.0), sign * natural + turns * W)
+    beside = sine_response(oscillator(0.0), sign * natural + turns * W + 1e-3)
+    assert np.abs(beside.values).max() > 0.01
+    assert sine_response(oscillator(0.01), natural).error.max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda s: harmonic_transfer(s.A, [1.0]), "`system` of `floquet.harmonic_transfer` must be a PeriodicSystem"),
+        (lambda s: sine_response(s.A, 1.0), "`system` of `floquet.sine_response` must be a PeriodicSystem"),
+        (lambda s: harmonic_transfer(PeriodicSystem(A=s.A), [1.0]), "must have inputs, but has none"),
+        (lambda s: sine_response(PeriodicSystem(A=s.A), 1.0), "must have inputs, but has none"),
+        (lambda s: HarmonicSystem.from_system(PeriodicSystem(A=s.A), 2), "must have inputs, but has none"),
+        (lambda s: HarmonicSystem.from_system(s, 2000), r"within 2500 rows, but 2000 needs"),
+        (lambda s: HarmonicSystem.from_system(s, -1), "`n_harmonics` of `HarmonicSystem.from_system` must be an int"),
+        (lambda s: harmonic_transfer(s, 1.0), r"must have shape \(lines,\)"),
+        (lambda s: harmonic_transfer(s, [1.0], n_harmonics=600), r"604 harmonics of 2 states"),
+        (
+            lambda s: harmonic_transfer(s, [1.0], tolerance=1.0),
+            "`tolerance` of `floquet.harmonic_transfer` must lie in",
+        ),
+        (lambda s: sine_response(s, 1.0, [1.0]), r"`amplitude` of `floquet.sine_response` must have shape \(2,\)"),
+        (lambda s: sine_response(s, np.nan), "`omega` of `floquet.sine_response` must be a finite number"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(InputError, match=message):
+        call(smooth_system())
+
+
+def test_no_lines_give_no_values():
+    assert harmonic_transfer(smooth_system(), []).values.shape[3] == 0

@@ -1,0 +1,220 @@
+"""What the arithmetic, conversions and periods of periodic matrices refuse; periodic systems and their connections."""
+
+import numpy as np
+import pytest
+
+from floquid.errors import InputError
+from floquid.floquet._matrices import FunctionMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix
+from floquid.floquet._periods import common_period
+from floquid.floquet._system import PeriodicSystem
+
+A = HarmonicMatrix.from_cosines(
+    [[0.0, 1.0], [-2.0, -0.3]], [[[0.0], [0.0]], [[0.8], [0.0]]], [[[0.0], [0.1]], [[0.0], [0.0]]], period=2.0
+)
+JUMPING = FunctionMatrix(
+    function=lambda t: np.array([[1.0, 2.0 if t % 1.0 < 0.3 else -1.0], [0.0, np.cos(2.0 * np.pi * t)]]),
+    period=1.0,
+    breaks=[0.0, 0.3],
+)
+TIMES = np.mod(0.3819660112501051 * np.arange(1, 120), 1.0) * 12.0 - 3.0
+
+
+@pytest.mark.parametrize(
+    ("attempt", "message"),
+    [
+        (lambda: A + 1.0, r"`right` of `\+` must have shape \(rows, columns\), but has shape \(\)\.\n.*np\.eye"),
+        (lambda: A - np.eye(3), r"`right` of `-` must have the shape \(2, 2\) of the left, but has shape \(3, 3\)"),
+        (lambda: A * np.eye(2), r"`factor` of `\*` must be a finite number.*\n.*`@`"),
+        (lambda: A @ np.eye(3), "`right` of `@` must have as many rows as the left has columns, 2"),
+        (lambda: np.ones((1, 3)) @ A, r"`right` of `@` must have as many rows.*3, but has shape \(2, 2\)"),
+        (lambda: A + A.repeated(1000).repeated(2), r"`periods` of `\+` must have a common multiple within 1000"),
+        (lambda: A + JUMPING.at, r"`right` of `\+` must be an array of numbers"),
+        (lambda: common_period(1.0, np.pi), "are 1 s and 3.14159265358979 s, which have none to within 1e-12"),
+        (lambda: common_period(1.0, 1.0 + 1e-9), "must have a common multiple within 1000 of each"),
+        (lambda: common_period(37.0, 41.0, 1.0), "must have a common multiple within 1000 of each"),
+        (lambda: common_period(1.0, 0.0), "`period` of `floquet.common_period` must be positive"),
+        (common_period, "`periods` of `floquet.common_period` must hold a period"),
+        (lambda: A.repeated(0), "`count` of `AbstractPeriodicMatrix.repeated` must be an integer of at least 1"),
+        (lambda: A.to_samples(0), "`n_samples` of `AbstractPeriodicMatrix.to_samples` must be an integer"),
+        (lambda: A.to_pieces(0), "`n_pieces` of `AbstractPeriodicMatrix.to_pieces` must be an integer"),
+        (lambda: A.to_harmonics(-1), "`n_harmonics` of `AbstractPeriodicMatrix.to_harmonics` must be an integer"),
+        (lambda: A.to_harmonics(tolerance=1e-20), r"`tolerance` of .*to_harmonics` must lie in \[1e-14, 1\)"),
+        (
+            JUMPING.to_harmonics,
+            r"with 512 of them the upper ones are still 0\.\d+ of the matrix.*\n.*n_harmo",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(attempt, message):
+    with pytest.raises(InputError, match=message):
+        attempt()
+
+
+def test_means_across_an_unnamed_jump_are_refused():
+    unnamed = FunctionMatrix(function=JUMPING.function, period=1.0)
+    with pytest.raises(InputError, match=r"means are found to 1e-12.*\n.*`breaks`"):
+        unnamed.to_pieces(3)
+    assert JUMPING.to_pieces(3).values[0, 1] == pytest.approx([1.7, -1.0, -1.0], abs=1e-13)
+
+
+@pytest.mark.parametrize("name", ["to_harmonics", "to_samples", "to_pieces"])
+def test_a_function_of_another_period_is_refused(name):
+    other = FunctionMatrix(function=lambda t: np.array([[np.cos(2.0 * np.pi * t)]]), period=0.7)
+    with pytest.raises(InputError, match=rf"`period` of `AbstractPeriodicMatrix\.{name}` must be a period of A"):
+        getattr(other, name)(8)
+
+
+@pytest.mark.parametrize(
+    ("periods", "expected"),
+    [((0.3, 0.2), 0.6), ((1.0, 1.0 / 3.0, 0.25), 1.0), ((2.0,), 2.0), ((0.1 + 0.2, 0.3), 0.3), ((1.0, 0.999), 999.0)],
+)
+def test_common_periods(periods, expected):
+    assert common_period(*periods) == pytest.approx(expected, rel=1e-14)
+
+
+def test_what_repeats_is_reduced():
+    blades = FunctionMatrix(function=lambda t: np.array([[np.cos(3.0 * t)]]), period=2.0 * np.pi)
+    assert blades.reduced().period == pytest.approx(2.0 * np.pi / 3.0, rel=1e-15)
+    assert A.reduced() is A
+    constant = FunctionMatrix(function=lambda _: np.eye(2), period=3.0)
+    assert constant.reduced() is constant
+    # A piece too short for probes at equal steps keeps the matrix from repeating.
+    edges = np.array([0.0, 0.2, 0.5, 0.7, 0.700001])
+    narrow = PiecewiseMatrix(values=np.array([[[0.0, 1.0, 0.0, 5.0, 1.0]]]), edges=edges, period=1.0)
+    assert narrow.reduced() is narrow
+    repeating = PiecewiseMatrix(values=np.array([[[0.0, 1.0, 0.0, 1.0]]]), edges=edges[:4], period=1.0).reduced()
+    assert repeating.period == 0.5
+    assert np.asarray(repeating.values).tolist() == [[[0.0, 1.0]]]
+
+
+def test_samples_that_a_repetition_does_not_divide_become_harmonics():
+    values = np.cos(6.0 * np.pi * np.arange(16) / 16.0)[None, None]
+    reduced = SampledMatrix(values=values, period=3.0).reduced()
+    assert isinstance(reduced, HarmonicMatrix)
+    assert reduced.period == pytest.approx(1.0)
+    assert reduced.at(TIMES)[:, 0, 0] == pytest.approx(np.cos(2.0 * np.pi * TIMES), abs=1e-13)
+
+
+def test_a_sample_on_a_jump_is_the_value_after_it():
+    """3 * 0.1 is not 0.3: rounding must not choose the side."""
+    edges = np.array([1, 3, 6, 7]) * 0.1
+    pieces = PiecewiseMatrix(values=np.arange(1.0, 5.0)[None, None], edges=edges, period=1.0)
+    assert pieces.to_samples(10).values[0, 0].tolist() == [4, 1, 1, 2, 2, 2, 3, 4, 4, 4]
+
+
+def test_rounding_makes_no_series_complex():
+    """What cancels leaves the rounding of two conjugates alone, which is no series of a real matrix by itself."""
+    turned = np.where(np.asarray(A.harmonics) > 0, 1.0 + 4e-13j, 1.0)
+    almost = HarmonicMatrix(coefficients=np.asarray(A.coefficients) * turned, harmonics=A.harmonics, period=A.period)
+    for rest in (A - almost, A @ A - almost @ A):
+        assert np.abs(rest.at(TIMES)).max() < 1e-11
+
+
+def random_system(seed, n, n_inputs, n_outputs, period=2.0, direct=True):
+    generator = np.random.default_rng(seed)
+
+    def series(rows, columns):
+        mean, cosine, sine = generator.uniform(-1.0, 1.0, (3, rows, columns))
+        return HarmonicMatrix.from_cosines(mean, 0.3 * cosine[..., None], 0.3 * sine[..., None], period=period)
+
+    D = 0.2 * series(n_outputs, n_inputs) if direct else None
+    return PeriodicSystem(A=series(n, n), B=series(n, n_inputs), C=series(n_outputs, n), D=D)
+
+
+def slopes_and_outputs(system, t, x, u):
+    """dx/dt and y of a system at one time."""
+    return system.A.at(t) @ x + system.B.at(t) @ u, system.C.at(t) @ x + system.D.at(t) @ u
+
+
+@pytest.mark.parametrize("period", [2.0, 3.0])
+def test_connections_are_those_of_the_signals(period):
+    """At any time, state and input, slopes and outputs are those of the signals passed from one to the other."""
+    first, second = random_system(0, 2, 3, 2), random_system(1, 3, 2, 3, period=period)
+    third = random_system(2, 1, 3, 2, period=period)
+    generator = np.random.default_rng(3)
+    assert (second @ first).period == pytest.approx(common_period(2.0, period))
+    for t in TIMES[:20]:
+        x1, x2, x3, u = (generator.normal(size=size) for size in (2, 3, 1, 3))
+        slope1, y1 = slopes_and_outputs(first, t, x1, u)
+        slope2, y2 = slopes_and_outputs(second, t, x2, y1)
+        slope, y = slopes_and_outputs(second @ first, t, np.concatenate([x1, x2]), u)
+        assert slope == pytest.approx(np.concatenate([slope1, slope2]), abs=1e-13)
+        assert y == pytest.approx(y2, abs=1e-13)
+        slope3, y3 = slopes_and_outputs(third, t, x3, u)
+        slope, y = slopes_and_outputs(first - third, t, np.concatenate([x1, x3]), u)
+        assert slope == pytest.approx(np.concatenate([slope1, slope3]), abs=1e-13)
+        assert y == pytest.approx(y1 - y3, abs=1e-13)
+        for sign in (-1, 1):
+            closed = first.feedback(second, sign=sign)
+            slope, y = slopes_and_outputs(closed, t, np.concatenate([x1, x2]), u)
+            back = second.C.at(t) @ x2 + second.D.at(t) @ y
+            slope1, y1 = slopes_and_outputs(first, t, x1, u + sign * back)
+            assert y == pytest.approx(y1, abs=1e-12)
+            assert slope == pytest.approx(np.concatenate([slope1, second.A.at(t) @ x2 + second.B.at(t) @ y]), abs=1e-12)
+
+
+def test_connections_without_a_direct_term_keep_the_harmonics():
+    first, second = random_system(0, 2, 1, 1, direct=False), random_system(1, 2, 1, 1, direct=False)
+    for system in (first.feedback(second), second @ first, first + second):
+        assert all(isinstance(matrix, HarmonicMatrix) for matrix in (system.A, system.B, system.C, system.D))
+        assert len(set(system.states)) == 4
+
+
+def test_a_loop_without_a_solution_is_refused():
+    gain = HarmonicMatrix.from_cosines([[0.0]], [[[2.0]]], [[[0.0]]], period=1.0)
+    first = PeriodicSystem(A=[[-1.0]], B=[[1.0]], D=gain)
+    second = PeriodicSystem(A=gain, B=[[1.0]], D=[[1.0]])
+    with pytest.raises(InputError, match=r"`other` of `PeriodicSystem\.feedback` must leave the loop a solution"):
+        first.feedback(second)  # 1 + 2 cos ωt passes through zero between any two probes
+    small = PeriodicSystem(A=[[-1.0]], B=[[1.0]], D=0.4 * gain)
+    assert small.feedback(second).D.at(0.0) == pytest.approx(0.8 / 1.8)
+
+
+def test_a_system_has_one_period_and_names():
+    system = PeriodicSystem(A=A, B=JUMPING, C=[[1.0, 0.0]], states=["x", "v"], inputs=["left", "right"])
+    assert system.period == 2.0
+    assert {matrix.period for matrix in (system.A, system.B, system.C, system.D)} == {2.0}
+    assert np.asarray(system.B.breaks) == pytest.approx([0.0, 0.3, 1.0, 1.3])
+    assert (system.n_states, system.n_inputs, system.n_outputs) == (2, 2, 1)
+    assert (system.states, system.inputs, system.outputs) == (("x", "v"), ("left", "right"), ("y1",))
+    assert system.D.at(0.7).tolist() == [[0.0, 0.0]]
+    free = PeriodicSystem(A=A)
+    assert free.B is None
+    assert free.D is None
+    assert free.C.at(0.1).tolist() == [[1.0, 0.0], [0.0, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"A": np.eye(2)}, r"`A` of `PeriodicSystem` must have a period where all is constant.*\n.*HarmonicMatrix"),
+        ({"A": A @ np.ones((2, 3))}, r"`A` of `PeriodicSystem` must have shape \(n, n\) = \(2, 2\)"),
+        ({"A": A, "B": np.ones((3, 1))}, r"`B` of `PeriodicSystem` must have shape \(n, inputs\) = \(2, 1\)"),
+        ({"A": A, "C": np.ones((1, 3))}, r"`C` of `PeriodicSystem` must have shape \(outputs, n\) = \(1, 2\)"),
+        ({"A": A, "B": A, "D": [[1.0]]}, r"`D` of `PeriodicSystem` must have shape \(outputs, inputs\) = \(2, 2\)"),
+        ({"A": A, "D": [[1.0]]}, "`B` of `PeriodicSystem` must be given with D"),
+        ({"A": A, "states": ["x"]}, "`states` of `PeriodicSystem` must have 2 names, but has 1"),
+        ({"A": A, "states": "xy"}, "`states` of `PeriodicSystem` must be a list of names"),
+        ({"A": A, "outputs": ["y", "y"]}, "`outputs` of `PeriodicSystem` must have distinct names"),
+        (
+            {"A": A, "B": HarmonicMatrix.from_cosines([[0.0], [0.0]], [[[1.0]]] * 2, [[[0.0]]] * 2, period=np.e)},
+            "common",
+        ),
+    ],
+)
+def test_systems_that_do_not_fit_are_refused(keywords, message):
+    with pytest.raises(InputError, match=message):
+        PeriodicSystem(**keywords)
+
+
+def test_connections_that_do_not_fit_are_refused():
+    two, three = random_system(0, 2, 2, 2), random_system(1, 2, 3, 3)
+    for attempt in (lambda: two @ three, lambda: two + three, lambda: two.feedback(three)):
+        with pytest.raises(InputError, match="outputs"):
+            attempt()
+    with pytest.raises(InputError, match=r"`left` of `\+` must have inputs, but has none"):
+        PeriodicSystem(A=A) + PeriodicSystem(A=A)
+    with pytest.raises(InputError, match="`sign` of"):
+        two.feedback(two, sign=2)
+    with pytest.raises(TypeError):
+        two @ 3.0
