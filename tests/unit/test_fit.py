@@ -48,14 +48,14 @@ def record(*, rate=20.3, n=1600, noise=0.0, start=0.0, hit=0, hits=1, forced=0.0
 CLOCK = ConstantPeriod(period=PERIOD)
 
 
-def pulls(model, exponents=EXPONENTS):
-    """Errors over deviations of the exponents, modulo iω."""
-    found = []
+def pulls(model, exponents=EXPONENTS, *, std=None):
+    """Errors over deviations, its own unless given, of the exponents, modulo iω."""
+    found, std = [], model.exponent_std if std is None else std
     for value in exponents:
         gap = model.exponents - value
         gap = gap.real + 1j * (gap.imag - model.fundamental * np.rint(gap.imag / model.fundamental))
         k = int(np.argmin(np.abs(gap)))
-        found += [gap[k].real / model.exponent_std[k].real, gap[k].imag / model.exponent_std[k].imag]
+        found += [gap[k].real / std[k].real, gap[k].imag / std[k].imag]
     return np.array(found)
 
 
@@ -107,8 +107,9 @@ def test_missing_samples_have_exact_weights():
     values[:, 700:720] = np.nan
     found = fit([replace(given, values=values)], [CLOCK], forced="none")
     assert np.abs(pulls(found.model)).max() < 4.0
-    other = np.where(np.isnan(values), 1e6, values)
-    assert not np.isnan(other).any()
+    # The mutant: zeros that count. Its noise is that of the zeros, so its errors are seen in deviations of the other.
+    filled = fit([replace(given, values=np.nan_to_num(values))], [CLOCK], forced="none", order=4)
+    assert np.abs(pulls(filled.model, std=found.model.exponent_std)).max() > 10.0
     blocks, fundamental, _ = record_blocks([replace(given, values=values)], [CLOCK], 1.0)
     assert sum(len(block.rows) * block.n_samples for block in blocks) == np.isfinite(values).sum()
     entries = Entries.made(EXPONENTS, [(-1, 1)] * 2, fundamental)
@@ -159,6 +160,48 @@ def test_noise_alone_has_no_mode():
         values = np.random.default_rng(seed).standard_normal((2, 800))
         with pytest.raises(IdentificationError, match="no mode rises"):
             fit([Record(values=values, sample_rate=20.0, channels=CHANNELS)], [CLOCK])
+
+
+def coloured(given, share, *, seed):
+    """The record with noise of 0.05, each sample of it `share` of the one before and something new."""
+    from scipy.signal import lfilter
+
+    white = np.random.default_rng(seed).standard_normal((2, given.n_samples + 200))
+    noise = lfilter([np.sqrt(1.0 - share**2)], [1.0, -share], white, axis=1)[:, 200:]
+    return replace(given, values=given.values + 0.05 * noise)
+
+
+def test_noise_that_is_coloured_along_the_record_is_named():
+    for seed in range(4):
+        doubts = fit([coloured(record(n=1000), 0.9, seed=seed)], [CLOCK], forced="none", order=4).doubts
+        assert any("not white along the record" in doubt for doubt in doubts)
+
+
+def test_white_noise_is_not_called_coloured():
+    """In the lowest band of this record hardly a line is apart from the exponentials, which take its noise away."""
+    for seed in range(20):
+        doubts = fit([coloured(record(n=500), 0.0, seed=seed)], [CLOCK], forced="none").doubts
+        assert not any("not white" in doubt for doubt in doubts)
+    assert fit([record(n=500)], [CLOCK], forced="none").doubts == ()
+
+
+@pytest.mark.parametrize("n", [500, 1600])
+@pytest.mark.parametrize("noise", [0.0, 1e-6, 1e-3])
+def test_hardly_any_noise(n, noise):
+    """Far from a loud mode its own skirts are loud beside the noise: they are no mode, and hide none."""
+    model = fit([record(n=n, noise=noise)], [CLOCK], forced="none").model
+    assert model.order == 4
+    if noise:
+        assert np.abs(pulls(model)).max() < 4.0
+    assert np.abs(model.exponents[:, None] - EXPONENTS).min(axis=0).max() < 1e-9 + 0.1 * noise
+
+
+def test_a_search_that_ends_but_for_its_limit_says_so(monkeypatch):
+    monkeypatch.setattr("floquid.periodic._fit.MOST_ENTRIES", 3)
+    found = fit([coloured(record(n=500), 0.9, seed=0)], [CLOCK], forced="none")
+    assert any("ended at 3, a pair counted once" in doubt for doubt in found.doubts)
+    right = fit([coloured(record(n=500), 0.0, seed=0)], [CLOCK], forced="none")
+    assert not any("ended at" in doubt for doubt in right.doubts)
 
 
 def test_the_two_kinds_of_blocks_have_the_same_sums():

@@ -8,8 +8,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, IdentificationError, InputError, Record, identify, load, save
-from floquid.periodic import fit
-from floquid.pipeline import Settings
+from floquid.lifting import lift
+from floquid.periodic import Synchrony, fit
+from floquid.pipeline import Settings, _doubts
 from floquid.plot import save_figures
 from floquid.sync import resample, shaft_angle
 from floquid.systems import JeffcottRotor, Run
@@ -100,12 +101,101 @@ def test_any_other_wrong_period_is_refused(share):
         identify(record, period=2.0 * np.pi * share)
 
 
+def steady(n_periods, *, samples=16.37, share=1.0, seed=0, imbalance=0.0):
+    """Responses out of step on a shaft that turns evenly, declared with `share` of the period."""
+    run = Run(n_periods=n_periods, wander=0.0, imbalance=imbalance, samples_per_period=samples, seed=seed)
+    return (
+        run.record()
+        .select([channel.name for channel in ROTOR.channels])
+        .with_clock(ConstantPeriod(period=2.0 * np.pi * share))
+    )
+
+
+def test_a_period_that_tears_modes_by_as_much_as_they_decay_is_refused():
+    """Harmonics that are left in a band, others on their own, none of them sure enough to be a sign by itself."""
+    with pytest.raises(IdentificationError, match=r"does not repeat with the period given, 6\.2957.*its own is 6\.28"):
+        identify(steady(200, share=1.002))
+
+
+@cache
+def drifting():
+    """A fit with a period 3e-4 off, the free response lifted, and the records: eight deviations."""
+    record = steady(200, share=1.0003)
+    found = fit([record], [record.clock], forced="none")
+    cycles = resample(found.free, [record.clock])
+    assert found.own_period[0] < -6.0 * found.own_period[1]
+    return found, lift(cycles), (record,)
+
+
+def vague(_):
+    """An estimate from the response alone that would let any period near 2π pass."""
+    return 6.284, 0.01
+
+
+@pytest.mark.parametrize("torn", [None, Synchrony(relative=1e-6, std=1e-5, slip=0.01)])
+def test_harmonics_that_turn_are_not_overruled(monkeypatch, torn):
+    monkeypatch.setattr(_doubts, "_period_alone", vague)
+    monkeypatch.setattr(_doubts, "spacing", lambda *_: torn)
+    said = _doubts.wrong_measured_period(*drifting())
+    assert "does not repeat" in said
+    assert float(said.split("its own is ")[1].split(" ")[0]) == pytest.approx(2.0 * np.pi, abs=1e-3)
+
+
+def test_modes_that_look_torn_are_overruled_by_the_response_alone(monkeypatch):
+    found, lifted, records = drifting()
+    right = replace(found, own_period=(0.0, 1e-5))
+    monkeypatch.setattr(_doubts, "spacing", lambda *_: Synchrony(relative=1e-2, std=1e-4, slip=20.0))
+    monkeypatch.setattr(_doubts, "_period_alone", vague)
+    assert _doubts.wrong_measured_period(right, lifted, records) == ""
+    monkeypatch.setattr(_doubts, "_period_alone", lambda _: None)
+    assert "its own is another" in _doubts.wrong_measured_period(right, lifted, records)
+    monkeypatch.setattr(_doubts, "_period_alone", lambda _: (6.4, 0.01))
+    assert "its own is 6.4 " in _doubts.wrong_measured_period(right, lifted, records)
+
+
+def test_a_step_that_no_fit_can_tell_is_overruled_too(monkeypatch):
+    """A turn of many radians: modes that are none make it."""
+    found, lifted, records = drifting()
+    monkeypatch.setattr(_doubts, "_period_alone", vague)
+    assert _doubts.wrong_measured_period(replace(found, own_period=(1.2, 0.03)), lifted, records) == ""
+
+
+def test_an_imbalance_that_is_left_in_is_named():
+    """Half a revolution a period: the revolution is a multiplier of -1."""
+    analysis = identify(steady(60, imbalance=5.0), forced="none")
+    assert any("multiplier of -1 neither grows nor decays" in warning for warning in analysis.warnings)
+    beside = identify(steady(60, imbalance=5.0), periods_per_revolution=2)
+    assert beside.model.order == 4
+    assert not any("neither grows" in warning for warning in beside.warnings)
+
+
+def test_an_angle_too_rough_for_its_imbalance_is_named():
+    """Pulses of one and a half samples: what the errors of the angle leave of the imbalance looks like a mode."""
+    rough = identify(Run(n_periods=100, samples_per_period=16.37, seed=3).record())
+    assert any("angle of the shaft is known to 0.2" in warning for warning in rough.warnings)
+    fine = identify(Run(n_periods=100, samples_per_period=16.37, pulse_deg=60.0, seed=3).record())
+    assert fine.model.order == 4
+    assert not any("angle of the shaft" in warning for warning in (*fine.warnings, *of_run().warnings))
+
+
 def test_the_period_is_found():
     record = ROTOR.simulate(n_periods=150, samples_per_period=16, seed=3)
     analysis = identify(replace(record, clock=None), estimate_period=True)
     assert abs(analysis.model.period - 2.0 * np.pi) < 4.0 * analysis.fit.period_std
     assert analysis.fit.period_std < 1e-3
     assert np.abs(off(analysis.model, ROTOR.exponents())).max() < 5.0
+
+
+def test_a_first_value_says_which_multiple_of_the_period_is_meant():
+    record = replace(ROTOR.simulate(n_periods=60, samples_per_period=16, seed=3), clock=None)
+    near, twice = (identify(record, estimate_period=True, period=value).model for value in (5.0, 11.0))
+    assert near.period == pytest.approx(2.0 * np.pi, rel=1e-3)
+    assert twice.period == pytest.approx(4.0 * np.pi, rel=1e-3)
+    words = r"does not tell its period between 400 and 900 s(.|\n)*another first value"
+    with pytest.raises(IdentificationError, match=words):
+        identify(record, estimate_period=True, period=600.0)
+    with pytest.raises(InputError, match="Argument `period` of `Settings` must be two sampling intervals"):
+        identify(record, estimate_period=True, period=0.01)
 
 
 def test_a_constant_system_does_not_tell_a_period():

@@ -1,5 +1,6 @@
 """Records cut into whole periods and joined again: which samples go where, and what is refused."""
 
+import pickle
 import re
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from floquid.core import Channel, ConstantPeriod, Cycles, Provenance, Record
-from floquid.errors import InputError
+from floquid.errors import InputError, NotSynchronousError
 from floquid.sync import rejoin, segment
 
 RATE = 50.0
@@ -172,3 +173,26 @@ def test_hits_sampled_between_the_firsts_phases_are_refused():
 def test_a_hit_that_ends_before_its_first_whole_period_is_refused():
     message = refused([record(), record(start=0.06, samples=16)])
     assert "must hold at least one whole period, but one has 16 samples, 7 of them before the first phase" in message
+
+
+@pytest.mark.parametrize(
+    ("records", "why"),
+    [
+        ([record(period=0.203)], "whole number"),
+        ([record(), record(start=0.3 / RATE)], "phases"),
+        ([record(), record(rate=51.0, period=PERIOD)], "rates"),
+    ],
+)
+def test_what_keeps_records_from_being_cut_can_be_asked_for(records, why):
+    with pytest.raises(NotSynchronousError) as error:
+        segment(records)
+    assert error.value.why == why
+    again = pickle.loads(pickle.dumps(error.value))
+    assert (str(again), again.why) == (str(error.value), why)
+
+
+def test_what_no_resampling_would_mend_is_another_error():
+    for records in ([record(period=1.0)], [record(), record(period=0.22)], [record(period=None)]):
+        with pytest.raises(InputError) as error:
+            segment(records)
+        assert not isinstance(error.value, NotSynchronousError)

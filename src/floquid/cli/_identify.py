@@ -62,7 +62,7 @@ def identify(
     azimuth
         The channel that holds the angle of the shaft, in degrees or radians; instead of --period.
     estimate_period
-        Find the period from the response alone; --period may give a first value.
+        Find the period from the response alone; --period may give a first value, right to a factor of 1.5.
     pulses_per_rev
         Pulses of the tachometer in a revolution; 1 when not given.
     periods_per_rev

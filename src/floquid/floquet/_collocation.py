@@ -72,12 +72,15 @@ def collocate(values: NDArray[np.float64], widths: NDArray[np.float64]) -> NDArr
     items, s, n, _ = values.shape
     rule = gauss(s)
     scaled = values * widths[:, None, None, None]
-    system = np.einsum("ij,bjkl->bikjl", -rule.inner, scaled).reshape(items, s * n, s * n)
+    rows = scaled.swapaxes(1, 2)
+    system = np.empty((items, s, n, s, n))
+    np.multiply(-rule.inner[:, None, :, None], rows[:, None], out=system)
+    system = system.reshape(items, s * n, s * n)
     diagonal = np.arange(s * n)
     system[:, diagonal, diagonal] += 1.0
     right = np.broadcast_to(np.tile(np.eye(n), (s, 1)), (items, s * n, n))
     inside = np.linalg.solve(system, right)
-    slopes = (scaled * rule.weights[:, None, None]).swapaxes(1, 2).reshape(items, n, s * n)
+    slopes = (rows * rule.weights[:, None]).reshape(items, n, s * n)
     phi = slopes @ inside
     phi[:, np.arange(n), np.arange(n)] += 1.0
     return phi

@@ -101,16 +101,15 @@ def resolve(matrix: AbstractPeriodicMatrix, tolerance: float) -> Prepared | None
     period as well. `None`: there is no end of the harmonics within reach, as where the matrix has a jump.
     """
     period, n = matrix.period, _FIRST
-    samples = matrix.at(period * np.arange(n) / n)
     probes = period * (1.0 + np.array([_OFFSET, 0.5 * _OFFSET]))
-    later: NDArray[np.float64] | None = None
+    samples = matrix.at(np.concatenate([period * np.arange(n) / n, probes]))
+    samples, later = samples[:n], samples[n:]
     while True:
         scale, size = balance(samples)
         lines = np.fft.rfft(samples, axis=0) * line_weights(n)[:, None, None]
         upper = np.abs(lines[7 * n // 16 :]).sum(axis=0) * scale / scale[:, None]
         if upper.max() <= tolerance * size:
             found = _harmonic(lines, period)
-            later = matrix.at(probes) if later is None else later
             missed = np.abs(later - found.at(probes)).max(axis=0) * scale / scale[:, None]
             if missed.max() <= 10.0 * max(tolerance, 1e-13) * size:
                 return Prepared(found, smooth=True, scale=scale, size=size)

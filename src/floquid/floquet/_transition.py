@@ -189,8 +189,9 @@ def intervals(
         inside = jumps[(jumps > instants[0]) & (jumps < instants[-1])]
         ends = np.unique(np.concatenate([instants, inside]))
     left, right = ends[:-1], ends[1:]
-    real = right > left
-    left, right = left[real], right[real]
+    if (right <= left).any():
+        real = right > left
+        left, right = left[real], right[real]
     longest = min(0.5 * period, stages(len(prepared.scale)) / (3.0 * prepared.size)) if prepared.size else 0.5 * period
     parts = np.maximum(1, np.ceil((right - left) / longest - 1e-9)).astype(np.intp)
     whole = np.repeat(np.arange(len(parts)), parts)

@@ -6,7 +6,7 @@
 from floquid.periodic._assemble import assemble
 from floquid.periodic._constrain import Constrained, constrain
 from floquid.periodic._evidence import combinations_of
-from floquid.periodic._finish import Finished, finish
+from floquid.periodic._finish import CONFIDENT, MISFIT, Finished, finish
 from floquid.periodic._fit import Fit, fit
 from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._fse import FSE, Family, fse
@@ -15,7 +15,9 @@ from floquid.periodic._period import PeriodCandidate, PeriodEstimate, estimate_p
 from floquid.periodic._synchrony import NEGLIGIBLE_SLIP, SIGNIFICANT, Synchrony, drift, spacing, synchrony
 
 __all__ = [
+    "CONFIDENT",
     "FSE",
+    "MISFIT",
     "NEGLIGIBLE_SLIP",
     "SIGNIFICANT",
     "Constrained",

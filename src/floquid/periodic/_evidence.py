@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from floquid.core import PeriodicModel
 from floquid.periodic._bands import upper
 from floquid.periodic._held import shapes
-from floquid.periodic._search import Searched
+from floquid.periodic._search import Searched, rests_of
+from floquid.periodic._trial import FLOOR
 
 LOUD = 2.0
 """Times what noise has from which on a peak that is left is a doubt."""
@@ -30,6 +31,19 @@ CHANCE = 0.01
 CERTAIN = 5.0
 """The same in standard deviations."""
 
+LOPSIDED = 1.3
+"""The loudest band over the quietest, in amplitude, below which colour does little harm."""
+
+COLOURED = 1e-4
+"""The probability at which white noise may pass for coloured."""
+
+ENOUGH_LINES = 12
+"""Lines of a band, at least, for its level to be looked at."""
+
+SPREAD = 0.82
+"""The variance of the logarithm of the median level of a band of white noise, times its lines: 1/(2 ln 2)² for lines
+that are independent, more under a window, which makes neighbouring lines alike."""
+
 
 def evidence(found: Searched) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Sentences for the modes, and sentences against them."""
@@ -48,6 +62,53 @@ def evidence(found: Searched) -> tuple[tuple[str, ...], tuple[str, ...]]:
         doubt = f"{text}: what is left is not all noise (a nonlinearity, a drifting amplitude, another tone)."
         return (found_how,), (doubt, *against)
     return (found_how, f"{text}."), against
+
+
+def coloured(found: Searched, floor: float = FLOOR) -> tuple[str, ...]:
+    r"""A sentence where what a fit leaves is not white along the record: its deviations are then not those stated.
+
+    .. math:: \sum_{c,h} \sum_{b} \frac{n_b}{v} (\ln s_{c,h,b} - \overline{\ln s_{c,h}})^2 \sim \chi^2
+
+    with s the median level of a band of n lines apart from the exponentials fitted, v/n the variance of its logarithm.
+
+    Parameters
+    ----------
+    found
+        The search.
+    floor
+        The share of the largest free response that the noise is taken to be at least.
+
+    Returns
+    -------
+    tuple of str
+        The sentence, or nothing.
+    """
+    from scipy.special import chdtrc
+
+    score, degrees, worst = 0.0, 0, (1.0, 0.0, 0.0)
+    rates = found.held.entries.columns().rates
+    for rest in rests_of(found.blocks, found.held, floor):
+        levels, lines = rest.between(rates)
+        own = np.flatnonzero(lines >= ENOUGH_LINES)
+        if len(own) < 2:
+            continue
+        logs, weights = np.log(levels[:, own]), lines[own]
+        mean = (logs @ weights / weights.sum())[:, None]
+        score += float(np.sum((logs - mean) ** 2 @ weights)) / SPREAD
+        degrees += len(logs) * (len(own) - 1)
+        row = int(np.argmax(np.ptp(logs, axis=1)))
+        ends = own[[int(np.argmax(logs[row])), int(np.argmin(logs[row]))]]
+        centres = (ends + 0.5) / len(lines) * (0.5 / rest.step)
+        worst = max(worst, (float(np.exp(np.ptp(logs[row]))), *centres.tolist()))
+    ratio, loud, quiet = worst
+    if degrees == 0 or ratio < LOPSIDED or chdtrc(degrees, score) > COLOURED:
+        return ()
+    sentence = (
+        f"The noise is not white along the record: about {loud:.4g} Hz it is {ratio:.3g} times that about "
+        f"{quiet:.4g} Hz. It is taken for white: the intervals of modes are too short where it is loud, and too long "
+        "where it is quiet; a weak mode where it is loud may be noise."
+    )
+    return (sentence,)
 
 
 def doubles(found: Searched) -> tuple[str, ...]:

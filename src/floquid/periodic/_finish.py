@@ -20,10 +20,11 @@ from floquid.periodic._search import Searched, forced_entries, searched
 from floquid.periodic._trial import Limits, criterion
 
 MISFIT = 6.0
-"""Standard deviations of what held residues leave at which modes are looked for that lifting merged."""
+"""Standard deviations of what held residues leave at which they are doubted, and merged modes looked for."""
 
-WEAK = 2e-3
-"""The deviation of an exponent over the fundamental above which it may stand for several modes."""
+CONFIDENT = 2e-3
+"""A mode counts as well determined when both parts of its exponent have a deviation below this share of ω: one that is
+not may stand for several."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,5 +131,7 @@ def _weak(model: PeriodicModel) -> bool:
     """Whether a mode is so weakly determined that it may stand for several."""
     std = model.exponent_std
     return (
-        std is not None and model.order > 0 and float(np.maximum(std.real, std.imag).max()) > WEAK * model.fundamental
+        std is not None
+        and model.order > 0
+        and float(np.maximum(std.real, std.imag).max()) > CONFIDENT * model.fundamental
     )

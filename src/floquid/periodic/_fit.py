@@ -16,7 +16,7 @@ from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import PLAIN, SPEED, SPEED_RATE, SPEED_SQUARED, TREND, complex_of
 from floquid.periodic._constrain import noise_left
 from floquid.periodic._constrained import evaluated, settled
-from floquid.periodic._evidence import evidence
+from floquid.periodic._evidence import coloured, evidence
 from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._held import model_of, shapes
 from floquid.periodic._record_block import RecordBlock
@@ -169,13 +169,17 @@ def fit(
         )
     names = records[0].channels
     reasons, doubts = evidence(found)
-    model = model_of(
-        found.blocks,
-        found.held,
-        found.bands,
-        channels=names,
-        provenance=Provenance.merge(tuple(record.provenance for record in records)),
-    )
+    colour = coloured(found, noise_floor) + (_endless(found) if order is None else ())
+    try:
+        model = model_of(
+            found.blocks,
+            found.held,
+            found.bands,
+            channels=names,
+            provenance=Provenance.merge(tuple(record.provenance for record in records)),
+        )
+    except IdentificationError as error:
+        raise IdentificationError(" ".join([str(error), *colour])) from None
     period_std = None
     if free_period:
         omega = found.held.entries.fundamental
@@ -188,8 +192,19 @@ def fit(
         period_std=period_std,
         own_period=None if free_period or isinstance(clocks[0], ShaftAngle) else _own_period(found),
         reasons=reasons,
-        doubts=doubts,
+        doubts=(*doubts, *colour),
     )
+
+
+def _endless(found: Searched) -> tuple[str, ...]:
+    """A sentence where the search ended but for its limit."""
+    if int((~found.held.entries.fixed).sum()) < MOST_ENTRIES:
+        return ()
+    sentence = (
+        f"The search for modes was ended at {MOST_ENTRIES}, a pair counted once, with more to be found: most of them "
+        "are noise that is not white along the record, or what a nonlinearity leaves."
+    )
+    return (sentence,)
 
 
 def _most(records: Sequence[Record], period: float) -> int:

@@ -10,7 +10,7 @@ and hit. The noise s is the median level of each of a few bands, so that noise w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ FASTEST = 0.7
 
 GROWTH = (2.0, 6.0)
 """Growth over the record of the growing exponentials looked at, as logarithms."""
+
+APART = 2.0
+"""Lines on each side of an exponential, beside its width, that a fit takes noise from."""
 
 QUIETEST = 0.01
 """The level of a band over that of the loudest, at least: below, there are but the skirts of what is elsewhere."""
@@ -63,18 +66,53 @@ class Rest:
         taken = np.rint((times - times[0]) / step).astype(np.int64)
         values = np.zeros((len(left), int(taken[-1]) + 1))
         values[:, taken] = left
-        window = np.hanning(values.shape[1] + 2)[1:-1]
-        power = np.abs(np.fft.rfft(values * window, axis=1)[:, 1:]) ** 2 / np.sum(window[taken] ** 2)
+        power = _power(values, taken)
         parts = np.array_split(power, min(BANDS, power.shape[1]), axis=1)
         # The power of a line of white noise is exponentially distributed: its median is ln 2 of its mean.
         levels = np.sqrt([np.median(part, axis=1) / np.log(2.0) for part in parts]).T
         levels = np.maximum(levels, np.maximum(least[:, None], QUIETEST * levels.max(axis=1, keepdims=True)))
         return Rest(values, taken, step, np.median(levels, axis=1), levels)
 
+    def level(self) -> Rest:
+        """The same with one level for all bands."""
+        return replace(self, levels=np.broadcast_to(self.noise[:, None], self.levels.shape))
+
+    def between(self, rates: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """The level of each band by the lines that are apart from exponentials of `rates`, and how many these are.
+
+        A fit takes noise away where it has exponentials: nearly all of it in a band that is full of them.
+
+        Parameters
+        ----------
+        rates
+            The rates of the exponentials fitted (rates,) [1/s].
+
+        Returns
+        -------
+        ndarray, ndarray
+            Levels (rows, bands), zero where no line is left, and lines (bands,).
+        """
+        power, grid = _power(self.values, self.taken), self.values.shape[1] * self.step
+        omega = 2.0 * np.pi / grid * np.arange(1, power.shape[1] + 1)
+        apart = np.ones(len(omega), bool)
+        for rate in rates:
+            apart &= np.abs(omega - abs(rate.imag)) > abs(rate.real) + APART * 2.0 * np.pi / grid
+        bands = np.array_split(np.arange(len(omega)), min(BANDS, len(omega)))
+        kept = [band[apart[band]] for band in bands]
+        levels = [np.sqrt(np.median(power[:, own], axis=1) / np.log(2.0)) if len(own) else 0.0 for own in kept]
+        full = np.stack([np.broadcast_to(level, len(power)) for level in levels], axis=1)
+        return np.maximum(full, self.levels.min(axis=1, keepdims=True)), np.array([len(own) for own in kept])
+
     @property
     def span(self) -> float:
         """The time between the first and the last sample [s]."""
         return float(self.taken[-1] - self.taken[0]) * self.step
+
+
+def _power(values: NDArray[np.float64], taken: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The power of each line but the zeroth under a Hann window (rows, lines)."""
+    window = np.hanning(values.shape[1] + 2)[1:-1]
+    return np.abs(np.fft.rfft(values * window, axis=1)[:, 1:]) ** 2 / np.sum(window[taken] ** 2)
 
 
 def strongest(

@@ -24,6 +24,7 @@ from floquid.periodic._constrained import Held, evaluated, settled
 from floquid.periodic._peaks import Peak, Rest, strongest
 from floquid.periodic._record_block import RecordBlock
 from floquid.periodic._trial import (
+    FLOOR,
     ROUGHLY,
     WIDEST,
     Limits,
@@ -36,9 +37,6 @@ from floquid.periodic._trial import (
 
 FIRST_BAND = 1
 """Harmonics on each side that a new mode is fitted with."""
-
-FLOOR = 1e-12
-"""The share of the largest free response that the noise is taken to be at least."""
 
 LOOK = 1.0
 """How many peaks of noise are expected among those that are tried: it is the fit that decides."""
@@ -132,6 +130,11 @@ def _added(
         if peak.gain < peak.limit or full or len(passed) >= REFUSALS:
             return blocks, held
         trial = _with_peak(blocks, rests, held, peak, limits)
+        if trial is None:
+            # Far from a loud mode its skirts are above what little noise there is: the loudest line is its own.
+            loudest = strongest(blocks, [rest.level() for rest in rests], period, LOOK, passed)
+            if loudest.exponent != peak.exponent:
+                trial = _with_peak(blocks, rests, held, loudest, limits)
         if trial is None:
             passed.append(peak.exponent.imag)
             continue

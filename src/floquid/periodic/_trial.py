@@ -22,6 +22,9 @@ STRICT = 1e-6
 """The probability at which noise may pass for a harmonic while modes are still missing: a wide band takes what is a
 mode of its own that folds next to this one."""
 
+FLOOR = 1e-12
+"""The share of the largest free response that the noise is taken to be at least, unless told."""
+
 ROUGHLY = 0.1
 """Standard deviations at which a fit counts as settled while modes are still missing."""
 
@@ -55,7 +58,7 @@ class Limits:
     forced: NDArray[np.float64]
     choose: bool = True
     width: int = 0
-    floor: float = 1e-12
+    floor: float = FLOOR
 
 
 def criterion(blocks: Sequence[Block], found: Held) -> float:

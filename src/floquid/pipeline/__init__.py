@@ -3,8 +3,8 @@
 `lifted` stops after lifting, and `find_poles` goes on from there to poles and noise.
 """
 
+from floquid.periodic import CONFIDENT
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._doubts import CONFIDENT
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
 from floquid.pipeline._lifted import lifted

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,18 @@ from floquid.errors import FloquidError
 from floquid.lifting import Lifted, largest_values
 from floquid.lti import ModalModel
 from floquid.order import Choice
-from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, Finished, Fit, estimate_period, spacing, synchrony
-
-MISFIT = 6.0
-"""Standard deviations of what held residues leave at which they are doubted."""
+from floquid.periodic import (
+    CONFIDENT,
+    MISFIT,
+    NEGLIGIBLE_SLIP,
+    SIGNIFICANT,
+    Finished,
+    Fit,
+    estimate_period,
+    spacing,
+    synchrony,
+)
+from floquid.sync import ShaftAngle
 
 QUIET = 1e-4
 """The noise over the largest value below which a record says more than modes: a weak nonlinearity, for one."""
@@ -23,11 +32,17 @@ QUIET = 1e-4
 STILL = 4.0
 """Standard deviations within which a multiplier is 1 or -1."""
 
+BLURRED = 400.0
+"""What errors of the angle may add to the misfit, spread over the lines about each harmonic."""
+
+TURNED = 1.0
+"""The phase [rad] that the fundamental may slip while modes last, for one step of a fit to tell the period."""
+
+FOLDED = 10.0
+"""Decays within which modes that fold onto one another may be one."""
+
 SURE = 1e-3
 """The deviation of its logarithm, over the number of poles, below which that says something."""
-
-CONFIDENT = 2e-3
-"""A mode counts as well determined when both parts of its exponent have a deviation below this share of ω."""
 
 
 def wrong_period(model: PeriodicModel, lifted: Lifted) -> str:
@@ -46,31 +61,84 @@ def wrong_period(model: PeriodicModel, lifted: Lifted) -> str:
 def wrong_measured_period(found: Fit, lifted: Lifted, records: Sequence[Record]) -> str:
     """The same for records fitted as they were sampled.
 
-    Where modes look torn apart, or anything else speaks against them, the period is found from the response alone.
+    Harmonics that turn (`Fit.own_period`) speak for themselves. Modes that look torn apart (`spacing`), or anything
+    else that speaks against them, do not: there the period is found from the response alone, and that decides.
     """
-    model, rate = found.model, records[0].sample_rate
+    model, (relative, std) = found.model, found.own_period or (0.0, np.inf)
+    cycles = int(lifted.responses.lengths.max())
+    slip = abs(relative) * cycles * model.period * records[0].sample_rate
+    drifted = abs(relative) > SIGNIFICANT * std and slip > NEGLIGIBLE_SLIP
     torn = spacing(model, lifted)
-    relative, std = (torn.relative, torn.std) if torn is not None else (found.own_period or (0.0, np.inf))
-    slip = abs(relative) * int(lifted.responses.lengths.max()) * model.period * rate
-    own, broken = "another", abs(relative) > SIGNIFICANT * std and slip > NEGLIGIBLE_SLIP
+    broken = torn is not None and torn.broken
     single = not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any()
-    if broken or found.doubts or single:
-        try:
-            estimate = estimate_period(records)
-        except FloquidError:
-            estimate = None
-        if estimate is not None and estimate.period is not None and estimate.period_std is not None:
-            share = max(estimate.period, model.period) / min(estimate.period, model.period)
-            limit = SIGNIFICANT * estimate.period_std / estimate.period
-            broken = abs(share / round(share) - 1.0) > limit
-            own = f"{estimate.period:.10g} ± {estimate.period_std:.1g} s"
-    if not broken:
+    asked = drifted or broken or found.doubts or single or _folded(model)
+    estimate, own = _period_alone(records) if asked else None, "another"
+    if estimate is not None:
+        period, deviation = estimate
+        share = max(period, model.period) / min(period, model.period)
+        broken = abs(share / round(share) - 1.0) > SIGNIFICANT * deviation / period
+        own = f"{period:.10g} ± {deviation:.1g} s"
+        alive = min(cycles, 1.0 / max(np.abs(model.exponents.real).min() * model.period, 1e-300))
+        # A step beyond that is none of the fit's: modes were torn apart, or are none.
+        drifted = drifted and 2.0 * np.pi * abs(relative) * alive < TURNED
+        if drifted and not broken:
+            # So near that the response alone does not tell the two apart.
+            own = f"{model.period * (1.0 + relative):.10g} ± {model.period * std:.1g} s"
+    if not (drifted or broken):
         return ""
     return (
         f"The response does not repeat with the period given, {model.period:.10g} s: its own is {own}. Exponents and "
         "shapes would look right and be wrong.\n  Correct the period, the sampling rate or the time column; "
         "`estimate_period=True` (`--estimate-period`) finds the period from the response. If you know the period to be "
         "right, pass `trust_period=True` (`--trust-period`)."
+    )
+
+
+def _period_alone(records: Sequence[Record]) -> tuple[float, float] | None:
+    """The period that the response alone tells, and its deviation [s]; None where it does not."""
+    with suppress(FloquidError):
+        estimate = estimate_period(records)
+        if estimate.period is not None and estimate.period_std is not None:
+            return estimate.period, estimate.period_std
+    return None
+
+
+def _folded(model: PeriodicModel) -> bool:
+    """Whether two modes of equal decay are nearly whole fundamentals apart, as a wrong period tears one into."""
+    std = model.exponent_std
+    if std is None:
+        return False
+    values = model.exponents
+    gap = values[:, None] - values[None, :]
+    turns = np.rint(gap.imag / model.fundamental)
+    near = np.abs(gap.imag - turns * model.fundamental) < FOLDED * np.abs(values.real)
+    alike = np.abs(gap.real) < 5.0 * np.hypot(std.real[:, None], std.real[None, :])
+    itself = np.abs(values[:, None] - values[None, :].conj()) == 0
+    return bool((near & alike & (turns != 0) & ~itself).any())
+
+
+def wrong_angles(found: Fit, shafts: Sequence[ShaftAngle], records: Sequence[Record]) -> str:
+    r"""What the error of the shaft's angle makes of a large forced response; empty when it is lost in the noise.
+
+    .. math:: \frac 12 \sum_{c,h} N_h \sum_j (j\, a_{c,h,j}\, \sigma_{\theta,h} / s_{c,h})^2
+
+    with a the amplitudes of its harmonics j, σ the deviation of the angle [rad], and s the noise.
+    """
+    forced = found.forced
+    if forced is None or not forced.speed_dependent:
+        return ""
+    energy, degrees = 0.0, 0.0
+    for hit, (shaft, record) in enumerate(zip(shafts, records, strict=True)):
+        std = float(np.sqrt(np.mean(shaft.angle_std(np.clip(record.times, shaft.first, shaft.last)) ** 2)))
+        shares = forced.harmonics * forced.amplitudes[:, hit] / found.noise[:, hit, None]
+        energy += 0.5 * record.n_samples * std**2 * float(np.sum(shares**2))
+        degrees = max(degrees, float(np.degrees(std)))
+    if energy < BLURRED:
+        return ""
+    return (
+        f"The angle of the shaft is known to {degrees:.2g}° only, and the forced response is large: what the one makes "
+        f"of the other stands out of the noise ({energy:.3g} in the misfit). Modes near a harmonic of the revolution "
+        "may be that. Sample the tachometer faster, or take a wider pulse."
     )
 
 
@@ -146,6 +214,26 @@ def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
     return bool(2 * (apart & alike & ~itself).any(axis=1).sum() >= max(model.order, 1))
 
 
+def _still(model: PeriodicModel, std: NDArray[np.complex128]) -> list[str]:
+    """Components that are most likely a forced response, of one period or of two, a sentence each."""
+    steady = np.maximum(std.real, std.imag) < CONFIDENT * model.fundamental
+    steady &= np.abs(model.exponents.real) < 4.0 * std.real + 1e-9 * model.fundamental
+    turn, within = np.abs(np.angle(model.multipliers)), 3.0 * std.imag * model.period + 1e-12
+    words = []
+    if (steady & (turn < within)).any():
+        words.append(
+            "A component with a multiplier of 1 neither grows nor decays: it is most likely the forced periodic "
+            "response (imbalance, an offset), not a mode."
+        )
+    if (steady & (np.pi - turn < within)).any():
+        words.append(
+            "A component with a multiplier of -1 neither grows nor decays: it is most likely the forced response of a "
+            "shaft that turns once in two periods (imbalance), not a mode. Let it be fitted: "
+            "`periods_per_revolution=2` (`--periods-per-rev 2`), and `forced` not none."
+        )
+    return words
+
+
 def warnings(model: PeriodicModel) -> tuple[str, ...]:
     """What a reader of the result must know."""
     words = []
@@ -158,14 +246,7 @@ def warnings(model: PeriodicModel) -> tuple[str, ...]:
                 f"{count} of {model.order} exponents are weakly determined (deviation above {CONFIDENT:g} of the "
                 "fundamental): each may stand for several modes that this record cannot tell apart."
             )
-        still = np.abs(np.angle(model.multipliers)) < 3.0 * std.imag * model.period + 1e-12
-        still &= np.maximum(std.real, std.imag) < CONFIDENT * model.fundamental
-        still &= np.abs(model.exponents.real) < 4.0 * std.real + 1e-9 * model.fundamental
-        if still.any():
-            words.append(
-                "A component with a multiplier of 1 neither grows nor decays: it is most likely the forced periodic "
-                "response (imbalance, an offset), not a mode."
-            )
+        words += _still(model, std)
     if model.order and not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any():
         words.append(
             "No mode has a second harmonic above the noise: the system looks constant, or the period is wrong and tore "

@@ -13,18 +13,28 @@ import numpy as np
 
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, ConstantPeriod, PulseTimes, Record, TachometerSignal
-from floquid.errors import IdentificationError, InputError
+from floquid.errors import IdentificationError, NotSynchronousError
 from floquid.lifting import lift
 from floquid.lti import fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, estimate_period, fit
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._doubts import ambiguity, warnings, wrong_measured_period
+from floquid.pipeline._doubts import ambiguity, warnings, wrong_angles, wrong_measured_period
 from floquid.pipeline._settings import Settings
 from floquid.reconstruction import reconstruct
 from floquid.sync import ShaftAngle, rejoin, resample, samples_per_period, segment, shaft_angle
 
 NOT_WHOLE = "a period that is no whole number of samples"
+
+UNCUT = {
+    "whole number": NOT_WHOLE,
+    "phases": "records sampled at different phases",
+    "rates": "records sampled at different rates",
+}
+"""Why records cannot be cut into whole samples a period, by what `NotSynchronousError` says."""
+
+NEAR = 1.5
+"""How far from a first value the period may be, as a factor."""
 
 SIGNALS = (TachometerSignal, AzimuthSignal, PulseTimes)
 
@@ -44,20 +54,12 @@ def why_measured(records: tuple[Record, ...], settings: Settings) -> str:
 
 def _why_uncut(records: tuple[Record, ...]) -> str:
     """Why records of constant period cannot be cut into whole samples; empty where they can."""
-    uncut = {
-        "whole number": NOT_WHOLE,
-        "same phases": "records sampled at different phases",
-        "same sample rate": "records sampled at different rates",
-    }
     try:
         for record in records:
             samples_per_period(record)
         segment(records)
-    except InputError as error:
-        for words, why in uncut.items():
-            if words in str(error):
-                return why
-        raise
+    except NotSynchronousError as error:
+        return UNCUT[error.why]
     return ""
 
 
@@ -87,7 +89,7 @@ def measured(
         The result; its `records` are the free response resampled to whole samples a period.
     """
     if settings.estimate_period:
-        records, words = _with_own_period(records, report)
+        records, words = _with_own_period(records, settings.period, report)
         said += words
     responses, clocks, shafts = _clocks(records, report)
     unsteady = tuple(_unsteady(shaft) for shaft in shafts if not shaft.steady)
@@ -123,6 +125,7 @@ def measured(
             f"The record holds {most} whole periods, too few for the {found.model.order} poles that were found in it. "
             "Record longer, or check the period."
         )
+    blurred = wrong_angles(found, shafts, responses) if shafts else ""
     modal = fit_residues(found.model.multipliers, lifted.responses)
     model = replace(found.model, provenance=lifted.provenance)
     state = None
@@ -145,28 +148,39 @@ def measured(
         shafts=shafts,
         held=True,
         synchronisation=(*said, *own, *_said_of(found)),
-        warnings=tuple(word for word in (doubt, *unsteady) if word)
+        warnings=tuple(word for word in (doubt, *unsteady, blurred) if word)
         + (ambiguity(choice) if settings.order is None else ())
         + warnings(model),
     )
 
 
 def _with_own_period(
-    records: tuple[Record, ...], report: Callable[[str], None]
+    records: tuple[Record, ...], about: float | None, report: Callable[[str], None]
 ) -> tuple[tuple[Record, ...], tuple[str, ...]]:
-    """The records with the period that the response has, and how that is known.
+    """The records with the period that the response has, near `about` where that is given, and how it is known.
 
     Raises
     ------
+    InputError
+        `about` is too short for the sampling.
     IdentificationError
         The response does not tell its period.
     """
     report("finding the period")
-    found = estimate_period(records, report=report)
+    shortest, longest, where = None, None, ""
+    if about is not None:
+        shortest, longest = about / NEAR, about * NEAR
+        least = 2.0 / min(record.sample_rate for record in records)
+        if longest <= least:
+            must, got = f"be two sampling intervals ({least:.6g} s) or more", f"is {about:.6g} s"
+            raise input_error("period", "Settings", must, got, "Check its unit and that of the sampling rate.")
+        where = f" between {shortest:.6g} and {longest:.6g} s"
+    found = estimate_period(records, shortest=shortest, longest=longest, report=report)
     if not found.told or found.period is None:
+        wrong = "another first value (`--period`)" if about else "the period (`--period`)"
         raise IdentificationError(
-            f"The response does not tell its period. {' '.join(found.reasons)}\n  Give the period (`--period`), a "
-            "tachometer (`--tach`), or a record with more cycles or less noise."
+            f"The response does not tell its period{where}. {' '.join(found.reasons)}\n  Give {wrong}, a tachometer "
+            "(`--tach`), or a record with more cycles or less noise."
         )
     clocked = tuple(record.with_clock(ConstantPeriod(period=found.period, origin=record.start)) for record in records)
     return clocked, found.reasons

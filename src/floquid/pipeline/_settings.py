@@ -43,7 +43,7 @@ class Settings:
     trust_period
         Warn instead of refusing when the response seems to repeat with another period than the one given.
     estimate_period
-        Find the period from the response alone.
+        Find the period from the response alone; where `period` is given too, within a factor of 1.5 of it.
     tach
         The name of a channel of tachometer pulses; None for a record's own clock.
     azimuth

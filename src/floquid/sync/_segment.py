@@ -8,6 +8,7 @@ import numpy as np
 
 from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Cycles, Record
+from floquid.errors import NotSynchronousError
 
 LARGEST_DRIFT = 0.01
 """Samples by which the last cycle may have slipped against the first in a record that counts as synchronous."""
@@ -33,9 +34,12 @@ def segment(records: Record | Sequence[Record]) -> tuple[Cycles, ...]:
 
     Raises
     ------
+    NotSynchronousError
+        A record is not a whole number of samples a period, or is sampled at another rate than the first, or at other
+        phases.
     InputError
-        A record has no clock, is not a whole number of samples a period, holds no whole period, has missing samples, or
-        differs from the first in rate, period or channels.
+        A record has no clock, holds no whole period, has missing samples, or differs from the first in period or
+        channels.
     """
     several = (records,) if isinstance(records, Record) else tuple(records)
     if not several:
@@ -53,8 +57,10 @@ def samples_per_period(record: Record) -> int:
 
     Raises
     ------
+    NotSynchronousError
+        The period is not a whole number of samples over the length of the record.
     InputError
-        The record has no clock, or its period is not a whole number of samples over the length of the record.
+        The record has no clock, or its period is shorter than a sample or longer than the record.
     """
     period = _clock(record).period
     exact = period * record.sample_rate
@@ -77,7 +83,7 @@ def samples_per_period(record: Record) -> int:
         )
     phases = round(exact)
     if abs(exact - phases) * cycles > LARGEST_DRIFT:
-        raise input_error(
+        error = input_error(
             "period",
             "segment",
             "be a whole number of sampling intervals",
@@ -86,6 +92,7 @@ def samples_per_period(record: Record) -> int:
             f"If the period is really {phases} samples, pass period={phases / record.sample_rate:.16g}; if not, "
             "resample the record to a whole number of samples a period first.",
         )
+        raise NotSynchronousError(str(error), "whole number")
     return phases
 
 
@@ -149,13 +156,14 @@ def _check_alike(first: Record, record: Record, number: int) -> None:
             )
     for what, (one, other, unit) in numbers.items():
         if abs(one - other) > 1e-9 * one:
-            raise input_error(
+            error = input_error(
                 "records",
                 "segment",
                 f"have the same {what}",
                 f"number 1 has {one:.12g} {unit} and number {number} has {other:.12g} {unit}",
                 "Hits identified together are records of one system, sampled alike.",
             )
+            raise NotSynchronousError(str(error), "rates") if what == "sample rate" else error
 
 
 def _cut(record: Record, phases: int, phase: float) -> Cycles:
@@ -175,13 +183,14 @@ def _cut(record: Record, phases: int, phase: float) -> Cycles:
     skip = round(ahead) % phases
     off = abs(ahead - round(ahead))
     if off > LARGEST_DRIFT:
-        raise input_error(
+        error = input_error(
             "records",
             "segment",
             "be sampled at the same phases of the period",
             f"one is {off:.3g} samples off the grid of the first",
             "Resample the records to common phases first.",
         )
+        raise NotSynchronousError(str(error), "phases")
     n_cycles = (record.n_samples - skip) // phases
     if n_cycles < 1:
         raise input_error(
