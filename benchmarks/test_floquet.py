@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from floquid.floquet import monodromy, stability_map
 from floquid.floquet._matrices import FunctionMatrix
-from floquid.floquet._stability_map import stability_map
-from floquid.floquet._transition import monodromy
 from floquid.systems import JeffcottRotor
 
 ERROR = 1e-10

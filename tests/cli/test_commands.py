@@ -22,7 +22,7 @@ from floquid.systems import JeffcottRotor
 
 PERIOD = repr(2.0 * np.pi)
 GOOD = f"identify good.npz --period {PERIOD}"
-COMMANDS = ["demo", "identify", "info", "scan", "simulate"]
+COMMANDS = ["demo", "floquet", "identify", "info", "scan", "simulate"]
 RESULT = {"result.h5", "summary.json", "settings.toml", "figures/time_record.png", "figures/composite.png"}
 
 
@@ -321,7 +321,7 @@ def test_no_number_is_cut_short_at_80_columns(values, notes, rotor):
 
     def printed(width):
         console = Console(width=width, file=io.StringIO(), markup=False)
-        _terminal._print_whole(console, _terminal.modes_table(analysis))
+        _terminal.print_whole(console, _terminal.modes_table(analysis))
         return console.file.getvalue()
 
     narrow, wide = printed(80), printed(300)

@@ -147,9 +147,7 @@ def test_isotropic_rotor_has_the_exponents_of_its_turning_frame(speed, rotor_x, 
 
     Compared as characteristic polynomials, since exponents meet at the edges of instability.
     """
-    rotor = JeffcottRotor(
-        rotor_x=rotor_x, rotor_y=rotor_y, support_x=1.0, support_y=1.0, speed=speed, damping=damping
-    )
+    rotor = JeffcottRotor(rotor_x=rotor_x, rotor_y=rotor_y, support_x=1.0, support_y=1.0, speed=speed, damping=damping)
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
     springs = np.diag([rotor_x / (1.0 + rotor_x), rotor_y / (1.0 + rotor_y)])
     stiffness = springs - speed**2 * np.eye(2) + damping * speed * turn

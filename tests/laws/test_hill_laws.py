@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from floquid import floquet
-from floquid.floquet._hill import hill
-from floquid.floquet._matrices import HarmonicMatrix, PiecewiseMatrix
+from floquid.floquet import HarmonicMatrix, PiecewiseMatrix, hill
 from floquid.testing import pair_exponents
 
 LAWS = settings(max_examples=20, deadline=None, derandomize=True)

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from floquid.floquet import common_period
 from floquid.floquet._matrices import FunctionMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix
-from floquid.floquet._periods import common_period
 
 LAWS = settings(max_examples=60, deadline=None, derandomize=True)
 KINDS = ["harmonics", "odd harmonics", "pieces", "samples", "spline", "polygon", "function", "vectorised"]

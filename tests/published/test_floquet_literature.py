@@ -167,9 +167,7 @@ def test_damped_mathieu_threshold(zeta, q, route):
 @pytest.mark.parametrize("gamma", [4.0, 6.0, 12.0])
 def test_flapping_in_hover(gamma, route):
     exact = -gamma / 16 + 1j * np.sqrt(1 - (gamma / 16) ** 2)
-    assert_exponents_close(
-        ROUTES[route](flapping(gamma, 0.0), 2 * pi), [exact, exact.conjugate()], 2 * pi, atol=1e-11
-    )
+    assert_exponents_close(ROUTES[route](flapping(gamma, 0.0), 2 * pi), [exact, exact.conjugate()], 2 * pi, atol=1e-11)
 
 
 @both_routes

@@ -9,10 +9,15 @@ from scipy.linalg import expm
 from scipy.signal import cont2discrete, dlsim
 
 from floquid.errors import InputError
-from floquid.floquet._discrete import DiscretePeriodicSystem, discretise
-from floquid.floquet._exponents import multipliers
-from floquid.floquet._matrices import FunctionMatrix, HarmonicMatrix, PiecewiseMatrix
-from floquid.floquet._system import PeriodicSystem
+from floquid.floquet import (
+    DiscretePeriodicSystem,
+    FunctionMatrix,
+    HarmonicMatrix,
+    PeriodicSystem,
+    PiecewiseMatrix,
+    discretise,
+    multipliers,
+)
 
 FORMS = ["time", "cyclic"]
 

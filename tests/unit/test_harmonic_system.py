@@ -7,11 +7,16 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from floquid.errors import InputError
-from floquid.floquet._harmonic_system import HarmonicSystem, harmonic_transfer
-from floquid.floquet._hill import hill
-from floquid.floquet._matrices import FunctionMatrix, HarmonicMatrix, PiecewiseMatrix
-from floquid.floquet._sine_response import sine_response
-from floquid.floquet._system import PeriodicSystem
+from floquid.floquet import (
+    FunctionMatrix,
+    HarmonicMatrix,
+    HarmonicSystem,
+    PeriodicSystem,
+    PiecewiseMatrix,
+    harmonic_transfer,
+    hill,
+    sine_response,
+)
 
 T = 2.0
 W = 2 * np.pi / T

@@ -16,11 +16,9 @@ from scipy.special import iv, mathieu_a
 
 import floquid.floquet
 from floquid.errors import InputError
+from floquid.floquet import FunctionMatrix, HarmonicMatrix, HillOutcome, PiecewiseMatrix, SampledMatrix, hill
 from floquid.floquet._fourier import fourier
-from floquid.floquet._hill import hill
 from floquid.floquet._hill_matrix import block_toeplitz, in_exponentials, real_hill
-from floquid.floquet._hill_modes import HillOutcome
-from floquid.floquet._matrices import FunctionMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix
 from floquid.testing import assert_exponents_close, pair_exponents
 
 T = 2.3

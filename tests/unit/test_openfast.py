@@ -16,9 +16,8 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from floquid.errors import InputError
+from floquid.floquet import OpenFastLinearisation, read_openfast
 from floquid.floquet._lin_file import LinSignals, number, read_lin
-from floquid.floquet._linearisation import OpenFastLinearisation
-from floquid.floquet._openfast import read_openfast
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "openfast_lin"
 REAL = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"there is no folder {FOLDER.name} of real files")

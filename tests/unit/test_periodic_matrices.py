@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 
 from floquid.errors import InputError
-from floquid.floquet._matrices import FunctionMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix
-from floquid.floquet._periods import common_period
-from floquid.floquet._system import PeriodicSystem
+from floquid.floquet import (
+    FunctionMatrix,
+    HarmonicMatrix,
+    PeriodicSystem,
+    PiecewiseMatrix,
+    SampledMatrix,
+    common_period,
+)
 
 A = HarmonicMatrix.from_cosines(
     [[0.0, 1.0], [-2.0, -0.3]], [[[0.0], [0.0]], [[0.8], [0.0]]], [[[0.0], [0.1]], [[0.0], [0.0]]], period=2.0

@@ -12,9 +12,8 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 from floquid.errors import InputError
-from floquid.floquet._exponents import exponents
+from floquid.floquet import Instability, exponents, stability_map
 from floquid.floquet._family import _product
-from floquid.floquet._stability_map import Instability, stability_map
 from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close
 

@@ -13,6 +13,7 @@ from cyclopts import App, CycloptsError
 
 from floquid.cli._demo import demo
 from floquid.cli._errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, explained, explained_usage
+from floquid.cli._floquet import floquet
 from floquid.cli._identify import identify
 from floquid.cli._info import info
 from floquid.cli._scan import scan
@@ -31,6 +32,7 @@ app.command(demo, usage="Usage: floquid demo [SYSTEM] [OPTIONS]")
 app.command(info, usage="Usage: floquid info FILE")
 app.command(identify, usage="Usage: floquid identify FILES... [OPTIONS]")
 app.command(scan, usage="Usage: floquid scan FILES... [OPTIONS]")
+app.command(floquet, usage="Usage: floquid floquet FILES... [OPTIONS]")
 app.command(simulate, usage="Usage: floquid simulate [SYSTEM] [OPTIONS]")
 
 

@@ -21,6 +21,8 @@ _OPTIONS = {
         "origin": "`--origin`",
         "period": "The period",
     },
+    "floquet.read_matrix": {"paths": "`FILES`", "period": "`--period`", "interpolation": "`--interpolation`"},
+    "floquet.read_openfast": {"paths": "`FILES`"},
     "Settings": {
         "period": "The period",
         **{

@@ -49,7 +49,7 @@ def print_analysis(analysis: Analysis) -> None:
     console = terminal()
     _print_record(console, analysis)
     print_title(console, f"Modes: order {analysis.model.order}, conjugates counted one by one")
-    _print_whole(console, modes_table(analysis))
+    print_whole(console, modes_table(analysis))
     used = {word for r in upper_modes(analysis.model) for word in _notes(analysis.model, r)}
     meanings = [f"{word}: {meaning}" for word, meaning in NOTES.items() if word in used]
     deviations = NO_DEVIATIONS if analysis.model.exponent_std is None else DEVIATIONS
@@ -235,7 +235,7 @@ def _width(console: Console, table: Table) -> int:
     return Measurement.get(console, console.options.update(max_width=10_000), table).maximum
 
 
-def _print_whole(console: Console, table: Table) -> None:
+def print_whole(console: Console, table: Table) -> None:
     """Print a table of numbers that are not to be cut short, however narrow the terminal: first the gaps shrink."""
     if _width(console, table) > console.width:
         table.padding, table.pad_edge = (0, 1, 0, 0), False

@@ -23,6 +23,15 @@ from floquid.floquet._stability_map import Instability, StabilityMap, stability_
 from floquid.floquet._system import PeriodicSystem
 from floquid.floquet._system_matrix import StateMatrix
 from floquid.floquet._transition import monodromy, transition
+from floquid.floquet._verdict import (
+    Stability,
+    Verdict,
+    compare,
+    multiplier_is_real,
+    stability,
+    state_participation,
+    upper_modes,
+)
 
 __all__ = [
     "AbstractPeriodicMatrix",
@@ -48,9 +57,12 @@ __all__ = [
     "PiecewiseMatrix",
     "SampledMatrix",
     "SineResponse",
+    "Stability",
     "StabilityMap",
     "StateMatrix",
+    "Verdict",
     "common_period",
+    "compare",
     "discretise",
     "exponents",
     "harmonic_transfer",
@@ -58,11 +70,15 @@ __all__ = [
     "lyapunov",
     "modes",
     "monodromy",
+    "multiplier_is_real",
     "multipliers",
     "read_lin",
     "read_matrix",
     "read_openfast",
     "sine_response",
+    "stability",
     "stability_map",
+    "state_participation",
     "transition",
+    "upper_modes",
 ]

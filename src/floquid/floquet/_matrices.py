@@ -382,9 +382,7 @@ def _constant(value: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np
     return np.broadcast_to(value, (*at.shape, *value.shape)).copy()
 
 
-def _series(
-    lines: NDArray[np.complex128], start: float, period: float, at: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _series(lines: NDArray[np.complex128], start: float, period: float, at: NDArray[np.float64]) -> NDArray[np.float64]:
     rows, columns, count = lines.shape
     angle = np.multiply.outer(np.mod((at.ravel() - start) / period, 1.0), 2.0 * np.pi * np.arange(count))
     flat = lines.reshape(-1, count).T

@@ -17,6 +17,7 @@ from floquid.floquet._transition import TOLERANCE, checked, factors
 from floquid.floquet._units import balanced_units
 
 _FIRST, _LAST = 64, 512  # phases of the period tried until the shapes' harmonics have died away
+_MANY = 20  # states from which half as many phases are tried first, since each costs their cube
 _TAIL = 1e-10  # of a shape: its harmonics in the last eighth, where more phases are not needed
 _SHARED = 1e3  # condition of an exponent above which its shape may be another's
 _CLOSE = 10.0  # errors of an exponent within which another is not told from it
@@ -158,8 +159,8 @@ def modes(
     system, period, breaks, tolerance
         As in `transition`.
     n_phases
-        Equal steps of the period at which shapes are found, 8 at least; by default 64 or as many more as their
-        harmonics need, 512 at most.
+        Equal steps of the period at which shapes are found, 8 at least; by default 32 or 64, or as many more as
+        their harmonics need, 512 at most.
 
     Returns
     -------
@@ -178,7 +179,8 @@ def modes(
     """
     of = "floquet.modes"
     prepared = checked(system, period, breaks, tolerance, of)
-    count = _FIRST if n_phases is None else integer(n_phases, "n_phases", of, at_least=8)
+    first = _FIRST if len(prepared.scale) < _MANY else _FIRST // 2
+    count = first if n_phases is None else integer(n_phases, "n_phases", of, at_least=8)
     while True:
         length = prepared.matrix.period
         found = factors(prepared, length * np.arange(count + 1) / count, tolerance, of)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, frozen_array, input_error, positive
-from floquid.floquet._collocation import Factors, factorise, stages
+from floquid.floquet._collocation import MOST, Factors, factorise, stages
 from floquid.floquet._system_matrix import Prepared, StateMatrix, periodic, prepare
 
 TOLERANCE = 1e-12
@@ -153,7 +153,7 @@ def checked(system: StateMatrix, period: float | None, breaks: ArrayLike, tolera
 def factors(prepared: Prepared, instants: NDArray[np.float64], tolerance: float, of: str) -> Factors:
     """The transition matrices of short intervals between successive instants, whose gap is their owner."""
     matrix = prepared.matrix
-    gaps, left, right = intervals(prepared, instants)
+    gaps, left, right = intervals(prepared, instants, of)
     found = factorise(
         lambda _, times: matrix.at(times),
         gaps,
@@ -177,7 +177,7 @@ def factors(prepared: Prepared, instants: NDArray[np.float64], tolerance: float,
 
 
 def intervals(
-    prepared: Prepared, instants: NDArray[np.float64]
+    prepared: Prepared, instants: NDArray[np.float64], of: str
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
     """First intervals between the instants: gap (intervals,), left and right ends, none across a break."""
     matrix = prepared.matrix
@@ -193,7 +193,17 @@ def intervals(
         real = right > left
         left, right = left[real], right[real]
     longest = min(0.5 * period, stages(len(prepared.scale)) / (3.0 * prepared.size)) if prepared.size else 0.5 * period
-    parts = np.maximum(1, np.ceil((right - left) / longest - 1e-9)).astype(np.intp)
+    wanted = np.maximum(1.0, np.ceil((right - left) / longest - 1e-9))
+    if not wanted.sum() <= MOST:
+        raise input_error(
+            "system",
+            of,
+            f"be integrable in {MOST} steps",
+            f"it is as large as {prepared.size:.3g} 1/s over {instants[-1] - instants[0]:.3g} s, which takes "
+            f"{wanted.sum():.2g}",
+            "Check its unit and that of the period; take out states that decay at once; or take a shorter interval.",
+        )
+    parts = wanted.astype(np.intp)
     whole = np.repeat(np.arange(len(parts)), parts)
     step = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     width = (right - left) / parts

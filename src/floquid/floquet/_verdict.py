@@ -80,7 +80,7 @@ def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: Arra
     of = "floquet.stability"
     relative = _SAFE * positive(tolerance, "tolerance", of) * np.maximum(modes.condition, 1.0)
     for group in modes.defective:
-        relative[list(group)] = (_SAFE * tolerance)
+        relative[list(group)] = (_SAFE * tolerance) ** (1.0 / len(group))
     margins = np.minimum(relative, 1.0) / modes.period
     if errors is not None:
         margins = np.maximum(margins, frozen_array(errors, "errors", of, axes=(modes.order,)))
@@ -128,7 +128,7 @@ def compare(modes: FloquetModes, exponents: ArrayLike) -> NDArray[np.float64]:
     from scipy.optimize import linear_sum_assignment
 
     others = frozen_array(exponents, "exponents", "floquet.compare", axes=(modes.order,), dtype=np.complex128)
-    apart = np.subtract.outer(modes.exponents, others)
+    apart = modes.exponents[:, None] - others
     apart -= 1j * modes.fundamental * np.round(apart.imag / modes.fundamental)
     rows, columns = linear_sum_assignment(np.abs(apart))
     difference = apart[rows, columns]
@@ -214,7 +214,8 @@ def _growing(modes: FloquetModes, mode: int) -> str:
 
 
 def _resting(modes: FloquetModes, mode: int, margin: float) -> str:
-    words = f"{_named(modes, mode, rests=True)} neither grows nor decays by more than {margin:.2g} 1/s, which cannot be told from 0"
+    name = _named(modes, mode, rests=True)
+    words = f"{name} neither grows nor decays by more than {margin:.2g} 1/s, which cannot be told from 0"
     if any(mode in group for group in modes.defective):
         words += "; it shares its shape with another, and the response may grow as t"
     return f"{words}."

@@ -1,0 +1,187 @@
+"""`floquid floquet`: the exponents of a given A(t), and whether it is stable."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Literal
+
+from floquid._checks import input_error, positive
+from floquid.cli._floquet_output import FILES, Examined, print_examined, save_modes, summary_text
+from floquid.cli._options import Debug, OptionalPlace, Place
+from floquid.cli._output import ResultFolder, result_folder
+from floquid.cli._progress import progress
+from floquid.errors import IdentificationError, InputError
+from floquid.floquet import (
+    AbstractPeriodicMatrix,
+    FloquetModes,
+    HarmonicMatrix,
+    HillModes,
+    MatrixFile,
+    OpenFastLinearisation,
+    compare,
+    exponents,
+    hill,
+    modes,
+    read_matrix,
+    stability,
+)
+
+OF = "floquid floquet"
+STAGES = 4
+
+
+def floquet(
+    *files: Place,
+    period: float | None = None,
+    frequency: float | None = None,
+    interpolation: Literal["fourier", "cubic", "linear"] | None = None,
+    tolerance: float = 1e-12,
+    check: bool = True,
+    out: OptionalPlace = None,
+    format: Literal["text", "json"] = "text",  # noqa: A002
+    debug: Debug = False,
+) -> None:
+    """Floquet exponents, periodic mode shapes and stability of a system whose A(t) is known.
+
+    Parameters
+    ----------
+    files
+        A(t): .npz, .mat, .h5 or .json with `A` (n, n, phases) over one period and `period`, or with `edges` where
+        constant pieces begin, or `coefficients` (n, n, harmonics) and `harmonics`; summary.json or result.h5 of
+        `floquid identify --states`; or the .lin files of OpenFAST over one revolution, or their folder.
+    period
+        The period of A(t) [s], where the file does not state it.
+    frequency
+        The fundamental frequency [Hz], one over the period; instead of --period.
+    interpolation
+        What A(t) is between samples: fourier, the trigonometric polynomial through them; cubic, a spline; linear.
+        When not given, fourier for samples at equal steps, cubic for others; of .lin files, the harmonics.
+    tolerance
+        The relative error of each factor of the transition over the period.
+    check
+        Find the exponents a second time by Hill's method, which integrates nothing, and compare; --no-check saves the
+        time, which grows with the cube of states times harmonics.
+    out
+        A folder for summary.json, modes.npz, figures/exponents.png and figures/shapes.png.
+    format
+        text prints tables; json prints summary.json alone.
+    debug
+        Show the traceback of an error.
+    """
+    del debug
+    _check_options(files, tolerance, out)
+    length = _period(period, frequency)
+    with (
+        nullcontext() if out is None else result_folder(out, FILES) as folder,
+        progress(STAGES + (2 if out else 0)) as report,
+    ):
+        report("reading")
+        found = examined(read_matrix(files, period=length, interpolation=interpolation), tolerance, check, report)
+        text = summary_text(found)
+        if folder is not None:
+            _write(folder, found, text, report)
+    if format == "json":
+        sys.stdout.write(text)
+        return
+    print_examined(found, out)
+
+
+def examined(file: MatrixFile, tolerance: float, check: bool, report: Callable[[str], None]) -> Examined:
+    """The modes of A(t), by two routes if wanted; the verdict; of a turbine, what half of its azimuths give."""
+    report("integrating over the period")
+    found = _modes(file.matrix, tolerance)
+    second, difference, unchecked = None, None, ""
+    if check:
+        report("checking by Hill's method (--no-check leaves it out)")
+        try:
+            second = hill(file.matrix, raises=False)
+            difference = compare(found, second.exponents)
+        except InputError as error:
+            unchecked = _refusal(error)
+    turned = None
+    if file.linearisation is not None:
+        report("comparing with every other azimuth")
+        turned = _halved(file.linearisation, found, tolerance)
+    settled = difference if isinstance(second, HillModes) and second.converged else None
+    return Examined(
+        file=file,
+        modes=found,
+        stability=stability(found, tolerance=tolerance, errors=settled),
+        hill=second,
+        difference=difference,
+        unchecked=unchecked,
+        halved=turned,
+    )
+
+
+def _modes(matrix: AbstractPeriodicMatrix, tolerance: float) -> FloquetModes:
+    """The modes; that A(t) was read and cannot be worked with is no mistake of usage."""
+    try:
+        return modes(matrix, tolerance=tolerance)
+    except InputError as error:
+        raise IdentificationError(_refusal(error)) from error
+
+
+def _refusal(error: InputError) -> str:
+    """What was said of the argument, as of A(t)."""
+    return (
+        str(error)
+        .replace("Argument `system` of `floquet.modes` must", "A(t) must")
+        .replace("Argument `system` of `floquet.hill` must", "A(t) must")
+    )
+
+
+def _halved(model: OpenFastLinearisation, found: FloquetModes, tolerance: float) -> tuple[float, str]:
+    """How far the exponents of every other azimuth are from those of all [1/s], or why that is not known."""
+    count = model.azimuths.size
+    if count % 2 or count < 6:
+        return float("nan"), f"there are {count}, and it takes an even number of six or more."
+    half = model.every_other()
+    harmonics, coefficients = half.harmonics()
+    matrix = HarmonicMatrix(coefficients=coefficients, harmonics=harmonics, period=half.period)
+    try:
+        return float(compare(found, exponents(matrix, tolerance=tolerance)).max()), ""
+    except InputError as error:
+        return float("nan"), _refusal(error)
+
+
+def _check_options(files: tuple[Path, ...], tolerance: float, out: Path | None) -> None:
+    if not files:
+        example = f"For example: {OF} rotor.npz"
+        raise input_error("FILES", OF, "name at least one file with A(t)", "none was given", example)
+    if not 1e-14 <= positive(tolerance, "--tolerance", OF) <= 1e-3:
+        raise input_error("--tolerance", OF, "lie in [1e-14, 1e-3]", f"is {tolerance:g}")
+    if out is not None and (out / "result.h5").exists():
+        must = "be a folder without a result of `floquid identify`, whose summary.json would be replaced"
+        raise input_error("--out", OF, must, f"{out} holds result.h5", "Choose another folder.")
+
+
+def _period(period: float | None, frequency: float | None) -> float | None:
+    """The period [s], whichever of the two was given."""
+    if period is not None and frequency is not None:
+        raise input_error("--frequency", OF, "not be given beside --period", "both are given", "Give one of them.")
+    if period is not None:
+        return positive(period, "--period", OF, unit="s")
+    if frequency is None:
+        return None
+    return positive(1.0 / positive(frequency, "--frequency", OF, unit="Hz"), "--frequency", OF, unit="Hz")
+
+
+def _write(folder: ResultFolder, found: Examined, text: str, report: Callable[[str], None]) -> None:
+    """Write the files beside what is there, then move them to their names together."""
+    from floquid import plot
+
+    report("writing the result")
+    (folder.unfinished / "figures").mkdir()
+    (folder.unfinished / "summary.json").write_text(text, encoding="utf-8")
+    save_modes(found, folder.unfinished / "modes.npz")
+    report("drawing the figures")
+    plot.save_figure(plot.exponents(found.modes), folder.unfinished / "figures" / "exponents.png")
+    shapes = plot.periodic_shapes(found.modes, found.file.states)
+    plot.save_figure(shapes, folder.unfinished / "figures" / "shapes.png")
+    (folder.path / "figures").mkdir(exist_ok=True)
+    for name in FILES:
+        (folder.unfinished / name).replace(folder.path / name)

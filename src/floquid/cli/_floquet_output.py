@@ -1,0 +1,308 @@
+"""What `floquid floquet` says: tables and a verdict for a person, `summary.json` and `modes.npz` for a program."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from floquid.cli._terminal import counted, print_title, print_whole, terminal
+from floquid.floquet import (
+    FloquetModes,
+    HillModes,
+    MatrixFile,
+    Stability,
+    multiplier_is_real,
+    state_participation,
+    upper_modes,
+)
+
+FILES = ("summary.json", "modes.npz", "figures/exponents.png", "figures/shapes.png")
+
+LEGEND = (
+    "A row with ± is a conjugate pair. λ: Floquet exponent, on the branch of the strongest harmonic of its shape; "
+    "f = |λ|/2π; ζ = -Re λ/|λ|; |μ| = e^(Re λ T), the growth in one period; folded: |Im λ| modulo ω, over ω"
+)
+NOTES = {
+    "μ<0": "a negative real multiplier, no pair",
+    "μ>0": "a positive real multiplier, no pair",
+    "grows": "unstable",
+    "rests": "neither grows nor decays, as far as can be told",
+    "shared": "shares its shape with another: their mean is right, each alone less so",
+}
+SHARES = (
+    "m: the strongest harmonics of the shape, and their part of its mean square; states: the strongest, and their part "
+    "in the mode (participation factors, which no unit changes)"
+)
+AGREE = 1e-6
+"""Of max(|λ|, ω): by how much the two routes may differ without a warning."""
+
+_SHORTER = {"First time derivative of ": "d/dt ", " bending-mode DOF": "", " DOF": ""}
+
+_MOST_ROWS, _HARMONICS, _STATES, _LONGEST = 60, 3, 4, 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Examined:
+    """All that the command found.
+
+    `difference` is that of each exponent from Hill's method [1/s]; `unchecked` says why there is none where it was
+    asked for; `halved` is the largest difference of the exponents of every other azimuth, or NaN and why not.
+    """
+
+    file: MatrixFile
+    modes: FloquetModes
+    stability: Stability
+    hill: HillModes | None
+    difference: np.ndarray | None
+    unchecked: str
+    halved: tuple[float, str] | None
+
+    @property
+    def worst(self) -> float | None:
+        """The largest difference from Hill's method [1/s]."""
+        return None if self.difference is None else float(self.difference.max())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What may be wrong, in sentences."""
+        words = list(self.file.warnings)
+        if self.modes.defective:
+            groups = "; ".join(
+                ", ".join(f"{self.modes.exponents[r]:.6g}" for r in group) for group in self.modes.defective
+            )
+            words.append(f"These exponents share a shape, or nearly: {groups}. {_sentence(self.modes.outcome.value)}")
+        if self.unchecked:
+            words.append(f"Hill's method gave no second opinion: {self.unchecked}")
+        elif self.hill is not None and self.difference is not None:
+            if not self.hill.converged:
+                words.append(
+                    f"Hill's method has not settled, its exponents differ by up to {self.worst:.2g} 1/s: "
+                    f"{self.hill.outcome.value}"
+                )
+            elif (self.difference > AGREE * np.maximum(np.abs(self.modes.exponents), self.modes.fundamental)).any():
+                words.append(
+                    f"Hill's method finds exponents that differ by up to {self.worst:.2g} 1/s: lower --tolerance, and "
+                    "do not trust them before they agree."
+                )
+        return tuple(words)
+
+
+def print_examined(found: Examined, out: Path | None) -> None:
+    """A(t), the verdict, the modes, what they are made of, and the checks."""
+    console, modes = terminal(), found.modes
+    console.print(
+        f"A(t): {counted(modes.order, 'state')}; period {modes.period:.8g} s (ω = {modes.fundamental:.6g} rad/s); "
+        f"{found.file.source}."
+    )
+    print_title(console, f"Stability: {found.stability.verdict.value}")
+    for reason in found.stability.reasons:
+        console.print(reason)
+    shown = upper_modes(modes)
+    if len(shown) > _MOST_ROWS:
+        shown = sorted(shown, key=lambda r: -modes.exponents[r].real)[:_MOST_ROWS]
+    print_title(console, f"Modes: order {modes.order}, conjugates counted one by one")
+    print_whole(console, _modes_table(found, shown))
+    used = {word for r in shown for word in _notes(found, r)}
+    console.print("; ".join([LEGEND, *(f"{w}: {m}" for w, m in NOTES.items() if w in used)]) + ".", style="dim")
+    print_title(console, "Shapes")
+    console.print(_shapes_table(found, shown))
+    console.print(f"{SHARES}.", style="dim")
+    if len(shown) < len(upper_modes(modes)):
+        words = f"These are the {_MOST_ROWS} of slowest decay, of {len(upper_modes(modes))}"
+        console.print(f"{words}: summary.json has all (--out DIR or --format json).")
+    _print_checks(console, found)
+    for warning in found.warnings:
+        console.print(f"Warning: {warning}", style="yellow")
+    if out is None:
+        console.print("Add --out DIR to keep the modes and the figures.", style="dim")
+    else:
+        console.print(f"Written to {out}/: {', '.join(FILES)}", soft_wrap=True)
+
+
+def _print_checks(console: Console, found: Examined) -> None:
+    """What Hill's method says, and the azimuths of a turbine."""
+    model = found.file.linearisation
+    agrees = found.hill is not None and found.hill.converged
+    if agrees or model is not None:
+        print_title(console, "Checks")
+    if agrees and found.hill is not None:
+        console.print(
+            f"Hill's method, which integrates nothing, finds the same exponents to {found.worst:.2g} 1/s "
+            f"(±{found.hill.n_harmonics} harmonics)."
+        )
+    if model is None or found.halved is None:
+        return
+    resolution, (distance, why) = model.resolution(), found.halved
+    console.print(f"The azimuths {'resolve' if resolution.resolved else 'do not resolve'} A(t).")
+    for reason in resolution.reasons:
+        console.print(f"  {reason}")
+    if why:
+        console.print(f"  Every other azimuth alone could not be tried: {why}")
+    else:
+        console.print(f"  Every other azimuth alone gives exponents that differ by up to {distance:.2g} 1/s.")
+    for name in model.set_aside:
+        console.print(f"Set aside, as the phase of the period: {_short(name)}.")
+
+
+def _modes_table(found: Examined, shown: list[int]) -> Table:
+    """The modes, a conjugate pair a row."""
+    modes = found.modes
+    table = Table(box=None)
+    for name in ("", "Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded"):
+        table.add_column(name, justify="left" if name == "" else "right", no_wrap=True)
+    table.add_column("note", no_wrap=True)
+    sizes, folded = np.abs(modes.multipliers), np.abs(modes.principal().imag) / modes.fundamental
+    for number, r in enumerate(shown, start=1):
+        value, notes = modes.exponents[r], _notes(found, r)
+        rests = "rests" in notes
+        table.add_row(
+            str(number),
+            "0" if rests else f"{value.real:.6g}",
+            ("" if multiplier_is_real(modes, r) else "±") + f"{abs(value.imag):.6g}",
+            f"{abs(value.imag) / (2.0 * np.pi) if rests else modes.frequencies_hz[r]:.5g}",
+            "0" if rests else f"{100 * modes.damping_ratios[r]:.3g}",
+            f"{sizes[r]:.4g}",
+            f"{folded[r]:.4f}",
+            " ".join(notes),
+        )
+    return table
+
+
+def _notes(found: Examined, mode: int) -> list[str]:
+    """The words of `NOTES` that a mode deserves."""
+    modes, value = found.modes, found.modes.exponents[mode]
+    margin = found.stability.margins[mode]
+    negative = multiplier_is_real(modes, mode) and round(2.0 * abs(value.imag) / modes.fundamental) % 2 == 1
+    deserved = {
+        "μ<0": negative,
+        "μ>0": multiplier_is_real(modes, mode) and not negative,
+        "grows": value.real > margin,
+        "rests": abs(value.real) <= margin,
+        "shared": any(mode in group for group in modes.defective),
+    }
+    return [word for word in NOTES if deserved[word]]
+
+
+def _shapes_table(found: Examined, shown: list[int]) -> Table:
+    """What each mode is made of."""
+    modes, shares = found.modes, state_participation(found.modes)
+    table = Table(box=None)
+    table.add_column("", no_wrap=True)
+    table.add_column("m", no_wrap=True)
+    table.add_column("states")
+    for number, r in enumerate(shown, start=1):
+        harmonics = [
+            f"{modes.harmonics[k]:+d}: {100 * modes.participation[r, k]:.3g}%".replace("+0", "0")
+            for k in np.argsort(-modes.participation[r], kind="stable")[:_HARMONICS]
+            if modes.participation[r, k] >= 5e-4
+        ]
+        states = [
+            f"{_short(found.file.states[k])} {100 * shares[r, k]:.0f}%"
+            for k in np.argsort(-shares[r], kind="stable")[:_STATES]
+            if shares[r, k] >= 0.01
+        ]
+        table.add_row(str(number), ", ".join(harmonics), ", ".join(states))
+    return table
+
+
+def _short(name: str) -> str:
+    """A state's name without what OpenFAST says of its own tables."""
+    name = name.partition(" (internal DOF index")[0]
+    for long, short in _SHORTER.items():
+        name = name.replace(long, short)
+    return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
+
+
+def _sentence(words: str) -> str:
+    return f"{words[0].upper()}{words[1:]}."
+
+
+def summary_text(found: Examined) -> str:
+    """`summary.json` as text."""
+    modes, model = found.modes, found.file.linearisation
+    content = {
+        "format": "floquid-floquet/1",
+        "period": modes.period,
+        "order": modes.order,
+        "modes": [_mode(modes, r) for r in range(modes.order)],
+        "stability": {
+            "verdict": found.stability.verdict.name.lower(),
+            "growth": found.stability.growth,
+            "reasons": list(found.stability.reasons),
+        },
+        "check": None
+        if found.hill is None
+        else {
+            "method": "hill",
+            "difference": found.worst,
+            "n_harmonics": found.hill.n_harmonics,
+            "outcome": found.hill.outcome.name.lower(),
+        },
+        "defective": [list(group) for group in modes.defective],
+        "azimuths": None if model is None else _azimuths(found),
+        "states": list(found.file.states),
+        "source": found.file.source,
+        "warnings": list(found.warnings),
+    }
+    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+
+
+def _azimuths(found: Examined) -> dict[str, Any]:
+    """Whether the azimuths of a turbine resolve A(t)."""
+    model = found.file.linearisation
+    assert model is not None
+    assert found.halved is not None
+    resolution = model.resolution()
+    return {
+        "count": int(model.azimuths.size),
+        "equally_spaced": resolution.equally_spaced,
+        "resolved": resolution.resolved,
+        "tail": resolution.tail,
+        "reasons": list(resolution.reasons),
+        "every_other": None if found.halved[1] else found.halved[0],
+        "set_aside": list(model.set_aside),
+    }
+
+
+def _mode(modes: FloquetModes, r: int) -> dict[str, Any]:
+    kept = np.flatnonzero(modes.participation[r] >= 1e-12 * modes.participation[r].max())
+    kept = np.arange(kept[0], kept[-1] + 1)
+    return {
+        "exponent": _pair(modes.exponents[r]),
+        "exponent_std": None,
+        "principal": _pair(modes.principal()[r]),
+        "multiplier": _finite_pair(modes.multipliers[r]),
+        "frequency_hz": float(modes.frequencies_hz[r]),
+        "damping_ratio": float(modes.damping_ratios[r]),
+        "harmonics": modes.harmonics[kept].tolist(),
+        "participation": modes.participation[r, kept].tolist(),
+    }
+
+
+def _pair(value: complex) -> list[float]:
+    return [float(value.real), float(value.imag)]
+
+
+def _finite_pair(value: complex) -> list[float] | None:
+    """One, or null for a multiplier beyond what a number holds."""
+    return _pair(value) if np.isfinite(value) else None
+
+
+def save_modes(found: Examined, path: Path) -> None:
+    """`modes.npz`: the modes as arrays."""
+    modes = found.modes
+    with path.open("wb") as stream:
+        np.savez(
+            stream,
+            exponents=modes.exponents,
+            coefficients=modes.coefficients,
+            harmonics=modes.harmonics,
+            period=modes.period,
+            states=np.array(found.file.states),
+        )

@@ -1,0 +1,203 @@
+"""Periodic mode shapes over the period, and their harmonics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.floquet import FloquetModes, multiplier_is_real, stability, state_participation, upper_modes
+from floquid.plot._indicators import plain_decades
+from floquid.plot._several import label_angle, legend_of_all
+from floquid.plot._style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, new_figure, plain, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Parts = Literal["polar", "cartesian"]
+
+_LOOKS = ((BLUE, "-"), (VERMILION, "--"), (GREEN, "-."), (ORANGE, ":"), (PURPLE, (0, (5, 1, 1, 1, 1, 1))))
+"""Told apart by dashes as well as by colour."""
+
+_MODES, _MOST = 3, 6
+_FAINT = 0.02
+"""Of a shape's largest value: below, its phase says nothing."""
+
+_SLIGHT = 1e-9
+"""Of a mode: a state with less of it has no part in it."""
+
+_LEAST = 1e-4
+"""Of the mean square: the smallest bar."""
+
+_POINTS = 361
+_SHORT = 30
+
+
+def periodic_shapes(
+    modes: FloquetModes,
+    states: Sequence[str] | None = None,
+    of: Sequence[int] | None = None,
+    *,
+    parts: Parts = "polar",
+) -> Figure:
+    """The periodic shapes of modes over the period, of their strongest states, and the parts of their harmonics.
+
+    A row a mode, by rising damping; each shape is scaled so that the strongest coefficient of its zeroth harmonic is
+    one, in the units of the states. The states drawn are those that take most part in the modes.
+
+    Parameters
+    ----------
+    modes
+        What `floquet.modes` found.
+    states
+        The names of the states (n,); x1, x2, ... where not given.
+    of
+        The indices of the modes, up to six; by default the three that decay most slowly, one of each pair.
+    parts
+        "polar", magnitude and phase, or "cartesian", real and imaginary part.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+
+    Raises
+    ------
+    InputError
+        `modes` is not a FloquetModes, there are not as many names as states, or a mode is not there.
+    """
+    name = "periodic_shapes"
+    if not isinstance(modes, FloquetModes):
+        raise input_error("modes", name, "be a FloquetModes", f"is {modes!r:.60}", "Pass floquet.modes(A, period).")
+    if parts not in get_args(Parts):
+        raise input_error("parts", name, 'be "polar" or "cartesian"', f"is {parts!r}")
+    names = _names(modes, states, name)
+    rows = _rows(modes, of, name)
+    shares = state_participation(modes)
+    strongest = _strongest(shares[rows])
+    with style():
+        figure = new_figure(7.0, 1.3 + 1.75 * len(rows))
+        panels = figure.subplots(len(rows), 3, squeeze=False, width_ratios=(3, 3, 2.2))
+        for row, (r, three) in enumerate(zip(rows, panels, strict=True)):
+            taking_part = {names[k]: k for k in strongest if shares[r, k] > _SLIGHT}
+            looks = {names[k]: look for k, look in zip(strongest, _LOOKS, strict=False)}
+            _draw_shape(three, modes, r, taking_part, looks, parts)
+            _draw_harmonics(three[2], modes, r)
+            three[0].set_title(_title(modes, r), loc="left")
+            for axes in three[:2]:
+                label_angle(axes, None, name, steps=4)
+                if row < len(rows) - 1:
+                    axes.set_xlabel("")
+        panels[-1, 2].set_xlabel("harmonic $m$")
+        figure.align_ylabels(panels[:, 0])
+        legend_of_all(figure)
+    return figure
+
+
+def _names(modes: FloquetModes, states: Sequence[str] | None, of: str) -> list[str]:
+    count = modes.coefficients.shape[1]
+    if states is None:
+        return [f"x{k}" for k in range(1, count + 1)]
+    if isinstance(states, str) or len(states) != count:
+        got = f"is {states!r}" if isinstance(states, str) else f"has {len(states)}"
+        raise input_error("states", of, f"hold {count} names", got)
+    shown = [str(name).partition(" (internal DOF index")[0] for name in states]
+    short = [name if len(name) <= _SHORT else f"{name[: _SHORT - 1]}…" for name in shown]
+    return [f"{k + 1}: {name}" if short.count(name) > 1 else name for k, name in enumerate(short)]
+
+
+def _rows(modes: FloquetModes, of: Sequence[int] | None, name: str) -> list[int]:
+    """The modes that are drawn, by falling growth."""
+    if of is None:
+        chosen = upper_modes(modes)
+    else:
+        chosen = [int(r) for r in of if isinstance(r, (int, np.integer)) and 0 <= r < modes.order]
+        if len(chosen) != len(of) or not 1 <= len(chosen) <= _MOST:
+            must = f"list one to {_MOST} indices from 0 to {modes.order - 1}"
+            raise input_error("of", name, must, f"is {list(of)!r:.60}")
+    ordered = sorted(chosen, key=lambda r: -modes.exponents[r].real)
+    return ordered if of is not None else ordered[:_MODES]
+
+
+def _strongest(shares: NDArray[np.float64]) -> list[int]:
+    """The states of the largest shares in any of the modes, in their own order."""
+    order = np.argsort(-shares.max(axis=0), kind="stable")
+    return sorted(order[: len(_LOOKS)].tolist())
+
+
+def _title(modes: FloquetModes, mode: int) -> str:
+    value = complex(modes.exponents[mode])
+    if abs(value.real) <= stability(modes).margins[mode]:
+        value = complex(0.0, value.imag)
+    if multiplier_is_real(modes, mode):
+        words = f"{value.real:.4g}" + (f" + {abs(value.imag):.4g}i" if value.imag else "")
+    else:
+        words = f"{value.real:.4g} ± {abs(value.imag):.4g}i"
+    return rf"$\lambda$ = {words} 1/s".replace("-", "−")
+
+
+def _draw_shape(
+    panels: Sequence[Axes],
+    modes: FloquetModes,
+    mode: int,
+    states: dict[str, int],
+    looks: dict[str, tuple[str, Any]],
+    parts: Parts,
+) -> None:
+    """The two parts of the shape over the period."""
+    times = np.linspace(0.0, modes.period, _POINTS)
+    shape = modes.shapes(times)[mode]
+    phase = np.linspace(0.0, 360.0, _POINTS)
+    for name, k in states.items():
+        color, dashes = looks[name]
+        look = {"color": color, "linestyle": dashes, "linewidth": 1.3}
+        if parts == "cartesian":
+            curves = shape[k].real, shape[k].imag
+        else:
+            size = np.abs(shape[k])
+            angle = np.degrees(np.unwrap(np.angle(shape[k])))
+            angle -= 360.0 * np.round(angle.mean() / 360.0)
+            curves = size, np.where(size > _FAINT * size.max(), angle, np.nan)
+        for axes, curve in zip(panels[:2], curves, strict=True):
+            axes.plot(phase, curve, **look, label=plain(name))
+    unit = "[unit of state]"
+    words = (f"$|p|$ {unit}", r"$\angle p$ [deg]") if parts == "polar" else (f"Re $p$ {unit}", f"Im $p$ {unit}")
+    for axes, label in zip(panels[:2], words, strict=True):
+        axes.set_ylabel(label)
+        axes.margins(y=0.12)
+        axes.ticklabel_format(axis="y", useOffset=False)
+    if parts == "polar":
+        panels[0].set_ylim(bottom=0.0)
+        _whole_turns(panels[1])
+
+
+def _whole_turns(axes: Axes) -> None:
+    """Ticks of a phase at multiples of 90 degrees where it turns far enough."""
+    from matplotlib.ticker import MaxNLocator, MultipleLocator
+
+    low, high = axes.get_ylim()
+    if high - low < 40.0:  # what hardly turns is no drama
+        middle = 0.5 * (low + high)
+        low, high = middle - 20.0, middle + 20.0
+        axes.set_ylim(low, high)
+    axes.yaxis.set_major_locator(
+        MultipleLocator(90.0 * np.ceil((high - low) / 450.0)) if high - low > 200.0 else MaxNLocator(4)
+    )
+
+
+def _draw_harmonics(axes: Axes, modes: FloquetModes, mode: int) -> None:
+    """The part of each harmonic in the shape's mean square."""
+    from matplotlib.ticker import MaxNLocator
+
+    shares = modes.participation[mode]
+    kept = np.flatnonzero(shares >= _LEAST)
+    low, high = int(modes.harmonics[kept[0]]) - 1, int(modes.harmonics[kept[-1]]) + 1
+    inside = (modes.harmonics >= low) & (modes.harmonics <= high) & (shares >= _LEAST)
+    axes.bar(modes.harmonics[inside], shares[inside], color=GREY, edgecolor=BLUE, linewidth=0.8, width=0.7)
+    axes.set(yscale="log", xlim=(low - 0.4, high + 0.4), ylim=(_LEAST, 2.0), ylabel="part [-]")
+    plain_decades(axes)
+    axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
