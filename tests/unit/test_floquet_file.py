@@ -425,3 +425,19 @@ def test_damage_is_a_message_or_does_no_harm(tmp_path, kind):
             assert np.isfinite(found.matrix.at(0.3)).all()
     assert len(refused) > 50
     assert all(str(tmp_path / name) in message for message in refused)
+
+
+def test_rows_of_unequal_length_in_a_file_are_refused(tmp_path):
+    path = tmp_path / "ragged.json"
+    path.write_text('{"A": [[[1, 2], [1]]], "period": 1}', encoding="utf-8")
+    with pytest.raises(InputError, match="must hold an array of numbers in `A`"):
+        read_matrix(path)
+
+
+def test_samples_with_the_end_repeated_are_refused_in_a_file_too(tmp_path):
+    path = tmp_path / "repeated.npz"
+    angle = np.linspace(0.0, 2.0 * np.pi, 33)
+    a = np.array([[0.0 * angle, 1.0 + 0.0 * angle], [-2.0 - np.cos(angle), -0.1 + 0.0 * angle]])
+    np.savez(path, A=a, period=1.0)
+    with pytest.raises(InputError, match="ends with its first sample again"):
+        read_matrix(path)

@@ -221,3 +221,96 @@ def test_collocation_has_its_order(n_nodes):
         errors.append(np.abs(collocate(values, np.array([width]))[0] - exact).max())
     slope = np.polyfit(np.log(widths), np.log(errors), 1)[0]
     assert slope == pytest.approx(2 * n_nodes + 1, abs=0.35)
+
+
+@pytest.mark.parametrize("begin", [0.07, 0.381, 0.9])
+def test_a_short_pulse_that_nobody_named_is_seen(begin):
+    """As of a blade that passes its tower: a fiftieth of the period."""
+
+    def system(t):
+        return [[0.0, 1.0], [-1.0, -0.1 + 2.0 * (begin < (t / PERIOD) % 1.0 < begin + 0.02)]]
+
+    named = floquet.exponents(system, PERIOD, breaks=[begin * PERIOD, (begin + 0.02) * PERIOD])
+    assert np.abs(named.real + 0.05).max() > 0.01
+    assert floquet.exponents(system, PERIOD) == pytest.approx(named, abs=1e-10)
+
+
+def test_what_must_be_seen_is_said_by_its_length():
+    calls = []
+
+    def system(t):
+        calls.append(t)
+        return np.array([[0.0, 1.0], [-1.0 - np.cos(t), -0.1]])
+
+    exact = floquet.exponents(system, PERIOD)
+    few, many = len(calls), 0
+    for narrowest in (1.0 / 16.0, 1.0 / 1000.0):
+        calls.clear()
+        matrix = floquet.FunctionMatrix(function=system, period=PERIOD, narrowest=narrowest)
+        assert floquet.exponents(matrix) == pytest.approx(exact, abs=1e-12)
+        few, many = min(few, len(calls)), max(many, len(calls))
+    assert few < 40
+    assert 1000 <= many < 1100
+    with pytest.raises(InputError, match=r"`narrowest` of `FunctionMatrix` must lie in \[1e-4, 1/8\]"):
+        floquet.FunctionMatrix(function=system, period=PERIOD, narrowest=0.5)
+
+
+def test_samples_with_the_end_repeated_are_refused():
+    def samples(times):
+        return np.stack([[[0.0, 1.0], [-2.0 - np.cos(t), -0.1]] for t in times], axis=-1)
+
+    with pytest.raises(InputError, match=r"ends with its first sample again, the 65th"):
+        floquet.exponents(samples(np.linspace(0.0, PERIOD, 65)), PERIOD)
+    # Samples that are alike at both ends by their symmetry are no repetition.
+    half = PERIOD / 32.0
+    shifted = samples(np.arange(16) * PERIOD / 16.0 + half)
+    assert shifted[..., 0] == pytest.approx(shifted[..., -1], abs=1e-15)
+    plain = floquet.exponents(samples(np.arange(16) * PERIOD / 16.0), PERIOD)
+    assert floquet.exponents(shifted, PERIOD) == pytest.approx(plain, abs=1e-11)
+
+
+def test_a_wrong_period_of_a_small_entry_is_refused():
+    with pytest.raises(InputError, match="must be a period of A"):
+        floquet.exponents(lambda t: [[0.0, 1.0], [-1e8, -0.3 * (1.0 + 0.9 * np.cos(700.0 * t))]], PERIOD / 1e3)
+
+
+def test_lyapunov_transform_of_a_double_multiplier_of_minus_one():
+    """Rounding makes a complex pair of it."""
+    a, q = mathieu_a(1, 0.7), 0.7
+    found = floquet.lyapunov(lambda t: [[0.0, 1.0], [2 * q * np.cos(2 * t) - a, 0.0]], np.pi)
+    assert found.period == pytest.approx(2 * np.pi)
+    assert np.linalg.cond(found.transform).max() < 1e3
+    assert np.abs(found.constant).max() < 10.0
+
+
+def test_negative_multipliers_that_rounding_turns_stay_on_the_upper_edge():
+    assert floquet.exponents(lambda t: [[0.0, 0.5], [-0.5, 0.0]], PERIOD).imag == pytest.approx([0.5, 0.5], abs=1e-9)
+
+
+def test_a_multiplier_that_overflows_is_infinite():
+    assert floquet.multipliers(np.array([[[800.0]]]), 1.0).tolist() == [np.inf]
+    assert floquet.multipliers(np.array([[[-800.0]]]), 1.0).tolist() == [0.0]
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: floquet.exponents([[[1], [2]], [[3]]], PERIOD),
+        lambda: floquet.exponents(lambda t: [[1, 2], [3]], PERIOD),
+        lambda: floquet.SampledMatrix(values=[[1, 2], [3]], period=1.0),
+        lambda: floquet.stability_map(lambda t, p: [[0, 1], [p]], 1.0, {"p": [0.0, 1.0]}),
+    ],
+)
+def test_rows_of_unequal_length_are_refused(call):
+    with pytest.raises(InputError, match="but has rows of unequal length"):
+        call()
+
+
+def test_a_period_without_a_fundamental_is_refused():
+    with pytest.raises(InputError, match="`period` of `floquet.exponents` must be long enough"):
+        floquet.exponents(lambda t: np.eye(2), 1e-320)
+
+
+def test_more_steps_than_can_be_taken_are_refused_at_once():
+    with pytest.raises(InputError, match="must be integrable in 200000 steps"):
+        floquet.exponents(np.array([[[-1e300]]]), 1.0)

@@ -398,7 +398,7 @@ def test_a_plain_callable_is_called_as_often_as_said():
         return mathieu(t, a, 0.5)
 
     found = stability_map(counted, np.pi, {"a": np.linspace(0.0, 5.0, 40)}, edge_tolerance=1e-4, refinements=2)
-    assert len(calls) <= 20 * (len(found.points) + 3)
+    assert len(calls) <= 70 * (len(found.points) + 3)
     vectorised = stability_map(
         lambda t, a: mathieu(t, a, 0.5),
         np.pi,

@@ -23,6 +23,9 @@ Evaluate: TypeAlias = Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[
 CHUNK = 4_000_000
 """Numbers of the collocation's equations that are solved in one batch."""
 
+_INSIDE = 1e-7  # of an interval: where its ends are looked at, on this side of a jump that lies on them
+_JUMP = 1e-6  # of A: what the values at an end may be off those between, before a jump is suspected there
+
 MOST = 200_000
 """Intervals of one call beyond which the system is called impossible to integrate."""
 
@@ -65,6 +68,14 @@ def gauss(n_nodes: int) -> Rule:
     values = legendre.legvander(x, n_nodes - 1)
     integrals = np.stack([legendre.legval(x, legendre.legint(unit, lbnd=-1.0)) for unit in np.eye(n_nodes)], axis=1)
     return Rule(0.5 * (x + 1.0), 0.5 * w, 0.5 * integrals @ np.linalg.inv(values))
+
+
+@cache
+def _extrapolation(n_nodes: int) -> NDArray[np.float64]:
+    """What the values at the nodes make of those just inside both ends (2, nodes)."""
+    legendre = np.polynomial.legendre
+    values = legendre.legvander(legendre.leggauss(n_nodes)[0], n_nodes - 1)
+    return legendre.legvander(np.array([2.0 * _INSIDE - 1.0, 1.0 - 2.0 * _INSIDE]), n_nodes - 1) @ np.linalg.inv(values)
 
 
 def collocate(values: NDArray[np.float64], widths: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -135,15 +146,20 @@ def factorise(
     while owner.size:
         slices = [slice(i, i + chunk) for i in range(0, owner.size, chunk)]
         parts = [
-            _step(balanced, owner[at], left[at], right[at], s, None if single is None else single[at]) for at in slices
+            _step(balanced, owner[at], left[at], right[at], s, None if single is None else single[at], smooth)
+            for at in slices
         ]
-        halves, whole, error, rounding = (np.concatenate(column) for column in zip(*parts, strict=True))
+        halves, whole, error, rounding = parts[0]
+        if len(parts) > 1:
+            halves, whole, error, rounding = (np.concatenate(column) for column in zip(*parts, strict=True))
         good = (error * gain <= np.maximum(tolerance, 4.0 * rounding)) & (rounding <= np.maximum(tolerance, 1e-13))
         count += owner.size
         stop = depth >= DEEPEST or count > MOST
         if stop:
             finished = bool(good.all())
             good[:] = True
+        if good.all() and not done:
+            return Factors(owner, left, right, whole / units, finished)
         if good.any():
             done.append((owner[good], left[good], right[good], whole[good]))
         again = ~good
@@ -169,6 +185,7 @@ def _step(
     right: NDArray[np.float64],
     s: int,
     single: NDArray[np.float64] | None,
+    smooth: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """The two halves (items, 2, n, n), their product, its distance from one step, and the rounding (items,)."""
     rule = gauss(s)
@@ -177,14 +194,20 @@ def _step(
         single = collocate(evaluate(owner, left[:, None] + width[:, None] * rule.nodes), width)
     starts = np.stack([left, left + 0.5 * width], axis=1).ravel()
     half = np.repeat(0.5 * width, 2)
-    nodes = starts[:, None] + half[:, None] * rule.nodes
-    halves = collocate(evaluate(np.repeat(owner, 2), nodes), half)
+    places = rule.nodes if smooth else np.concatenate([rule.nodes, [_INSIDE, 1.0 - _INSIDE]])
+    values = evaluate(np.repeat(owner, 2), starts[:, None] + half[:, None] * places)
+    halves = collocate(values[:, :s], half)
     halves = halves.reshape(-1, 2, *halves.shape[1:])
     whole = halves[:, 1] @ halves[:, 0]
     inverse = _inverse(whole)
     difference = single - whole
     error = np.maximum(_size(difference @ inverse), _size(inverse @ difference))
     rounding = 2.0**-53 * _size(whole) * _size(inverse)
+    if not smooth:
+        # A jump between an end and the node next to it is seen by no node.
+        off = _size_of_all(values[:, s:] - np.einsum("en,inkl->iekl", _extrapolation(s), values[:, :s]))
+        unseen = np.where(off > _JUMP * _size_of_all(values), off * half * rule.nodes[0], 0.0)
+        error = np.maximum(error, unseen.reshape(-1, 2).max(axis=1))
     return halves, whole, error, rounding
 
 
@@ -197,6 +220,11 @@ def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
         out = np.full(matrices.shape, np.inf)
         out[regular] = np.linalg.inv(matrices[regular])
         return out
+
+
+def _size_of_all(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The largest row sum of the matrices of each item (items, matrices, n, n) -> (items,)."""
+    return np.abs(values).sum(axis=3).max(axis=(1, 2))
 
 
 def _size(matrices: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -41,10 +41,11 @@ def multipliers(
         As in `exponents`.
     """
     found = _logarithms(system, period, breaks, tolerance, "floquet.multipliers")[0]
-    with np.errstate(over="ignore", under="ignore"):
-        size = np.exp(found.real)
     real = np.isin(found.imag, (0.0, np.pi))
-    return np.where(real, np.where(found.imag == 0.0, size, -size), size * np.exp(1j * found.imag))
+    # A real multiplier that overflows is infinite, and not infinity times the zero of a sine.
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        size = np.exp(found.real)
+        return np.where(real, np.where(found.imag == 0.0, size, -size), size * np.exp(1j * found.imag))
 
 
 def exponents(

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, frozen_array, input_error, positive
 from floquid.floquet._collocation import MOST, factorise, stages
-from floquid.floquet._matrices import line_weights
+from floquid.floquet._matrices import as_array, line_weights
 from floquid.floquet._system_matrix import balance
 
-_FIRST, _LAST = 16, 512  # samples of a period tried until its harmonics have died away
+_PROBED = 16  # instants at which a system is compared with itself one period later, and sized
+_LAST = 512  # samples of a period, at least, that are tried until its harmonics have died away
 _PROBES = np.array([0.381966, 0.190983, 0.737])  # fractions of a period, off every simple one
 _INTERVALS = 20_000  # of the points that are integrated in one go
 _DEFECTIVE = 4  # multipliers that may coalesce into one block: how far rounding may carry them is capped by it
@@ -51,6 +52,9 @@ class Family:
     """Fractions of the period in [0, 1) at which A jumps (breaks,)."""
 
     tolerance: float
+    narrowest: float
+    """The shortest feature of A that must be seen, in periods."""
+
     scale: NDArray[np.float64]
     """Units of the states (n,), powers of two: fixed, so that no point depends on those beside it."""
 
@@ -113,6 +117,7 @@ def family(
     vectorised: bool,
     breaks: ArrayLike,
     tolerance: float,
+    narrowest: float,
     of: str,
 ) -> Family:
     """The family, checked at the middle one of its points (points, parameters)."""
@@ -128,9 +133,11 @@ def family(
     accuracy = finite(tolerance, "tolerance", of)
     if not 1e-14 <= accuracy <= 1e-3:
         raise input_error("tolerance", of, "lie in [1e-14, 1e-3]", f"is {accuracy:g}")
+    if not 1e-4 <= positive(narrowest, "narrowest", of) <= 0.125:
+        raise input_error("narrowest", of, "lie in [1e-4, 1/8], in periods", f"is {narrowest:g}")
     middle = points[len(points) // 2 : len(points) // 2 + 1]
     first = system(np.zeros((1, 1)), *middle.T[:, :, None]) if vectorised else system(0.0, *middle[0].tolist())
-    shape = np.shape(first)
+    shape = as_array(first, "system", of).shape
     if len(shape) < 2 or shape[-1] != shape[-2] or not shape[-1] or (len(shape) > 2 and not vectorised):
         stack = "(..., n, n) for times and parameters that broadcast" if vectorised else "(n, n)"
         raise input_error("system", of, f"return a square matrix {stack}", f"returns shape {shape}")
@@ -141,10 +148,11 @@ def family(
         "vectorised": vectorised,
         "breaks": jumps,
         "tolerance": accuracy,
+        "narrowest": narrowest,
         "of": of,
     }
     rough = Family(scale=np.ones(shape[-1]), **options)
-    times = rough.periods(middle)[:, None] * (np.arange(_FIRST) + _PROBES[0]) / _FIRST
+    times = rough.periods(middle)[:, None] * (np.arange(_PROBED) + _PROBES[0]) / _PROBED
     return Family(scale=balance(rough.at(middle, times)[0])[0], **options)
 
 
@@ -181,7 +189,8 @@ def _resolved(
     period as well. Points whose harmonics have no end within reach are in no group.
     """
     groups = []
-    index, count = np.arange(len(points)), _FIRST
+    first = 2 * int(np.ceil(0.5 / of.narrowest))
+    index, count = np.arange(len(points)), first
     samples = of.at(points, periods[:, None] * np.arange(count) / count)
     while index.size:
         spans = periods[index]
@@ -203,7 +212,7 @@ def _resolved(
                 groups.append((index[good], series[right] * spans[good, None, None], sizes[good] * spans[good]))
         hopeless = (count >= 64) & (upper > 0.3 * np.abs(lines).max(axis=(1, 2, 3)))
         left = np.setdiff1d(np.flatnonzero(~hopeless), good, assume_unique=True)
-        if count >= _LAST or not left.size:
+        if count >= max(_LAST, 4 * first) or not left.size:
             break
         index = index[left]
         between = of.at(points[index], periods[index, None] * (np.arange(count) + 0.5) / count)
@@ -234,12 +243,15 @@ def _evaluator(series: NDArray[np.float64]) -> Callable[..., NDArray[np.float64]
 
 def _repeating(of: Family, points: NDArray[np.float64], periods: NDArray[np.float64]) -> NDArray[np.float64]:
     """A at some instants (points, times, n, n), the same one period later."""
-    fractions = (np.arange(_FIRST) + _PROBES[0]) / _FIRST
+    fractions = (np.arange(_PROBED) + _PROBES[0]) / _PROBED
     away = np.abs(fractions[:, None] - of.breaks).min(axis=1, initial=1.0) > 1e-6
     now = of.at(points, periods[:, None] * fractions)
     later = of.at(points, periods[:, None] * (1.0 + fractions[away][:2]))
-    change = np.abs(later - now[:, away][:, :2]).max(axis=(1, 2, 3), initial=0.0)
-    wrong = change > 1e-8 * np.abs(now).max(axis=(1, 2, 3))
+    differences = np.abs(later - now[:, away][:, :2]).max(axis=1, initial=0.0)
+    # Entry by entry, whatever their units, and not below what rounding makes of entries that come and go.
+    rounding = 1e-13 * _sizes(of, now)[:, None, None] * of.scale[:, None] / of.scale
+    wrong = (differences > 1e-8 * np.abs(now).max(axis=1) + rounding).any(axis=(1, 2))
+    change = differences.max(axis=(1, 2))
     if wrong.any():
         at = int(wrong.argmax())
         got = f"A differs by {change[at]:.3g} one period of {periods[at]:g} later, at {of.words(points[at])}"

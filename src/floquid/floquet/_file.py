@@ -148,7 +148,7 @@ def _openfast(files: list[Path], period: float | None, interpolation: Interpolat
 
 def _made(found: Contents, period: float | None, interpolation: Interpolation | None) -> MatrixFile:
     """A(t) of a file of arrays."""
-    series = "coefficients" in found.arrays or ("A" in found.arrays and np.iscomplexobj(found.arrays["A"]))
+    series = "coefficients" in found.arrays or ("A" in found.arrays and _numbers(found, "A").dtype.kind == "c")
     key = "coefficients" if "coefficients" in found.arrays else "A"
     needed = [key, "harmonics"] if series else [key]
     for name in needed:

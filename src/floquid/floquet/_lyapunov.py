@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import integer
+from floquid._checks import input_error, integer
 from floquid.floquet import _product
 from floquid.floquet._exponents import balanced, refuse_lost
 from floquid.floquet._system_matrix import StateMatrix
 from floquid.floquet._transition import TOLERANCE, checked, factors
+
+_NEGATIVE = 1e-4  # rad: a multiplier that near to the negative axis has a real transform of twice the period
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,7 +84,8 @@ def lyapunov(
     form = _product.schur(balanced(found, prepared))
     logs = _product.logarithms(form)
     refuse_lost(logs, found, prepared, of)
-    doubled = bool((np.abs(np.abs(logs.imag) - np.pi) < 1e-12).any())
+    # A double multiplier of -1 comes out as a pair as far apart as the root of rounding.
+    doubled = bool((np.abs(np.abs(logs.imag) - np.pi) < _NEGATIVE).any())
     turns = 2 if doubled else 1
     widths = np.tile(found.right - found.left, turns)
     parts = [_block(form, block, widths, turns, length) for block in form.blocks()]
@@ -115,7 +118,16 @@ def _block(
     product, taken = _product.scaled_product(inner)
     size = product.shape[0]
     whole = np.linalg.matrix_power(product, turns)
-    rate = np.real(np.asarray(logm(whole), dtype=np.complex128)) / (turns * period) + taken / period * np.eye(size)
+    found = np.asarray(logm(whole), dtype=np.complex128)
+    if np.abs(found.imag).max() > 1e-9 * max(1.0, np.abs(found.real).max()):
+        raise input_error(
+            "system",
+            "floquet.lyapunov",
+            "have a real logarithm of its transition over two periods",
+            "multipliers at ±i stand beside negative ones",
+            "Use `floquet.modes`, whose shapes are complex.",
+        )
+    rate = found.real / (turns * period) + taken / period * np.eye(size)
     backs = np.stack([expm(-rate * width) for width in widths[:count]])
     ahead = np.stack([expm(rate * width) for width in widths[:count]])
     total = turns * count

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +31,10 @@ class FunctionMatrix(AbstractPeriodicMatrix):
         from the side on which the step of an integration lies.
     vectorised
         Whether `function` takes an array of times, which is many times faster.
+    narrowest
+        The shortest feature of M(t), as a fraction of the period, that must be seen, from 1e-4 to 1/8: at least as many
+        samples are taken. What is shorter, and not between `breaks`, may pass unseen; 1/16 is enough, and quicker, for
+        what is known to be smooth.
     argument
         What messages call the function: the argument, and the callable it was given to.
 
@@ -45,20 +49,27 @@ class FunctionMatrix(AbstractPeriodicMatrix):
     period: float  # type: ignore[assignment]
     breaks: ArrayLike = ()  # type: ignore[assignment]
     vectorised: bool = False
+    narrowest: float = 1.0 / 64.0
     shape: tuple[int, int] = field(init=False)  # type: ignore[assignment]
     argument: tuple[str, str] = field(default=("function", "FunctionMatrix"), repr=False)
+    _first: NDArray[Any] = field(init=False, repr=False)
+    """The value at t = 0, which tells the shape, and need not be asked for again where calls are dear."""
 
     def __post_init__(self) -> None:
         name, of = self.argument
         if not callable(self.function):
             raise input_error(name, of, "be a callable, t [s] -> (rows, columns)", f"is {type(self.function).__name__}")
-        object.__setattr__(self, "period", positive(self.period, "period", of, unit="s"))
+        object.__setattr__(self, "period", checked_period(self.period, of))
         object.__setattr__(self, "breaks", checked_breaks(self.breaks, self.period, of))
-        first = np.shape(self.function(np.zeros(1)))[1:] if self.vectorised else np.shape(self.function(0.0))
+        if not 1e-4 <= positive(self.narrowest, "narrowest", of) <= 0.125:
+            raise input_error("narrowest", of, "lie in [1e-4, 1/8], in periods", f"is {self.narrowest:g}")
+        value = as_array(self.function(np.zeros(1) if self.vectorised else 0.0), name, of)
+        first = value.shape[1:] if self.vectorised else value.shape
         if len(first) != 2 or not all(first):
             stack = "(times, rows, columns) for times (times,)" if self.vectorised else "(rows, columns)"
             raise input_error(name, of, f"return a matrix {stack}", f"returns shape {first} at t = 0")
         object.__setattr__(self, "shape", first)
+        object.__setattr__(self, "_first", value)
 
     def at(self, times: ArrayLike) -> NDArray[np.float64]:
         """The values at `times` [s] of any shape (..., rows, columns)."""
@@ -69,7 +80,7 @@ class FunctionMatrix(AbstractPeriodicMatrix):
         else:
             values = np.empty((len(flat), *self.shape))
             for index, time in enumerate(flat.tolist()):
-                value = np.asarray(self.function(time))
+                value = as_array(self.function(time), *self.argument) if time else self._first
                 if value.shape != self.shape or value.dtype.kind not in "fiu":
                     value = self._checked(value, self.shape, time)
                 values[index] = value
@@ -110,7 +121,7 @@ class HarmonicMatrix(AbstractPeriodicMatrix):
 
     def __post_init__(self) -> None:
         of = "HarmonicMatrix"
-        object.__setattr__(self, "period", positive(self.period, "period", of, unit="s"))
+        object.__setattr__(self, "period", checked_period(self.period, of))
         harmonics = frozen_array(self.harmonics, "harmonics", of, dtype=np.int64, axes=("harmonics",))
         if not harmonics.size or (np.diff(harmonics) <= 0).any() or (harmonics != -harmonics[::-1]).any():
             raise input_error(
@@ -234,8 +245,8 @@ class SampledMatrix(AbstractPeriodicMatrix):
 
     def __post_init__(self) -> None:
         name, of = self.argument
-        object.__setattr__(self, "period", positive(self.period, "period", of, unit="s"))
-        flat = np.ndim(self.values) == 2
+        object.__setattr__(self, "period", checked_period(self.period, of))
+        flat = as_array(self.values, name, of).ndim == 2
         remedy = "A constant matrix is one sample: pass `A[:, :, None]`." if flat else "Samples are the last axis."
         values = frozen_array(self.values, name, of, axes=("rows", "columns", "samples"), remedy=remedy)
         if not values.size:
@@ -252,6 +263,8 @@ class SampledMatrix(AbstractPeriodicMatrix):
                 "Fold them into one period and sort them; leave out the repeated end.",
             )
         equal = bool(np.abs(times - times[0] - even).max() <= 1e-9 * self.period)
+        if self.times is None:
+            _refuse_repeated_end(values, name, of)
         kind = self.interpolation or ("fourier" if equal else "cubic")
         if kind not in get_args(Interpolation):
             words = " or ".join(f'"{word}"' for word in get_args(Interpolation))
@@ -306,7 +319,7 @@ class PiecewiseMatrix(AbstractPeriodicMatrix):
 
     def __post_init__(self) -> None:
         of = "PiecewiseMatrix"
-        object.__setattr__(self, "period", positive(self.period, "period", of, unit="s"))
+        object.__setattr__(self, "period", checked_period(self.period, of))
         values = frozen_array(self.values, "values", of, axes=("rows", "columns", "pieces"))
         if not values.size:
             raise input_error("values", of, "hold a piece at least", f"has shape {values.shape}")
@@ -337,6 +350,24 @@ class PiecewiseMatrix(AbstractPeriodicMatrix):
         return np.moveaxis(np.asarray(self.values), 2, 0)[piece]
 
 
+def checked_period(period: float, of: str) -> float:
+    """The period, of which the fundamental is finite too."""
+    length = positive(period, "period", of, unit="s")
+    if not np.isfinite(4096.0 / length):
+        raise input_error("period", of, "be long enough for a fundamental", f"is {length:g} s", "Check its unit.")
+    return length
+
+
+def as_array(value: ArrayLike, argument: str, of: str, remedy: str = "") -> NDArray[Any]:
+    """What was given, as an array of whatever it holds."""
+    try:
+        return np.asarray(value)
+    except ValueError:
+        raise input_error(
+            argument, of, "be an array", "has rows of unequal length", remedy or "Give each row as many numbers."
+        ) from None
+
+
 def checked_breaks(breaks: ArrayLike, period: float, of: str) -> NDArray[np.float64]:
     """The breaks sorted, each once, all in [0, period)."""
     instants = np.unique(frozen_array(breaks, "breaks", of, axes=("breaks",)))
@@ -350,6 +381,26 @@ def checked_breaks(breaks: ArrayLike, period: float, of: str) -> NDArray[np.floa
         )
     instants.flags.writeable = False
     return instants
+
+
+def _refuse_repeated_end(values: NDArray[np.float64], name: str, of: str) -> None:
+    """Refuse samples of which the last is the first again, as `linspace(0, T, P + 1)` makes them.
+
+    Samples may be alike there by their symmetry: it is told by the harmonics, which die away without the end alone.
+    """
+    n_samples = values.shape[2]
+    largest = np.abs(values).max(axis=2)
+    if n_samples < 5 or (np.abs(values[..., -1] - values[..., 0]) > 1e-12 * largest).any():
+        return
+    tails = [np.abs(np.fft.rfft(v, axis=2))[..., 3 * v.shape[2] // 8 :].max(axis=2) for v in (values, values[..., :-1])]
+    if (tails[0] > 100.0 * tails[1] + 1e-9 * largest).any():
+        raise input_error(
+            name,
+            of,
+            "hold each phase of the period once",
+            f"ends with its first sample again, the {n_samples}th",
+            "Leave out the repeated end, `A[:, :, :-1]`; or give `times` to `SampledMatrix`.",
+        )
 
 
 def line_weights(n_samples: int) -> NDArray[np.float64]:

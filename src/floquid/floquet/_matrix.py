@@ -67,6 +67,9 @@ class AbstractPeriodicMatrix(ABC):
 
     __rmul__ = __mul__
 
+    def __truediv__(self, divisor: Any) -> AbstractPeriodicMatrix:
+        return self * (1.0 / divisor)
+
     def __matmul__(self, other: Any) -> AbstractPeriodicMatrix:
         from floquid.floquet._arithmetic import product
 

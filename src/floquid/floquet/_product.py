@@ -131,7 +131,9 @@ def _eigen(factors: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArra
     product, taken = scaled_product(factors)
     values, vectors = _eig(product)
     with np.errstate(divide="ignore"):
-        return np.asarray(np.log(values) + taken, dtype=np.complex128), vectors
+        logs = np.asarray(np.log(values) + taken, dtype=np.complex128)
+    logs.imag[logs.imag <= -np.pi] = np.pi  # a negative multiplier whose imaginary part is rounding
+    return logs, vectors
 
 
 def _eig(matrix: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:

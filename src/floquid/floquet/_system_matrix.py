@@ -14,6 +14,7 @@ from floquid.floquet._matrices import (
     FunctionMatrix,
     HarmonicMatrix,
     SampledMatrix,
+    as_array,
     line_weights,
 )
 from floquid.floquet._units import binary_units
@@ -21,7 +22,7 @@ from floquid.floquet._units import binary_units
 StateMatrix: TypeAlias = AbstractPeriodicMatrix | Callable[[float], ArrayLike] | ArrayLike
 """A(t): a periodic matrix, a callable t [s] -> (n, n) [1/s], or samples (n, n, phases) at t = 0, T/P, ..."""
 
-_FIRST, _LAST = 16, 512  # samples of a period tried until its harmonics have died away
+_LAST = 512  # samples of a period, at least, that are tried until its harmonics have died away
 _PROBES = 16
 _OFFSET = 0.381966  # off every simple fraction of the period, where jumps and zeros like to sit
 
@@ -94,13 +95,14 @@ def prepare(matrix: AbstractPeriodicMatrix, tolerance: float, of: str) -> Prepar
     return Prepared(matrix, smooth=True, scale=scale, size=size)
 
 
-def resolve(matrix: AbstractPeriodicMatrix, tolerance: float) -> Prepared | None:
+def resolve(matrix: FunctionMatrix, tolerance: float) -> Prepared | None:
     """The harmonics of a matrix whose upper ones are below `tolerance` of its size, checked between and after samples.
 
     The samples double until they suffice, none is taken twice; the check is one period later, so it is one of the
     period as well. `None`: there is no end of the harmonics within reach, as where the matrix has a jump.
     """
-    period, n = matrix.period, _FIRST
+    period = matrix.period
+    n = first = 2 * int(np.ceil(0.5 / matrix.narrowest))
     probes = period * (1.0 + np.array([_OFFSET, 0.5 * _OFFSET]))
     samples = matrix.at(np.concatenate([period * np.arange(n) / n, probes]))
     samples, later = samples[:n], samples[n:]
@@ -109,15 +111,22 @@ def resolve(matrix: AbstractPeriodicMatrix, tolerance: float) -> Prepared | None
         lines = np.fft.rfft(samples, axis=0) * line_weights(n)[:, None, None]
         upper = np.abs(lines[7 * n // 16 :]).sum(axis=0) * scale / scale[:, None]
         if upper.max() <= tolerance * size:
-            found = _harmonic(lines, period)
+            found = _harmonic(_ended(lines, scale, size), period)
             missed = np.abs(later - found.at(probes)).max(axis=0) * scale / scale[:, None]
             if missed.max() <= 10.0 * max(tolerance, 1e-13) * size:
                 return Prepared(found, smooth=True, scale=scale, size=size)
-        if n >= _LAST or (n >= 64 and upper.max() > 0.3 * np.abs(lines).max()):
+        if n >= max(_LAST, 4 * first) or (n >= 48 and upper.max() > 0.3 * np.abs(lines).max()):
             return None
         between = matrix.at(period * (np.arange(n) + 0.5) / n)
         samples = np.stack([samples, between], axis=1).reshape(2 * n, *samples.shape[1:])
         n *= 2
+
+
+def _ended(lines: NDArray[np.complex128], scale: NDArray[np.float64], size: float) -> NDArray[np.complex128]:
+    """The lines up to the last that is above rounding, and one more."""
+    counts = (np.abs(lines) * scale / scale[:, None]).max(axis=(1, 2)) > 1e-17 * size
+    last = int(np.flatnonzero(counts)[-1]) if counts.any() else 0
+    return lines[: min(len(lines), last + 2)]
 
 
 def refuse_other_period(matrix: FunctionMatrix, of: str) -> None:
@@ -126,15 +135,23 @@ def refuse_other_period(matrix: FunctionMatrix, of: str) -> None:
     distance = np.abs(times[:, None] - np.asarray(matrix.breaks)[None, :])
     times = times[(distance > 1e-6 * matrix.period).all(axis=1)]
     now, later = matrix.at(times), matrix.at(times + matrix.period)
-    change = np.abs(later - now).max(axis=(1, 2))
-    if change.size and change.max() > 1e-8 * np.abs(now).max():
-        worst = int(change.argmax())
+    differences = np.abs(later - now)
+    # Entry by entry, whatever their units, and not below what rounding makes of entries that come and go.
+    rounding = 1e-13 * np.abs(now).max()
+    if now.shape[1] == now.shape[2]:
+        scale, size = balance(now)
+        rounding = 1e-13 * size * scale[:, None] / scale
+    allowed = 1e-8 * np.abs(now).max(axis=0) + rounding
+    over = (differences > allowed).any(axis=(1, 2))
+    if over.any():
+        worst, change = int(over.argmax()), differences.max(axis=(1, 2))
         raise input_error(
             "period",
             of,
             "be a period of A(t)",
             f"A differs by {change[worst]:.3g} between t = {times[worst]:g} and one period of {matrix.period:g} later",
-            "Half a revolution is a period only in the fixed frame: check the period and the coordinates.",
+            "Half a revolution is a period only in the fixed frame: check the period and the coordinates. Values in "
+            "single precision are no periodic matrix: compute them in double.",
         )
 
 
@@ -143,7 +160,7 @@ def _sampled(system: ArrayLike, period: float, breaks: ArrayLike, of: str) -> Sa
         raise input_error(
             "breaks", of, "be left out beside samples", "is given", "For jumps give a callable or a PiecewiseMatrix."
         )
-    shape = np.shape(system)
+    shape = as_array(system, "system", of).shape
     if len(shape) == 3 and shape[0] != shape[1] and shape[1] == shape[2]:
         raise input_error(
             "system",

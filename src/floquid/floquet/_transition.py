@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, frozen_array, input_error, positive
 from floquid.floquet._collocation import MOST, Factors, factorise, stages
+from floquid.floquet._matrices import FunctionMatrix
 from floquid.floquet._system_matrix import Prepared, StateMatrix, periodic, prepare
 
 TOLERANCE = 1e-12
@@ -27,8 +28,9 @@ def transition(
     .. math:: \dot\Phi(t, t_0) = A(t)\,\Phi(t, t_0), \qquad \Phi(t_0, t_0) = I
 
     By Gauss collocation of order 12 or 16 on intervals halved until each reaches the tolerance. A callable that is
-    smooth is first resolved into its harmonics from samples at equal steps, 16 or more, so that it is called no more
-    often than that; one that is not is evaluated within each interval.
+    smooth is first resolved into its harmonics from 64 or more samples at equal steps, so that it is called no more
+    often than that; one that is not is evaluated within each interval. What happens within less than 1/64 of the
+    period may pass unseen unless it stands between `breaks`: see `FunctionMatrix.narrowest`.
 
     Parameters
     ----------
@@ -45,7 +47,7 @@ def transition(
         The instant t₀ [s].
     breaks
         Instants in [0, period) at which a callable jumps (breaks,) [s]; no step crosses one. A jump that is not named
-        is found, at the cost of some fifty halvings.
+        is found if the samples see it, at the cost of some fifty halvings.
     tolerance
         The relative error of each factor of Φ, both of its large and of its small directions, from 1e-14 to 1e-3.
 
@@ -192,7 +194,10 @@ def intervals(
     if (right <= left).any():
         real = right > left
         left, right = left[real], right[real]
-    longest = min(0.5 * period, stages(len(prepared.scale)) / (3.0 * prepared.size)) if prepared.size else 0.5 * period
+    n_nodes = stages(len(prepared.scale))
+    longest = min(0.5 * period, n_nodes / (1.5 * prepared.size)) if prepared.size else 0.5 * period
+    if not prepared.smooth and isinstance(matrix, FunctionMatrix):
+        longest = min(longest, n_nodes * matrix.narrowest * period)
     wanted = np.maximum(1.0, np.ceil((right - left) / longest - 1e-9))
     if not wanted.sum() <= MOST:
         raise input_error(
@@ -201,7 +206,8 @@ def intervals(
             f"be integrable in {MOST} steps",
             f"it is as large as {prepared.size:.3g} 1/s over {instants[-1] - instants[0]:.3g} s, which takes "
             f"{wanted.sum():.2g}",
-            "Check its unit and that of the period; take out states that decay at once; or take a shorter interval.",
+            "Check its unit and that of the period; take out states that decay at once; take a shorter interval; or "
+            "use `floquet.hill`, which takes no steps.",
         )
     parts = wanted.astype(np.intp)
     whole = np.repeat(np.arange(len(parts)), parts)

@@ -138,12 +138,36 @@ def compare(modes: FloquetModes, exponents: ArrayLike) -> NDArray[np.float64]:
 
 
 def upper_modes(modes: FloquetModes) -> list[int]:
-    """One mode of each conjugate pair, and each that is its own conjugate."""
+    """One mode of each conjugate pair, and each that is its own conjugate.
+
+    Parameters
+    ----------
+    modes
+        Of a known A(t).
+
+    Returns
+    -------
+    list of int
+        Their indices, ascending.
+    """
     return [r for r in range(modes.order) if modes.exponents[r].imag > 0.0 or multiplier_is_real(modes, r)]
 
 
 def multiplier_is_real(modes: FloquetModes, mode: int) -> bool:
-    """Whether the mode is its own conjugate."""
+    """Whether a mode is its own conjugate: its multiplier is real.
+
+    Parameters
+    ----------
+    modes
+        Of a known A(t).
+    mode
+        The index of one.
+
+    Returns
+    -------
+    bool
+        Whether Im λ is a whole multiple of ω/2.
+    """
     halves = 2.0 * complex(modes.exponents[mode]).imag / modes.fundamental
     return bool(abs(halves - np.round(halves)) <= 2.0 * _REAL)
 

@@ -94,7 +94,7 @@ def literature() -> tuple[ReferenceSystem, ...]:
         ),
         *(
             _known(
-                f"near-degenerate pair, b = {b:g}",
+                f"near-degenerate, b = {b:g}",
                 f"x'' + 0.005x' + (4 + b cos t)x = 0; {integrated}",
                 near_degenerate(b),
                 2.0 * np.pi,
