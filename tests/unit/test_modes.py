@@ -307,7 +307,7 @@ def test_rows_of_unequal_length_are_refused(call):
 
 
 def test_a_period_without_a_fundamental_is_refused():
-    with pytest.raises(InputError, match="`period` of `floquet.exponents` must be long enough"):
+    with pytest.raises(InputError, match=r"`period` of `floquet.exponents` must be long enough"):
         floquet.exponents(lambda t: np.eye(2), 1e-320)
 
 

@@ -13,7 +13,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 from floquid.errors import InputError
 from floquid.floquet import Instability, exponents, stability_map
-from floquid.floquet._family import _product
+from floquid.floquet._spectra import _product
 from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close
 

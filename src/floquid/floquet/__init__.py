@@ -6,6 +6,8 @@ Exponents are on the principal branch, -ω/2 < Im λ ≤ ω/2 with ω = 2π/peri
 from floquid.floquet._discrete import DiscretePeriodicSystem, discretise
 from floquid.floquet._exponents import exponents, multipliers
 from floquid.floquet._file import MatrixFile, read_matrix
+from floquid.floquet._gain import PeakGain, linf_norm
+from floquid.floquet._gramians import gramian
 from floquid.floquet._harmonic_system import HarmonicSystem, HarmonicTransfer, harmonic_transfer
 from floquid.floquet._hill import hill
 from floquid.floquet._hill_modes import HillModes, HillOutcome
@@ -16,8 +18,10 @@ from floquid.floquet._lyapunov import FloquetLyapunov, lyapunov
 from floquid.floquet._matrices import FunctionMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix
 from floquid.floquet._matrix import AbstractPeriodicMatrix
 from floquid.floquet._modes import FloquetModes, ModesOutcome, modes
+from floquid.floquet._norms import h2_norm, hankel_norm
 from floquid.floquet._openfast import AzimuthRole, read_openfast
 from floquid.floquet._periods import common_period
+from floquid.floquet._simulate import simulate
 from floquid.floquet._sine_response import SineResponse, sine_response
 from floquid.floquet._stability_map import Instability, StabilityMap, stability_map
 from floquid.floquet._system import PeriodicSystem
@@ -32,6 +36,7 @@ from floquid.floquet._verdict import (
     state_participation,
     upper_modes,
 )
+from floquid.floquet._zeros import zeros
 
 __all__ = [
     "AbstractPeriodicMatrix",
@@ -53,6 +58,7 @@ __all__ = [
     "MatrixFile",
     "ModesOutcome",
     "OpenFastLinearisation",
+    "PeakGain",
     "PeriodicSystem",
     "PiecewiseMatrix",
     "SampledMatrix",
@@ -65,8 +71,12 @@ __all__ = [
     "compare",
     "discretise",
     "exponents",
+    "gramian",
+    "h2_norm",
+    "hankel_norm",
     "harmonic_transfer",
     "hill",
+    "linf_norm",
     "lyapunov",
     "modes",
     "monodromy",
@@ -75,10 +85,12 @@ __all__ = [
     "read_lin",
     "read_matrix",
     "read_openfast",
+    "simulate",
     "sine_response",
     "stability",
     "stability_map",
     "state_participation",
     "transition",
     "upper_modes",
+    "zeros",
 ]

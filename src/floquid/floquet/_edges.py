@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.floquet._family import Spectra, inverse, joined
+from floquid.floquet._spectra import Spectra, inverse, joined
 
 Evaluate: TypeAlias = Callable[[NDArray[np.float64], str], Spectra]
 """Points (points, parameters) and what they are for -> their spectra."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
+from floquid.floquet._between_samples import interpolant
+from floquid.floquet._given import as_array, checked_breaks, checked_period, refuse_repeated_end
 from floquid.floquet._matrix import AbstractPeriodicMatrix
 
 Interpolation: TypeAlias = Literal["fourier", "cubic", "linear"]
@@ -264,7 +265,7 @@ class SampledMatrix(AbstractPeriodicMatrix):
             )
         equal = bool(np.abs(times - times[0] - even).max() <= 1e-9 * self.period)
         if self.times is None:
-            _refuse_repeated_end(values, name, of)
+            refuse_repeated_end(values, name, of)
         kind = self.interpolation or ("fourier" if equal else "cubic")
         if kind not in get_args(Interpolation):
             words = " or ".join(f'"{word}"' for word in get_args(Interpolation))
@@ -276,7 +277,7 @@ class SampledMatrix(AbstractPeriodicMatrix):
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "interpolation", kind)
-        object.__setattr__(self, "_interpolant", _interpolant(values, times, self.period, kind))
+        object.__setattr__(self, "_interpolant", interpolant(values, times, self.period, kind))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -348,99 +349,3 @@ class PiecewiseMatrix(AbstractPeriodicMatrix):
         folded = np.mod(np.asarray(times, dtype=np.float64), self.period)
         piece = np.searchsorted(np.asarray(self.edges), folded, side="right") - 1  # -1 is the last piece, as it must
         return np.moveaxis(np.asarray(self.values), 2, 0)[piece]
-
-
-def checked_period(period: float, of: str) -> float:
-    """The period, of which the fundamental is finite too."""
-    length = positive(period, "period", of, unit="s")
-    if not np.isfinite(4096.0 / length):
-        raise input_error("period", of, "be long enough for a fundamental", f"is {length:g} s", "Check its unit.")
-    return length
-
-
-def as_array(value: ArrayLike, argument: str, of: str, remedy: str = "") -> NDArray[Any]:
-    """What was given, as an array of whatever it holds."""
-    try:
-        return np.asarray(value)
-    except ValueError:
-        raise input_error(
-            argument, of, "be an array", "has rows of unequal length", remedy or "Give each row as many numbers."
-        ) from None
-
-
-def checked_breaks(breaks: ArrayLike, period: float, of: str) -> NDArray[np.float64]:
-    """The breaks sorted, each once, all in [0, period)."""
-    instants = np.unique(frozen_array(breaks, "breaks", of, axes=("breaks",)))
-    if instants.size and not (instants[0] >= 0.0 and instants[-1] < period):
-        raise input_error(
-            "breaks",
-            of,
-            f"lie in [0, {period:g}) [s]",
-            f"runs from {instants[0]:g} to {instants[-1]:g}",
-            "Give each jump once, in the first period.",
-        )
-    instants.flags.writeable = False
-    return instants
-
-
-def _refuse_repeated_end(values: NDArray[np.float64], name: str, of: str) -> None:
-    """Refuse samples of which the last is the first again, as `linspace(0, T, P + 1)` makes them.
-
-    Samples may be alike there by their symmetry: it is told by the harmonics, which die away without the end alone.
-    """
-    n_samples = values.shape[2]
-    largest = np.abs(values).max(axis=2)
-    if n_samples < 5 or (np.abs(values[..., -1] - values[..., 0]) > 1e-12 * largest).any():
-        return
-    tails = [np.abs(np.fft.rfft(v, axis=2))[..., 3 * v.shape[2] // 8 :].max(axis=2) for v in (values, values[..., :-1])]
-    if (tails[0] > 100.0 * tails[1] + 1e-9 * largest).any():
-        raise input_error(
-            name,
-            of,
-            "hold each phase of the period once",
-            f"ends with its first sample again, the {n_samples}th",
-            "Leave out the repeated end, `A[:, :, :-1]`; or give `times` to `SampledMatrix`.",
-        )
-
-
-def line_weights(n_samples: int) -> NDArray[np.float64]:
-    """What the lines of `rfft` of `n_samples` count for in the real series through the samples (lines,)."""
-    weights = np.full(n_samples // 2 + 1, 2.0 / n_samples)
-    weights[0] = 1.0 / n_samples
-    if n_samples % 2 == 0:
-        weights[-1] = 1.0 / n_samples  # e^{iPωt/2} and its conjugate share the one term of the highest line
-    return weights
-
-
-def _interpolant(
-    values: NDArray[np.float64], times: NDArray[np.float64], period: float, kind: str
-) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process."""
-    n_samples = values.shape[2]
-    if n_samples == 1:
-        return partial(_constant, values[..., 0])
-    if kind == "fourier":
-        return partial(_series, np.fft.rfft(values, axis=2) * line_weights(n_samples), times[0], period)
-    from scipy.interpolate import CubicSpline, make_interp_spline
-
-    knots = np.append(times, times[0] + period)
-    stack = np.moveaxis(np.concatenate([values, values[..., :1]], axis=2), 2, 0)
-    spline = CubicSpline(knots, stack, bc_type="periodic") if kind == "cubic" else make_interp_spline(knots, stack, k=1)
-    return partial(_spline, spline, times[0], period)
-
-
-def _constant(value: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.broadcast_to(value, (*at.shape, *value.shape)).copy()
-
-
-def _series(lines: NDArray[np.complex128], start: float, period: float, at: NDArray[np.float64]) -> NDArray[np.float64]:
-    rows, columns, count = lines.shape
-    angle = np.multiply.outer(np.mod((at.ravel() - start) / period, 1.0), 2.0 * np.pi * np.arange(count))
-    flat = lines.reshape(-1, count).T
-    return (np.cos(angle) @ flat.real - np.sin(angle) @ flat.imag).reshape(*at.shape, rows, columns)
-
-
-def _spline(
-    spline: Callable[[NDArray[np.float64]], NDArray[np.float64]], start: float, period: float, at: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    return np.asarray(spline(start + np.mod(at - start, period)))

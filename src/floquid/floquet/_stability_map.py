@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, frozen_array, input_error, integer, positive
 from floquid.floquet._edges import Samples, added, bisect, boundary, refine, samples, taken, thin_bands
-from floquid.floquet._family import Family, Spectra, family
+from floquid.floquet._family import Family, family
+from floquid.floquet._spectra import Spectra
 from floquid.floquet._transition import TOLERANCE
 from floquid.floquet._workers import Workers
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
+from floquid.floquet._between_samples import line_weights
+from floquid.floquet._given import as_array
 from floquid.floquet._matrices import (
     AbstractPeriodicMatrix,
     FunctionMatrix,
     HarmonicMatrix,
     SampledMatrix,
-    as_array,
-    line_weights,
 )
 from floquid.floquet._units import binary_units
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
 from floquid.errors import InputError
-from floquid.floquet._family import Family, Spectra, joined, spectra
+from floquid.floquet._family import Family
+from floquid.floquet._spectra import Spectra, joined, spectra
 
 _CHUNK = 512  # points of one batch of a vectorised system
 _CHUNK_PLAIN = 32  # and of a plain one, whose cost is its own

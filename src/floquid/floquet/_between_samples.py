@@ -1,0 +1,52 @@
+"""What a matrix is between its samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def line_weights(n_samples: int) -> NDArray[np.float64]:
+    """What the lines of `rfft` of `n_samples` count for in the real series through the samples (lines,)."""
+    weights = np.full(n_samples // 2 + 1, 2.0 / n_samples)
+    weights[0] = 1.0 / n_samples
+    if n_samples % 2 == 0:
+        weights[-1] = 1.0 / n_samples  # e^{iPωt/2} and its conjugate share the one term of the highest line
+    return weights
+
+
+def interpolant(
+    values: NDArray[np.float64], times: NDArray[np.float64], period: float, kind: str
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process."""
+    n_samples = values.shape[2]
+    if n_samples == 1:
+        return partial(_constant, values[..., 0])
+    if kind == "fourier":
+        return partial(_series, np.fft.rfft(values, axis=2) * line_weights(n_samples), times[0], period)
+    from scipy.interpolate import CubicSpline, make_interp_spline
+
+    knots = np.append(times, times[0] + period)
+    stack = np.moveaxis(np.concatenate([values, values[..., :1]], axis=2), 2, 0)
+    spline = CubicSpline(knots, stack, bc_type="periodic") if kind == "cubic" else make_interp_spline(knots, stack, k=1)
+    return partial(_spline, spline, times[0], period)
+
+
+def _constant(value: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.broadcast_to(value, (*at.shape, *value.shape)).copy()
+
+
+def _series(lines: NDArray[np.complex128], start: float, period: float, at: NDArray[np.float64]) -> NDArray[np.float64]:
+    rows, columns, count = lines.shape
+    angle = np.multiply.outer(np.mod((at.ravel() - start) / period, 1.0), 2.0 * np.pi * np.arange(count))
+    flat = lines.reshape(-1, count).T
+    return (np.cos(angle) @ flat.real - np.sin(angle) @ flat.imag).reshape(*at.shape, rows, columns)
+
+
+def _spline(
+    spline: Callable[[NDArray[np.float64]], NDArray[np.float64]], start: float, period: float, at: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    return np.asarray(spline(start + np.mod(at - start, period)))

@@ -1,0 +1,377 @@
+"""Responses of a periodic system in time, and its transmission zeros."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+from scipy.linalg import eig, expm
+from scipy.signal import StateSpace, lsim, step
+
+from floquid.errors import InputError
+from floquid.floquet import (
+    FunctionMatrix,
+    HarmonicMatrix,
+    PeriodicSystem,
+    PiecewiseMatrix,
+    discretise,
+    simulate,
+    sine_response,
+    transition,
+    zeros,
+)
+
+T = 1.3
+W = 2 * np.pi / T
+
+
+def matrix(function, period=T, breaks=(), **options):
+    return FunctionMatrix(function=function, period=period, breaks=breaks, **options)
+
+
+def constant(value, period=T):
+    return HarmonicMatrix(coefficients=np.asarray(value, dtype=float)[:, :, None], harmonics=[0], period=period)
+
+
+def smooth_system():
+    return PeriodicSystem(
+        A=matrix(lambda t: [[0, 1], [-3 - np.cos(W * t), -0.4 - 0.3 * np.sin(2 * W * t)]]),
+        B=matrix(lambda t: [[0, 0.2], [1 + 0.5 * np.sin(W * t), 0]]),
+        C=matrix(lambda t: [[1 + 0.2 * np.cos(W * t), 0], [0, 1.0], [1.0, 1.0]]),
+        D=matrix(lambda t: [[0.1, 0], [0, 0.3 * np.cos(W * t)], [0, 0]]),
+    )
+
+
+def jumping_system():
+    A = np.stack([[[0.0, 1.0], [-4.0, -0.9]], [[0.0, 1.0], [-2.0, -0.9]]], axis=2)
+    B = np.stack([[[0.0], [1.0]], [[0.5], [-1.0]]], axis=2)
+    return PeriodicSystem(
+        A=PiecewiseMatrix(values=A, edges=[0.0, 0.7], period=T),
+        B=PiecewiseMatrix(values=B, edges=[0.1, 0.55], period=T),
+    )
+
+
+def integrated(system, signal, times, initial, stops=()):
+    """By a Runge-Kutta method from stop to stop, each seen from the side on which the step lies."""
+    turns = T * np.arange(np.floor(times[0] / T), np.ceil(times[-1] / T) + 1)
+    jumps = [np.add.outer(turns, np.asarray(m.breaks)).ravel() for m in (system.A, system.B)]
+    ends = np.unique(np.concatenate([times, *jumps, stops]))
+    ends = ends[(ends >= times[0]) & (ends <= times[-1])]
+    states = {ends[0]: np.asarray(initial, dtype=float)}
+    for left, right in pairwise(ends):
+        middle = 0.5 * (left + right)
+
+        def rate(t, x, middle=middle):
+            inside = middle + (t - middle) * (1 - 1e-12)
+            return system.A.at(inside) @ x + system.B.at(inside) @ signal(inside)
+
+        states[right] = solve_ivp(rate, (left, right), states[left], method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+    return np.array([states[t] for t in times])
+
+
+def turned(A, B, C, D=None, period=T):
+    """A constant system seen from coordinates that turn once a period: periodic, with the same inputs and outputs."""
+    n = len(A)
+    rate = np.zeros((n, n))
+    rate[0, 1], rate[1, 0] = 2 * np.pi / period, -2 * np.pi / period
+    mixed = np.linalg.qr(np.random.default_rng(9).normal(size=(n, n)))[0]
+    rate = mixed @ rate @ mixed.T
+    turn = lambda t: expm(rate * t)  # noqa: E731
+    return PeriodicSystem(
+        A=matrix(lambda t: rate + turn(t) @ A @ turn(-t), period),
+        B=matrix(lambda t: turn(t) @ B, period),
+        C=matrix(lambda t: C @ turn(-t), period),
+        D=D,
+    )
+
+
+def random_times(count=40):
+    return np.sort(np.random.default_rng(0).uniform(-3.0, 9.0, count))
+
+
+def test_a_callable_input_against_an_integration():
+    system, times, initial = smooth_system(), random_times(), [1.0, -2.0]
+    signal = lambda t: np.array([np.sin(7.3 * t), np.exp(-t / 9)])  # noqa: E731
+    states = integrated(system, signal, times, initial)
+    wanted = np.einsum("tij,tj->it", system.C.at(times), states) + np.einsum(
+        "tij,jt->it", system.D.at(times), signal(times)
+    )
+    found = simulate(system, signal, times, initial=initial)
+    assert found.shape == (3, len(times))
+    assert found == pytest.approx(wanted, abs=1e-10)
+    assert simulate(system, signal, times, initial=initial, vectorised=True) == pytest.approx(found, abs=1e-13)
+
+
+def test_jumps_of_the_system_against_an_integration():
+    system, times = jumping_system(), random_times()
+    signal = lambda t: np.array([np.cos(2.0 * t)])  # noqa: E731
+    found = simulate(system, signal, times, initial=[0.3, 0.1])
+    assert found == pytest.approx(integrated(system, signal, times, [0.3, 0.1]).T, abs=1e-10)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_jumps_of_the_input(named):
+    system, times, at = smooth_system(), np.array([0.0, 1.0, 4.0]), 0.777
+    signal = lambda t: np.array([1.0 if t > at else 0.0, 0.0])  # noqa: E731
+    found = simulate(system, signal, times, breaks=[at] if named else ())
+    wanted = integrated(system, signal, times, np.zeros(2), stops=[at])
+    assert np.abs(wanted[1]).max() > 0.01
+    assert found[1] == pytest.approx(wanted[:, 1], abs=1e-10)  # its direct term is from the other input
+
+
+@pytest.mark.parametrize("make", [smooth_system, jumping_system])
+@pytest.mark.parametrize("between", ["linear", "held"])
+def test_samples_at_any_instants_are_that_function_of_time(make, between):
+    system, times = make(), random_times(25)
+    samples = np.random.default_rng(1).normal(size=(system.n_inputs, 25))
+
+    def signal(t):
+        if between == "linear":
+            return np.array([np.interp(t, times, row) for row in samples])
+        return samples[:, np.searchsorted(times, t, side="right") - 1]
+
+    found = simulate(system, samples, times, initial=[1.0, 1.0], between=between)
+    assert found == pytest.approx(simulate(system, signal, times, initial=[1.0, 1.0]), abs=1e-11)
+
+
+def test_samples_in_steps_that_all_but_divide_the_period():
+    """Phases that are near each other are not one."""
+    system, times = smooth_system(), T / 20 * (1 + 1e-6) * np.arange(400)
+    samples = np.random.default_rng(1).normal(size=(2, 400))
+    signal = lambda t: samples[:, np.searchsorted(times, t, side="right") - 1]  # noqa: E731
+    found = simulate(system, samples, times, between="held")
+    assert found == pytest.approx(simulate(system, signal, times, vectorised=True), abs=1e-11)
+
+
+@pytest.mark.parametrize("between", ["linear", "held"])
+@pytest.mark.parametrize("make", [lambda *m: PeriodicSystem(A=constant(m[0]), B=m[1], C=m[2], D=m[3]), turned])
+def test_a_constant_system_and_the_same_one_turning(make, between):
+    A, B = np.array([[0.0, 1.0, 0.0], [-4.0, -0.5, 1.0], [0.0, 0.0, -3.0]]), np.array([[0.0], [1.0], [2.0]])
+    C, D = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]]), np.array([[0.2], [0.0]])
+    times = np.linspace(0.0, 8.0, 161)
+    samples = np.random.default_rng(2).normal(size=(1, 161))
+    wanted = lsim((A, B, C, D), samples[0], times, interp=between == "linear")[1]
+    assert simulate(make(A, B, C, D), samples, times, between=between) == pytest.approx(wanted.T, abs=1e-10)
+
+
+def test_the_response_to_a_step():
+    A, B, C, D = np.array([[0.0, 1.0], [-9.0, -0.6]]), np.array([[0.0], [1.0]]), np.eye(2), np.zeros((2, 1))
+    times = np.linspace(0.0, 5.0, 60)
+    wanted = step(StateSpace(A, B, C, D), T=times)[1]
+    found = simulate(turned(A, B, C), lambda t: 1.0, times)
+    assert found == pytest.approx(wanted.T, abs=1e-10)
+
+
+def test_a_long_record_in_steps_of_the_period():
+    """Against the discrete system, sample by sample; gaps of one phase are integrated once."""
+    calls = []
+
+    def varying(times):
+        calls.append(len(times))
+        out = np.zeros((len(times), 2, 2))
+        out[:, 0, 1], out[:, 1, 0], out[:, 1, 1] = 1.0, -3.0 - np.cos(W * times), -0.4
+        return out
+
+    system = PeriodicSystem(A=matrix(varying, vectorised=True, breaks=[0.4]), B=[[0.0], [1.0]])
+    samples = np.random.default_rng(3).normal(size=(1, 8000))
+    times = T * np.arange(8000) / 40
+    simulate(system, samples[:, :80], times[:80], between="held")
+    once = sum(calls)
+    found = simulate(system, samples, times, between="held")
+    assert sum(calls) < 2.1 * once  # and not a hundred times
+    wanted = discretise(system, 40).simulate(samples)
+    assert found == pytest.approx(wanted, abs=1e-9)
+
+
+def test_what_is_left_after_long_is_the_steady_response():
+    system, omega, amplitude = smooth_system(), 2.2, np.array([1.0 + 0.5j, -0.7])
+    signal = lambda t: (amplitude[:, None] * np.exp(1j * omega * np.atleast_1d(t))).real  # noqa: E731
+    times = np.concatenate([[0.0], np.linspace(100.0 * T, 101.0 * T, 17)])
+    found = simulate(system, signal, times, vectorised=True)
+    assert found[:, 1:] == pytest.approx(sine_response(system, omega, amplitude).at(times[1:]), abs=1e-8)
+
+
+@pytest.mark.parametrize("inputs", [None, np.zeros((2, 12))])
+def test_without_inputs_it_is_the_transition(inputs):
+    system, times = smooth_system(), np.linspace(-1.0, 6.0, 12)
+    wanted = system.C.at(times) @ transition(system.A, None, times, start=-1.0) @ np.array([0.5, 2.0])
+    assert simulate(system, inputs, times, initial=[0.5, 2.0]) == pytest.approx(wanted.T, abs=1e-11)
+    alone = PeriodicSystem(A=system.A, C=system.C)
+    assert simulate(alone, None, times, initial=[0.5, 2.0]) == pytest.approx(wanted.T, abs=1e-11)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_the_units_of_states_and_inputs_do_not_matter(unit):
+    plain, change = smooth_system(), np.diag([1.0, unit])
+    back = np.linalg.inv(change)
+    system = PeriodicSystem(A=back @ plain.A @ change, B=back @ plain.B @ np.diag([unit, 1.0]), C=plain.C @ change)
+    plain = PeriodicSystem(A=plain.A, B=plain.B, C=plain.C)
+    times, samples = random_times(), np.random.default_rng(4).normal(size=(2, 40))
+    wanted = simulate(plain, samples, times)
+    assert simulate(system, samples / [[unit], [1.0]], times) == pytest.approx(wanted, rel=1e-9, abs=1e-10)
+    signal = lambda t: [np.sin(t) / unit, 0.0]  # noqa: E731
+    wanted = simulate(plain, lambda t: [np.sin(t), 0.0], times)
+    assert simulate(system, signal, times) == pytest.approx(wanted, rel=1e-9, abs=1e-10)
+
+
+def test_one_instant_and_one_twice():
+    system = smooth_system()
+    assert simulate(system, np.ones((2, 1)), [0.3], initial=[1.0, 2.0]).shape == (3, 1)
+    samples = np.array([[1.0, 2.0, 5.0], [0.0, 1.0, 1.0]])
+    found = simulate(system, samples, [0.0, 0.5, 0.5], initial=[1.0, 2.0])
+    states = np.linalg.solve(system.C.at(0.5)[:2], found[:2, 1:] - system.D.at(0.5)[:2] @ samples[:, 1:])
+    assert states[:, 0] == pytest.approx(states[:, 1], abs=1e-12)
+
+
+def test_outputs_at_a_jump_are_those_after_it():
+    """Whatever rounding makes of the phase of an instant."""
+    times, at = T * np.arange(60) / 20, np.arange(60) % 20
+    for index in range(1, 20):
+        C = PiecewiseMatrix(values=np.array([[[1.0, 2.0]]]), edges=[0.0, index * T / 20], period=T)
+        found = simulate(PeriodicSystem(A=[[0.0]], C=C), None, times, initial=[1.0])
+        assert found[0].tolist() == np.where(at < index, 1.0, 2.0).tolist()
+
+
+@pytest.mark.parametrize(
+    ("attempt", "message"),
+    [
+        (lambda s: simulate(s.A, None, [0.0]), "`system` of `floquet.simulate` must be a PeriodicSystem"),
+        (lambda s: simulate(s, np.ones((2, 3)), [0.0, 1.0]), r"`inputs` of .* must have shape \(2, 2\)"),
+        (lambda s: simulate(s, None, [1.0, 0.0]), "`times` of .* must ascend"),
+        (lambda s: simulate(s, None, []), "`times` of .* must ascend and hold one"),
+        (lambda s: simulate(s, None, [0.0], initial=[1.0]), r"`initial` of .* must have shape \(2,\)"),
+        (lambda s: simulate(s, None, [0.0], between="cubic"), '`between` of .* must be "linear" or "held"'),
+        (lambda s: simulate(s, lambda t: [1.0], [0.0, 1.0]), r"`inputs` of .* shape \(2,\).*\(1,\)"),
+        (lambda s: simulate(s, lambda t: [1.0, np.nan], [0.0, 1.0]), "`inputs` of .* must be finite"),
+        (lambda s: simulate(s, lambda t: np.ones(2), [0.0, 1.0], vectorised=True), r"shape \(2, \d+\)"),
+        (lambda s: simulate(PeriodicSystem(A=s.A), lambda t: t, [0.0, 1.0]), "must be None for a system without"),
+        (lambda s: simulate(PeriodicSystem(A=s.A), np.ones((1, 1)), [0.0]), r"`inputs` of .* shape \(0, 1\)"),
+        (
+            lambda s: simulate(PeriodicSystem(A=constant([[900.0]])), None, [0.0, 1.0], initial=[1.0]),
+            "`times` of .* must end before the response leaves",
+        ),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused(attempt, message):
+    with pytest.raises(InputError, match=message):
+        attempt(smooth_system())
+
+
+def zhou_hagiwara(t):
+    return [[-1 - np.sin(2 * t) ** 2, 2 - 0.5 * np.sin(4 * t)], [-2 - 0.5 * np.sin(4 * t), -1 - np.cos(2 * t) ** 2]]
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.2, 0.45])
+def test_zeros_of_zhou_and_hagiwara(beta):
+    """Zhou and Hagiwara 2002, Automatica 38: with C = [1 1] the zero is -3.5; Zhou 2009: with [0 1] it is -1.5."""
+    A = matrix(zhou_hagiwara, np.pi)
+    kinked = matrix(lambda t: [[0.0], [1 - 2 * beta * max(np.sin(2 * t), 0.0)]], np.pi, breaks=[0.0, np.pi / 2])
+    assert zeros(PeriodicSystem(A=A, B=kinked, C=[[1.0, 1.0]])) == pytest.approx([-3.5], abs=1e-11)
+    smooth = matrix(lambda t: [[0.0], [1 - 2 * beta * np.cos(2 * t)]], np.pi)
+    assert zeros(PeriodicSystem(A=A, B=smooth, C=[[0.0, 1.0]])) == pytest.approx([-1.5], abs=1e-11)
+
+
+def test_zero_of_bittanti_and_colaneri():
+    """Bittanti and Colaneri 2009, Periodic Systems, p. 26: the mean of (-2 + 3 sin t) / (2 - sin t)."""
+    system = PeriodicSystem(
+        A=matrix(lambda t: [[-1 + np.sin(t), 0], [1 - np.cos(t), -3]], 2 * np.pi),
+        B=matrix(lambda t: [[-1 - np.cos(t)], [2 - np.sin(t)]], 2 * np.pi),
+        C=[[0.0, 1.0]],
+    )
+    mean = quad(lambda t: (-2 + 3 * np.sin(t)) / (2 - np.sin(t)), 0.0, 2 * np.pi, epsabs=1e-13)[0] / (2 * np.pi)
+    assert zeros(system) == pytest.approx([mean], abs=1e-11)
+
+
+@pytest.mark.parametrize("degree", [0, 1, (1, 2), 2])
+def test_zeros_of_a_constant_system_that_turns(degree):
+    """Those of Rosenbrock's pencil; outputs reached at once, after one derivative, or after two."""
+    generator = np.random.default_rng(1)
+    A, B, C = (0.6 * generator.normal(size=shape) for shape in ((6, 6), (6, 2), (2, 6)))
+    D = generator.normal(size=(2, 2)) if degree == 0 else np.zeros((2, 2))
+    for row in {0: [], 1: [], (1, 2): [1], 2: [0, 1]}[degree]:
+        C[row] -= C[row] @ B @ np.linalg.pinv(B)
+    pencil = eig(np.block([[A, B], [C, D]]), np.diag([1.0] * 6 + [0.0] * 2), right=False)
+    wanted = pencil[np.isfinite(pencil) & (np.abs(pencil) < 1e3)]
+    assert len(wanted) == {0: 6, 1: 4, (1, 2): 3, 2: 2}[degree]
+    found = zeros(turned(A, B, C, D))
+    assert len(found) == len(wanted)
+    apart = np.abs(np.subtract.outer(np.exp(found * T), np.exp(wanted * T)))
+    assert apart.min(axis=0).max() < 1e-9
+    assert apart.min(axis=1).max() < 1e-9
+
+
+def test_a_zero_has_an_input_that_does_not_show():
+    """u = -E⁻¹ K x from a state of the zero's shape leaves the output at zero, while the state goes with the zero."""
+    system = PeriodicSystem(
+        A=matrix(lambda t: [[0, 1, 0], [-3 - np.cos(W * t), -0.4, 1], [0.3, 0, -0.5 - 0.2 * np.sin(W * t)]]),
+        B=matrix(lambda t: [[0.0], [2 + np.sin(W * t)], [1.0]]),
+        C=[[1.0, 0.0, 0.0]],
+    )
+    (found,) = zeros(system)
+
+    def log_size(t):  # y = ẏ = 0, so ÿ = x₃ + (2 + sin ωt) u = 0 gives u, and x₃' = (-0.5 - 0.2 sin ωt) x₃ + u
+        return quad(lambda s: -0.5 - 0.2 * np.sin(W * s) - 1 / (2 + np.sin(W * s)), 0.0, t, epsabs=1e-13)[0]
+
+    assert found == pytest.approx(log_size(T) / T, abs=1e-11)
+    times = np.linspace(0.0, 2 * T, 801)
+    hidden = [[-np.exp(log_size(t)) / (2 + np.sin(W * t)) for t in times]]
+    outputs = simulate(system, hidden, times, initial=[0.0, 0.0, 1.0])
+    assert np.abs(simulate(system, None, times, initial=[0.0, 0.0, 1.0])).max() > 0.1
+    assert np.abs(outputs).max() < 1e-5  # of the straight lines between the samples
+
+
+def test_zeros_of_displacements_are_none_under_as_many_forces():
+    system = jumping_system()
+    forced = PeriodicSystem(A=system.A, B=[[0.0], [1.0]], C=[[1.0, 0.0]])
+    assert zeros(forced).shape == (0,)
+    (velocity,) = zeros(PeriodicSystem(A=system.A, B=[[0.0], [1.0]], C=[[0.0, 1.0]]))
+    assert velocity == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("unit", [1e-8, 1e8])
+def test_units_do_not_matter_to_zeros(unit):
+    generator, change = np.random.default_rng(2), np.diag([1.0, unit, 1.0, 1.0 / unit])
+    A, B, C = (generator.normal(size=shape) for shape in ((4, 4), (4, 2), (2, 4)))
+    plain, back = turned(A, B, C), np.linalg.inv(change)
+    B, C = back @ plain.B @ np.diag([unit**2, 1.0]), np.diag([1.0, unit**2]) @ plain.C @ change
+    found = zeros(PeriodicSystem(A=back @ plain.A @ change, B=B, C=C))
+    assert len(found) == 2
+    assert found == pytest.approx(zeros(plain), rel=1e-8)
+
+
+def test_zeros_whose_multipliers_are_far_apart():
+    D = np.diag([1.0, 2.0, -1.0])
+    A = matrix(lambda t: np.diag([-1.0 + np.cos(W * t), -30.0, -70.0]) + 0.0)
+    system = PeriodicSystem(A=A, B=np.eye(3), C=np.diag([1.0, 3.0, 5.0]), D=D)
+    assert np.sort(zeros(system).real) == pytest.approx([-65.0, -31.5, -2.0], rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("attempt", "message"),
+    [
+        (lambda: zeros(constant([[1.0]])), "`system` of `floquet.zeros` must be a PeriodicSystem"),
+        (lambda: zeros(smooth_system()), "as many inputs as outputs, but has 2 inputs and 3 outputs"),
+        (lambda: zeros(PeriodicSystem(A=smooth_system().A)), "must have inputs"),
+        (
+            lambda: zeros(PeriodicSystem(A=constant(-np.eye(2)), B=[[1.0], [0.0]], C=[[0.0, 1.0]])),
+            "its output 'y1' is reached by none",
+        ),
+        (
+            lambda: zeros(PeriodicSystem(A=constant([[-1.0]]), B=matrix(lambda t: [[np.sin(W * t)]]))),
+            r"E\(t\) is singular at some time",
+        ),
+        (
+            lambda: zeros(
+                PeriodicSystem(
+                    A=constant([[-1.0]]),
+                    B=[[1.0]],
+                    C=PiecewiseMatrix(values=np.array([[[1.0, 2.0]]]), edges=[0.0, 0.5], period=T),
+                )
+            ),
+            "its output 'y1' jumps",
+        ),
+    ],
+)
+def test_zeros_that_are_not_found_are_refused(attempt, message):
+    with pytest.raises(InputError, match=message):
+        attempt()
