@@ -177,7 +177,7 @@ STABLE, MARGINAL = "asymptotically stable", "marginal within the accuracy of the
         (mathieu(1, 0.1), np.pi, "unstable", f"{LOCKED} (4.418 periods): locked at half per period, 0.15915 Hz (a rea"),
         (mathieu(1, 0.1), 2 * np.pi, "unstable", f"{LOCKED} (2.209 periods): locked at 1 per period, 0.15915 Hz (a re"),
         (JeffcottRotor(speed=0.8, damping=0.0).system, np.pi / 0.4, "unstable", "flutter at"),
-        (mathieu(2, 0.5), np.pi, MARGINAL, "The pair λ = 0 ± 1.36951i 1/s neither grows nor decays by more"),
+        (mathieu(2, 0.5), np.pi, MARGINAL, "± 1.36951i 1/s neither grows nor decays by more"),
         (mathieu(2, 0.5, 0.01), np.pi, STABLE, "decays most slowly: by half in 69.31 s"),
     ],
 )
@@ -231,19 +231,60 @@ def test_without_the_check(work):
     assert strict_json(typed("floquet rotor.npz --no-check --format json"))["check"] is None
 
 
-def test_two_routes_that_differ_are_told(work, monkeypatch):
+def off_by(shift, monkeypatch):
     right = _floquet.hill
 
     def wrong(matrix, **options):
         found = right(matrix, **options)
-        return replace(found, exponents=found.exponents + 1e-3)
+        return replace(found, exponents=found.exponents + shift)
 
     monkeypatch.setattr(_floquet, "hill", wrong)
+
+
+def test_two_routes_that_differ_a_little_are_told(work, monkeypatch):
+    off_by(1e-7, monkeypatch)
     text = typed("floquet rotor.npz")
-    assert "Warning: Hill's method finds exponents that differ by up to 0.001 1/s" in flat(text)
+    assert "Warning: Hill's method disagrees: its exponents differ by up to 1e-07 1/s, more than both" in flat(text)
     content = strict_json(typed("floquet rotor.npz --format json"))
-    assert content["check"]["difference"] == pytest.approx(1e-3)
+    assert content["check"]["difference"] == pytest.approx(1e-7)
     assert content["warnings"]
+
+
+def test_two_routes_that_both_claim_to_be_right_and_differ_are_refused(work, monkeypatch):
+    off_by(1e-3, monkeypatch)
+    before = contents(work)
+    message = "The exponents are not to be trusted: integration over the period finds -0.002"
+    assert typed("floquet rotor.npz --out new", code=1, message=message) == ""
+    assert contents(work) == before
+    assert "Hill" not in typed("floquet rotor.npz --no-check")
+
+
+@pytest.mark.parametrize("damping", [2e-7, -2e-7])
+def test_a_disagreement_does_not_make_a_mode_rest(work, monkeypatch, damping):
+    save("a.npz", mathieu(2, 0.5, damping), np.pi)
+    off_by(1e-6, monkeypatch)
+    content = strict_json(typed("floquet a.npz --format json"))
+    assert content["stability"]["verdict"] == ("stable" if damping > 0 else "unstable")
+    assert any(warning.startswith("Hill's method disagrees") for warning in content["warnings"])
+
+
+def test_far_lines_are_stable_or_not_as_they_are(work):
+    system = lambda t: [[0, 1], [-36 - 0.3 * np.cos(t) - 0.4 * np.cos(12 * t), -0.01]]  # noqa: E731
+    save("a.npz", system, 2 * np.pi)
+    content = strict_json(typed("floquet a.npz --format json"))
+    assert content["stability"]["verdict"] == "unstable"
+    assert content["stability"]["growth"] == pytest.approx(0.01165624, abs=1e-8)
+    assert content["check"]["difference"] < 1e-12
+    assert content["warnings"] == []
+
+
+def test_a_mode_that_rests_shows_the_value_found(work):
+    save("a.npz", mathieu(2, 0.5, 1e-12), np.pi)
+    text = typed("floquet a.npz")
+    found = floquet.modes(mathieu(2, 0.5, 1e-12), np.pi)
+    shown = rows(text, "Modes: order 2, conjugates counted one by one")[0][1]
+    assert shown[0] == "-"
+    assert float(shown) == pytest.approx(found.exponents[0].real, abs=3e-13)
 
 
 def test_hill_that_does_not_settle_is_told(work, monkeypatch):

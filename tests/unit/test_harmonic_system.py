@@ -200,6 +200,63 @@ def test_a_sine_at_an_undamped_exponent_is_refused(turns, sign):
     assert sine_response(oscillator(0.01), natural).error.max() < 1e-6
 
 
+@pytest.mark.parametrize("turns", [-1, 0, 2])
+def test_a_transfer_function_at_an_undamped_exponent_is_refused(turns):
+    """Rounding alone would make it 4e15 there."""
+    natural = abs(hill(oscillator(0.0).A).exponents[0].imag)
+    with pytest.raises(InputError, match=r"`omega` of `floquet.harmonic_transfer` must keep off the undamped exp"):
+        harmonic_transfer(oscillator(0.0), [0.2, natural + turns * W])
+    assert harmonic_transfer(oscillator(0.0), [natural + 1e-3]).error.max() < 1e-3
+    assert np.isfinite(harmonic_transfer(oscillator(0.01), [natural]).values).all()
+
+
+def scalar(mean, swing=0.0, line=10):
+    return HarmonicMatrix.from_cosines([[mean]], [[[swing]]], [[[0.0]]], period=T, harmonics=[line])
+
+
+@pytest.mark.parametrize("line", [7, 10, 33])
+def test_harmonics_of_the_inputs_and_outputs_are_met(line):
+    """The output of x' = -x + b(t) u, y = c(t) x + d(t) u by hand."""
+    omega, b, c, d = 0.3, 5.0, 3.0, 2.0
+    system = PeriodicSystem(A=scalar(-1.0), B=scalar(1, b, line), C=scalar(1, c, line), D=scalar(0, d, line))
+    lag = {k: 1 / (1j * (omega + k * line * W) + 1) for k in (-1, 0, 1)}
+    exact = {
+        0: lag[0] + b * c / 4 * (lag[-1] + lag[1]),
+        line: b / 2 * lag[1] + c / 2 * lag[0] + d / 2,
+        -line: b / 2 * lag[-1] + c / 2 * lag[0] + d / 2,
+        2 * line: b * c / 4 * lag[1],
+        -2 * line: b * c / 4 * lag[-1],
+    }
+    found = harmonic_transfer(system, [omega])
+    values = dict(zip(found.harmonics.tolist(), found.values[0, 0, :, 0], strict=True))
+    for k, value in exact.items():
+        assert values.pop(k) == pytest.approx(value, abs=1e-12)
+    assert max(map(abs, values.values())) < 1e-12
+    few = harmonic_transfer(system, [omega], n_harmonics=line)
+    assert few.values[0, 0, [0, line, -1], 0] == pytest.approx([exact[-line], exact[0], exact[line]], abs=1e-12)
+
+
+def test_far_harmonics_of_the_state_matrix_are_met():
+    swing = np.zeros((2, 2, 1))
+    swing[1, 0] = -8.0
+    a = HarmonicMatrix.from_cosines([[0, 1], [-25, -0.2]], swing, 0 * swing, period=2 * np.pi, harmonics=[10])
+    system = PeriodicSystem(A=a, B=[[0.0], [1.0]])
+    found = harmonic_transfer(system, [0.3])
+    lifted = HarmonicSystem.from_system(system, 100)
+    exact = lifted.transfer(0.3j)[:, lifted.inputs.index((system.inputs[0], 0))].reshape(201, 2).T
+    reach = found.harmonics[-1]
+    assert np.abs(exact[:, [90, 110]]).min() > 1e-4
+    assert found.values[:, 0, :, 0] == pytest.approx(exact[:, 100 - reach : 101 + reach], abs=1e-8)
+
+
+def test_harmonics_that_do_not_fit_are_refused():
+    system = PeriodicSystem(A=scalar(-1.0), B=scalar(1.0, 1.0, 2000), C=[[1.0]])
+    with pytest.raises(
+        InputError, match=r"`system` of `floquet.harmonic_transfer` must keep \(2 N \+ 1\) n within 2500"
+    ):
+        harmonic_transfer(system, [0.3])
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [

@@ -8,8 +8,11 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from floquid._checks import input_error, positive
-from floquid.cli._floquet_output import FILES, Examined, print_examined, save_modes, summary_text
+from floquid.cli._floquet_output import AGREE, FILES, Examined, hill_claims, print_examined, save_modes, summary_text
 from floquid.cli._options import Debug, OptionalPlace, Place
 from floquid.cli._output import ResultFolder, result_folder
 from floquid.cli._progress import progress
@@ -21,6 +24,7 @@ from floquid.floquet import (
     HillModes,
     MatrixFile,
     OpenFastLinearisation,
+    Stability,
     compare,
     exponents,
     hill,
@@ -105,16 +109,35 @@ def examined(file: MatrixFile, tolerance: float, check: bool, report: Callable[[
     if file.linearisation is not None:
         report("comparing with every other azimuth")
         turned = _halved(file.linearisation, found, tolerance)
-    settled = difference if isinstance(second, HillModes) and second.converged else None
+    known = None
+    if difference is not None and isinstance(second, HillModes) and second.converged:
+        # What is more than Hill's method claims to be right to is a disagreement: it makes no growth a rest.
+        known = np.minimum(difference, hill_claims(found, second))
+    verdict = stability(found, tolerance=tolerance, errors=known)
+    if difference is not None and known is not None:
+        _refuse_disagreement(found, difference, verdict)
     return Examined(
         file=file,
         modes=found,
-        stability=stability(found, tolerance=tolerance, errors=settled),
+        stability=verdict,
         hill=second,
         difference=difference,
         unchecked=unchecked,
         halved=turned,
     )
+
+
+def _refuse_disagreement(found: FloquetModes, difference: NDArray[np.float64], verdict: Stability) -> None:
+    """Refuse a result of which two routes that both claim to be right say something else."""
+    relative = difference / np.maximum(np.abs(found.exponents), found.fundamental)
+    worst = int(relative.argmax())
+    if relative[worst] > AGREE:
+        raise IdentificationError(
+            f"The exponents are not to be trusted: integration over the period finds {found.exponents[worst]:.8g} 1/s "
+            f"(verdict: {verdict.verdict.value}), Hill's method has settled {difference[worst]:.3g} 1/s away from it, "
+            f"and they must agree to {AGREE:g} of max(|λ|, ω).\n"
+            "  Lower --tolerance; where A(t) jumps give it with `edges`; or see the integration alone with --no-check."
+        )
 
 
 def _modes(matrix: AbstractPeriodicMatrix, tolerance: float) -> FloquetModes:

@@ -212,7 +212,8 @@ def _samples(
     count = values.shape[2]
     even = np.abs(np.diff(np.asarray(matrix.times), append=period + np.asarray(matrix.times)[0]) - period / count)
     steps = "equal" if even.max() <= 1e-6 * period else "unequal"
-    words = f"{count} samples at {steps} steps{dropped}, {_BETWEEN[str(matrix.interpolation)]} them"
+    many = f"{count} samples at {steps} steps{dropped}, {_BETWEEN[str(matrix.interpolation)]} them"
+    words = "1 sample: a constant A" if count == 1 else many
     return matrix, words, _resolution(matrix)
 
 

@@ -9,18 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
+from floquid.floquet._between_samples import line_weights
 from floquid.floquet._matrices import (
     AbstractPeriodicMatrix,
     HarmonicMatrix,
     PiecewiseMatrix,
     SampledMatrix,
-    line_weights,
 )
 
-_FIRST, _LAST = 32, 2048  # samples of a period of a function without breaks, before it is cut into elements
+_FIRST, _LAST = 64, 2048  # samples of a period of a function without breaks, before it is cut into elements
 _POINTS = 16  # of Gauss, in an element
 _ELEMENTS = 4096
 _ROUNDING = 4e-15
+_ENDLESS = 256  # lines that are looked at of a matrix whose lines have no end
+_STRONG, _STRONG_OF_MANY = 1e-3, 5e-2  # of the largest line: what a step has to pass over, where the lines have an end
 _PROBES = np.array([0.1180339887, 0.4721359549, 0.7639320225])  # off every simple fraction of the period
 
 
@@ -35,6 +37,79 @@ class Elements(NamedTuple):
 
     series: NDArray[np.float64]
     """The coefficients (elements, degrees, rows, columns)."""
+
+
+class Reach(NamedTuple):
+    """How far the lines of a periodic matrix reach."""
+
+    highest: int
+    """The highest harmonic that counts."""
+
+    strong: int
+    """The highest of those that are strong: a truncation raised by less may not meet anything new."""
+
+    ends: bool
+    """Whether they have an end; if not, only strong lines are counted."""
+
+
+class Needs(NamedTuple):
+    """What truncations have to reach for the sake of the matrices."""
+
+    lowest: int
+    """The lowest truncation."""
+
+    step: int
+    """The least step from one to the next that meets anything new."""
+
+    steps: int
+    """Of how many steps there is to be room."""
+
+
+def reach(matrix: AbstractPeriodicMatrix, tolerance: float, scale: NDArray[np.float64] | None = None) -> Reach:
+    """How far the lines above `tolerance` of the size reach, however far apart they are.
+
+    Where the lines have no end (jumps, kinks) only the strong ones are counted; the others fall off steadily.
+
+    Parameters
+    ----------
+    matrix
+        M(t).
+    tolerance
+        Of the norm of all lines.
+    scale
+        Units of the states in which a square matrix is looked at (n,).
+
+    Returns
+    -------
+    Reach
+        The highest line, and the highest strong one.
+    """
+    coefficients, has_end = _all_lines(matrix)
+    if scale is not None:
+        coefficients = coefficients * (scale / scale[:, None])[:, :, None]
+    norms = np.linalg.norm(coefficients, axis=(0, 1))[coefficients.shape[2] // 2 :]
+    floor = tolerance * float(np.linalg.norm(norms))
+    largest = float(norms[1:].max(initial=0.0))
+    strong = _last_above(norms, max(floor, (_STRONG if has_end else _STRONG_OF_MANY) * largest))
+    return Reach(_last_above(norms, floor) if has_end else strong, strong, has_end)
+
+
+def _last_above(norms: NDArray[np.float64], floor: float) -> int:
+    above = np.flatnonzero(norms > floor)
+    return int(above[-1]) if above.size else 0
+
+
+def _all_lines(matrix: AbstractPeriodicMatrix) -> tuple[NDArray[np.complex128], bool]:
+    """All coefficients of M(t) (rows, columns, 2 M + 1), and whether that is all."""
+    if isinstance(matrix, HarmonicMatrix):
+        return fourier(matrix, int(np.asarray(matrix.harmonics)[-1])), True
+    if isinstance(matrix, SampledMatrix) and matrix.interpolation == "fourier":
+        return fourier(matrix, np.shape(matrix.values)[2] // 2), True
+    if not np.size(matrix.breaks):
+        found = _of_smooth(matrix, None)
+        if found is not None:
+            return found, True
+    return _of_elements(elements(matrix), matrix.period, _ENDLESS), False
 
 
 def fourier(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> NDArray[np.complex128]:
@@ -164,10 +239,10 @@ def _of_samples(matrix: SampledMatrix, n_harmonics: int) -> NDArray[np.complex12
     return _window(_two_sided(lines), n_harmonics)
 
 
-def _of_smooth(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> NDArray[np.complex128] | None:
-    """The coefficients from samples at equal steps; None if the upper ones do not die away."""
+def _of_smooth(matrix: AbstractPeriodicMatrix, n_harmonics: int | None) -> NDArray[np.complex128] | None:
+    """The coefficients, all there are for N of None, from samples at equal steps; None if they do not die away."""
     period, n = matrix.period, _FIRST
-    while n < 4 * (n_harmonics + 1) and n < _LAST:
+    while n < 4 * ((n_harmonics or 0) + 1) and n < _LAST:
         n *= 2
     samples = matrix.at(period * np.arange(n) / n)
     probes = matrix.at(period * _PROBES)
@@ -179,7 +254,8 @@ def _of_smooth(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> NDArray[np.c
             angle = 2.0 * np.pi * np.multiply.outer(np.arange(n // 2), _PROBES)
             series = 2.0 * (upper @ np.exp(1j * angle)).real - upper[..., :1].real
             if (np.abs(np.moveaxis(probes, 0, 2) - series).max(axis=2) <= 1e3 * _ROUNDING * units).all():
-                return _window(_two_sided(upper), n_harmonics)
+                every = _two_sided(upper)
+                return every if n_harmonics is None else _window(every, n_harmonics)
         if n >= _LAST:
             return None
         between = matrix.at(period * (np.arange(n) + 0.5) / n)

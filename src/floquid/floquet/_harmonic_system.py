@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, integer, positive
-from floquid.floquet._fourier import fourier
-from floquid.floquet._hill_matrix import block_toeplitz
+from floquid.floquet._fourier import Needs, fourier, reach
+from floquid.floquet._hill import hill
+from floquid.floquet._hill_matrix import block_toeplitz, speeds
+from floquid.floquet._hill_modes import refuse_undamped
 from floquid.floquet._matrices import AbstractPeriodicMatrix, FunctionMatrix
 from floquid.floquet._smoothing import smoothed
 from floquid.floquet._system import PeriodicSystem
@@ -18,6 +20,7 @@ from floquid.floquet._system import PeriodicSystem
 _LARGEST = 2500  # rows of the lifted state matrix
 _SMALL = 1000  # rows to which a few states are taken
 _PER_STATE = 41  # rows a state that are allowed to many states
+_STEPS = 4  # steps as long as the highest strong line that are allowed for
 _OF_JUMPS = 64  # harmonics that are given by default where jumps or kinks make them go on without end
 
 
@@ -106,7 +109,7 @@ class HarmonicSystem:
                 "n_harmonics", of, f"keep every lifted matrix within {_LARGEST} rows", f"{count} needs {size}"
             )
         lifted = [block_toeplitz(fourier(matrix, 2 * count), count) for matrix in matrices]
-        lifted[0] -= np.diag(_speeds(system, count))
+        lifted[0] -= np.diag(speeds(system.n_states, count, 2.0 * np.pi / system.period))
         harmonics = range(-count, count + 1)
         names = {key: getattr(system, key) for key in ("states", "inputs", "outputs")}
         labels = {key: tuple((name, k) for k in harmonics for name in found) for key, found in names.items()}
@@ -198,8 +201,9 @@ def harmonic_transfer(
         The highest harmonic k that is given. By default all that matter; 64 where a matrix has breaks, for then the
         harmonics of the response fall off slowly and never end, however well each of them is known.
     tolerance
-        Of the largest value from an input to an output: the largest change from one truncation to the next, N half as
-        large again, that passes, from 1e-14 to 1e-2.
+        Of the largest value from an input to an output: the largest change from one truncation to the next, half as
+        large
+        again or larger by the highest strong harmonic of a matrix, that passes, from 1e-14 to 1e-2.
     raises
         Whether a truncation that does not suffice is an error; else see `error`.
 
@@ -211,7 +215,8 @@ def harmonic_transfer(
     Raises
     ------
     InputError
-        The system has no inputs, a line lies on an exponent, or the values have not settled and `raises` is true.
+        The system has no inputs, a line meets an undamped exponent, modulo ω,
+        or the values have not settled and `raises` is true.
 
     Notes
     -----
@@ -221,6 +226,8 @@ def harmonic_transfer(
     of = "floquet.harmonic_transfer"
     inputs = _with_inputs(system, of)[1].shape[1]
     lines = frozen_array(omega, "omega", of, axes=("lines",))
+    if lines.size:
+        refuse_undamped(hill(system.A, raises=False), lines, of)
     found = respond(system, lines, np.eye(inputs), n_harmonics, tolerance, raises, of)
     return HarmonicTransfer(
         omega=lines,
@@ -270,12 +277,14 @@ def respond(
         raise input_error("tolerance", of, "lie in [1e-14, 1e-2]", f"is {accuracy:g}")
     wanted = None if n_harmonics is None else integer(n_harmonics, "n_harmonics", of, at_least=0)
     lifted = _Lifted(*_with_inputs(system, of))
-    if wanted is None and any(np.size(matrix.breaks) for matrix in lifted):
-        wanted = min(_OF_JUMPS, _most(system.n_states) - 4)
+    jumps = any(np.size(matrix.breaks) for matrix in lifted)
     lifted = _smooth(lifted)
-    truncations = _truncations(system.n_states, wanted, of)
-    reach = truncations[-1] if wanted is None else wanted
-    shape = (system.n_outputs, columns.shape[1], 2 * reach + 1, len(omega))
+    needs = _needs(lifted, accuracy, wanted is None)
+    if wanted is None and jumps:
+        wanted = max(0, min(_OF_JUMPS, _most(system.n_states, needs) - 2 - needs.step))
+    truncations = _truncations(system.n_states, wanted, needs, of)
+    highest = truncations[-1] if wanted is None else wanted
+    shape = (system.n_outputs, columns.shape[1], 2 * highest + 1, len(omega))
     values = np.zeros(shape, dtype=np.complex128)
     change = np.full((*shape[:2], len(omega)), np.inf)
     left, used, first = np.arange(len(omega)), truncations[0], True
@@ -283,7 +292,7 @@ def respond(
         if not left.size:
             break
         used = truncation
-        now = _solved(lifted, system, omega[left], columns, truncation, reach, of)
+        now = _solved(lifted, system, omega[left], columns, truncation, highest, of)
         if not first:
             change[..., left] = np.abs(now - values[..., left]).max(axis=2)
         values[..., left], first = now, False
@@ -299,8 +308,8 @@ def respond(
             "Keep off the undamped exponents, name the jumps of callables in `breaks`, raise `tolerance`, or pass "
             "`raises=False` and look at `error`.",
         )
-    kept = min(reach, used)
-    values = values[:, :, reach - kept : reach + kept + 1]
+    kept = min(highest, used)
+    values = values[:, :, highest - kept : highest + kept + 1]
     return Responses(values, np.arange(-kept, kept + 1), used, error)
 
 
@@ -315,7 +324,8 @@ def _solved(
 ) -> NDArray[np.complex128]:
     """The outputs' harmonics up to `reach` at one truncation (outputs, columns, harmonics, lines)."""
     n_columns = columns.shape[1]
-    matrix = block_toeplitz(fourier(lifted.A, 2 * truncation), truncation) - np.diag(_speeds(system, truncation))
+    matrix = block_toeplitz(fourier(lifted.A, 2 * truncation), truncation)
+    matrix -= np.diag(speeds(system.n_states, truncation, 2.0 * np.pi / system.period))
     drive = np.einsum("nih,ic->hnc", fourier(lifted.B, truncation), columns).reshape(-1, n_columns)
     inner = np.empty((len(drive), n_columns, len(omega)), dtype=np.complex128)
     diagonal = np.eye(len(drive))
@@ -358,29 +368,33 @@ def _with_inputs(system: PeriodicSystem, of: str) -> tuple[AbstractPeriodicMatri
     return system.A, system.B, system.C, system.D
 
 
-def _speeds(system: PeriodicSystem, truncation: int) -> NDArray[np.complex128]:
-    """The diagonal of 𝒩."""
-    fundamental = 2.0 * np.pi / system.period
-    harmonics = np.repeat(np.arange(-truncation, truncation + 1), system.n_states)
-    return np.asarray(1j * fundamental * harmonics, dtype=np.complex128)
+def _needs(lifted: _Lifted, tolerance: float, whole: bool) -> Needs:
+    """What the harmonics of the matrices need, those of D where the `whole` response is wanted."""
+    found = a, b, c, d = tuple(reach(matrix, tolerance) for matrix in lifted)
+    # An input at a harmonic of B is carried on by A and read at one of C beside it.
+    lowest = max(a.highest, b.highest + c.highest, d.highest if whole else 0)
+    return Needs(lowest, max(2, a.strong, b.strong, c.strong), _STEPS if all(lines.ends for lines in found) else 1)
 
 
-def _most(n: int) -> int:
+def _most(n: int, needs: Needs) -> int:
     """The largest truncation that is tried."""
-    return (min(_LARGEST, max(_SMALL, _PER_STATE * n)) // n - 1) // 2
+    ordinary = (min(_LARGEST, max(_SMALL, _PER_STATE * n)) // n - 1) // 2
+    return max(ordinary, min(needs.lowest + needs.steps * needs.step, (_LARGEST // n - 1) // 2))
 
 
-def _truncations(n: int, wanted: int | None, of: str) -> list[int]:
-    most = _most(n)
-    out = [max(4, 0 if wanted is None else wanted + 2)]
-    if out[0] + 2 > most:
+def _truncations(n: int, wanted: int | None, needs: Needs, of: str) -> list[int]:
+    """Truncations that reach what the matrices need, each further than that before by their strong harmonics."""
+    most = _most(n, needs)
+    out = [max(4, needs.lowest, 0 if wanted is None else wanted + 2)]
+    least = out[0] + needs.step
+    if least > most:
         raise input_error(
-            "n_harmonics",
+            "system" if out[0] == needs.lowest else "n_harmonics",
             of,
             f"keep (2 N + 1) n within {_LARGEST}",
-            f"{out[0] + 2} harmonics of {n} states are {(2 * out[0] + 5) * n}",
-            "Reduce the states, or ask for fewer harmonics.",
+            f"{least} harmonics of {n} states are {(2 * least + 1) * n}",
+            "Reduce the states or the harmonics of the matrices, ask for fewer harmonics, or raise `tolerance`.",
         )
-    while out[-1] < most:
-        out.append(min(most, out[-1] + max(2, out[-1] // 2)))
+    while out[-1] + needs.step <= most:
+        out.append(min(most, out[-1] + max(needs.step, out[-1] // 2)))
     return out

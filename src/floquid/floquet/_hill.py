@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import input_error, integer, positive
-from floquid.floquet._fourier import fourier
+from floquid.floquet._fourier import Reach, fourier, reach
 from floquid.floquet._gauge import swinging_along
 from floquid.floquet._hill_matrix import modulo
 from floquid.floquet._hill_modes import HillModes, HillOutcome, assemble
-from floquid.floquet._hill_select import Problem, Truncated, truncated
+from floquid.floquet._hill_select import Problem, Truncated, effect_of_edges, truncated
 from floquid.floquet._matrices import AbstractPeriodicMatrix, FunctionMatrix
 from floquid.floquet._smoothing import smoothed
 from floquid.floquet._system_matrix import StateMatrix, periodic, refuse_other_period
@@ -21,6 +21,8 @@ from floquid.floquet._units import binary_units
 _LARGEST = 4500  # rows of the truncated matrix: what a plain computer holds, a minute or two
 _SMALL = 1000  # rows to which a few states are taken: beyond, harmonics die away too slowly to be waited for
 _ILL = 10.0  # condition of an exponent worth the cure
+_AFFORDED = 2200  # rows to which any number of states is taken where A(t) has far lines
+_STEPS = 4  # steps as long as the highest strong line that are allowed for
 _PER_STATE = 41  # rows a state that are allowed to many states: 20 harmonics
 
 
@@ -47,9 +49,11 @@ def hill(
               x(t) = e^{\lambda t} \sum_m p_m e^{i m \omega t}
 
     Each exponent is among the eigenvalues about 2 N + 1 times, as λ + i m ω. The copy is taken that leaks least over
-    the edges of the truncation and is best centred in it; conjugates are taken together. N grows by half until no
-    exponent changes by more than the tolerance. An A(t) that jumps is seen from coordinates in which it is smooth
-    first, which leaves the exponents as they are; so its breaks must be named.
+    the edges of the truncation and is best centred in it; conjugates are taken together. N starts from the highest
+    harmonic of A(t) and grows, by half or by the highest strong harmonic, until no exponent changes by more than the
+    tolerance, little leaks over the edges, and their sum is the mean trace of A(t). An A(t) that jumps is
+    seen from coordinates in which it is smooth first, which leaves the exponents as they are; so its breaks must be
+    named.
 
     Parameters
     ----------
@@ -103,9 +107,9 @@ def hill(
     smooth = smoothed(matrix)
     seen = matrix if smooth is None else smooth.matrix
     scale = binary_units(np.abs(fourier(seen, 16)).sum(axis=2))
-    # A truncation that is asked for comes after a smaller one that it is held against.
-    truncations = _growing(seen, scale) if wanted is None else [wanted - max(1, wanted // 3), wanted]
-    step, outcome = _settle(seen, scale, truncations, accuracy)
+    lines = reach(seen, accuracy, scale)
+    truncations = _growing(n_states, lines) if wanted is None else _up_to(wanted, lines)
+    step, outcome = _settle(seen, scale, truncations, lines, accuracy)
     if step is None:
         raise input_error(
             "system",
@@ -120,7 +124,8 @@ def hill(
             "system",
             of,
             f"have exponents that settle to {accuracy:g} of max(|λ|, ω)",
-            f"they still change by {found.change.max():.3g} 1/s at {found.n_harmonics} harmonics: {outcome.value}",
+            f"they still change by {found.change.max():.3g} 1/s, or A(t) has harmonics (up to {lines.highest}) "
+            f"that were not met, at {found.n_harmonics} harmonics: {outcome.value}",
             "Raise `tolerance`, or pass `raises=False` and look at `change`.",
         )
     return found
@@ -130,7 +135,11 @@ _REMEDY = "Name the instants at which a callable jumps in `breaks`, or use `floq
 
 
 def _settle(
-    matrix: AbstractPeriodicMatrix, scale: NDArray[np.float64], truncations: list[int], tolerance: float
+    matrix: AbstractPeriodicMatrix,
+    scale: NDArray[np.float64],
+    truncations: list[int],
+    lines: Reach,
+    tolerance: float,
 ) -> tuple[_Step | None, HillOutcome]:
     """The last truncation needed."""
     fundamental = 2.0 * np.pi / matrix.period
@@ -148,11 +157,16 @@ def _settle(
         if before is not None:
             change = _changes(modes.exponents, before.modes.exponents, fundamental)
         step = _Step(problem, modes, change)
-        if (change <= allowed).all():
-            return step, HillOutcome.CONVERGED
-        if (change <= np.maximum(allowed, 2.0 * modes.rounding(problem))).all():
-            return step, HillOutcome.ROUNDED
+        # A truncation that meets no line which that before did not meet has settled nothing.
+        far = before is not None and n_harmonics - before.problem.n_harmonics >= lines.strong
         before = step
+        if not (far and n_harmonics >= lines.highest):
+            continue
+        known = np.maximum(allowed, 2.0 * modes.rounding(problem))
+        missed = abs(float(modes.exponents.real.sum()) - problem.growth)
+        if (np.maximum(change, effect_of_edges(problem, modes)) > known).any() or missed > known.sum():
+            continue
+        return step, HillOutcome.CONVERGED if (change <= allowed).all() else HillOutcome.ROUNDED
     return before, HillOutcome.TRUNCATED
 
 
@@ -178,15 +192,23 @@ def _changes(now: NDArray[np.complex128], before: NDArray[np.complex128], fundam
     return apart[rows, columns]
 
 
-def _growing(matrix: AbstractPeriodicMatrix, scale: NDArray[np.float64]) -> list[int]:
-    """Truncations from the harmonics that A(t) has, each half as large again, up to the largest allowed."""
-    n = matrix.shape[0]
+def _growing(n: int, lines: Reach) -> list[int]:
+    """Truncations from the harmonics that A(t) has, each half as large again at least, up to the largest allowed."""
     most = (min(_LARGEST, max(_SMALL, _PER_STATE * n)) // n - 1) // 2
-    coefficients = fourier(matrix, 16) * (scale / scale[:, None])[:, :, None]
-    norms = np.linalg.norm(coefficients, axis=(0, 1))[16:]
-    strong = np.flatnonzero(norms > 1e-2 * norms.max()) if norms.any() else np.zeros(1, dtype=int)
-    truncation = min(max(3, int(strong[-1]) + 1), most)
-    out = [truncation]
+    first = max(3, lines.highest, lines.strong + 1 if lines.strong < 5 else 0)
+    # Far lines need truncations as far apart, two at least, even where rows are dear.
+    step, afforded = max(2, lines.strong), (_AFFORDED // n - 1) // 2
+    if lines.ends and first + step <= afforded:
+        most = max(most, min(first + _STEPS * step, afforded))
+    out = [min(first, most)]
     while out[-1] < most:
-        out.append(min(most, out[-1] + max(2, out[-1] // 2)))
-    return out if len(out) > 1 else [truncation - 1, truncation]
+        grown = min(most, out[-1] + max(2, out[-1] // 2, lines.strong))
+        if len(out) > 1 and grown - out[-1] < lines.strong:
+            break
+        out.append(grown)
+    return out if len(out) > 1 else [out[0] - 1, out[0]]
+
+
+def _up_to(wanted: int, lines: Reach) -> list[int]:
+    """A truncation that is asked for, after a smaller one that it is held against."""
+    return [wanted - max(1, wanted // 3, lines.strong if 2 * lines.strong <= wanted else 0), wanted]

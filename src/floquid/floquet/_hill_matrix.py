@@ -66,6 +66,11 @@ def real_hill(coefficients: NDArray[np.complex128], n_harmonics: int, fundamenta
     return matrix
 
 
+def speeds(n: int, n_harmonics: int, fundamental: float) -> NDArray[np.complex128]:
+    """The diagonal i k ω of n states, harmonic by harmonic from -N to N ((2 N + 1) n,) [1/s]."""
+    return np.asarray(1j * fundamental * np.repeat(np.arange(-n_harmonics, n_harmonics + 1), n), dtype=np.complex128)
+
+
 def modulo(differences: NDArray[np.complex128], fundamental: float) -> NDArray[np.complex128]:
     """Differences of exponents with the nearest multiple of iω taken off, of any shape (...) [1/s]."""
     turns = np.round(np.imag(differences) / fundamental)

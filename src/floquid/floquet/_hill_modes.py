@@ -8,11 +8,13 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array, positive
+from floquid._checks import frozen_array, input_error, positive
 from floquid.floquet._fourier import of_function
 from floquid.floquet._hill_matrix import modulo
 from floquid.floquet._hill_select import Problem, Truncated
 from floquid.floquet._smoothing import Smoothed
+
+_ON_AXIS = 1e-9  # of max(|λ|, ω): an exponent whose real part is less cannot be told from an undamped one
 
 
 class HillOutcome(Enum):
@@ -188,3 +190,32 @@ def _normalised(shapes: NDArray[np.complex128]) -> NDArray[np.complex128]:
     largest = flat[np.arange(len(flat)), np.abs(flat).argmax(axis=1)]
     factor = np.abs(largest) / largest / np.linalg.norm(flat, axis=1)
     return shapes * factor[:, None, None]
+
+
+def refuse_undamped(modes: HillModes, omega: NDArray[np.float64], of: str) -> None:
+    """Refuse lines that meet an exponent on the imaginary axis, modulo iω.
+
+    Raises
+    ------
+    InputError
+        One does.
+    """
+    known = np.minimum(modes.change, np.sqrt(_ON_AXIS) * modes.fundamental)
+    rests = np.abs(modes.exponents.real) <= growth_doubt(modes)
+    apart = np.abs(modulo(np.subtract.outer(1j * omega, modes.exponents), modes.fundamental))
+    met = rests & (apart <= np.sqrt(_ON_AXIS) * modes.fundamental + known)
+    if met.any():
+        line, mode = np.argwhere(met)[0]
+        raise input_error(
+            "omega",
+            of,
+            "keep off the undamped exponents, modulo the fundamental",
+            f"{omega[line]:g} rad/s meets Im λ = {modes.exponents[mode].imag:.6g} rad/s",
+            "There the response grows without end.",
+        )
+
+
+def growth_doubt(modes: HillModes) -> NDArray[np.float64]:
+    """Within what a real part cannot be told from zero (modes,) [1/s]."""
+    known = np.minimum(modes.change, np.sqrt(_ON_AXIS) * modes.fundamental)
+    return _ON_AXIS * np.maximum(np.abs(modes.exponents), modes.fundamental) + known

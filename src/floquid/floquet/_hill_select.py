@@ -34,6 +34,11 @@ class Problem(NamedTuple):
         return self.coefficients.shape[0]
 
     @property
+    def growth(self) -> float:
+        """The mean trace of A(t), which the exponents sum to [1/s]."""
+        return float(np.trace(self.coefficients[..., self.coefficients.shape[2] // 2]).real)
+
+    @property
     def size(self) -> float:
         """The largest row sum of all |A_m| [1/s]."""
         return float(np.abs(self.coefficients).sum(axis=(1, 2)).max())
@@ -60,6 +65,24 @@ class Truncated(NamedTuple):
         return 4.0 * _EPS * self.condition * norm
 
 
+def effect_of_edges(problem: Problem, modes: Truncated) -> NDArray[np.float64]:
+    r"""About what the harmonics beyond the truncation would move the exponents by (modes,) [1/s].
+
+    .. math:: \kappa \sum_{|k| > N} \frac{|(A p)_k|^2}{|k|\, \omega}, \qquad (A p)_k = \sum_m A_{k-m}\, p_m
+
+    To second order, with κ the condition and the left partner of each shape taken to leak as it does itself.
+    """
+    n_harmonics = problem.n_harmonics
+    count = 2 * n_harmonics + 1
+    whole = np.zeros((len(modes.exponents), problem.n_states, count + 4 * n_harmonics), dtype=np.complex128)
+    for index in np.flatnonzero(np.abs(problem.coefficients).any(axis=(0, 1))).tolist():
+        whole[..., index : index + count] += problem.coefficients[..., index] @ modes.vectors
+    energy = (np.abs(whole) ** 2).sum(axis=1)
+    k = np.abs(np.arange(whole.shape[2]) - 3 * n_harmonics)
+    weights = np.where(k > n_harmonics, 1.0 / (np.maximum(k, 1) * problem.fundamental), 0.0)
+    return modes.condition * (energy @ weights)
+
+
 def truncated(problem: Problem) -> Truncated | None:
     r"""The modes of A_{k-m} - i m ω δ_{km}; None while the truncation cannot tell n of them.
 
@@ -79,7 +102,6 @@ def truncated(problem: Problem) -> Truncated | None:
     vectors = in_exponentials(right, n)
     leak = _leaks(problem, vectors)
     order = np.argsort(_ranks(problem, vectors, leak), kind="stable")
-    growth = float(np.trace(problem.coefficients[..., 2 * problem.n_harmonics]).real)
     for same in _SAME:
         taken = _one_of_each(values, order, n, problem.fundamental, same * problem.fundamental)
         if taken is None:
@@ -91,7 +113,7 @@ def truncated(problem: Problem) -> Truncated | None:
         # Liouville: a family taken twice, or one left out, shows in the sum unless its growth is the mean one.
         doubt = n * same * problem.fundamental + chosen.rounding(problem).sum()
         doubt += (chosen.condition * chosen.leak**2).sum() / problem.fundamental
-        if abs(exponents.real.sum() - growth) <= doubt:
+        if abs(exponents.real.sum() - problem.growth) <= doubt:
             chosen.vectors[conjugate] = chosen.vectors[conjugate][..., ::-1].conj()
             return chosen
     return None

@@ -11,10 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import finite, frozen_array, input_error, positive
 from floquid.floquet._harmonic_system import respond
 from floquid.floquet._hill import hill
-from floquid.floquet._hill_matrix import modulo
+from floquid.floquet._hill_modes import growth_doubt, refuse_undamped
 from floquid.floquet._system import PeriodicSystem
-
-_ON_AXIS = 1e-9  # of max(|λ|, ω): an exponent whose real part is less cannot be told from an undamped one
 
 
 @final
@@ -146,10 +144,8 @@ def sine_response(
 def _refuse_without_steady_state(system: PeriodicSystem, omega: float, of: str) -> None:
     """Refuse an unstable system, and a sine at an exponent on the imaginary axis."""
     modes = hill(system.A)
-    fundamental = modes.fundamental
-    doubt = _ON_AXIS * np.maximum(np.abs(modes.exponents), fundamental) + modes.change
     growth = modes.exponents.real
-    if (growth > doubt).any():
+    if (growth > growth_doubt(modes)).any():
         raise input_error(
             "system",
             of,
@@ -157,13 +153,4 @@ def _refuse_without_steady_state(system: PeriodicSystem, omega: float, of: str) 
             f"has an exponent of real part {growth.max():.6g} 1/s",
             "It has no steady response; `harmonic_transfer` gives the transfer function all the same.",
         )
-    apart = np.abs(modulo(1j * omega - modes.exponents, fundamental))
-    met = (np.abs(growth) <= doubt) & (apart <= np.sqrt(_ON_AXIS) * fundamental + modes.change)
-    if met.any():
-        raise input_error(
-            "omega",
-            of,
-            "keep off the undamped exponents, modulo the fundamental",
-            f"{omega:g} rad/s meets Im λ = {modes.exponents[met][0].imag:.6g} rad/s",
-            "There the response grows without end.",
-        )
+    refuse_undamped(modes, np.array([omega]), of)

@@ -206,7 +206,7 @@ def state_participation(modes: FloquetModes) -> NDArray[np.float64]:
 def _named(modes: FloquetModes, mode: int, *, rests: bool = False) -> str:
     """The mode by its exponent: «The pair λ = -0.002 ± 0.87i 1/s»."""
     value = modes.exponents[mode]
-    real = "0" if rests else f"{value.real:.6g}"
+    real = f"{value.real:+.1e}" if rests and value.real else f"{value.real:.6g}"
     if not multiplier_is_real(modes, mode):
         return f"The pair λ = {real} ± {abs(value.imag):.6g}i 1/s"
     return f"λ = {real}" + (f" + {abs(value.imag):.6g}i" if value.imag else "") + " 1/s"
