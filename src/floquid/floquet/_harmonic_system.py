@@ -202,8 +202,7 @@ def harmonic_transfer(
         harmonics of the response fall off slowly and never end, however well each of them is known.
     tolerance
         Of the largest value from an input to an output: the largest change from one truncation to the next, half as
-        large
-        again or larger by the highest strong harmonic of a matrix, that passes, from 1e-14 to 1e-2.
+        large again or larger by the highest strong harmonic of a matrix, that passes, from 1e-14 to 1e-2.
     raises
         Whether a truncation that does not suffice is an error; else see `error`.
 
@@ -215,8 +214,8 @@ def harmonic_transfer(
     Raises
     ------
     InputError
-        The system has no inputs, a line meets an undamped exponent, modulo ω,
-        or the values have not settled and `raises` is true.
+        The system has no inputs, a line meets an undamped exponent, modulo ω, or the values have not settled and
+        `raises` is true.
 
     Notes
     -----
