@@ -454,3 +454,20 @@ GRID = {"a": [0.0, 1.0, 2.0]}
 def test_wrong_arguments_are_refused(arguments, keywords, message):
     with pytest.raises(InputError, match=message):
         stability_map(*arguments, **keywords)
+
+
+@pytest.mark.parametrize("wanted", [False, True])
+def test_a_progress_bar_is_drawn_where_it_is_wanted(wanted, capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as if stderr were a terminal
+    told = []
+    stability_map(
+        lambda t, a: [[0.0, 1.0], [0.2 * np.cos(t) - a, 0.0]],
+        2 * np.pi,
+        {"a": [0.1, 0.2, 0.3]},
+        progress=wanted,
+        report=told.append,
+    )
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert bool(printed.err) == wanted
+    assert told[0] == "evaluating the grid: 3 of 3"

@@ -27,6 +27,7 @@ from floquid.floquet._stability_map import Instability, StabilityMap, stability_
 from floquid.floquet._system import PeriodicSystem
 from floquid.floquet._system_matrix import StateMatrix
 from floquid.floquet._transition import monodromy, transition
+from floquid.floquet._transitions import transitions
 from floquid.floquet._verdict import (
     Stability,
     Verdict,
@@ -91,6 +92,7 @@ __all__ = [
     "stability_map",
     "state_participation",
     "transition",
+    "transitions",
     "upper_modes",
     "zeros",
 ]

@@ -40,6 +40,13 @@ class Spectra(NamedTuple):
 def spectra(of: Family, points: NDArray[np.float64]) -> Spectra:
     """The spectra at the points (points, parameters); each as if it were alone."""
     periods = of.periods(points)
+    return _eigen(of, *products(of, points, periods, (0.0, 1.0)), periods)
+
+
+def products(
+    of: Family, points: NDArray[np.float64], periods: NDArray[np.float64], span: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Φ / 2^power over `span`, in periods (points, n, n), in balanced units; the power; the errors' gain (points,)."""
     n = len(of.scale)
     product = np.empty((len(points), n, n))
     power, gain = np.zeros(len(points), dtype=np.int64), np.empty(len(points))
@@ -47,7 +54,7 @@ def spectra(of: Family, points: NDArray[np.float64]) -> Spectra:
     if not of.breaks.size:
         for group, series, size in _resolved(of, points, periods):
             product[group], power[group], gain[group] = _monodromy(
-                of, points[group], size, _evaluator(series), smooth=True
+                of, points[group], size, _evaluator(series), span, smooth=True
             )
             rest = np.setdiff1d(rest, group, assume_unique=True)
     if rest.size:
@@ -57,8 +64,8 @@ def spectra(of: Family, points: NDArray[np.float64]) -> Spectra:
         def direct(owner: NDArray[np.intp], fractions: NDArray[np.float64]) -> NDArray[np.float64]:
             return of.at(values[owner], fractions * spans[owner, None]) * spans[owner, None, None, None]
 
-        product[rest], power[rest], gain[rest] = _monodromy(of, values, sizes, direct, smooth=False)
-    return _eigen(of, product, power, gain, periods)
+        product[rest], power[rest], gain[rest] = _monodromy(of, values, sizes, direct, span, smooth=False)
+    return product, power, gain
 
 
 def _resolved(
@@ -151,15 +158,17 @@ def _monodromy(
     points: NDArray[np.float64],
     sizes: NDArray[np.float64],
     evaluate: Callable[..., NDArray[np.float64]],
+    span: tuple[float, float],
     *,
     smooth: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Φ(T) / 2^power of each point (points, n, n) in balanced units, the power, and the gain of errors (points,).
+    """Φ / 2^power of each point over `span` (points, n, n), in balanced units; the power, the errors' gain (points,).
 
     Time is in fractions of the period.
     """
     n = len(of.scale)
-    ends = np.concatenate([[0.0], of.breaks[of.breaks > 0.0], [1.0]])
+    jumps = np.add.outer(np.arange(np.floor(span[0]), np.ceil(span[1])), of.breaks).ravel()
+    ends = np.concatenate([[span[0]], jumps[(jumps > span[0]) & (jumps < span[1])], [span[1]]])
     longest = np.minimum(0.5, stages(n) / (3.0 * np.maximum(sizes, 1e-300)))
     steps = np.maximum(1, np.ceil(np.diff(ends) / longest[:, None] - 1e-9))
     if steps.sum(axis=1).max() > MOST:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, frozen_array, input_error, integer, positive
+from floquid.floquet._bar import bar
 from floquid.floquet._edges import Samples, added, bisect, boundary, refine, samples, taken, thin_bands
 from floquid.floquet._family import Family, family
 from floquid.floquet._spectra import Spectra
@@ -98,6 +99,7 @@ def stability_map(
     tolerance: float = TOLERANCE,
     narrowest: float = 1.0 / 64.0,
     workers: int = 1,
+    progress: bool = False,
     report: Callable[[str], None] = lambda _: None,
 ) -> StabilityMap:
     r"""Where a periodic system is unstable, over one or two parameters.
@@ -140,6 +142,8 @@ def stability_map(
         enough, and four times as quick, for a plain callable that is known to be smooth.
     workers
         How many threads (when `vectorised`) or processes share the points. The result does not depend on it.
+    progress
+        Whether a progress bar is drawn on stderr, if that is a terminal.
     report
         Is told of each stage.
 
@@ -192,13 +196,13 @@ def stability_map(
         of=of,
     )
     ranges = np.array([grid[-1] - grid[0] for grid in grids])
-    with Workers(given, workers) as pool:
+    with Workers(given, workers) as pool, bar(progress, report) as told:
 
         def evaluate(points: NDArray[np.float64], words: str) -> Spectra:
-            report(words)
+            told(words)
             return pool.spectra(points)
 
-        first = pool.spectra(points, lambda done: report(f"evaluating the grid: {done} of {len(points)}"))
+        first = pool.spectra(points, lambda done: told(f"evaluating the grid: {done} of {len(points)}"))
         known = samples(points, first, margin)
         bands = segments = None
         if len(names) == 1:
