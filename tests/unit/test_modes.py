@@ -314,3 +314,12 @@ def test_a_period_without_a_fundamental_is_refused():
 def test_more_steps_than_can_be_taken_are_refused_at_once():
     with pytest.raises(InputError, match="must be integrable in 200000 steps"):
         floquet.exponents(np.array([[[-1e300]]]), 1.0)
+
+
+@pytest.mark.parametrize("entry", [0.0, 4e-16])
+def test_fast_harmonics_of_a_slow_system_are_integrated(entry):
+    """The double integral of a force: an entry that is rounding makes units in which nothing seems to move."""
+    times = np.array([1.3, 3.0])
+    phi = floquet.transition(lambda t: [[0.0, entry], [np.cos(t) + 1e-5 * np.cos(40 * t), 0.0]], PERIOD, times)
+    exact = np.sin(times) + 1e-5 * np.sin(40 * times) / 40
+    assert phi[:, 1, 0] == pytest.approx(exact, abs=1e-12)

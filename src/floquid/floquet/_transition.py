@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, frozen_array, input_error, positive
 from floquid.floquet._collocation import MOST, Factors, factorise, stages
-from floquid.floquet._matrices import FunctionMatrix
+from floquid.floquet._matrices import FunctionMatrix, HarmonicMatrix
 from floquid.floquet._system_matrix import Prepared, StateMatrix, periodic, prepare
 
 TOLERANCE = 1e-12
@@ -198,6 +198,8 @@ def intervals(
     longest = min(0.5 * period, n_nodes / (1.5 * prepared.size)) if prepared.size else 0.5 * period
     if not prepared.smooth and isinstance(matrix, FunctionMatrix):
         longest = min(longest, n_nodes * matrix.narrowest * period)
+    if isinstance(matrix, HarmonicMatrix):
+        longest = min(longest, n_nodes * period / (4.0 * max(1, _fastest(matrix))))
     wanted = np.maximum(1.0, np.ceil((right - left) / longest - 1e-9))
     if not wanted.sum() <= MOST:
         raise input_error(
@@ -217,3 +219,10 @@ def intervals(
     rights = np.where(step == parts[whole] - 1, right[whole], left[whole] + (step + 1) * width[whole])
     gap = np.searchsorted(instants, 0.5 * (lefts + rights), side="right") - 1
     return gap, lefts, rights
+
+
+def _fastest(matrix: HarmonicMatrix) -> int:
+    """The highest harmonic of an entry above a millionth of that entry: the steps must see it, however slow Φ is."""
+    sizes = np.abs(np.asarray(matrix.coefficients))
+    counts = (sizes > 1e-6 * sizes.max(axis=2, keepdims=True)).any(axis=(0, 1))
+    return int(np.abs(np.asarray(matrix.harmonics)[counts]).max(initial=0))
