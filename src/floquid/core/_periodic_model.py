@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
 from floquid.core._channel import Channel
+from floquid.core._estimates import Estimates
 from floquid.core._provenance import Provenance
 from floquid.core._record import as_channels
 
@@ -42,6 +43,12 @@ class PeriodicModel:
     coefficient_std
         Standard deviations of the coefficients, that of the real part as the real part and that of the imaginary part
         as the imaginary part (modes, channels, hits, harmonics); zero where discarded, None if not estimated.
+    estimates
+        The fit that the model is of: its exponents and coefficients, also those that were discarded, with their joint
+        covariance; None if not estimated, or without `coefficient_std`.
+    unselected
+        The same fit with several harmonics more on each side of every band, whatever their significance: all that the
+        record says, for what is fitted to it afterwards.
     provenance
         Where the model comes from.
 
@@ -58,6 +65,8 @@ class PeriodicModel:
     channels: tuple[Channel, ...]
     covariance: NDArray[np.float64] | None = None
     coefficient_std: NDArray[np.complex128] | None = None
+    estimates: Estimates | None = None
+    unselected: Estimates | None = None
     provenance: Provenance = field(default_factory=Provenance)
 
     def __init__(
@@ -70,6 +79,8 @@ class PeriodicModel:
         channels: Sequence[Channel | str],
         covariance: ArrayLike | None = None,
         coefficient_std: ArrayLike | None = None,
+        estimates: Estimates | None = None,
+        unselected: Estimates | None = None,
         provenance: Provenance | None = None,
     ) -> None:
         of = "PeriodicModel"
@@ -98,7 +109,23 @@ class PeriodicModel:
             if coefficient_std is None
             else frozen_array(coefficient_std, "coefficient_std", of, axes=axes, dtype=np.complex128),
         )
+        for name, value in (("estimates", estimates), ("unselected", unselected)):
+            put(self, name, None if coefficient_std is None else value)
+        if self.estimates is not None:
+            self._check_estimates(self.estimates)
         put(self, "provenance", provenance if provenance is not None else Provenance())
+
+    def _check_estimates(self, estimates: Estimates) -> None:
+        """Refuse estimates of another model."""
+        off = np.abs(np.subtract.outer(estimates.exponents, self.exponents)).min(axis=1, initial=np.inf)
+        if (off > 1e-9 * self.fundamental).any() or estimates.blocks.shape != self.coefficients.shape[1:3]:
+            raise input_error(
+                "estimates",
+                "PeriodicModel",
+                "belong to the model",
+                "their exponents or channels are others",
+                "Pass `estimates=None`: the model then has no joint covariance.",
+            )
 
     @property
     def order(self) -> int:
@@ -139,6 +166,39 @@ class PeriodicModel:
         size = np.abs(self.exponents)
         return np.divide(-self.exponents.real, size, out=np.zeros_like(size), where=size > 0)
 
+    @property
+    def multiplier_std(self) -> NDArray[np.complex128] | None:
+        """Deviations of the multipliers (modes,): real part of the real, imaginary of the imaginary; δμ = μT δλ."""
+        if self.covariance is None:
+            return None
+        slope = self.multipliers * self.period
+        return self._std_of(slope.real, -slope.imag) + 1j * self._std_of(slope.imag, slope.real)
+
+    @property
+    def frequency_std_hz(self) -> NDArray[np.float64] | None:
+        """Standard deviations of the physical frequencies (modes,) [Hz]."""
+        if self.covariance is None:
+            return None
+        size = np.maximum(np.abs(self.exponents), np.finfo(float).tiny) * 2.0 * np.pi
+        return self._std_of(self.exponents.real / size, self.exponents.imag / size)
+
+    @property
+    def damping_ratio_std(self) -> NDArray[np.float64] | None:
+        r"""Standard deviations of the damping ratios (modes,); δζ = -(Im λ)² δRe λ/|λ|³ + Re λ Im λ δIm λ/|λ|³."""
+        if self.covariance is None:
+            return None
+        size = np.maximum(np.abs(self.exponents), np.finfo(float).tiny)
+        real, imag = self.exponents.real / size, self.exponents.imag / size
+        return self._std_of(-(imag**2) / size, real * imag / size)
+
+    def _std_of(self, by_real: NDArray[np.float64], by_imag: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The deviations of quantities of one mode each, by their slopes (modes,)."""
+        assert self.covariance is not None
+        whole, n = self.covariance, self.order
+        real, imag, both = np.diag(whole)[:n], np.diag(whole)[n:], np.diag(whole[:n, n:])
+        variance = by_real**2 * real + by_imag**2 * imag + 2.0 * by_real * by_imag * both
+        return np.sqrt(np.maximum(variance, 0.0))
+
     def principal(self) -> NDArray[np.complex128]:
         """The exponents moved by whole multiples of iω to the strip -ω/2 < Im λ ≤ ω/2 (modes,) [1/s] (eq. 4)."""
         turns = self.exponents.imag / self.fundamental
@@ -153,3 +213,63 @@ class PeriodicModel:
         """The free response at `times` [s] after phase zero (channels, hits, times) (eq. 12)."""
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         return np.einsum("rchn,rn->chn", self.shapes(t), np.exp(np.multiply.outer(self.exponents, t))).real
+
+    def shape_std(self, times: ArrayLike) -> NDArray[np.complex128] | None:
+        """Deviations of the periodic shapes at `times` [s] (modes, channels, hits, times), None if not estimated.
+
+        That of the real part as the real part, that of the imaginary part as the imaginary part. The harmonics that
+        were discarded count as zero.
+        """
+        if self.estimates is None:
+            return None
+        t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        std = np.zeros((*self.coefficients.shape[:3], len(t)), complex)
+        for entry, mode in enumerate(self.modes_of(self.estimates)):
+            own = self.estimates.picked(modes=[entry], terms=self.kept_terms(self.estimates))
+            turned = np.exp(1j * self.fundamental * np.multiply.outer(own.harmonics, t))
+            mirror = -own.half_turns[0] - own.harmonics
+            back = np.exp(1j * self.fundamental * np.multiply.outer(mirror, t)) * (own.multiplicity == 2.0)[:, None]
+            back = back if own.real[0] else np.zeros_like(back)
+            std[mode] = _real_imag_std(own, turned.T, back.T)
+            partner = np.flatnonzero(np.abs(self.exponents - self.exponents[mode].conj()) < 1e-9 * self.fundamental)
+            if not own.real[0] and len(partner):
+                std[partner[0]] = std[mode]
+        return std
+
+    def modes_of(self, estimates: Estimates) -> NDArray[np.int64]:
+        """The mode of the model that each mode of `estimates` is, by their exponents (modes of `estimates`,).
+
+        Parameters
+        ----------
+        estimates
+            The estimates.
+        """
+        off = np.abs(np.subtract.outer(estimates.exponents, self.exponents))
+        return np.argmin(off, axis=1).astype(np.int64)
+
+    def kept_terms(self, estimates: Estimates) -> NDArray[np.bool_]:
+        """Which terms of `estimates` are coefficients that the model keeps (terms,).
+
+        Parameters
+        ----------
+        estimates
+            The estimates.
+        """
+        kept = (self.coefficients != 0).any(axis=(1, 2))
+        modes, there = self.modes_of(estimates)[estimates.modes], np.isin(estimates.harmonics, self.harmonics)
+        place = np.clip(np.searchsorted(self.harmonics, estimates.harmonics), 0, len(self.harmonics) - 1)
+        return there & kept[modes, place]
+
+
+def _real_imag_std(
+    own: Estimates, straight: NDArray[np.complex128], mirrored: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Deviations of Σ B·straight + B̄·mirrored (channels, hits, quantities), by (quantities, terms)."""
+    std = np.zeros((*own.blocks.shape, len(straight)), complex)
+    for channel, hit in np.ndindex(*own.blocks.shape):
+        for unit in (1.0, 1j):
+            # Re((a B + b B̄)/unit) = Re((a/unit + conj(b/unit)) B)
+            slopes = np.zeros((len(straight), len(own.modes), *own.blocks.shape), complex)
+            slopes[:, :, channel, hit] = straight / unit + (mirrored / unit).conj()
+            std[channel, hit] += unit * np.sqrt(own.variance(by_coefficients=slopes))
+    return std

@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import PeriodicModel
+from floquid.core import Estimates, PeriodicModel
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
-from floquid.periodic._harmonics import select_bands
+from floquid.periodic._free_estimates import free_estimates
+from floquid.periodic._harmonics import GAP, select_bands
 
 
 def assemble(
-    modal: ModalModel, lifted: Lifted, *, false_alarm: float = 1e-8, harmonics: int | None = None
+    modal: ModalModel, lifted: Lifted, *, false_alarm: float = 1e-6, harmonics: int | None = None
 ) -> PeriodicModel:
     r"""The periodic model behind a modal model of lifted responses.
 
@@ -37,7 +38,7 @@ def assemble(
     lifted
         The lifted responses.
     false_alarm
-        The probability at which noise may pass for one harmonic.
+        The probability that noise passes for a harmonic of any mode.
     harmonics
         Keep m = -harmonics … harmonics instead, whatever their significance.
 
@@ -56,12 +57,20 @@ def assemble(
     modal = _sorted(modal)
     found = _expand(modal, lifted)
     if harmonics is None:
-        kept = select_bands(found.coefficients, found.std, found.harmonics, found.seeds, false_alarm=false_alarm)
+        kept = select_bands(
+            found.coefficients,
+            found.std,
+            found.harmonics,
+            found.seeds,
+            false_alarm=false_alarm,
+            n_modes=sum(_partner(modal, r) >= r for r in range(modal.order)),
+        )
     else:
         low, high = found.seeds[:, :1] - harmonics, found.seeds[:, 1:] + harmonics
         kept = (found.harmonics >= low) & (found.harmonics <= high)
         kept &= (found.coefficients != 0).any(axis=(1, 2)) | (found.harmonics == 0)
     order = _by_frequency(modal, found)
+    estimates = _estimates(modal, lifted, found, kept, order) if _has_deviations(modal) and order else None
     kept = kept[order]
     used = kept.any(axis=0)
     mask = kept[:, None, None, used]
@@ -73,8 +82,28 @@ def assemble(
         channels=lifted.channels,
         covariance=_reordered(modal, order).covariance,
         coefficient_std=found.std[order][..., used] * mask if _has_deviations(modal) else None,
+        estimates=estimates,
+        unselected=estimates,
         provenance=lifted.provenance,
     )
+
+
+def _estimates(
+    modal: ModalModel, lifted: Lifted, found: _Expansion, kept: NDArray[np.bool_], order: list[int]
+) -> Estimates:
+    """The coefficients of the bands and of several harmonics beside them, with their joint covariance."""
+    partners = np.array([_partner(modal, r) for r in range(modal.order)])
+    turns = np.abs(found.exponents.imag[:, None] * lifted.period / (2.0 * np.pi) + found.harmonics)
+    terms = []
+    for r in order:
+        if partners[r] < r:
+            continue
+        ends = found.harmonics[kept[r]][[0, -1]] + (-GAP - 1, GAP + 1)
+        own = (found.harmonics >= ends[0]) & (found.harmonics <= ends[1]) & (turns[r] < 0.5 * lifted.n_phases - 1e-6)
+        if partners[r] == r:
+            own &= found.harmonics + found.exponents[r].imag * lifted.period / (2.0 * np.pi) > -1e-6
+        terms += [(r, int(m)) for m in found.harmonics[own]]
+    return free_estimates(modal, lifted, found.exponents, partners, terms)
 
 
 def _has_deviations(modal: ModalModel) -> bool:

@@ -53,7 +53,7 @@ class Constrained:
 
 
 def constrain(
-    model: PeriodicModel, lifted: Lifted, *, false_alarm: float = 1e-8, choose: bool = True, padding: int = PADDING
+    model: PeriodicModel, lifted: Lifted, *, false_alarm: float = 1e-6, choose: bool = True, padding: int = PADDING
 ) -> Constrained:
     r"""The model of the same modes, their residues held to their harmonics: exponents and coefficients anew.
 
@@ -69,7 +69,7 @@ def constrain(
     lifted
         The responses that it was found from.
     false_alarm
-        The probability at which noise may pass for one harmonic.
+        The probability that noise passes for a harmonic of any mode.
     choose
         Whether bands are chosen again; else they are those of the model.
     padding
@@ -105,7 +105,7 @@ def constrain(
         )
     most, blocks = (lifted.n_phases - 1) // 2, LiftedBlock.all_of(lifted)
     found, bands = with_bands(blocks, Entries.of(model), most, false_alarm, choose=choose, padding=padding)
-    held = model_of(blocks, found, bands, channels=model.channels, provenance=model.provenance)
+    held = model_of(blocks, found, bands, channels=model.channels, provenance=model.provenance, most=most)
     return Constrained(held, noise_left(blocks, found), excess(model, lifted, found), found.entries)
 
 
@@ -128,7 +128,7 @@ def with_bands(
     bands, found = entries.bands, settled(blocks, entries.padded(padding, most))
     for _ in range(ROUNDS if choose else 0):
         wide = evaluated(blocks, replace(found.entries, bands=entries.bands).padded(GAP + 1, most))
-        loose = chosen_bands(blocks, wide, LOOSE)
+        loose = chosen_bands(blocks, wide, LOOSE, each=True)
         bands = chosen_bands(blocks, wide, false_alarm)
         if (loose == entries.bands).all():
             break

@@ -54,7 +54,7 @@ def finish(
     model: PeriodicModel,
     lifted: Lifted,
     *,
-    false_alarm: float = 1e-8,
+    false_alarm: float = 1e-6,
     mode_false_alarm: float = 1e-9,
     choose: bool = True,
     search: bool = True,
@@ -73,7 +73,7 @@ def finish(
     lifted
         The responses.
     false_alarm
-        The probability at which noise may pass for one harmonic.
+        The probability that noise passes for a harmonic of any mode.
     mode_false_alarm
         The probability at which noise may pass for a mode.
     choose
@@ -116,7 +116,12 @@ def _better(plain: Finished, held: Constrained | None, found: Searched, lifted: 
     if not len(anew.entries.exponents):
         return plain
     other = model_of(
-        found.blocks, found.held, found.bands, channels=plain.model.channels, provenance=plain.model.provenance
+        found.blocks,
+        found.held,
+        found.bands,
+        channels=plain.model.channels,
+        provenance=plain.model.provenance,
+        most=(lifted.n_phases - 1) // 2,
     )
     left = excess(other, lifted, evaluated(LiftedBlock.all_of(lifted), found.held.entries))
     if held is None:

@@ -82,7 +82,7 @@ def fit(
     free_period: bool = False,
     noise_floor: float = 1e-10,
     mode_false_alarm: float = 1e-9,
-    harmonic_false_alarm: float = 1e-8,
+    harmonic_false_alarm: float = 1e-6,
     report: Callable[[str], None] = lambda _: None,
 ) -> Fit:
     r"""Modes and forced response of records at the times at which they were sampled.
@@ -116,7 +116,7 @@ def fit(
     noise_floor
         The share of the largest free response that the noise is taken to be at least.
     mode_false_alarm, harmonic_false_alarm
-        The probabilities at which noise may pass for a mode, and for a harmonic.
+        The probabilities that noise passes for a mode, and for a harmonic of any mode.
     report
         Is told of each stage.
 
@@ -177,6 +177,7 @@ def fit(
             found.bands,
             channels=names,
             provenance=Provenance.merge(tuple(record.provenance for record in records)),
+            most=most,
         )
     except IdentificationError as error:
         raise IdentificationError(" ".join([str(error), *colour])) from None

@@ -210,7 +210,7 @@ def model_at(
     held = replace(evaluated(blocks, both), information=information, gauss_newton=information)
     kept = np.concatenate([bands, both.bands[len(bands) :]])
     provenance = Provenance.merge(tuple(record.provenance for record in records))
-    return model_of(blocks, held, kept, channels=records[0].channels, provenance=provenance)
+    return model_of(blocks, held, kept, channels=records[0].channels, provenance=provenance, most=None)
 
 
 def families_of(lines: Lines, groups: list[Group], average: Average) -> list[Family]:

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Channel, PeriodicModel, Provenance
+from floquid.core import Channel, Estimates, PeriodicModel, Provenance
 from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import Block
-from floquid.periodic._constrained import Held
-from floquid.periodic._harmonics import select_bands
+from floquid.periodic._constrained import Held, settled
+from floquid.periodic._harmonics import GAP, bands_at, select_bands
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,24 +28,19 @@ class Shapes:
     std: NDArray[np.complex128]
 
 
-def shapes(blocks: Sequence[Block], found: Held) -> Shapes:
-    """The coefficients that a fit has, with their deviations."""
+def estimates_of(blocks: Sequence[Block], found: Held) -> Estimates:
+    """Coefficients of every entry of a fit, those of the forced response too, with their joint covariance."""
     entries = found.entries
     columns, sines, parameters = entries.columns(), entries.sines(), entries.parameters()
-    low, high = int(entries.bands[:, 0].min(initial=0)), int(entries.bands[:, 1].max(initial=0))
-    low, high = (
-        min(low, -int(entries.half_turns.max(initial=0)) - high),
-        max(high, -int(entries.half_turns.min(initial=0)) - low),
-    )
-    harmonics = np.arange(low, high + 1)
-    n_channels, n_hits = 1 + max(int(b.rows.max()) for b in blocks), 1 + max(b.hit for b in blocks)
-    shape = (len(entries.exponents), n_channels, n_hits, len(harmonics))
-    coefficients, std = np.zeros((2, *shape), complex)
-    n = len(columns.modes)
+    n, count = len(columns.modes), len(entries.exponents)
+    shape = (n, 1 + max(int(b.rows.max()) for b in blocks), 1 + max(b.hit for b in blocks))
+    coefficients, scales = np.zeros((2, *shape), complex)
+    slopes = np.zeros((*shape, len(found.gradient)), complex)
+    spread, which = np.zeros((len(blocks), 2 * n, 2 * n)), np.zeros(shape[1:], np.int64)
     # What each parameter moves the rate of a column by.
     rate = np.where(parameters.turns[:, None], 1j, 1.0) * parameters.weights[:, :n]
-    covariance = found.covariance()
-    for block, linear in zip(blocks, found.linear, strict=True):
+    signs = np.repeat([1.0, -1.0], n)
+    for number, (block, linear) in enumerate(zip(blocks, found.linear, strict=True)):
         gain = block.gain(columns.rates)
         relative = (block.gain(columns.rates, slope=True) / gain).T
         factor = np.where(sines, 0.5, 1.0)[:, None] / gain.T / block.scales(columns)[:, None]
@@ -54,20 +49,51 @@ def shapes(blocks: Sequence[Block], found: Held) -> Shapes:
         # The slopes are those of e^{st} counted from t = 0, also where a column is scaled by its end.
         moved = -np.einsum("kl,plc->kcp", linear.inverse @ linear.mixed, parameters.applied(linear.coefficients))
         up, down = np.split(moved, 2)
-        slopes = (up - 1j * down) * factor[:, :, None] - own[:, :, None] * np.einsum("kc,pk->kcp", relative, rate)
-        variance, both = np.diag(linear.inverse), np.diag(linear.inverse[:n, n:])
-        deviations = np.zeros(own.shape, complex)
-        for part, weights in ((1.0, (factor.real, factor.imag)), (1j, (factor.imag, -factor.real))):
-            direct = (
-                weights[0] ** 2 * variance[:n, None]
-                + weights[1] ** 2 * variance[n:, None]
-                + 2.0 * weights[0] * weights[1] * both[:, None]
-            )
-            turned = slopes.real if part == 1.0 else slopes.imag
-            of_poles = np.einsum("kcp,pq,kcq->kc", turned, covariance, turned)
-            deviations += part * np.sqrt(np.maximum(block.noise**2 * direct + of_poles, 0.0))
-        for place, values in ((coefficients, own), (std, deviations)):
-            place[columns.modes[:, None], block.rows, block.hit, (columns.harmonics - low)[:, None]] += values
+        coefficients[:, block.rows, block.hit] = own
+        slopes[:, block.rows, block.hit] = (up - 1j * down) * factor[:, :, None] - own[:, :, None] * np.einsum(
+            "kc,pk->kcp", relative, rate
+        )
+        scales[:, block.rows, block.hit] = factor * block.noise
+        spread[number] = signs[:, None] * linear.inverse * signs
+        which[block.rows, block.hit] = number
+    place = parts_of(entries)
+    return Estimates(
+        exponents=entries.exponents + 1j * entries.fundamental * entries.offsets * entries.real,
+        real=entries.real,
+        fundamental=entries.fundamental,
+        modes=columns.modes,
+        harmonics=columns.harmonics,
+        coefficients=coefficients,
+        covariance=place @ found.covariance() @ place.T if len(found.gradient) else np.zeros((2 * count + 1,) * 2),
+        slopes=np.matmul(slopes, place.T, dtype=np.complex128),
+        spread=spread,
+        blocks=which,
+        scales=scales,
+    )
+
+
+def parts_of(entries: Entries) -> NDArray[np.float64]:
+    """Which part each real parameter is: real parts, imaginary parts, fundamental (2 entries + 1, parameters)."""
+    decays, pairs = np.flatnonzero(~entries.fixed), np.flatnonzero(~entries.fixed & ~entries.real)
+    count = len(entries.exponents)
+    parts = np.concatenate([decays, count + pairs, [2 * count] * entries.free_period]).astype(int)
+    place = np.zeros((2 * count + 1, len(parts)))
+    place[parts, np.arange(len(parts))] = 1.0
+    return place
+
+
+def shapes(blocks: Sequence[Block], found: Held) -> Shapes:
+    """The coefficients that a fit has, with their deviations."""
+    entries, whole = found.entries, estimates_of(blocks, found)
+    low, high = int(entries.bands[:, 0].min(initial=0)), int(entries.bands[:, 1].max(initial=0))
+    low, high = (
+        min(low, -int(entries.half_turns.max(initial=0)) - high),
+        max(high, -int(entries.half_turns.min(initial=0)) - low),
+    )
+    harmonics = np.arange(low, high + 1)
+    coefficients, std = np.zeros((2, len(entries.exponents), *whole.blocks.shape, len(harmonics)), complex)
+    for place, values in ((coefficients, whole.coefficients), (std, whole.std())):
+        np.moveaxis(place, 3, 1)[whole.modes, whole.harmonics - low] = values
     _mirror(entries, harmonics, coefficients, std)
     return Shapes(harmonics, coefficients, std)
 
@@ -82,13 +108,18 @@ def _mirror(entries: Entries, harmonics: NDArray[np.int64], coefficients: NDArra
                 std[entry, :, :, other] = std[entry, :, :, place]
 
 
-def chosen_bands(blocks: Sequence[Block], wide: Held, false_alarm: float) -> NDArray[np.int64]:
-    """The bands that rise above the noise, of the entries that are not fixed; the others keep theirs."""
+def chosen_bands(blocks: Sequence[Block], wide: Held, false_alarm: float, *, each: bool = False) -> NDArray[np.int64]:
+    """The bands that rise above the noise, of the entries that are not fixed; the others keep theirs.
+
+    `false_alarm` is that of all of them together, or with `each` that of one harmonic.
+    """
     entries, found = wide.entries, shapes(blocks, wide)
     harmonics = found.harmonics
     seeds = np.stack([np.minimum(0, -entries.half_turns), np.maximum(0, -entries.half_turns)], axis=1)
     seeds = np.clip(seeds, harmonics[0], harmonics[-1])
-    kept = select_bands(found.coefficients, found.std, harmonics, seeds, false_alarm=false_alarm)
+    those = (found.coefficients, found.std, harmonics, seeds)
+    free = int((~entries.fixed).sum())
+    kept = bands_at(*those, level=false_alarm) if each else select_bands(*those, false_alarm=false_alarm, n_modes=free)
     bands = np.array([(harmonics[row][0], harmonics[row][-1]) for row in kept], np.int64).reshape(-1, 2)
     return np.where(entries.fixed[:, None], entries.bands, bands)
 
@@ -100,8 +131,12 @@ def model_of(
     *,
     channels: tuple[Channel, ...],
     provenance: Provenance,
+    most: int | None,
 ) -> PeriodicModel:
-    """The periodic model of the entries that are not fixed, each with its conjugate, harmonics within the bands."""
+    """The periodic model of the entries that are not fixed, each with its conjugate, harmonics within the bands.
+
+    Up to `most` fundamentals of the axis can be seen; None where no wider bands are to be fitted.
+    """
     own = np.flatnonzero(~found.entries.fixed)
     entries, both = found.entries.picked(own), shapes(blocks, found)
     harmonics, bands = both.harmonics, bands[own]
@@ -144,5 +179,19 @@ def model_of(
         channels=channels,
         covariance=covariance,
         coefficient_std=out_std[..., used],
+        estimates=estimates_of(blocks, found).picked(modes=own[np.argsort(size, kind="stable")]),
+        unselected=None if most is None else unselected(blocks, found, most),
         provenance=provenance,
     )
+
+
+def unselected(blocks: Sequence[Block], found: Held, most: int) -> Estimates | None:
+    """The estimates of the same fit with more harmonics on each side; None where there is no such fit."""
+    free = np.flatnonzero(~found.entries.fixed)
+    try:
+        wide = settled(blocks, found.entries.padded(GAP, most))
+    except (IdentificationError, np.linalg.LinAlgError):
+        return None
+    whole = estimates_of(blocks, wide)
+    size = np.abs(found.entries.exponents + 1j * found.entries.fundamental * found.entries.offsets)[free]
+    return whole.picked(modes=free[np.argsort(size, kind="stable")])

@@ -1,6 +1,26 @@
-"""A `PeriodicModel` → the state transition matrix and the state matrix, in the coordinates of chosen channels."""
+"""A `PeriodicModel` → the state transition matrix and the state matrix, in the coordinates of chosen channels.
 
-from floquid.reconstruction._second_order import reconstruct
+`reconstruct` builds them from the shapes as they are; `refine` fits a state matrix of given structure to all that the
+record says.
+"""
+
+from floquid.reconstruction._reconstruct import Form, reconstruct
+from floquid.reconstruction._refine import refine
+from floquid.reconstruction._refinement import Refinement
 from floquid.reconstruction._state_model import StateModel
+from floquid.reconstruction._structure import AbstractStructure, Block, FirstOrder, SecondOrder
+from floquid.reconstruction._structure_text import structure_of, text_of
 
-__all__ = ["StateModel", "reconstruct"]
+__all__ = [
+    "AbstractStructure",
+    "Block",
+    "FirstOrder",
+    "Form",
+    "Refinement",
+    "SecondOrder",
+    "StateModel",
+    "reconstruct",
+    "refine",
+    "structure_of",
+    "text_of",
+]

@@ -30,8 +30,12 @@ class StateModel:
         of the shapes may grow in A.
     states
         The names of the states, displacements first, then velocities.
+    coordinates
+        What the states are, in words.
     system_std
-        Standard deviations of A (times, n, n); None while not estimated.
+        Standard deviations of A (times, n, n); None where not estimated.
+    transition_std
+        Standard deviations of Φ (times, n, n); None where not estimated.
     provenance
         Where the model comes from.
     """
@@ -41,7 +45,9 @@ class StateModel:
     system: NDArray[np.float64]
     condition: NDArray[np.float64]
     states: tuple[str, ...]
+    coordinates: str = ""
     system_std: NDArray[np.float64] | None = None
+    transition_std: NDArray[np.float64] | None = None
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
@@ -52,5 +58,6 @@ class StateModel:
         for name in ("transition", "system"):
             put(self, name, frozen_array(getattr(self, name), name, of, axes=(steps, n, n)))
         put(self, "condition", frozen_array(self.condition, "condition", of, axes=(steps,)))
-        if self.system_std is not None:
-            put(self, "system_std", frozen_array(self.system_std, "system_std", of, axes=(steps, n, n)))
+        for name in ("system_std", "transition_std"):
+            if getattr(self, name) is not None:
+                put(self, name, frozen_array(getattr(self, name), name, of, axes=(steps, n, n)))

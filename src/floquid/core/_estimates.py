@@ -1,0 +1,251 @@
+"""Exponents and coefficients together with their joint covariance, kept in factors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import finite, frozen_array, input_error, positive
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Estimates:
+    r"""What a fit says of exponents and of every coefficient that it had, with their joint covariance.
+
+    The parameters are p = (Re λ, Im λ, ω), and one *term* (r, m) is the coefficient B of harmonic m of mode r. Errors
+    are those of p and, independent of them, the noise of each row, a row being one channel in one hit:
+
+    .. math:: \delta B_{k,c,h} = \sum_p S_{k,c,h,p}\, \delta p + g_{k,c,h}\, e_{k,c,h}, \qquad
+              \mathrm{cov}\,[\Re e; \Im e]_{c,h} = V_{b(c,h)}
+
+    so that a model of many channels is never one dense matrix (decision 0014). Of a conjugate pair the mode of positive
+    imaginary part alone is here, and of a real multiplier the harmonics that turn forwards: the others are their mirror
+    images.
+
+    Parameters
+    ----------
+    exponents
+        λ (modes,) [1/s].
+    real
+        Which multipliers are real (modes,): the imaginary part is no parameter, but half the fundamental or nothing.
+    fundamental
+        ω [rad/s].
+    modes, harmonics
+        The mode and the harmonic m of each term (terms,).
+    coefficients
+        B (terms, channels, hits) [units of the channels].
+    covariance
+        Of p: real parts, imaginary parts, fundamental (2 modes + 1, 2 modes + 1); zero where one is no parameter.
+    slopes
+        S (terms, channels, hits, 2 modes + 1).
+    spread
+        V, of real parts, then imaginary parts (blocks, 2 terms, 2 terms).
+    blocks
+        b: which V a row has (channels, hits).
+    scales
+        g (terms, channels, hits) [units of the channels].
+
+    Raises
+    ------
+    InputError
+        A shape or a value is not possible.
+    """
+
+    exponents: NDArray[np.complex128]
+    real: NDArray[np.bool_]
+    fundamental: float
+    modes: NDArray[np.int64]
+    harmonics: NDArray[np.int64]
+    coefficients: NDArray[np.complex128]
+    covariance: NDArray[np.float64]
+    slopes: NDArray[np.complex128]
+    spread: NDArray[np.float64]
+    blocks: NDArray[np.int64]
+    scales: NDArray[np.complex128]
+
+    def __post_init__(self) -> None:
+        of, put = "Estimates", object.__setattr__
+        lam = frozen_array(self.exponents, "exponents", of, axes=("modes",), dtype=np.complex128)
+        modes = frozen_array(self.modes, "modes", of, axes=("terms",), dtype=np.int64)
+        values = frozen_array(
+            self.coefficients, "coefficients", of, axes=(len(modes), "channels", "hits"), dtype=np.complex128
+        )
+        n, parts = len(modes), 2 * len(lam) + 1
+        put(self, "exponents", lam)
+        put(self, "modes", modes)
+        put(self, "coefficients", values)
+        put(self, "fundamental", positive(self.fundamental, "fundamental", of, unit="rad/s"))
+        real = np.array(self.real, bool)
+        real.flags.writeable = False
+        put(self, "real", real)
+        shapes = {
+            "harmonics": ((n,), np.int64),
+            "covariance": ((parts, parts), np.float64),
+            "slopes": ((*values.shape, parts), np.complex128),
+            "spread": (("blocks", 2 * n, 2 * n), np.float64),
+            "blocks": (values.shape[1:], np.int64),
+            "scales": (values.shape, np.complex128),
+        }
+        for name, (axes, dtype) in shapes.items():
+            put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, dtype=dtype))
+        if real.shape != lam.shape or (n and (modes.min() < 0 or modes.max() >= len(lam))):
+            raise input_error("modes", of, "name modes of `exponents`", f"are {np.unique(modes).tolist()}")
+        if self.blocks.size and (self.blocks.min() < 0 or self.blocks.max() >= len(self.spread)):
+            raise input_error("blocks", of, "name blocks of `spread`", f"are {np.unique(self.blocks).tolist()}")
+
+    @property
+    def rates(self) -> NDArray[np.complex128]:
+        """λ + imω of each term (terms,) [1/s]."""
+        return self.exponents[self.modes] + 1j * self.fundamental * self.harmonics
+
+    @property
+    def half_turns(self) -> NDArray[np.int64]:
+        """κ = 2 Im λ/ω of real multipliers, zero for pairs (modes,)."""
+        return np.where(self.real, np.rint(2.0 * self.exponents.imag / self.fundamental), 0).astype(np.int64)
+
+    @property
+    def turning(self) -> NDArray[np.bool_]:
+        """Which terms turn (terms,): all but that of a real multiplier that has a real coefficient."""
+        return ~(self.real[self.modes] & (2 * self.harmonics + self.half_turns[self.modes] == 0))
+
+    @property
+    def multiplicity(self) -> NDArray[np.float64]:
+        """How often a term is in the response, its mirror image counted: 2, or 1 where it does not turn (terms,)."""
+        return np.where(self.turning, 2.0, 1.0)
+
+    @property
+    def rate_slopes(self) -> NDArray[np.complex128]:
+        """What the parameters move the rate of each term by (terms, 2 modes + 1)."""
+        count = len(self.exponents)
+        own = (self.modes[:, None] == np.arange(count)).astype(float)
+        turns = self.harmonics + 0.5 * self.half_turns[self.modes]
+        parts = [own, 1j * own * ~self.real, 1j * turns[:, None]]
+        return np.concatenate(parts, axis=1, dtype=np.complex128)
+
+    def std(self) -> NDArray[np.complex128]:
+        """Deviations of the coefficients (terms, channels, hits): real part of the real, imaginary of the imaginary."""
+        n = len(self.modes)
+        own = np.diagonal(self.spread, axis1=1, axis2=2)[self.blocks]
+        cross = np.diagonal(self.spread[:, :n, n:], axis1=1, axis2=2)[self.blocks]
+        up, down, both = (np.moveaxis(part, -1, 0) for part in (own[..., :n], own[..., n:], cross))
+        g, s = self.scales, self.slopes
+        real = g.real**2 * up + g.imag**2 * down - 2.0 * g.real * g.imag * both
+        imag = g.imag**2 * up + g.real**2 * down + 2.0 * g.real * g.imag * both
+        real += np.einsum("kchp,kchp->kch", s.real @ self.covariance, s.real)
+        imag += np.einsum("kchp,kchp->kch", s.imag @ self.covariance, s.imag)
+        return np.sqrt(np.maximum(real, 0.0)) + 1j * np.sqrt(np.maximum(imag, 0.0))
+
+    def noise_covariance(self, channel: int, hit: int) -> NDArray[np.float64]:
+        """The covariance of the coefficients of one row when p is known (2 terms, 2 terms): real, then imaginary.
+
+        Parameters
+        ----------
+        channel, hit
+            The row.
+        """
+        g = self.scales[:, channel, hit]
+        turn = np.block([[np.diag(g.real), -np.diag(g.imag)], [np.diag(g.imag), np.diag(g.real)]])
+        return turn @ self.spread[self.blocks[channel, hit]] @ turn.T
+
+    def variance(
+        self,
+        *,
+        by_coefficients: NDArray[np.complex128],
+        by_rates: NDArray[np.complex128] | None = None,
+        by_exponents: NDArray[np.complex128] | None = None,
+        by_fundamental: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        r"""The variance of real quantities f, to first order.
+
+        .. math:: \delta f = \Re \Big(\sum_k \frac{\partial f}{\partial B_k} \delta B_k +
+                  \sum_k \frac{\partial f}{\partial s_k} \delta s_k + \sum_r \frac{\partial f}{\partial \lambda_r}
+                  \delta \lambda_r\Big) + \frac{\partial f}{\partial \omega} \delta \omega
+
+        with s the rates of the terms. A slope is that of the term and of its mirror image together.
+
+        Parameters
+        ----------
+        by_coefficients
+            Slopes by the coefficients (quantities, terms, channels, hits).
+        by_rates
+            Slopes by the rates (quantities, terms).
+        by_exponents
+            Slopes by the exponents (quantities, modes).
+        by_fundamental
+            Slopes by ω (quantities,).
+
+        Returns
+        -------
+        numpy.ndarray
+            The variance of each (quantities,).
+        """
+        flat = by_coefficients.reshape(len(by_coefficients), -1)
+        total = (flat @ self.slopes.reshape(flat.shape[1], -1)).real
+        if by_rates is not None:
+            total += (by_rates @ self.rate_slopes).real
+        if by_exponents is not None:
+            own, count = np.asarray(by_exponents), len(self.exponents)
+            total[:, :count] += own.real
+            total[:, count:-1] -= own.imag * ~self.real
+            total[:, -1] -= own.imag @ (0.5 * self.half_turns)
+        if by_fundamental is not None:
+            total[:, -1] += by_fundamental
+        variance = np.einsum("qp,qp->q", total @ self.covariance, total)
+        for channel, hit in np.ndindex(*self.blocks.shape):
+            seen = by_coefficients[:, :, channel, hit]
+            if not seen.any():
+                continue
+            seen = seen * self.scales[:, channel, hit]
+            both = np.concatenate([seen.real, -seen.imag], axis=1)
+            variance += np.einsum("qk,qk->q", both @ self.spread[self.blocks[channel, hit]], both)
+        return np.maximum(variance, 0.0)
+
+    def picked(self, *, modes: ArrayLike | None = None, terms: ArrayLike | None = None) -> Estimates:
+        """Some of the modes and of their terms, with their own covariance.
+
+        Parameters
+        ----------
+        modes
+            Which, in the order wanted; None for all.
+        terms
+            Which of their terms, a mask or indices; None for all.
+        """
+        kept = np.arange(len(self.exponents)) if modes is None else np.asarray(modes, np.int64)
+        chosen = np.arange(len(self.modes))
+        if terms is not None:
+            chosen = chosen[np.asarray(terms)]
+        place = np.full(len(self.exponents), -1)
+        place[kept] = np.arange(len(kept))
+        own = [k for mode in kept for k in chosen if self.modes[k] == mode]
+        parts = np.concatenate([kept, kept + len(self.exponents), [2 * len(self.exponents)]])
+        both = np.concatenate([own, np.array(own, int) + len(self.modes)]).astype(int)
+        return Estimates(
+            exponents=self.exponents[kept],
+            real=self.real[kept],
+            fundamental=self.fundamental,
+            modes=place[self.modes[own]],
+            harmonics=self.harmonics[own],
+            coefficients=self.coefficients[own],
+            covariance=self.covariance[np.ix_(parts, parts)],
+            slopes=self.slopes[own][..., parts],
+            spread=self.spread[:, both][:, :, both],
+            blocks=self.blocks,
+            scales=self.scales[own],
+        )
+
+    def term(self, mode: int, harmonic: int) -> int | None:
+        """The position of a term; None where there is none.
+
+        Parameters
+        ----------
+        mode, harmonic
+            What it is the coefficient of.
+        """
+        found = np.flatnonzero((self.modes == mode) & (self.harmonics == harmonic))
+        return int(found[0]) if len(found) else None
+
+    def period_std(self) -> float:
+        """The deviation of the period [s]; zero where it was given."""
+        return finite(2.0 * np.pi / self.fundamental**2 * np.sqrt(self.covariance[-1, -1]), "covariance", "Estimates")

@@ -1,0 +1,104 @@
+"""The joint covariance of exponents and coefficients where the residues at each phase are free."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Estimates
+from floquid.lifting import Lifted
+from floquid.lti import ModalModel
+
+
+def free_estimates(
+    modal: ModalModel,
+    lifted: Lifted,
+    exponents: NDArray[np.complex128],
+    partners: NDArray[np.int64],
+    terms: list[tuple[int, int]],
+) -> Estimates:
+    r"""Estimates of the coefficients B = Σ_k κ_k R_k, κ_k = e^{-(λ + imω) t_k}/(P g), of free residues R.
+
+    The residues at different phases err independently of one another, with covariance σ²S and pseudo-covariance σ²S',
+    S' that of a mode with the conjugate of the other; the poles move them through `modal.residue_slope`, and the
+    kernel κ too.
+
+    Parameters
+    ----------
+    modal
+        The modal model of the lifted responses, with deviations.
+    lifted
+        The responses.
+    exponents
+        The exponent of each mode, on the branch that is meant (modes,) [1/s].
+    partners
+        The conjugate of each mode, itself where the multiplier is real (modes,).
+    terms
+        The modes and the harmonics wanted, modes of positive imaginary part and real ones alone.
+
+    Returns
+    -------
+    Estimates
+        Modes in the order of their first term.
+    """
+    assert modal.covariance is not None
+    assert modal.residue_spread is not None
+    assert modal.residue_slope is not None
+    own = list(dict.fromkeys(mode for mode, _ in terms))
+    modes, harmonics = (np.array(column, np.int64) for column in zip(*terms, strict=True))
+    times, omega = lifted.phase_times, 2.0 * np.pi / lifted.period
+    rates = exponents[modes] + 1j * harmonics * omega
+    kernel = np.exp(-np.multiply.outer(rates, times)) / lifted.n_phases
+    gain = lifted.gain(rates)
+    residues = lifted.by_channel(modal.residues)
+    values = np.einsum("tk,tckh->tch", kernel, residues[modes]) / gain.T[:, :, None]
+    # By each pole: through the residues of every mode, and through a mode's own kernel and gain.
+    moved = np.einsum("tk,rckh->rtch", kernel, residues)
+    moved = moved * -np.moveaxis(modal.residue_slope[:, modes, :], (0, 1, 2), (2, 1, 0))[:, :, None, :]
+    turned = np.einsum("tk,k,tckh->tch", kernel, times / lifted.period, residues[modes])
+    moved[modes, np.arange(len(terms))] -= turned
+    moved = moved / gain.T[:, :, None]
+    relative = (lifted.gain(rates, slope=True) / gain).T / lifted.period
+    moved[modes, np.arange(len(terms))] -= values * relative[:, :, None]
+    moved = moved * lifted.period
+    real = np.array([partners[mode] == mode for mode in own])
+    other = moved[[partners[mode] for mode in own]]
+    straight = moved[own]
+    both = np.where(real[:, None, None, None], straight, straight + other)
+    across = np.where(real[:, None, None, None], 0.0, 1j * (straight - other))
+    slopes = np.moveaxis(np.concatenate([both, across, np.zeros_like(both[:1])]), 0, -1)
+    order, count = modal.order, len(own)
+    parts = np.array([*own, *(order + mode for mode in own)])
+    covariance = np.zeros((2 * count + 1, 2 * count + 1))
+    covariance[:-1, :-1] = modal.covariance[np.ix_(parts, parts)]
+    covariance[count:-1][real], covariance[:, count:-1][:, real] = 0.0, 0.0
+    n_hits = lifted.n_hits
+    place = {mode: number for number, mode in enumerate(own)}
+    return Estimates(
+        exponents=exponents[own],
+        real=real,
+        fundamental=omega,
+        modes=np.array([place[int(mode)] for mode in modes], np.int64),
+        harmonics=harmonics,
+        coefficients=values,
+        covariance=covariance,
+        slopes=slopes,
+        spread=np.array([_spread(modal.residue_spread[hit], kernel, modes, partners) for hit in range(n_hits)]),
+        blocks=np.tile(np.arange(n_hits), (lifted.n_channels, 1)),
+        scales=lifted.noise / gain.T[:, :, None],
+    )
+
+
+def _spread(
+    spread: NDArray[np.complex128],
+    kernel: NDArray[np.complex128],
+    modes: NDArray[np.int64],
+    partners: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """The covariance of real parts, then imaginary parts, at unit noise (2 terms, 2 terms)."""
+    straight = spread[np.ix_(modes, modes)] * (kernel @ kernel.conj().T)
+    crossed = spread[np.ix_(modes, partners[modes])] * (kernel @ kernel.T)
+    upper = 0.5 * (straight + crossed).real
+    lower = 0.5 * (straight - crossed).real
+    side = 0.5 * (crossed - straight).imag
+    return np.block([[upper, side], [side.T, lower]])

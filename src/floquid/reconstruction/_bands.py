@@ -1,0 +1,145 @@
+"""Which harmonics of the shapes A(t) is built from: those that make its error least."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Estimates, PeriodicModel
+from floquid.errors import IdentificationError
+from floquid.reconstruction._modal_matrix import Shapes, Terms, by_system, modal_at
+
+FALSE_ALARM = 1e-3
+"""The probability at which noise may pass for a harmonic, over all that are tried: one that is false is multiplied by
+the square of its frequency in A(t), and one that is missing leaves out its own size alone."""
+
+GAP = 3
+"""Harmonics of no significance that a band may go on over, to one that the model keeps."""
+
+INSTANTS = 16
+"""Instants of the period at which the error is looked at."""
+
+MOST = 8
+"""Choices that are compared."""
+
+
+def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> NDArray[np.bool_]:
+    r"""The terms that A(t) is built from (terms,).
+
+    From the strongest harmonic of each mode its band grows on either side while the next one rises above the noise in
+    the channels of the states, at a probability of `FALSE_ALARM` over all that are tried. Of the nested choices from
+    the strongest harmonics alone to all of these, the one with the least expected error of A(t) is taken (the focused
+    information criterion, Claeskens and Hjort 2003),
+
+    .. math:: R_c = \sum_{t,i,j} \big( \mathrm{var}\, A_c + \max(0,\ |A_c - A|^2 - \mathrm{var}(A_c - A)) \big)
+
+    with A the largest choice, so that a harmonic counts by what it does to A(t), not to the response.
+    """
+    own = terms.estimates
+    rows = (shapes.weights != 0).any(axis=(0, 1, 2))
+    score = scores(own, rows)
+    band = _grown(model, own, score, int(rows.sum()) * own.blocks.shape[1])
+    order = _nested(own, score, band)
+    if not len(order):
+        return band
+    times = np.arange(INSTANTS) * model.period / INSTANTS
+    largest = _modal(shapes, terms, band, times)
+    if largest is None:
+        return band
+    best, least, choice = np.inf, band, band.copy()
+    step = max(1, -(-len(order) // MOST))
+    for number in range(0, len(order) + 1, step):
+        candidate = choice.copy()
+        candidate[order[:number]] = False
+        found = _risk(shapes, terms, candidate, largest, band, times)
+        if found < best:
+            best, least = found, candidate
+    return least
+
+
+def scores(estimates: Estimates, rows: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """The sum of squares of each term over its deviations in some of the channels (terms,).
+
+    Without such a harmonic it is a chi-square of two degrees of freedom a channel and hit.
+    """
+    std, value = estimates.std()[:, rows], estimates.coefficients[:, rows]
+    real = np.divide(value.real, std.real, out=np.zeros(value.shape), where=std.real > 0)
+    turning = np.broadcast_to(estimates.turning[:, None, None] & (std.imag > 0), value.shape)
+    imag = np.divide(value.imag, std.imag, out=np.zeros(value.shape), where=turning)
+    return np.sum(real**2 + imag**2, axis=(1, 2))
+
+
+def _grown(model: PeriodicModel, estimates: Estimates, score: NDArray[np.float64], responses: int) -> NDArray[np.bool_]:
+    """A contiguous band of each mode about its strongest term, as far as it rises above the noise (terms,)."""
+    from scipy.special import chdtri
+
+    kept, band = model.kept_terms(estimates), np.zeros(len(score), bool)
+    limit = float(chdtri(2 * responses, FALSE_ALARM / (2 * len(estimates.exponents))))
+    for mode in range(len(estimates.exponents)):
+        own = np.flatnonzero(estimates.modes == mode)
+        own = own[np.argsort(estimates.harmonics[own])]
+        start = int(np.argmax(score[own]))
+        ends = [start, start]
+        for side, step in ((0, -1), (1, 1)):
+            while True:
+                ahead = [ends[side] + step * k for k in range(1, GAP + 2)]
+                ahead = [k for k in ahead if 0 <= k < len(own) and score[own[k]] > limit]
+                ahead = [k for k in ahead if abs(k - ends[side]) == 1 or kept[own[k]]]
+                if not ahead:
+                    break
+                ends[side] = ahead[0]
+        band[own[ends[0] : ends[1] + 1]] = True
+    return band
+
+
+def _nested(estimates: Estimates, score: NDArray[np.float64], band: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The terms that may be left out, in the order in which they are: the weakest end of a band first."""
+    left, order = band.copy(), []
+    while True:
+        ends = []
+        for mode in range(len(estimates.exponents)):
+            own = np.flatnonzero((estimates.modes == mode) & left)
+            harmonics = estimates.harmonics[own]
+            strongest = harmonics[np.argmax(score[own])] if len(own) else 0
+            if len(own):
+                outer = own[[np.argmin(harmonics), np.argmax(harmonics)]]
+                ends += [k for k in outer if estimates.harmonics[k] != strongest]
+        if not ends:
+            return np.array(order, np.int64)
+        weakest = min(ends, key=lambda k: score[k])
+        left[weakest] = False
+        order.append(int(weakest))
+
+
+def _modal(shapes: Shapes, terms: Terms, kept: NDArray[np.bool_], times: NDArray[np.float64]):
+    own = terms.mask(kept, shapes)
+    try:
+        return own, modal_at(own, times)
+    except (IdentificationError, np.linalg.LinAlgError):
+        return None
+
+
+def _risk(
+    shapes: Shapes,
+    terms: Terms,
+    candidate: NDArray[np.bool_],
+    largest: tuple,
+    band: NDArray[np.bool_],
+    times: NDArray[np.float64],
+) -> float:
+    """The expected sum of squared errors of A(t), the states in units of their sizes in the modes."""
+    found = _modal(shapes, terms, candidate, times)
+    if found is None:
+        return np.inf
+    own, modal = found
+    whole, reference = largest
+    size = np.sqrt(np.mean(np.abs(reference.modal) ** 2, axis=(0, 2)))
+    units, total = np.outer(1.0 / size, size) ** 2, 0.0
+    for t in range(len(times)):
+        slopes = by_system(own, modal, times, t, terms)
+        total += float(np.sum(units * slopes.variance(terms.estimates)))
+        if (candidate != band).any():
+            off = np.abs(modal.system[t] - reference.system[t]) ** 2
+            noise = (slopes - by_system(whole, reference, times, t, terms)).variance(terms.estimates)
+            total += max(float(np.sum(units * (off - noise))), 0.0)
+    return total

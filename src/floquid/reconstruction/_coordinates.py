@@ -1,0 +1,93 @@
+"""Which states: what each channel of the model counts in each state, as a function of the rate s = λ + imω."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A channel as a part of a state: gain · sᵖ e^{sτ} times its coefficient."""
+
+    channel: int
+    gain: float = 1.0
+    power: int = 0
+    delay: float = 0.0
+    """τ: how much later the channel is seen [s]."""
+
+    def weight(self, rates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """The factor at each rate."""
+        return self.gain * rates**self.power * np.exp(rates * self.delay)
+
+    def slope(self, rates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Its slope by the rate."""
+        by_power = self.power * rates ** (self.power - 1) if self.power else np.zeros_like(rates)
+        return self.gain * np.exp(rates * self.delay) * (by_power + self.delay * rates**self.power)
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """One state: the sum of its parts, or their average where each is an estimate of the same motion.
+
+    An average is weighted by the noise of its parts, that of a channel times |s|ᵖ: at each rate the quantity counts
+    most that says most there.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    noise: tuple[float, ...] = ()
+    """The deviation of the channel of each part of an average; empty for a sum."""
+
+    def derivative(self) -> State:
+        """The rate of change of this state."""
+        parts = tuple(Part(part.channel, part.gain, part.power + 1, part.delay) for part in self.parts)
+        return State(f"d/dt {self.name}", parts, self.noise)
+
+    def weights(self, rates: NDArray[np.complex128], count: int) -> tuple[NDArray, NDArray]:
+        """What each of `count` channels is multiplied by (..., channels), and the slope of that by the rate."""
+        weights, slopes = np.zeros((2, *rates.shape, count), complex)
+        own = [part.weight(rates) for part in self.parts]
+        if len(self.noise) < 2:
+            for part, weight in zip(self.parts, own, strict=True):
+                weights[..., part.channel] += weight
+                slopes[..., part.channel] += part.slope(rates)
+            return weights, slopes
+        precision = np.array([1.0 / (np.abs(weight) * std) ** 2 for weight, std in zip(own, self.noise, strict=True)])
+        shares = precision / precision.sum(axis=0)
+        relative = np.zeros(rates.shape, complex)
+        for part, weight, share in zip(self.parts, own, shares, strict=True):
+            weights[..., part.channel] += share * weight
+            # The parts agree on the state x, so that δx = Σ share (w'/w) x δs, whatever the shares do.
+            relative += share * part.slope(rates) / weight
+        return weights, relative[..., None] * weights
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinates:
+    """The states, in order."""
+
+    states: tuple[State, ...]
+    n_channels: int
+    form: str
+    """"second-order", "first-order" or "delayed"."""
+    words: str
+    """What the states are, in words."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the states."""
+        return tuple(state.name for state in self.states)
+
+    @property
+    def said(self) -> str:
+        """The names of the states that are no derivatives of others."""
+        half = len(self.states) // 2 if self.form == "second-order" else len(self.states)
+        return ", ".join(self.names[:half])
+
+    def weights(self, rates: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Weights of the channels (modes, harmonics, states, channels), and their slopes by the rate."""
+        both = [state.weights(rates, self.n_channels) for state in self.states]
+        return np.stack([one for one, _ in both], axis=-2), np.stack([other for _, other in both], axis=-2)

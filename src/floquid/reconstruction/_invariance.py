@@ -1,0 +1,304 @@
+r"""The fit of a structured equation of motion to the estimates of a free model (the extended invariance principle).
+
+With p the exponents' parts and B the coefficients, both as the free model has them and as the structure has them,
+
+.. math:: \min_{\theta, q} \; \delta p^T C_p^{-1} \delta p + \sum_{c,h} e_{c,h}^T V_{c,h}^{-1} e_{c,h}, \qquad
+          e_{c,h} = g^{-1} \big(\delta B_{c,h} - S_{c,h}\, \delta p\big)
+
+q being the amplitude of each mode in each hit. This loses nothing asymptotically against the fit of the record itself
+(Söderström and Stoica 1989, "On reparametrization of loss functions used in estimation and the invariance principle").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Estimates
+from floquid.errors import IdentificationError
+from floquid.reconstruction._harmonic_balance import Mode, slopes_of, solved
+from floquid.reconstruction._structure import Basis
+
+Array = NDArray[Any]
+
+ITERATIONS = 60
+"""Steps at most."""
+
+AT_REST = 1e-4
+"""Standard deviations that the last step may have."""
+
+BEYOND = 3
+"""Harmonics of the shapes beyond those of the estimates, in harmonics of the equation: what is cut off there is less
+than the estimates see."""
+
+UNDETERMINED = 1e-12
+"""The least eigenvalue of the scaled information, over the largest, at which the parameters count as determined."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What a channel sees of a displacement: gain · sᵖ e^{sτ} times its coefficient."""
+
+    channel: int
+    displacement: int
+    gain: float
+    power: int
+    delay: float
+
+    def factor(self, rates: Array) -> Array:
+        """The factor at each rate."""
+        return self.gain * rates**self.power * np.exp(rates * self.delay)
+
+    def slope(self, rates: Array) -> Array:
+        """Its slope by the rate."""
+        by_power = self.power * rates ** (self.power - 1) if self.power else np.zeros_like(rates)
+        return self.gain * np.exp(rates * self.delay) * (by_power + self.delay * rates**self.power)
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """The estimates, what the channels see of the displacements, and the structure."""
+
+    estimates: Estimates
+    seen: tuple[Seen, ...]
+    basis: Basis
+    anchors: tuple[Array, ...]
+    """First shapes of the displacements, one a mode of the estimates (harmonics, displacements)."""
+    whiteners: tuple[Array, ...]
+    """L⁻¹ of each V, without what does not turn."""
+    parts: NDArray[np.int64]
+    """Which of p are parameters."""
+    root: Array
+    """L⁻¹ of the covariance of these."""
+
+    @property
+    def n_amplitudes(self) -> int:
+        """Real numbers of one hit: two of a pair, one of a real multiplier."""
+        return int(2 * (~self.estimates.real).sum() + self.estimates.real.sum())
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Parameters, and what follows from them."""
+
+    parameters: Array
+    amplitudes: Array
+    """(modes, hits)."""
+    fundamental: float
+    modes: tuple[Mode, ...]
+    rest: Array
+    """The whitened differences."""
+    slopes: Array
+    """Of what the structure predicts, whitened (differences, unknowns)."""
+    mode_slopes: tuple
+    """Of each mode."""
+
+    @property
+    def cost(self) -> float:
+        """The sum of squares."""
+        return float(self.rest @ self.rest)
+
+
+def problem_of(estimates: Estimates, seen: tuple[Seen, ...], basis: Basis, shapes: list[NDArray]) -> Problem:
+    """The fit, with first shapes (harmonics, displacements) of the modes of the estimates."""
+    turning = estimates.turning
+    used = np.concatenate([np.ones(len(turning), bool), turning])
+    whiteners = [_inverse_root(block[np.ix_(used, used)]) for block in estimates.spread]
+    parts = np.flatnonzero(np.diag(estimates.covariance) > 0)
+    root = _inverse_root(estimates.covariance[np.ix_(parts, parts)])
+    return Problem(estimates, seen, basis, tuple(shapes), tuple(whiteners), parts, root)
+
+
+def _inverse_root(matrix: Array) -> Array:
+    """L⁻¹ with L Lᵀ the matrix."""
+    scale = 1.0 / np.sqrt(np.diag(matrix))
+    try:
+        root = np.linalg.cholesky(matrix * np.outer(scale, scale))
+    except np.linalg.LinAlgError:
+        raise IdentificationError(
+            "The estimates of the free model are not independent: modes fold onto one another. A(t) of a structure "
+            "cannot be fitted to them."
+        ) from None
+    return np.linalg.solve(root, np.diag(scale))
+
+
+def at(
+    problem: Problem,
+    parameters: Array,
+    amplitudes: NDArray | None,
+    fundamental: float,
+    near: tuple[Mode, ...],
+) -> Point:
+    """Everything at these parameters; amplitudes None are those of least squares."""
+    own, basis = problem.estimates, problem.basis
+    matrices = basis.at(parameters)
+    modes, slopes = [], []
+    for anchor, mode in zip(problem.anchors, near, strict=True):
+        found, jacobian = solved(matrices, mode, anchor, fundamental)
+        modes.append(found)
+        slopes.append(slopes_of(basis.matrices, matrices, found, jacobian, fundamental))
+    point = Point(parameters, np.zeros(0), fundamental, tuple(modes), np.zeros(0), np.zeros((0, 0)), tuple(slopes))
+    if amplitudes is None:
+        unit = np.ones((len(modes), own.coefficients.shape[2]), complex)
+        point = replace(point, amplitudes=0.0 * unit)
+        rest, by = _differences(problem, replace(point, amplitudes=0.0 * unit), unit)
+        n = len(parameters) + _n_omega(problem)
+        step = np.linalg.lstsq(by[:, n:], rest, rcond=None)[0]
+        amplitudes = _amplitudes(problem, step)
+    point = replace(point, amplitudes=amplitudes)
+    rest, by = _differences(problem, point, amplitudes)
+    return replace(point, rest=rest, slopes=by)
+
+
+def _n_omega(problem: Problem) -> int:
+    """1 where the fundamental is a parameter."""
+    return int(problem.parts[-1] == 2 * len(problem.estimates.exponents)) if len(problem.parts) else 0
+
+
+def _amplitudes(problem: Problem, values: Array) -> Array:
+    """The complex amplitudes (modes, hits) of real unknowns, hit by hit: real parts, then imaginary parts of pairs."""
+    own = problem.estimates
+    count, pairs = len(own.exponents), np.flatnonzero(~own.real)
+    hits = values.reshape(-1, problem.n_amplitudes)
+    found = hits[:, :count].astype(complex).T
+    found[pairs] += 1j * hits[:, count:].T
+    return found
+
+
+def _differences(problem: Problem, point: Point, amplitudes: Array) -> tuple[Array, Array]:
+    """The whitened differences of estimates and structure, and the slopes of what the structure predicts.
+
+    The unknowns are the parameters, ω where it is one, and the amplitudes.
+    """
+    own, count = problem.estimates, len(problem.estimates.exponents)
+    n, omega = len(point.parameters), _n_omega(problem)
+    unknowns = n + omega + problem.n_amplitudes * amplitudes.shape[1]
+    moved = np.arange(n + 1 if omega else n)
+    # p: real parts, imaginary parts, ω.
+    predicted = np.array([mode.exponent for mode in point.modes])
+    by_exponent = np.array([slope.exponent[moved] for slope in point.mode_slopes])
+    whole = own.exponents - predicted
+    off = np.concatenate([np.real(whole), np.imag(whole), [own.fundamental - point.fundamental]])
+    by_parts = np.zeros((2 * count + 1, unknowns))
+    by_parts[:count, : n + omega], by_parts[count:-1, : n + omega] = np.real(by_exponent), np.imag(by_exponent)
+    if omega:
+        by_parts[-1, n] = 1.0
+    fixed = np.setdiff1d(np.arange(2 * count + 1), problem.parts)
+    off[fixed], by_parts[fixed] = 0.0, 0.0
+    rest = [problem.root @ off[problem.parts]]
+    slopes = [problem.root @ by_parts[problem.parts]]
+    turning = own.turning
+    used = np.concatenate([np.ones(len(turning), bool), turning])
+    for channel in sorted({one.channel for one in problem.seen}):
+        base, by_base = _predicted(problem, point, channel, moved)
+        for hit in range(amplitudes.shape[1]):
+            q = amplitudes[own.modes, hit]
+            away = own.coefficients[:, channel, hit] - q * base - own.slopes[:, channel, hit] @ off
+            by = np.zeros((len(own.modes), unknowns), complex)
+            by[:, : n + omega] = q[:, None] * by_base
+            place = n + omega + hit * problem.n_amplitudes
+            for mode in range(count):
+                rows = own.modes == mode
+                by[rows, place + mode] = base[rows]
+            for number, mode in enumerate(np.flatnonzero(~own.real)):
+                rows = own.modes == mode
+                by[rows, place + count + number] = 1j * base[rows]
+            by -= own.slopes[:, channel, hit] @ by_parts
+            scale = own.scales[:, channel, hit]
+            root = problem.whiteners[own.blocks[channel, hit]]
+            both = np.concatenate([(away / scale).real, (away / scale).imag])[used]
+            by = by / scale[:, None]
+            rest.append(root @ both)
+            slopes.append(root @ np.concatenate([by.real, by.imag])[used])
+    return np.concatenate(rest), np.concatenate(slopes)
+
+
+def _predicted(problem: Problem, point: Point, channel: int, moved: NDArray[np.int64]) -> tuple[Array, Array]:
+    """What a channel sees at unit amplitude (terms,), and its slopes by parameters and ω (terms, parameters)."""
+    own = problem.estimates
+    value = np.zeros(len(own.modes), complex)
+    slope = np.zeros((len(own.modes), len(moved)), complex)
+    for mode, (found, by) in enumerate(zip(point.modes, point.mode_slopes, strict=True)):
+        rows = np.flatnonzero(own.modes == mode)
+        harmonics = own.harmonics[rows]
+        places = harmonics + len(found.coefficients) // 2
+        rates = found.exponent + 1j * point.fundamental * harmonics
+        by_rate = by.exponent[moved][:, None] * np.ones(len(rows))
+        if len(moved) > len(point.parameters):
+            by_rate = by_rate.astype(complex)
+            by_rate[-1] += 1j * harmonics
+        for one in problem.seen:
+            if one.channel != channel:
+                continue
+            u = found.coefficients[places, one.displacement]
+            factor = one.factor(rates)
+            value[rows] += factor * u
+            slope[rows] += (factor * by.coefficients[moved][:, places, one.displacement]).T
+            slope[rows] += (one.slope(rates) * u * by_rate).T
+    return value, slope
+
+
+def fitted(problem: Problem, parameters: Array, near: tuple[Mode, ...]) -> Point:
+    """The least squares near these parameters, by Levenberg-Marquardt.
+
+    Raises
+    ------
+    IdentificationError
+        There is none near them, or the estimates do not determine the parameters.
+    """
+    now = at(problem, parameters, None, problem.estimates.fundamental, near)
+    damping, n, omega = 1e-3, len(parameters), _n_omega(problem)
+    for _ in range(ITERATIONS):
+        scale = np.linalg.norm(now.slopes, axis=0)
+        scale = np.where(scale > 0, scale, 1.0)
+        slopes = now.slopes / scale
+        while True:
+            damped = np.concatenate([slopes, np.sqrt(damping) * np.eye(len(scale))])
+            step = np.linalg.lstsq(damped, np.concatenate([now.rest, np.zeros(len(scale))]), rcond=None)[0] / scale
+            try:
+                trial = at(
+                    problem,
+                    now.parameters + step[:n],
+                    now.amplitudes + _amplitudes(problem, step[n + omega :]),
+                    now.fundamental + (float(step[n]) if omega else 0.0),
+                    now.modes,
+                )
+            except (IdentificationError, np.linalg.LinAlgError):
+                trial = None
+            if trial is not None and trial.cost <= now.cost * (1.0 + 1e-12):
+                break
+            damping = max(10.0 * damping, 1e-6)
+            if damping > 1e12:
+                return now
+        done = np.linalg.norm(now.slopes @ step) < AT_REST
+        now, damping = trial, 0.1 * damping if damping > 1e-12 else 0.0
+        if done:
+            break
+    return now
+
+
+def covariance_of(point: Point) -> Array:
+    """The covariance of the unknowns.
+
+    Raises
+    ------
+    IdentificationError
+        The estimates do not determine the parameters.
+    """
+    scale = np.linalg.norm(point.slopes, axis=0)
+    if (scale == 0).any():
+        raise _undetermined()
+    values, vectors = np.linalg.eigh((point.slopes / scale).T @ (point.slopes / scale))
+    if values[0] < UNDETERMINED * values[-1]:
+        raise _undetermined()
+    return (vectors / values) @ vectors.T / np.outer(scale, scale)
+
+
+def _undetermined() -> IdentificationError:
+    return IdentificationError(
+        "The response does not determine every parameter of the structure asked for: it has too many harmonics or too "
+        "few equal elements for the modes that were seen. Give it fewer harmonics, a symmetry, or known elements."
+    )

@@ -1,0 +1,226 @@
+"""The modal matrix Ψ(t) in the coordinates of the states, A(t) from it, and what errors of the estimates do to both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Estimates, PeriodicModel
+from floquid.errors import IdentificationError
+from floquid.reconstruction._coordinates import Coordinates
+from floquid.reconstruction._states import channel_noise
+
+LARGEST_CONDITION = 1e8
+"""The condition number of the equilibrated modal matrix beyond which its inverse is noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shapes:
+    """The shapes of a model in the coordinates of the states, the hits combined."""
+
+    exponents: NDArray[np.complex128]
+    """(modes,)."""
+    harmonics: NDArray[np.int64]
+    fundamental: float
+    coefficients: NDArray[np.complex128]
+    """Of the channels (modes, channels, harmonics)."""
+    hits: NDArray[np.complex128]
+    """What each hit is multiplied by in them (modes, hits)."""
+    weights: NDArray[np.complex128]
+    """What each channel is multiplied by in each state (modes, harmonics, states, channels)."""
+    slopes: NDArray[np.complex128]
+    """The slope of the weights by the rate (modes, harmonics, states, channels)."""
+    kept: NDArray[np.bool_]
+    """Which coefficients count (modes, harmonics)."""
+
+    @property
+    def rates(self) -> NDArray[np.complex128]:
+        """λ + imω (modes, harmonics) [1/s]."""
+        return self.exponents[:, None] + 1j * self.fundamental * self.harmonics
+
+    @property
+    def states(self) -> NDArray[np.complex128]:
+        """The coefficients of the states (modes, harmonics, states)."""
+        return np.einsum("rmic,rcm->rmi", self.weights, self.coefficients * self.kept[:, None, :])
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """Where the terms of estimates are in `Shapes`."""
+
+    estimates: Estimates
+    modes: NDArray[np.int64]
+    places: NDArray[np.int64]
+    """Of the harmonics (terms,)."""
+    mirror_modes: NDArray[np.int64]
+    mirror_places: NDArray[np.int64]
+    """The same of their mirror images (terms,)."""
+
+    def mask(self, kept: NDArray[np.bool_], like: Shapes) -> Shapes:
+        """The shapes with some of the terms alone (terms,), and their mirror images."""
+        whole = np.zeros_like(like.kept)
+        whole[self.modes[kept], self.places[kept]] = True
+        whole[self.mirror_modes[kept], self.mirror_places[kept]] = True
+        return replace(like, kept=whole)
+
+
+def shapes_of(model: PeriodicModel, coordinates: Coordinates, estimates: Estimates | None = None) -> Shapes:
+    """The shapes of a model in these coordinates, with all terms of `estimates` where these are given.
+
+    Several hits give one shape a mode, up to a factor that cancels in A(t) and Φ: the leading singular vector over the
+    hits, channels weighted by their noise.
+    """
+    harmonics, whole = model.harmonics, model.coefficients
+    if estimates is not None:
+        terms = terms_of(model, estimates)
+        low, high = _ends(model, estimates)
+        harmonics = np.arange(low, high + 1)
+        whole = np.zeros((*model.coefficients.shape[:3], len(harmonics)), complex)
+        straight, back = np.moveaxis(whole, 3, 1), estimates.coefficients.conj()
+        straight[terms.mirror_modes, terms.mirror_places] = back
+        straight[terms.modes, terms.places] = estimates.coefficients
+    combined = np.zeros((model.order, len(model.channels), len(harmonics)), complex)
+    hits = np.zeros((model.order, model.n_hits), complex)
+    weight = 1.0 / channel_noise(model)
+    for r in range(model.order):
+        block = (model.coefficients[r] * weight[:, None, None]).transpose(0, 2, 1).reshape(-1, model.n_hits)
+        _, _, right = np.linalg.svd(block, full_matrices=False)
+        hits[r] = right[0].conj()
+        combined[r] = np.einsum("chm,h->cm", whole[r], hits[r])
+    rates = model.exponents[:, None] + 1j * harmonics * model.fundamental
+    weights, slopes = coordinates.weights(rates)
+    kept = (whole != 0).any(axis=(1, 2))
+    return Shapes(model.exponents, harmonics, model.fundamental, combined, hits, weights, slopes, kept)
+
+
+def terms_of(model: PeriodicModel, estimates: Estimates) -> Terms:
+    """Where the terms of estimates are in the shapes of a model."""
+    modes, low = model.modes_of(estimates), _ends(model, estimates)[0]
+    own = modes[estimates.modes]
+    partners = np.argmin(np.abs(np.subtract.outer(model.exponents[modes].conj(), model.exponents)), axis=1)
+    mirrored = np.where(estimates.real, modes, partners)[estimates.modes]
+    mirror = -estimates.half_turns[estimates.modes] - estimates.harmonics
+    return Terms(estimates, own, estimates.harmonics - low, mirrored, mirror - low)
+
+
+def _ends(model: PeriodicModel, estimates: Estimates) -> tuple[int, int]:
+    """The lowest and the highest harmonic of the model, of the estimates, and of their mirror images."""
+    mirror = -estimates.half_turns[estimates.modes] - estimates.harmonics
+    whole = np.concatenate([model.harmonics, estimates.harmonics, mirror])
+    return int(whole.min()), int(whole.max())
+
+
+@dataclass(frozen=True, slots=True)
+class Modal:
+    """Ψ and A at some instants."""
+
+    modal: NDArray[np.complex128]
+    """Ψ (times, states, modes)."""
+    inverse: NDArray[np.complex128]
+    system: NDArray[np.complex128]
+    """A (times, states, states), real but for rounding."""
+    condition: NDArray[np.float64]
+    """Of the equilibrated Ψ (times,)."""
+
+
+def modal_at(shapes: Shapes, times: NDArray[np.float64], names: str = "these states") -> Modal:
+    r"""Ψ(t) and A(t) = (Ψ' + ΨΛ) Ψ⁻¹ (Allen 2009, eqs. 18 and 21, as corrected).
+
+    Raises
+    ------
+    IdentificationError
+        The shapes are linearly dependent in these states, or a state has no part in any mode.
+    """
+    states, phases = shapes.states, np.exp(1j * shapes.fundamental * np.multiply.outer(times, shapes.harmonics))
+    modal = np.einsum("rmi,tm->tir", states, phases)
+    # d/dt(Ψ e^{Λt}) e^{-Λt} = Ψ' + ΨΛ: each coefficient times its own rate once more.
+    moved = np.einsum("rmi,tm->tir", states * shapes.rates[:, :, None], phases)
+    row_scale = np.sqrt(np.mean(np.abs(modal) ** 2, axis=(0, 2)))
+    if (row_scale == 0).any():
+        raise IdentificationError("A state chosen has no part in any mode: choose other channels with `states`.")
+    scaled = modal / row_scale[:, None]
+    column_scale = np.linalg.norm(scaled, axis=1, keepdims=True)
+    equilibrated = scaled / np.where(column_scale > 0, column_scale, 1.0)
+    condition = np.linalg.cond(equilibrated)
+    if not (condition < LARGEST_CONDITION).all():
+        raise IdentificationError(
+            f"The modes' shapes in {names} are linearly dependent (condition number {condition.max():.1e} of the "
+            "modal matrix): A(t) in these states would be noise. Choose other channels with `states`."
+        )
+    inverse = np.linalg.inv(modal)
+    return Modal(modal, inverse, moved @ inverse, condition)
+
+
+@dataclass(frozen=True, slots=True)
+class Jacobian:
+    """Slopes of the elements of a matrix (states, states), at one instant."""
+
+    by_coefficient: NDArray[np.complex128]
+    """(states, states, terms, channels, hits)."""
+    by_rate: NDArray[np.complex128]
+    """(states, states, terms)."""
+    by_exponent: NDArray[np.complex128] | None = None
+    """(states, states, modes of the estimates)."""
+
+    def __sub__(self, other: Jacobian) -> Jacobian:
+        return Jacobian(self.by_coefficient - other.by_coefficient, self.by_rate - other.by_rate)
+
+    def variance(self, estimates: Estimates) -> NDArray[np.float64]:
+        """The variance of the elements (states, states)."""
+        n, rest = self.by_rate.shape[0], self.by_rate.shape[2:]
+        return estimates.variance(
+            by_coefficients=self.by_coefficient.reshape(n * n, *self.by_coefficient.shape[2:]),
+            by_rates=self.by_rate.reshape(n * n, *rest),
+            by_exponents=None if self.by_exponent is None else self.by_exponent.reshape(n * n, -1),
+        ).reshape(n, n)
+
+
+def by_system(shapes: Shapes, modal: Modal, times: NDArray[np.float64], t: int, terms: Terms) -> Jacobian:
+    r"""The slopes of A at instant number t.
+
+    .. math:: \delta A = (\delta(\dot\Psi + \Psi\Lambda) - A\, \delta\Psi)\, \Psi^{-1}
+    """
+    r, m = terms.modes, terms.places
+    kept = shapes.kept[r, m]
+    weights, slopes, rates = shapes.weights[r, m], shapes.slopes[r, m], shapes.rates[r, m]
+    own, a = shapes.coefficients[r, :, m] * kept[:, None], modal.system[t]
+    # By the rate: the weights change with it, and so does the factor s of the derivative.
+    turned, moved = np.einsum("kic,kc->ki", weights, own), np.einsum("kic,kc->ki", slopes, own)
+    phase = terms.estimates.multiplicity * kept * np.exp(1j * shapes.fundamental * shapes.harmonics[m] * times[t])
+    left = modal.inverse[t][r] * phase[:, None]
+    by_channel = rates[:, None, None] * weights - np.einsum("il,klc->kic", a, weights)
+    return Jacobian(
+        np.einsum("kic,kj,kh->ijkch", by_channel, left, shapes.hits[r]),
+        np.einsum("ki,kj->ijk", turned + rates[:, None] * moved - moved @ a.T, left),
+    )
+
+
+def by_transition(shapes: Shapes, modal: Modal, times: NDArray[np.float64], t: int, terms: Terms) -> Jacobian:
+    r"""The slopes of Φ(t, t0) at instant number t, t0 the first.
+
+    .. math:: \delta\Phi = \delta\Psi(t)\, e^{\Lambda (t - t_0)} \Psi(t_0)^{-1}
+              + \Psi(t)\, \delta e^{\Lambda (t - t_0)}\, \Psi(t_0)^{-1} - \Phi\, \delta\Psi(t_0)\, \Psi(t_0)^{-1}
+    """
+    r, m = terms.modes, terms.places
+    kept = shapes.kept[r, m]
+    weights, slopes = shapes.weights[r, m], shapes.slopes[r, m]
+    moved = np.einsum("kic,kc->ki", slopes, shapes.coefficients[r, :, m] * kept[:, None])
+    turns = 1j * shapes.fundamental * shapes.harmonics[m]
+    first, later = modal.inverse[0], times[t] - times[0]
+    growth = np.exp(shapes.exponents * later)
+    phi = (modal.modal[t] * growth) @ first
+    now, then = np.exp(turns * times[t]) * growth[r], np.exp(turns * times[0])
+    by_channel = now[:, None, None] * weights - then[:, None, None] * np.einsum("il,klc->kic", phi, weights)
+    by_rate = now[:, None] * moved - then[:, None] * (moved @ phi.T)
+    left = first[r] * (terms.estimates.multiplicity * kept)[:, None]
+    # Of a pair, the mode in the estimates and its conjugate do the same.
+    entries = np.array([np.flatnonzero(terms.estimates.modes == e)[0] for e in range(len(terms.estimates.exponents))])
+    modes, pairs = r[entries], np.where(terms.estimates.real, 1.0, 2.0)
+    grown = modal.modal[t][:, modes] * (growth[modes] * later * pairs)
+    return Jacobian(
+        np.einsum("kic,kj,kh->ijkch", by_channel, left, shapes.hits[r]),
+        np.einsum("ki,kj->ijk", by_rate, left),
+        np.einsum("ir,rj->ijr", grown, first[modes]),
+    )

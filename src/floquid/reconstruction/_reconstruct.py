@@ -1,0 +1,162 @@
+"""Φ(t, t0) and A(t) from a model of the response (Allen 2009, eqs. 13-21 as corrected)."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import frozen_array, input_error, integer
+from floquid.core import PeriodicModel
+from floquid.reconstruction._bands import chosen
+from floquid.reconstruction._coordinates import Coordinates
+from floquid.reconstruction._delayed import delayed
+from floquid.reconstruction._left_out import sizes_left_out, spread_of
+from floquid.reconstruction._modal_matrix import by_system, by_transition, modal_at, shapes_of, terms_of
+from floquid.reconstruction._state_model import StateModel
+from floquid.reconstruction._states import Names, first_order, second_order
+
+Form = Literal["second-order", "first-order", "delayed"]
+
+
+def reconstruct(
+    model: PeriodicModel,
+    states: Names,
+    *,
+    form: Form = "second-order",
+    delay: float | None = None,
+    harmonics: Literal["auto", "model"] | int = "auto",
+    times: ArrayLike | int = 50,
+) -> StateModel:
+    r"""The state transition matrix and the state matrix in the coordinates of chosen channels.
+
+    With s = λ_r + imω, and w_i(s) what the channels count in state i,
+
+    .. math:: \psi_{i,r}(t) = \sum_m w_i(s) \cdot B_{r,m}\, e^{i m \omega t}
+
+    and
+
+    .. math:: \Phi(t, t_0) = \Psi(t)\, e^{\Lambda (t - t_0)}\, \Psi(t_0)^{-1}, \qquad
+              A(t) = (\dot\Psi + \Psi\Lambda)\, \Psi^{-1}
+
+    (Allen 2009, eqs. 13-21; the factor s belongs to the velocity half alone, and the Vandermonde matrix of eqs. 16-19
+    cancels: L(t0) = Ψ(t0)⁻¹ exactly.) Several hits give one shape a mode, up to a factor that cancels too. Standard
+    deviations are those of the estimates, propagated to first order, and what the next harmonic on either side of each
+    band would do, if the series goes on falling as it does (`refine` has no such part).
+
+    Parameters
+    ----------
+    model
+        The identified response model.
+    states
+        In second-order form the channels taken as displacements (E in eq. 13), half as many as there are modes; w is 1
+        and s, over s for a velocity channel and over s² for an acceleration channel. Several channels of one motion,
+        ["x", "vx", "ax"] or "x+vx+ax", are averaged at each rate by their noise, each used in its own right. "all"
+        takes all channels: each state is the sum of them that is least noisy. In first-order form as many channels as
+        there are modes; delayed, at least one.
+    form
+        "second-order": displacements, then their velocities. "first-order": the channels as they are. "delayed": the
+        channels and the same channels later, where they are too few to span the states (section 2.3): the exponents are
+        the same, Φ and A are those of these coordinates.
+    delay
+        Of "delayed" [s]; None takes the one with the best condition.
+    harmonics
+        "auto": those that make the error of A(t) least; "model": those of the model; or -harmonics … harmonics of each
+        mode. Without estimates, those of the model.
+    times
+        Instants after phase zero [s], or how many equally spaced ones over a period.
+
+    Returns
+    -------
+    StateModel
+        Φ and A with their deviations.
+
+    Raises
+    ------
+    InputError
+        A channel is unknown, is not a motion, or the channels chosen cannot span the modes; or an option is not
+        possible.
+    IdentificationError
+        The shapes of the modes in the chosen channels are linearly dependent.
+    """
+    instants = instants_of(times, model.period, "reconstruct")
+    coordinates = coordinates_of(model, states, form, delay)
+    if isinstance(harmonics, str) and harmonics not in ("auto", "model"):
+        must = 'be "auto", "model" or a whole number'
+        raise input_error("harmonics", "reconstruct", must, f"is {harmonics!r}")
+    if not isinstance(harmonics, str):
+        integer(harmonics, "harmonics", "reconstruct", at_least=0)
+    estimates = model.estimates
+    if estimates is None:
+        shapes, terms, kept = shapes_of(model, coordinates), None, None
+        if not isinstance(harmonics, str):
+            raise input_error(
+                "harmonics",
+                "reconstruct",
+                'be "auto" or "model" for a model without estimates',
+                f"is {harmonics}",
+                "Set its other coefficients to zero yourself.",
+            )
+    else:
+        whole, terms = shapes_of(model, coordinates, estimates), terms_of(model, estimates)
+        if harmonics == "auto":
+            kept = chosen(model, whole, terms)
+        else:
+            kept = model.kept_terms(estimates) if harmonics == "model" else np.abs(estimates.harmonics) <= harmonics
+        shapes = terms.mask(kept, whole)
+    modal = modal_at(shapes, instants, coordinates.said)
+    growth = np.exp(np.multiply.outer(instants - instants[0], model.exponents))
+    transition = (modal.modal * growth[:, None, :]) @ modal.inverse[0]
+    system_std = transition_std = None
+    if terms is not None:
+        assert kept is not None
+        own, rows = terms.estimates, (shapes.weights != 0).any(axis=(0, 1, 2))
+        sizes = sizes_left_out(own, kept, rows)
+        wider = terms.mask(kept | (sizes > 0).any(axis=(1, 2)), shapes)
+        system_std, transition_std = np.zeros((2, *modal.system.shape))
+        for t in range(len(instants)):
+            for std, slopes_of in ((system_std, by_system), (transition_std, by_transition)):
+                variance = slopes_of(shapes, modal, instants, t, terms).variance(own)
+                std[t] = np.sqrt(variance + spread_of(sizes, slopes_of(wider, modal, instants, t, terms)))
+        system_std[:, _certain(coordinates)] = 0.0
+    return StateModel(
+        times=instants,
+        transition=transition.real,
+        system=modal.system.real,
+        condition=modal.condition,
+        states=coordinates.names,
+        coordinates=coordinates.words,
+        system_std=system_std,
+        transition_std=transition_std,
+        provenance=model.provenance.then(f"state matrix in {coordinates.words}"),
+    )
+
+
+def instants_of(times: ArrayLike | int, period: float, of: str) -> NDArray[np.float64]:
+    """The instants [s] that are meant: given, or so many over a period."""
+    if isinstance(times, (int, np.integer)):
+        instants = np.arange(int(times)) * period / max(int(times), 1)
+        instants.flags.writeable = False
+    else:
+        instants = frozen_array(times, "times", of, axes=("times",))
+    if not len(instants):
+        raise input_error("times", of, "hold at least one instant", f"is {times!r}")
+    return instants
+
+
+def coordinates_of(model: PeriodicModel, states: Names, form: str, delay: float | None) -> Coordinates:
+    """The states of a form."""
+    if form not in get_args(Form):
+        words = ", ".join(f'"{one}"' for one in get_args(Form))
+        raise input_error("form", "reconstruct", f"be one of {words}", f"is {form!r}")
+    if delay is not None and form != "delayed":
+        raise input_error("delay", "reconstruct", 'be None but for form="delayed"', f"is {delay!r}")
+    if form == "delayed":
+        return delayed(model, states, delay)
+    return (second_order if form == "second-order" else first_order)(model, states)
+
+
+def _certain(coordinates: Coordinates) -> slice:
+    """The rows of A that are known: displacements change at their velocities."""
+    return slice(0, len(coordinates.states) // 2 if coordinates.form == "second-order" else 0)

@@ -1,0 +1,335 @@
+"""A(t) with the structure that the user or the data supports, fitted to all of the free model's estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import input_error, positive
+from floquid.core import Estimates, PeriodicModel
+from floquid.errors import IdentificationError
+from floquid.reconstruction._coordinates import Coordinates
+from floquid.reconstruction._harmonic_balance import Mode
+from floquid.reconstruction._invariance import Point, Seen, covariance_of, fitted, problem_of
+from floquid.reconstruction._modal_matrix import modal_at, shapes_of
+from floquid.reconstruction._reconstruct import coordinates_of, instants_of
+from floquid.reconstruction._refinement import Refinement
+from floquid.reconstruction._state_model import StateModel
+from floquid.reconstruction._states import Names
+from floquid.reconstruction._structure import AbstractStructure, Basis
+
+Array = NDArray[Any]
+
+OF = "refine"
+
+REFUSED = 1e-5
+"""The probability of what is left below which a structure is refused."""
+
+BEYOND = 3
+"""Harmonics of the shapes beyond those of the estimates, in harmonics of the equation of motion."""
+
+WIDENED = 4
+"""How often these may be more."""
+
+SAME = 0.02
+"""Deviations that an exponent may move when the shapes are given more harmonics."""
+
+
+def refine(
+    model: PeriodicModel,
+    states: Names,
+    structure: AbstractStructure | Literal["auto"] = "auto",
+    *,
+    times: ArrayLike | int = 50,
+    refuse: float = REFUSED,
+    again: Callable[[Array], Estimates] | None = None,
+    report: Callable[[str], None] = lambda _: None,
+) -> Refinement:
+    r"""The state matrix itself, with a structure, fitted to everything that the response model was estimated from.
+
+    .. math:: \min_{\theta, q} \; \delta p^T C_p^{-1} \delta p + \sum_{c,h} e_{c,h}^T V_{c,h}^{-1} e_{c,h}, \qquad
+          e_{c,h} = g^{-1} \big(\delta B_{c,h} - S_{c,h}\, \delta p\big)
+
+    δp and δB are the differences of exponents and coefficients, as estimated and as A(t; θ) has them, C_p, S, g and V
+    their joint covariance (`floquid.core.Estimates`), q the amplitude of each mode in each hit. The coefficients that
+    do not rise above the noise take part: that they are small is knowledge too. This is the extended invariance
+    principle (Söderström and Stoica 1989), asymptotically as good as the fit of the record itself.
+
+    Parameters
+    ----------
+    model
+        The identified response model, with its estimates.
+    states
+        The channels that are the states, as in `reconstruct`: displacements for a structure of second order, all states
+        for one of first order.
+    structure
+        `SecondOrder` or `FirstOrder`; "auto" takes the simplest second-order form that the data do not contradict.
+    times
+        Instants after phase zero [s], or how many equally spaced ones over a period.
+    refuse
+        The probability of as large a misfit below which the structure is refused.
+    again
+        What gives the estimates of the record linearised anew at exponents (modes of the estimates,): one output-error
+        step is then made (`floquid.identify(..., output_error=True)` passes it).
+    report
+        Is told what is being done.
+
+    Returns
+    -------
+    Refinement
+        A(t) with deviations, the parameters, and the goodness of fit.
+
+    Raises
+    ------
+    InputError
+        The model has no estimates, or states and structure do not belong together.
+    IdentificationError
+        The structure contradicts the data, or the data do not determine it.
+    """
+    estimates = model.unselected if model.unselected is not None else model.estimates
+    if estimates is None:
+        raise input_error(
+            "model",
+            OF,
+            "have the joint covariance of its coefficients (`estimates`)",
+            "has none",
+            "Identify with maximum likelihood and `constrained=True`, the defaults.",
+        )
+    if not 0.0 <= positive(refuse, "refuse", OF) < 1.0:
+        raise input_error("refuse", OF, "be a probability", f"is {refuse:g}")
+    if not isinstance(structure, AbstractStructure):
+        if structure != "auto":
+            must = 'be "auto" or a structure, such as SecondOrder(stiffness=Block(harmonics=2))'
+            raise input_error("structure", OF, must, f"is {structure!r:.60}")
+        from floquid.reconstruction._find_structure import found_structure
+
+        first = _Fit.made(model, states, 2, estimates)
+        structure, reasons = found_structure(first.at, report)
+    else:
+        reasons = ()
+    report("fitting the structured state matrix")
+    fit = _Fit.made(model, states, structure.degree, estimates)
+    point, basis = fit.at(structure)
+    if again is not None:
+        report("one output-error step on the record")
+        fit = replace(fit, estimates=again(np.array([mode.exponent for mode in point.modes])))
+        point, basis = fit.at(structure, point)
+    degrees = len(point.rest) - point.slopes.shape[1]
+    p_value = chance(point)
+    if p_value < refuse:
+        raise IdentificationError(_contradicted(fit, structure, point, refuse))
+    return _refinement(fit, structure, basis, point, instants_of(times, model.period, OF), degrees, p_value, reasons)
+
+
+def chance(point: Point) -> float:
+    """The probability of as large a misfit under the right structure."""
+    from scipy.special import chdtrc
+
+    degrees = len(point.rest) - point.slopes.shape[1]
+    return float(chdtrc(degrees, point.cost)) if degrees > 0 else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """What a structure is fitted to."""
+
+    model: PeriodicModel
+    coordinates: Coordinates
+    estimates: Estimates
+    seen: tuple[Seen, ...]
+    shapes: tuple[Array, ...]
+    """Of the displacements, one a mode of the estimates (harmonics of the model, displacements)."""
+    system: NDArray[np.float64]
+    """A(t) of the free model."""
+    times: NDArray[np.float64]
+
+    @staticmethod
+    def made(model: PeriodicModel, states: Names, degree: int, estimates: Estimates) -> _Fit:
+        """From the names of the states."""
+        coordinates = coordinates_of(model, states, "second-order" if degree == 2 else "first-order", None)
+        count = len(coordinates.states) // degree
+        seen = []
+        for place, state in enumerate(coordinates.states[:count]):
+            if len(state.parts) > 1 and not state.noise:
+                must, got = "name the channels of each displacement", "is all channels"
+                raise input_error("states", OF, must, got, "`reconstruct` takes weighted sums of all channels.")
+            seen += [Seen(part.channel, place, 1.0 / part.gain, -part.power, -part.delay) for part in state.parts]
+        free = shapes_of(model, coordinates)
+        times = np.arange(64) * model.period / 64
+        strongest = np.argmax(np.sum(np.abs(model.coefficients) ** 2, axis=(1, 3)), axis=1)
+        own = []
+        for mode in model.modes_of(estimates):
+            # Of one hit, so that the shape of a real multiplier stays its own mirror image.
+            whole = model.coefficients[mode, :, strongest[mode]]
+            own.append(np.einsum("mic,cm->mi", free.weights[mode][:, :count], whole))
+        return _Fit(model, coordinates, estimates, tuple(seen), tuple(own), modal_at(free, times).system.real, times)
+
+    def at(self, structure: AbstractStructure, near: Point | None = None) -> tuple[Point, Basis]:
+        """The best fit of a structure.
+
+        Raises
+        ------
+        IdentificationError
+            There is none near the free model.
+        """
+        count = len(self.coordinates.states) // structure.degree
+        basis = structure.basis(count)
+        whole, slopes = basis.in_time(self.model.fundamental * self.times)
+        start = np.linalg.lstsq(slopes.reshape(len(slopes), -1).T, (self.system - whole).ravel(), rcond=None)[0]
+        if near is not None:
+            start = near.parameters
+        most = int(max(np.abs(self.estimates.harmonics).max(), np.abs(self.model.harmonics).max()))
+        step = BEYOND * max(int(basis.harmonics.max()), 1)
+        exponents, point = None, None
+        for round_ in range(WIDENED):
+            width = most + step * (round_ + 1)
+            shapes = [self._widened(shape, width) for shape in self.shapes]
+            modes = [Mode(complex(lam), u) for lam, u in zip(self.estimates.exponents, shapes, strict=True)]
+            point = fitted(problem_of(self.estimates, self.seen, basis, shapes), start, tuple(modes))
+            start, before = point.parameters, exponents
+            exponents = np.array([mode.exponent for mode in point.modes])
+            std = np.sqrt(np.diag(self.estimates.covariance)[: len(exponents)])
+            if before is not None and (np.abs(exponents - before) < SAME * std).all():
+                break
+            if round_ == 0 and _tail(point) < 1e-9:
+                break
+        assert point is not None
+        return point, basis
+
+    def _widened(self, shape: Array, width: int) -> Array:
+        whole = np.zeros((2 * width + 1, shape.shape[1]), complex)
+        whole[self.model.harmonics + width] = shape
+        return whole / np.linalg.norm(whole)
+
+
+def _tail(point: Point) -> float:
+    """The largest outermost coefficient, over the largest of its mode."""
+    sizes = [np.abs(mode.coefficients) for mode in point.modes]
+    return max(float(size[[0, -1]].max() / size.max()) for size in sizes)
+
+
+def _contradicted(fit: _Fit, structure: AbstractStructure, point: Point, refuse: float) -> str:
+    """The refusal, with what the structure lacks."""
+    degrees = len(point.rest) - point.slopes.shape[1]
+    better = []
+    for words, other in structure.wider():
+        try:
+            trial, _ = fit.at(other)
+            covariance_of(trial)
+        except (IdentificationError, np.linalg.LinAlgError):
+            continue
+        left = len(trial.rest) - trial.slopes.shape[1]
+        better.append((chance(trial), f"{words} leaves {trial.cost:.4g} for {left}"))
+    better.sort(key=lambda one: -one[0])
+    remedy = f" Of the next wider structures, {better[0][1]}." if better and better[0][0] > chance(point) else ""
+    return (
+        f"The structure contradicts the data: what is left between it and the free model is a chi-square of "
+        f"{point.cost:.4g} for {degrees} degrees of freedom (p = {chance(point):.1g}, refused below {refuse:g})."
+        f'{remedy} Give it more harmonics or less symmetry, let it be found (`structure="auto"`), or use the free '
+        "A(t) of `reconstruct`."
+    )
+
+
+def _refinement(
+    fit: _Fit,
+    structure: AbstractStructure,
+    basis: Basis,
+    point: Point,
+    times: NDArray[np.float64],
+    degrees: int,
+    p_value: float,
+    reasons: tuple[str, ...],
+) -> Refinement:
+    """The result, with every deviation."""
+    whole, n = covariance_of(point), len(point.parameters)
+    covariance = whole[:n, :n]
+    known, slopes = basis.in_time(point.fundamental * times)
+    system = known + np.tensordot(point.parameters, slopes, axes=1)
+    root = np.linalg.cholesky(covariance + 0.0) if n else np.zeros((0, 0))
+    system_std = np.sqrt(np.sum(np.tensordot(root, slopes, axes=(0, 0)) ** 2, axis=0))
+    transition, transition_slopes, condition = _transition(fit, basis, point, times)
+    transition_std = np.sqrt(np.sum(np.tensordot(root, transition_slopes, axes=(0, 0)) ** 2, axis=0))
+    model = fit.model
+    exponents, std = np.array(model.exponents), np.zeros(model.order, complex)
+    for entry, (mode, slope) in enumerate(zip(point.modes, point.mode_slopes, strict=True)):
+        own = model.modes_of(fit.estimates)[entry]
+        by = slope.exponent[:n]
+        deviation = np.sqrt(by.real @ covariance @ by.real) + 1j * np.sqrt(by.imag @ covariance @ by.imag)
+        partners = np.flatnonzero(np.abs(model.exponents - model.exponents[own].conj()) < 1e-9 * model.fundamental)
+        if fit.estimates.real[entry]:
+            exponents[own], std[own] = complex(mode.exponent.real, model.exponents[own].imag), deviation.real
+            continue
+        for place, value in ((own, mode.exponent), *((p, np.conj(mode.exponent)) for p in partners)):
+            exponents[place], std[place] = value, deviation
+    words = f"structured state matrix ({structure.words()}) in {fit.coordinates.words}"
+    state = StateModel(
+        times=times,
+        transition=transition,
+        system=system,
+        condition=condition,
+        states=fit.coordinates.names,
+        coordinates=fit.coordinates.words,
+        system_std=system_std,
+        transition_std=transition_std,
+        provenance=model.provenance.then(words),
+    )
+    return Refinement(
+        state=state,
+        structure=structure,
+        parameters=point.parameters,
+        names=basis.names,
+        covariance=covariance,
+        exponents=exponents,
+        exponent_std=std,
+        chi_square=point.cost,
+        degrees=degrees,
+        p_value=p_value,
+        reasons=reasons,
+    )
+
+
+def _transition(
+    fit: _Fit, basis: Basis, point: Point, times: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Φ (times, n, n), its slopes by the parameters (parameters, times, n, n), and the condition of Ψ."""
+    d, n = basis.degree, len(point.parameters)
+    columns, rates, moved, drift = [], [], [], []
+    for mode, slope, real in zip(point.modes, point.mode_slopes, fit.estimates.real, strict=True):
+        harmonics = np.arange(len(mode.coefficients)) - len(mode.coefficients) // 2
+        s = mode.exponent + 1j * point.fundamental * harmonics
+        turned = np.exp(1j * point.fundamental * np.multiply.outer(times, harmonics))
+        powers = [s**p for p in range(d)]
+        column = np.concatenate([turned @ (power[:, None] * mode.coefficients) for power in powers], axis=1)
+        change = []
+        for p, power in enumerate(powers):
+            by = power[:, None] * slope.coefficients[:n]
+            if p:
+                by = by + p * s[:, None] ** (p - 1) * slope.exponent[:n, None, None] * mode.coefficients
+            change.append(np.einsum("tm,qmi->qti", turned, by))
+        stacked = np.concatenate(change, axis=2)
+        columns.append(column)
+        rates.append(mode.exponent)
+        moved.append(stacked)
+        drift.append(slope.exponent[:n])
+        if not real:
+            columns.append(column.conj())
+            rates.append(np.conj(mode.exponent))
+            moved.append(stacked.conj())
+            drift.append(slope.exponent[:n].conj())
+    modal = np.stack(columns, axis=2)
+    later = times - times[0]
+    growth = np.exp(np.multiply.outer(later, rates))
+    first = np.linalg.inv(modal[0])
+    phi = (modal * growth[:, None, :]) @ first
+    by_modal, by_rate = np.stack(moved, axis=3), np.array(drift).T
+    change = by_modal * growth[None, :, None, :]
+    change = change + modal[None] * (growth * later[:, None])[None, :, None, :] * by_rate[:, None, None, :]
+    slopes = change @ first - phi[None] @ (by_modal[:, :1] @ first)
+    scale = np.sqrt(np.mean(np.abs(modal) ** 2, axis=(0, 2)))
+    equal = modal / scale[:, None]
+    condition = np.linalg.cond(equal / np.linalg.norm(equal, axis=1, keepdims=True))
+    return phi.real, slopes.real, condition

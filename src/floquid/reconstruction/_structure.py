@@ -1,0 +1,307 @@
+"""What is known of the form of a state matrix: which elements there are, with which harmonics, and which are equal."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import finite, input_error, integer
+
+Symmetry = Literal["none", "symmetric", "skew", "diagonal"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    r"""One block of a state matrix, a matrix that is periodic in time.
+
+    .. math:: M(t) = M_0 + \sum_{k=1}^{H} M_k^c \cos k\omega t + M_k^s \sin k\omega t
+
+    Parameters
+    ----------
+    harmonics
+        H; zero for a constant block.
+    symmetry
+        "none"; "symmetric", M = Mᵀ; "skew", M = -Mᵀ; "diagonal".
+    known
+        Elements that are known to be constant, and their values, by row and column from zero: {(0, 1): 0.0}. With a
+        symmetry, their mirror images are known too.
+
+    Raises
+    ------
+    InputError
+        A value is not possible.
+    """
+
+    harmonics: int = 0
+    symmetry: Symmetry = "none"
+    known: Mapping[tuple[int, int], float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        integer(self.harmonics, "harmonics", "Block", at_least=0)
+        if self.symmetry not in get_args(Symmetry):
+            words = ", ".join(f'"{one}"' for one in get_args(Symmetry))
+            raise input_error("symmetry", "Block", f"be one of {words}", f"is {self.symmetry!r}")
+        for place, value in self.known.items():
+            if not (isinstance(place, tuple) and len(place) == 2):
+                got = f"has the key {place!r}"
+                raise input_error("known", "Block", "have pairs (row, column) as keys", got, "Pass e.g. {(0, 1): 0.0}.")
+            for index in place:
+                integer(index, "known", "Block", at_least=0)
+            finite(value, "known", "Block")
+
+    def elements(self, n: int) -> list[list[tuple[int, int, float]]]:
+        """The unknown elements: each the places that share it, with signs.
+
+        Parameters
+        ----------
+        n
+            The rows of the block.
+        """
+        found = []
+        for i in range(n):
+            for j in range(n):
+                if (i, j) in self._fixed(n):
+                    continue
+                if self.symmetry == "none" or (self.symmetry in ("symmetric", "diagonal") and i == j):
+                    found.append([(i, j, 1.0)])
+                elif self.symmetry == "symmetric" and i < j:
+                    found.append([(i, j, 1.0), (j, i, 1.0)])
+                elif self.symmetry == "skew" and i < j:
+                    found.append([(i, j, 1.0), (j, i, -1.0)])
+        return found
+
+    def constant(self, n: int) -> NDArray[np.float64]:
+        """What is known (n, n).
+
+        Parameters
+        ----------
+        n
+            The rows of the block.
+        """
+        matrix = np.zeros((n, n))
+        for (i, j), value in self._fixed(n).items():
+            matrix[i, j] = value
+        return matrix
+
+    def _fixed(self, n: int) -> dict[tuple[int, int], float]:
+        found = {}
+        for (i, j), value in self.known.items():
+            if max(i, j) >= n:
+                must, got = f"name elements of a block of {n} rows and columns", f"has ({i}, {j})"
+                raise input_error("known", "Block", must, got, "Rows and columns count from zero.")
+            found[i, j] = float(value)
+            if self.symmetry in ("symmetric", "skew"):
+                found[j, i] = float(value) if self.symmetry == "symmetric" else -float(value)
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Basis:
+    r"""The coefficient matrices of the equation of motion, affine in the parameters.
+
+    .. math:: x^{(d)} = \sum_{p<d} A^{(p)}(t)\, x^{(p)}, \qquad
+              A^{(p)}(t) = \sum_k \Big(A^{(p)}_{0,k} + \sum_j \theta_j E^{(p)}_{j,k}\Big) e^{ik\omega t}
+    """
+
+    matrices: NDArray[np.complex128]
+    """E (parameters, d, harmonics, n, n), k from -H to H."""
+    known: NDArray[np.complex128]
+    """(d, harmonics, n, n)."""
+    names: tuple[str, ...]
+    """What each parameter is."""
+
+    @property
+    def harmonics(self) -> NDArray[np.int64]:
+        """K (harmonics,)."""
+        most = self.known.shape[1] // 2
+        return np.arange(-most, most + 1)
+
+    @property
+    def degree(self) -> int:
+        """The order d of the highest derivative."""
+        return self.known.shape[0]
+
+    def at(self, parameters: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """The coefficient matrices (d, harmonics, n, n)."""
+        return self.known + np.tensordot(parameters, self.matrices, axes=1)
+
+    def in_time(self, turns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The state matrix with no parameter, and its slopes, at these angles ωt.
+
+        They are (times, states, states) and (parameters, times, states, states).
+        """
+        phases = np.exp(1j * np.multiply.outer(turns, self.harmonics))
+        d, n = self.degree, self.known.shape[-1]
+        whole, slopes = np.zeros((len(turns), d * n, d * n)), np.zeros((len(self.names), len(turns), d * n, d * n))
+        for p in range(d):
+            if p:
+                whole[:, (p - 1) * n : p * n, p * n : (p + 1) * n] = np.eye(n)
+            place = np.s_[..., (d - 1) * n :, p * n : (p + 1) * n]
+            whole[place] = np.einsum("tk,kij->tij", phases, self.known[p]).real
+            slopes[place] = np.einsum("tk,qkij->qtij", phases, self.matrices[:, p]).real
+        return whole, slopes
+
+
+class AbstractStructure(ABC):
+    """The form of an equation of motion."""
+
+    @abstractmethod
+    def blocks(self) -> tuple[tuple[str, Block, int], ...]:
+        """Each block with its name and the derivative of the states that it multiplies."""
+
+    @property
+    @abstractmethod
+    def degree(self) -> int:
+        """The order of the highest derivative of the states."""
+
+    @property
+    @abstractmethod
+    def sign(self) -> float:
+        """What the blocks are multiplied by on the right-hand side."""
+
+    @abstractmethod
+    def wider(self) -> list[tuple[str, AbstractStructure]]:
+        """Structures that hold this one and a little more, with a word for each."""
+
+    def words(self) -> str:
+        """The structure in words."""
+        said = []
+        for name, block, _ in self.blocks():
+            kind = "" if block.symmetry == "none" else f"{block.symmetry} "
+            size = (
+                "constant" if block.harmonics == 0 else f"with {block.harmonics} harmonic" + "s" * (block.harmonics > 1)
+            )
+            known = f", {len(block.known)} elements known" if block.known else ""
+            said.append(f"{kind}{name} {size}{known}")
+        return "; ".join(said)
+
+    def basis(self, n: int) -> Basis:
+        """The coefficient matrices for n displacements, or states of first order.
+
+        Parameters
+        ----------
+        n
+            Their number.
+        """
+        blocks = self.blocks()
+        most = max(block.harmonics for _, block, _ in blocks)
+        known = np.zeros((self.degree, 2 * most + 1, n, n), complex)
+        matrices, names = [], []
+        for name, block, power in blocks:
+            known[power, most] += self.sign * block.constant(n)
+            for places in block.elements(n):
+                for k in range(block.harmonics + 1):
+                    for kind in ("",) if k == 0 else (f" cos {k}", f" sin {k}"):
+                        one = np.zeros_like(known)
+                        for i, j, value in places:
+                            size = self.sign * value * (1.0 if k == 0 else 0.5)
+                            turned = size * (-1j if kind.startswith(" sin") else 1.0)
+                            one[power, most + k, i, j] = turned
+                            one[power, most - k, i, j] = np.conj(turned)
+                        matrices.append(one)
+                        i, j, _ = places[0]
+                        names.append(f"{name}[{i},{j}]{kind}")
+        stacked = np.array(matrices).reshape(len(matrices), *known.shape)
+        return Basis(stacked, known, tuple(names))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SecondOrder(AbstractStructure):
+    r"""A second-order system in the displacements u.
+
+    .. math:: \ddot u + (D(t) + G(t))\, \dot u + K(t)\, u = 0
+
+    Parameters
+    ----------
+    stiffness
+        K, over the mass.
+    damping
+        D, over the mass.
+    gyroscopic
+        G, skew, over the mass; None where there is none, or where `damping` has no symmetry and so holds it.
+
+    Raises
+    ------
+    InputError
+        The gyroscopic block is not skew, or stands beside a damping block that could hold it.
+    """
+
+    stiffness: Block = Block(harmonics=2)
+    damping: Block = Block()
+    gyroscopic: Block | None = None
+
+    def __post_init__(self) -> None:
+        if self.gyroscopic is None:
+            return
+        if self.gyroscopic.symmetry != "skew":
+            got = f'has the symmetry "{self.gyroscopic.symmetry}"'
+            raise input_error("gyroscopic", "SecondOrder", "be skew", got, 'Pass Block(symmetry="skew").')
+        if self.damping.symmetry not in ("symmetric", "diagonal"):
+            must, got = "be symmetric or diagonal beside a gyroscopic block", "is not: it could hold that block itself"
+            raise input_error("damping", "SecondOrder", must, got, 'Pass Block(symmetry="symmetric").')
+
+    @property
+    def degree(self) -> int:
+        """Two."""
+        return 2
+
+    @property
+    def sign(self) -> float:
+        """Minus one: the blocks stand on the left."""
+        return -1.0
+
+    def wider(self) -> list[tuple[str, AbstractStructure]]:
+        """One more harmonic of a block, or one symmetry less."""
+        found: list[tuple[str, AbstractStructure]] = []
+        for name, block, _ in self.blocks():
+            more = replace(block, harmonics=block.harmonics + 1)
+            found.append((f"{name} with {more.harmonics} harmonics", replace(self, **{name: more})))
+            if block.symmetry in ("symmetric", "diagonal"):
+                free = replace(block, symmetry="none" if block.symmetry == "symmetric" else "symmetric")
+                other = replace(self, **{name: free}, **({"gyroscopic": None} if name == "damping" else {}))
+                found.append((f"{name} that is {'not ' if free.symmetry == 'none' else ''}symmetric", other))
+        return found
+
+    def blocks(self) -> tuple[tuple[str, Block, int], ...]:
+        """Stiffness, damping, gyroscopic."""
+        both = (("stiffness", self.stiffness, 0), ("damping", self.damping, 1))
+        return both if self.gyroscopic is None else (*both, ("gyroscopic", self.gyroscopic, 1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstOrder(AbstractStructure):
+    r"""A system of first order in the states x.
+
+    .. math:: \dot x = A(t)\, x
+
+    Parameters
+    ----------
+    system
+        A.
+    """
+
+    system: Block = Block(harmonics=2)
+
+    @property
+    def degree(self) -> int:
+        """One."""
+        return 1
+
+    @property
+    def sign(self) -> float:
+        """One: the block stands on the right."""
+        return 1.0
+
+    def blocks(self) -> tuple[tuple[str, Block, int], ...]:
+        """A alone."""
+        return (("system", self.system, 0),)
+
+    def wider(self) -> list[tuple[str, AbstractStructure]]:
+        """One more harmonic."""
+        more = replace(self.system, harmonics=self.system.harmonics + 1)
+        return [(f"a state matrix with {more.harmonics} harmonics", FirstOrder(system=more))]
