@@ -46,7 +46,7 @@ def strict_json(text):
 def rows_of_modes(text):
     """The rows of the table of modes, as lists of words."""
     lines = text.split("Modes: order", 1)[1].splitlines()[2:]
-    return [line.split() for line in lines if re.match(r" ?\s*\d+  ", line)]
+    return [line.split() for line in lines if re.match(r"\s*\d+ +-?\d", line)]
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,9 @@ def test_the_rotor_prints_eight_pairs(rotor):
         assert real == pytest.approx(mode["exponent"][0], abs=mode["exponent_std"][0])
         assert imag == pytest.approx(mode["exponent"][1], abs=mode["exponent_std"][1])
         assert row[2].startswith("±")
-        assert float(row[3]) == pytest.approx(mode["frequency_hz"], rel=1e-4)
+        frequency, damping = (float(re.sub(r"\(\d+\)", "", word)) for word in row[3:5])
+        assert frequency == pytest.approx(mode["frequency_hz"], abs=mode["frequency_std_hz"])
+        assert damping == pytest.approx(100.0 * mode["damping_ratio"], abs=100.0 * mode["damping_ratio_std"])
 
 
 def test_the_rotor_text_names_every_channel_and_unit(rotor):
@@ -103,13 +105,15 @@ def test_json_is_the_summary_alone(here):
     summary = strict_json(text)
     assert list(summary) == [
         "format", "period", "period_std", "order", "order_choice", "n_cycles", "n_phases", "noise_whitening", "modes",
-        "forced", "synchronisation", "system", "validation", "warnings",
+        "periodicity", "forced", "synchronisation", "system", "validation", "warnings",
     ]  # fmt: skip
     assert summary["format"] == "floquid-summary/1"
     assert summary["period"] == pytest.approx(2.0 * np.pi, rel=1e-15)
     assert (summary["order"], summary["n_cycles"], summary["n_phases"]) == (4, 40, 8)
     assert summary["period_std"] is None
-    assert summary["validation"] is None
+    assert summary["validation"]["passed"] is True
+    assert summary["validation"]["fit"] > 0.95
+    assert summary["validation"]["reasons"] == []
     assert all(isinstance(warning, str) for warning in summary["warnings"])
 
 
@@ -118,8 +122,8 @@ def test_json_has_every_exponent_with_its_conjugate(here):
     assert len(modes) == 4
     for mode in modes:
         assert list(mode) == [
-            "exponent", "exponent_std", "principal", "multiplier", "frequency_hz", "damping_ratio", "harmonics",
-            "participation",
+            "exponent", "exponent_std", "principal", "multiplier", "multiplier_std", "frequency_hz", "frequency_std_hz",
+            "damping_ratio", "damping_ratio_std", "harmonics", "participation",
         ]  # fmt: skip
         real, imag = mode["exponent"]
         assert [mode["exponent"][0], -imag] in [other["exponent"] for other in modes]
@@ -128,6 +132,16 @@ def test_json_has_every_exponent_with_its_conjugate(here):
         assert complex(*mode["multiplier"]) == pytest.approx(np.exp(complex(real, imag) * 2.0 * np.pi))
         assert abs(mode["principal"][1]) <= 0.5
         assert min(mode["exponent_std"]) > 0
+        size = np.hypot(real, imag)
+        slopes = np.array([real, imag]) / size
+        assert mode["frequency_std_hz"] == pytest.approx(
+            np.linalg.norm(slopes * mode["exponent_std"]) / (2.0 * np.pi), rel=0.05
+        )
+        assert mode["damping_ratio_std"] == pytest.approx(mode["exponent_std"][0] / size, rel=0.05)
+        grown = abs(complex(*mode["multiplier"])) * 2.0 * np.pi
+        assert np.linalg.norm(mode["multiplier_std"]) == pytest.approx(
+            grown * np.linalg.norm(mode["exponent_std"]), rel=0.05
+        )
         assert len(mode["participation"]) == len(mode["harmonics"])
         assert sum(mode["participation"]) == pytest.approx(1.0)
 
@@ -135,13 +149,19 @@ def test_json_has_every_exponent_with_its_conjugate(here):
 def test_json_system(here):
     assert strict_json(typed(f"{GOOD} --format json"))["system"] is None
     system = strict_json(typed(f"{GOOD} --states X,Y --format json"))["system"]
-    assert list(system) == ["states", "times", "values", "std"]
+    assert list(system) == ["states", "coordinates", "times", "values", "std", "structure"]
+    assert (system["coordinates"], system["structure"]) == ("second-order form from X, Y", None)
     assert system["states"] == ["X", "Y", "d/dt X", "d/dt Y"]
     times, values = np.array(system["times"]), np.array(system["values"])
     assert values.shape == (len(times), 4, 4)
     np.testing.assert_allclose(values[:, :2, :2], 0.0, atol=1e-9)
     np.testing.assert_allclose(values[:, :2, 2:], np.broadcast_to(np.eye(2), (len(times), 2, 2)), atol=1e-9)
-    assert system["std"] is None or np.shape(system["std"]) == values.shape
+    std = np.array(system["std"])
+    assert std.shape == values.shape
+    assert (std[:, :2] == 0.0).all()
+    assert (std[:, 2:] > 0.0).all()
+    truth = JeffcottRotor().system(times)
+    assert (np.abs(values - truth)[:, 2:] < 5.0 * std[:, 2:]).all()
 
 
 # The folder.

@@ -318,11 +318,11 @@ def test_a_band_grows_over_at_most_three_harmonics_that_are_not_seen(sizes, expe
 
 
 def test_a_harmonic_counts_when_chance_would_hardly_make_it():
-    """Two degrees of freedom: the chance of a size s is exp(-s²/2), so that of 6.0697 is 1e-8."""
-    assert bands({1: 6.06}) == [0]
-    assert bands({1: 6.08}) == [0, 1]
-    assert bands({1: 3.1}, false_alarm=0.01) == [0, 1]
-    assert bands({1: 3.0}, false_alarm=0.01) == [0]
+    """Two degrees of freedom: the chance of a size s is exp(-s²/2), so that of 6.4030 is an eighth of 1e-8."""
+    assert bands({1: 6.40}) == [0]
+    assert bands({1: 6.41}) == [0, 1]
+    assert bands({1: 3.66}, false_alarm=0.01) == [0, 1]
+    assert bands({1: 3.65}, false_alarm=0.01) == [0]
 
 
 def test_channels_are_judged_together():
@@ -337,7 +337,7 @@ def test_seeds_are_kept_whatever_they_are():
 
 def test_a_part_that_has_no_deviation_of_its_own_does_not_count():
     """The imaginary part of a real mode's zeroth coefficient is zero by construction, and so is its deviation."""
-    assert bands({1: 6.08}, std=1.0 + 0.0j) == [0, 1]
+    assert bands({1: 6.41}, std=1.0 + 0.0j) == [0, 1]
     assert bands({1: 6.06j}, std=1.0 + 0.0j) == [0]
 
 

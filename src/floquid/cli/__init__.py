@@ -1,7 +1,7 @@
 """The command line: one file a subcommand, each a thin call of one public function.
 
-Exit codes: 0 done, 1 identification failed or was refused, 2 usage or bad input, 130 interrupted. What goes wrong is
-one message on stderr; no traceback without `--debug`.
+Exit codes: 0 done, 1 identification failed or was refused, 2 usage or bad input, 3 validation criteria not met under
+`--enforce`, 130 interrupted. What goes wrong is one message on stderr; no traceback without `--debug`.
 """
 
 from __future__ import annotations

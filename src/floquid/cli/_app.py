@@ -12,7 +12,16 @@ from importlib.metadata import version
 from cyclopts import App, CycloptsError
 
 from floquid.cli._demo import demo
-from floquid.cli._errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, explained, explained_usage
+from floquid.cli._errors import (
+    BAD_INPUT,
+    DONE,
+    FAILED,
+    INTERRUPTED,
+    NOT_MET,
+    CriteriaNotMetError,
+    explained,
+    explained_usage,
+)
 from floquid.cli._floquet import floquet
 from floquid.cli._identify import identify
 from floquid.cli._info import info
@@ -47,7 +56,8 @@ def run(arguments: Sequence[str]) -> int:
     Returns
     -------
     int
-        0 done, 1 identification failed or was refused, 2 usage or bad input, 130 interrupted.
+        0 done, 1 identification failed or was refused, 2 usage or bad input, 3 validation criteria not met under
+        `--enforce`, 130 interrupted.
     """
     debug = "--debug" in arguments
     try:
@@ -63,6 +73,8 @@ def run(arguments: Sequence[str]) -> int:
         return FAILED
     except KeyboardInterrupt:
         return _end("Interrupted before the end. A result is only ever written whole.", INTERRUPTED)
+    except CriteriaNotMetError as error:
+        return _end(str(error), NOT_MET)
     except Exception as error:  # noqa: BLE001  # the last place where a mistake of ours can be worded
         if debug:
             traceback.print_exc()

@@ -21,7 +21,7 @@ from floquid.cli._simulate import system_named
 from floquid.cli._terminal import print_analysis, print_folder, print_title, terminal, with_error
 from floquid.core import Record
 from floquid.errors import IdentificationError
-from floquid.pipeline import Analysis
+from floquid.pipeline import Analysis, validated
 from floquid.pipeline import identify as identify_records
 from floquid.reconstruction import StateModel, reconstruct
 from floquid.systems import JeffcottRotor
@@ -121,16 +121,16 @@ def _demo_of_paper(out: Path, periods: int, noise: float, seed: int, draws: int,
 
 def _identify(rotor: JeffcottRotor, record: Record, report: Callable[[str], None]) -> Analysis:
     """The analysis with A(t); its order is found first, since states can only be chosen for the modes there are."""
-    analysis = identify_records(record, report=report)
+    analysis = identify_records(record, validate=False, report=report)
     order, true_order = analysis.model.order, len(rotor.exponents())
     if order != true_order:
         raise IdentificationError(
             f"{order} exponents were found where the system has {true_order}: too much noise in too short a record to "
             "compare them.\n  Use more --periods or less --noise."
         )
-    settings = replace(analysis.settings, states=STATES)
+    settings = replace(analysis.settings, states=STATES, validate=True)
     state = reconstruct(analysis.model, STATES, times=settings.system_times)
-    return replace(analysis, settings=settings, state=state)
+    return validated(replace(analysis, settings=settings, state=state), report=report)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,12 @@ from cyclopts import CycloptsError, UnusedCliTokensError
 
 from floquid.errors import IdentificationError, InputError
 
-DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, BAD_INPUT, NOT_MET, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+class CriteriaNotMetError(Exception):
+    """The result is written, and its validation was to be enforced and did not pass: the reasons."""
+
 
 _SUBJECT = re.compile(r"Argument `([^`]*)` of `([^`]*)` must ")
 
@@ -27,8 +32,12 @@ _OPTIONS = {
         "period": "The period",
         **{
             name: f"`--{name}`"
-            for name in ("channels", "order", "harmonics", "states", "tach", "azimuth", "forced", "skip")
+            for name in (
+                *("channels", "order", "harmonics", "states", "form", "delay", "structure"),
+                *("tach", "azimuth", "forced", "skip"),
+            )
         },
+        "output_error": "`--output-error`",
         "estimate_period": "`--estimate-period`",
         "pulses_per_revolution": "`--pulses-per-rev`",
         "periods_per_revolution": "`--periods-per-rev`",
@@ -52,7 +61,11 @@ _OPTIONS = {
     "segment": {"period": "The period", "records": "The records"},
     "lift": {"cycles": "The records"},
     "identify": {"records": "The records", **{name: f"`--{name}`" for name in ("order", "harmonics", "states")}},
-    "reconstruct": {"states": "`--states`"},
+    "reconstruct": {"states": "`--states`", "form": "`--form`", "delay": "`--delay`"},
+    "refine": {"states": "`--states`", "structure": "`--structure`"},
+    "structure_of": {"text": "`--structure`"},
+    "Block": dict.fromkeys(("harmonics", "symmetry", "known"), "A block of `--structure`"),
+    "SecondOrder": {name: f"The {name} block of `--structure`" for name in ("damping", "gyroscopic")},
     "assemble": {"harmonics": "`--harmonics`"},
     "describe_file": {"path": "`FILE`"},
     "write": {"path": "`--out`", "record": "The record"},

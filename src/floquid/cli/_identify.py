@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from floquid._checks import input_error
+from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, Place, split
 from floquid.cli._output import print_json, result_folder
 from floquid.cli._progress import progress
@@ -14,9 +16,10 @@ from floquid.cli._records import check_files, period_of, read_records
 from floquid.cli._settings import Choices, IdentifierName, load_choices
 from floquid.cli._terminal import print_analysis, print_folder
 from floquid.pipeline import identify as identify_records
+from floquid.reconstruction import Form
 
 OF = "floquid identify"
-STAGES = 9
+STAGES = 10
 
 
 def identify(
@@ -35,12 +38,18 @@ def identify(
     order: OptionalWhole = None,
     harmonics: OptionalWhole = None,
     states: str | None = None,
+    form: Form | None = None,
+    delay: float | None = None,
+    structure: str | None = None,
+    output_error: Annotated[bool | None, Parameter(negative=())] = None,
     forced: str | None = None,
     orbit: bool | None = None,
     find_hits: Annotated[bool | None, Parameter(negative=())] = None,
     skip: float | None = None,
     constrained: bool | None = None,
     trust_period: Annotated[bool | None, Parameter(negative=())] = None,
+    validate: bool | None = None,
+    enforce: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     out: OptionalPlace = None,
     format: Literal["text", "json"] = "text",  # noqa: A002
     settings: OptionalPlace = None,
@@ -86,7 +95,19 @@ def identify(
         Keep the harmonics from minus to plus this of each mode; those above the noise when not given. Needed with era,
         lscf and poly.
     states
-        The channels that are the displacement states of A(t), comma-separated; no A(t) when not given.
+        The channels that are the displacement states of A(t), comma-separated; x+vx+ax for several channels of one
+        motion, all for weighted sums of all channels; no A(t) when not given.
+    form
+        The states that A(t) is in: second-order, displacements and their velocities, when not given; first-order, as
+        many channels as modes, as they are; delayed, channels and the same channels later, where they are too few.
+    delay
+        The delay of --form delayed [s]; the best one when not given.
+    structure
+        Fit A(t) with a structure, whose every element then has a small deviation: auto, the simplest one that the
+        record does not contradict, or blocks with their harmonics, such as "stiffness 2 symmetric; damping 0 known
+        0,1=0 1,0=0" or, with --form first-order, "system 2". One that contradicts the record is refused.
+    output_error
+        Fit the structure once more, to the record linearised anew at its exponents.
     forced
         The forced response beside the free one (imbalance, gravity, an orbit): auto finds it, none leaves it out, 1,2
         are harmonics of the revolution that are fitted in any case; auto when not given.
@@ -102,6 +123,12 @@ def identify(
         folded onto one another. --no-constrained keeps the residues of lifting free.
     trust_period
         Warn instead of refusing when the response seems to repeat with another period than the one given.
+    validate
+        Check the model: cycles left out are predicted, and what is left of the record is looked at; --no-validate does
+        not.
+    enforce
+        End with exit code 3 and the reasons where the model does not pass its checks; the result is written all the
+        same.
     out
         A folder for result.h5, summary.json, settings.toml and figures/.
     format
@@ -122,6 +149,10 @@ def identify(
         order=order,
         harmonics=harmonics,
         states=None if states is None else split(states),
+        form=form,
+        delay=delay,
+        structure=structure,
+        output_error=output_error,
         estimate_period=estimate_period,
         tach=tach,
         azimuth=azimuth,
@@ -133,10 +164,16 @@ def identify(
         skip=skip,
         constrained=constrained,
         trust_period=trust_period,
+        validate=validate,
     )
+    if enforce and not choices.settings.validate:
+        must, got = "come with the checks of the model", "they are switched off"
+        raise input_error(
+            "--enforce", OF, must, got, "Leave out --no-validate, and `validate = false` in the settings."
+        )
     with (
         nullcontext() if out is None else result_folder(out) as folder,
-        progress(STAGES + (3 if out else 0)) as report,
+        progress(STAGES + (3 if out else 0) + (3 if choices.settings.structure else 0)) as report,
     ):
         records, choices = read_records(files, choices, OF, report)
         analysis = identify_records(records, choices.resolved(), report=report)
@@ -144,6 +181,9 @@ def identify(
             folder.write(analysis, choices.text(), report)
     if format == "json":
         print_json(analysis)
-        return
-    print_analysis(analysis)
-    print_folder(out)
+    else:
+        print_analysis(analysis)
+        print_folder(out)
+    if enforce and analysis.validation is not None and not analysis.validation.passed:
+        reasons = analysis.validation.reasons or analysis.validation.unmet
+        raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *reasons]))

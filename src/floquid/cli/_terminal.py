@@ -14,6 +14,8 @@ from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 from floquid.periodic import participation
 from floquid.pipeline import CONFIDENT, Analysis
+from floquid.reconstruction import Refinement
+from floquid.validation import Validation
 
 LEGEND = (
     "λ: Floquet exponent, on the branch of its physical frequency; f = |λ|/2π; ζ = -Re λ/|λ|; |μ| = e^(Re λ T), the "
@@ -22,6 +24,9 @@ LEGEND = (
 DEVIATIONS = "(53) is one standard deviation in the last digits"
 NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does)"
 NOISE = "White noise found, standard deviation"
+RARE = 0.01
+"""The probability of a structure's misfit below which it is told that chance seldom leaves as much."""
+
 NOTES = {
     "weak": "weakly determined",
     "μ<0": "a negative real multiplier, no pair",
@@ -49,7 +54,7 @@ def print_analysis(analysis: Analysis) -> None:
     console = terminal()
     _print_record(console, analysis)
     print_title(console, f"Modes: order {analysis.model.order}, conjugates counted one by one")
-    print_whole(console, modes_table(analysis))
+    print_modes(console, analysis)
     used = {word for r in upper_modes(analysis.model) for word in _notes(analysis.model, r)}
     meanings = [f"{word}: {meaning}" for word, meaning in NOTES.items() if word in used]
     deviations = NO_DEVIATIONS if analysis.model.exponent_std is None else DEVIATIONS
@@ -59,10 +64,29 @@ def print_analysis(analysis: Analysis) -> None:
     console.print("; ".join([legend, *meanings]) + ".", style="dim")
     if analysis.choice is not None and not analysis.choice.ambiguous:
         console.print(f"The order is clear. {' '.join(analysis.choice.reasons)}", style="dim")
+    for sentence in () if analysis.periodicity is None else analysis.periodicity.sentences:
+        console.print(sentence)
     if analysis.state is not None:
         print_state(console, analysis)
+    if analysis.validation is not None:
+        print_validation(console, analysis.validation)
     for warning in analysis.warnings:
         console.print(f"Warning: {warning}", style="yellow")
+
+
+def print_validation(console: Console, validation: Validation) -> None:
+    """The verdict; where the model passed, in one sentence."""
+    if not validation.passed:
+        print_title(console, "Validation: the model does not pass")
+        for reason in validation.reasons:
+            console.print(f"  {reason}", style="yellow")
+        return
+    fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
+    console.print(
+        f"Validation passed: {fit:.1%} of the response is predicted in cycles left out, with an error of {error:.3g} "
+        "times the noise at most, and nothing else is left that noise does not explain.",
+        style="dim",
+    )
 
 
 def print_folder(folder: Path | None, *others: str) -> None:
@@ -144,13 +168,25 @@ def _noise_table(analysis: Analysis) -> Table:
     return table
 
 
-def modes_table(analysis: Analysis) -> Table:
-    """The table of modes, a conjugate pair a row."""
+def print_modes(console: Console, analysis: Analysis) -> None:
+    """The table of modes, with the deviations of f and ζ where it is not too wide for them."""
+    table = modes_table(analysis, derived=True)
+    table.padding, table.pad_edge = (0, 1, 0, 0), False
+    if _width(console, table) > console.width:
+        table = modes_table(analysis)
+    print_whole(console, table)
+
+
+def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
+    """The table of modes, a conjugate pair a row, if wanted with the deviations of what is derived from exponents."""
     model, std = analysis.model, analysis.model.exponent_std
+    frequency, damping = model.frequency_std_hz, model.damping_ratio_std
     table = Table(box=None)
     for name in ("", "Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded", "m"):
         table.add_column(name, justify="left" if name == "" else "right", no_wrap=True)
-    table.add_column("note")
+    notes = [" ".join(_notes(model, r)) for r in upper_modes(model)]
+    if any(notes) or not derived:
+        table.add_column("note")
     for number, r in enumerate(upper_modes(model), start=1):
         error = std[r] if std is not None else complex(np.nan, np.nan)
         value, real = model.exponents[r], is_real(model, r)
@@ -159,12 +195,16 @@ def modes_table(analysis: Analysis) -> Table:
             str(number),
             with_error(value.real, error.real),
             ("" if real else "±") + with_error(abs(value.imag), error.imag),
-            f"{model.frequencies_hz[r]:.5g}",
-            f"{100 * model.damping_ratios[r]:.3g}",
+            with_error(model.frequencies_hz[r], frequency[r])
+            if derived and frequency is not None
+            else f"{model.frequencies_hz[r]:.5g}",
+            with_error(100 * model.damping_ratios[r], 100 * damping[r])
+            if derived and damping is not None
+            else f"{100 * model.damping_ratios[r]:.3g}",
             f"{abs(model.multipliers[r]):.4f}",
             f"{abs(model.principal()[r].imag) / model.fundamental:.4f}",
             f"{harmonics[0]}…{harmonics[-1]}" if len(harmonics) > 1 else f"{harmonics[0]}",
-            " ".join(_notes(model, r)),
+            *(notes[number - 1 : number] if any(notes) or not derived else ()),
         )
     return table
 
@@ -194,26 +234,83 @@ def upper_modes(model: PeriodicModel) -> list[int]:
 
 
 def print_state(console: Console, analysis: Analysis) -> None:
-    """The accelerations' rows of A(t): mean over the period and half of the range of each element."""
+    """Rows of A(t): mean over the period and half of the range of each element, and its largest deviation.
+
+    In second-order form they are those of the accelerations; the others say that displacements have velocities.
+    """
     state = analysis.state
     assert state is not None
-    half = len(state.states) // 2
-    print_title(console, "A(t) [1/s², 1/s]: mean over the period ± half its range, no deviations")
+    second = analysis.settings.form == "second-order"
+    half = len(state.states) // 2 if second else 0
+    print_title(console, f"A(t) [{'1/s², 1/s' if second else '1/s'}]: mean over the period ± half its range")
     table = Table(box=None)
     table.add_column("")
-    for name in state.states:
+    # The names of delayed states are long; the sentence below has them in order.
+    names = [str(k) for k in range(1, len(state.states) + 1)] if analysis.settings.form == "delayed" else state.states
+    for name in names:
         table.add_column(name, justify="right", no_wrap=True)
     mean, swing = state.system.mean(axis=0), 0.5 * np.ptp(state.system, axis=0)
-    for i, name in enumerate(state.states[:half], start=half):
-        blocks = (slice(0, half), slice(half, None))
-        cells = [cell for block in blocks for cell in _alike(mean[i, block], swing[i, block])]
-        table.add_row(f"d²/dt² {name}", *cells)
+    blocks = (slice(0, half), slice(half, None))[0 if second else 1 :]
+    for i in range(half, len(state.states)):
+        name = f"d²/dt² {names[i - half]}" if second else f"d/dt {names[i]}"
+        table.add_row(name, *(cell for block in blocks for cell in _alike(mean[i, block], swing[i, block])))
+        if state.system_std is not None:
+            table.add_row("  deviation", *(f"{std:.2g}" for std in state.system_std[:, i].max(axis=0)), style="dim")
     if _width(console, table) <= console.width:
         console.print(table)
+        if state.system_std is not None:
+            console.print("Deviation: the largest standard deviation over the period.", style="dim")
     else:
         size = len(state.states)
         console.print(f"{size} × {size}, too wide for here: summary.json has it (--out DIR or --format json).")
     console.print(f"Condition number of the modes' shapes in these states: {state.condition.max():.3g} at most.")
+    if not second or "+" in state.coordinates or "all" in analysis.settings.states:
+        console.print(f"The states are {state.coordinates}.")
+    if analysis.refinement is not None:
+        print_structure(console, analysis.refinement)
+
+
+def print_structure(console: Console, found: Refinement) -> None:
+    """The structure that A(t) was fitted with, how well it fits, and its parameters with their deviations."""
+    print_title(console, f"Structure {'found' if found.reasons else 'given'}: {found.structure.words()}")
+    for reason in found.reasons[1:]:
+        console.print(reason, style="dim")
+    p_value = f"p = {found.p_value:.2g}" if found.p_value >= 1e-300 else "p < 1e-300"
+    verdict = "the structure does not contradict the record"
+    if found.p_value < RARE:
+        verdict = "chance seldom leaves as much, so that something small may be missing in the structure"
+    console.print(
+        f"What is left between it and the free model is a chi-square of {found.chi_square:.4g} for {found.degrees} "
+        f"degrees of freedom ({p_value}): {verdict}."
+    )
+    table = _parameters_table(found)
+    if _width(console, table) > console.width:
+        table = Table(box=None)
+        table.add_column("")
+        table.add_column("value", justify="right", no_wrap=True)
+        for name, value, std in zip(found.names, found.parameters, found.std, strict=True):
+            table.add_row(name, with_error(value, std))
+    print_whole(console, table)
+    units = "stiffness [1/s²] and damping [1/s] are over the mass; " if found.structure.degree == 2 else "in 1/s; "
+    console.print(
+        f"{units[0].upper()}{units[1:]}{DEVIATIONS}; rows and columns count from zero, in the order of the states.",
+        style="dim",
+    )
+
+
+def _parameters_table(found: Refinement) -> Table:
+    """An element a row, its mean and its harmonics beside each other."""
+    rows: dict[str, dict[str, str]] = {}
+    for name, value, std in zip(found.names, found.parameters, found.std, strict=True):
+        element, _, part = name.partition(" ")
+        rows.setdefault(element, {})[part or "mean"] = with_error(value, std)
+    parts = list(dict.fromkeys(part for cells in rows.values() for part in cells))
+    table = Table(box=None)
+    for name in ("", *parts):
+        table.add_column(name, justify="right" if name else "left", no_wrap=True)
+    for element, cells in rows.items():
+        table.add_row(element, *(cells.get(part, "") for part in parts))
+    return table
 
 
 def _alike(values: NDArray[np.float64], swings: NDArray[np.float64]) -> list[str]:

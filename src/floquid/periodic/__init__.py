@@ -5,6 +5,7 @@
 
 from floquid.periodic._assemble import assemble
 from floquid.periodic._constrain import Constrained, constrain
+from floquid.periodic._estimate_at import estimate_at
 from floquid.periodic._evidence import combinations_of
 from floquid.periodic._finish import CONFIDENT, MISFIT, Finished, finish
 from floquid.periodic._fit import Fit, fit
@@ -12,6 +13,8 @@ from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._fse import FSE, Family, fse
 from floquid.periodic._harmonics import participation, select_bands
 from floquid.periodic._period import PeriodCandidate, PeriodEstimate, estimate_period
+from floquid.periodic._periodicity import PartialTests, Periodicity, periodicity
+from floquid.periodic._refit import instants, own_period, refit, unexplained
 from floquid.periodic._synchrony import NEGLIGIBLE_SLIP, SIGNIFICANT, Synchrony, drift, spacing, synchrony
 
 __all__ = [
@@ -25,19 +28,27 @@ __all__ = [
     "Finished",
     "Fit",
     "ForcedResponse",
+    "PartialTests",
     "PeriodCandidate",
     "PeriodEstimate",
+    "Periodicity",
     "Synchrony",
     "assemble",
     "combinations_of",
     "constrain",
     "drift",
+    "estimate_at",
     "estimate_period",
     "finish",
     "fit",
     "fse",
+    "instants",
+    "own_period",
     "participation",
+    "periodicity",
+    "refit",
     "select_bands",
     "spacing",
     "synchrony",
+    "unexplained",
 ]

@@ -19,6 +19,7 @@ def select_bands(
     seeds: NDArray[np.int64],
     *,
     false_alarm: float,
+    n_modes: int | None = None,
 ) -> NDArray[np.bool_]:
     r"""Keep, of each mode, the contiguous band of harmonics around its seed that rises above the noise.
 
@@ -26,11 +27,17 @@ def select_bands(
 
     .. math:: \sum_{c,h} \left(\frac{\Re B}{\sigma_{\Re}}\right)^2 + \left(\frac{\Im B}{\sigma_{\Im}}\right)^2
 
-    exceeds what chance gives with probability `false_alarm`, a chi-square of two degrees of freedom a term. The band is
-    common to the channels, since a shape that is cut at different harmonics in different channels is no solution of one
-    system. The band grows outward from the seed to each significant harmonic that is at most `GAP` insignificant ones
-    away, and what lies between is kept too. A false alarm far out would be multiplied by the square of its frequency in
-    A(t): hence contiguous, and a small probability (1e-8 gives the paper's rotor half the error that 1e-4 does).
+    exceeds what chance gives at the level α', a chi-square of two degrees of freedom a term. The band is common to the
+    channels, since a shape that is cut at different harmonics in different channels is no solution of one system. The
+    band grows outward from the seed to each significant harmonic that is at most `GAP` insignificant ones away, and
+    what lies between is kept too. A false alarm far out would be multiplied by the square of its frequency in A(t):
+    hence contiguous, and a small probability.
+
+    `false_alarm` is the probability α that any band of any mode goes on beyond its last harmonic that is there. To do
+    so it has to meet noise at one of the `GAP` + 1 harmonics next to an end, so n modes are 2n(`GAP` + 1) chances, each
+    at the level of Šidák (1967):
+
+    .. math:: \alpha' = 1 - (1 - \alpha)^{1/(2 n (\mathrm{GAP} + 1))}
 
     Parameters
     ----------
@@ -41,17 +48,38 @@ def select_bands(
     seeds
         The lowest and the highest harmonic that a mode keeps in any case (modes, 2).
     false_alarm
-        The probability for one harmonic.
+        The probability α that noise passes for a harmonic anywhere.
+    n_modes
+        The number n of different modes, where conjugates are listed too; None where they are not.
 
     Returns
     -------
     numpy.ndarray
         What is kept (modes, harmonics).
     """
+    count = len(coefficients) if n_modes is None else n_modes
+    level = level_of_each(false_alarm, 2 * (GAP + 1) * count)
+    return bands_at(coefficients, std, harmonics, seeds, level=level)
+
+
+def level_of_each(false_alarm: float, tests: int) -> float:
+    """The level of each of several tests that together have a probability of false alarm (Šidák 1967)."""
+    return float(-np.expm1(np.log1p(-false_alarm) / max(tests, 1)))
+
+
+def bands_at(
+    coefficients: NDArray[np.complex128],
+    std: NDArray[np.complex128],
+    harmonics: NDArray[np.int64],
+    seeds: NDArray[np.int64],
+    *,
+    level: float,
+) -> NDArray[np.bool_]:
+    """`select_bands` at a level for each harmonic."""
     from scipy.special import chdtri
 
     terms = coefficients.shape[1] * coefficients.shape[2]
-    limit = float(chdtri(2 * terms, false_alarm))
+    limit = float(chdtri(2 * terms, level))
     score = _squares(coefficients.real, std.real, std.real > 0)
     # The imaginary part of a real mode's zeroth coefficient is exactly zero, and so is its deviation.
     score += _squares(coefficients.imag, std.imag, std.imag > 1e-9 * std.real)

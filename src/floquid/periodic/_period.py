@@ -127,7 +127,7 @@ def estimate_period(
     longest: float | None = None,
     shortest: float | None = None,
     false_alarm: float = 1e-9,
-    harmonic_false_alarm: float = 1e-8,
+    harmonic_false_alarm: float = 1e-6,
     report: Callable[[str], None] = lambda _: None,
 ) -> PeriodEstimate:
     r"""The period of a system from its free response alone.
@@ -152,7 +152,7 @@ def estimate_period(
     longest, shortest
         Bounds of the period [s]; a quarter of the record, and two sampling intervals, where not given.
     false_alarm, harmonic_false_alarm
-        The probabilities at which noise may pass for a line, and for a harmonic of the model.
+        The probabilities that noise passes for a line, and for a harmonic of any mode.
     report
         Is told of each stage.
 

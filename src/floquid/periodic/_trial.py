@@ -40,7 +40,7 @@ class Limits:
     modes
         Entries that may be found, at most.
     mode_alarm, harmonic_alarm
-        The probabilities at which noise may pass for a mode, and for a harmonic.
+        The probabilities that noise passes for a mode, and for a harmonic of any mode.
     forced
         Turns a period of the harmonics that a forced response may have; empty when none is looked for (harmonics,).
     choose
@@ -91,7 +91,7 @@ def with_better_bands(blocks: Sequence[Block], held: Held, limits: Limits) -> He
     """With bands chosen again, where that does no harm."""
     if not limits.choose or not (~held.entries.fixed).any():
         return held
-    bands = chosen_bands(blocks, evaluated(blocks, widened(held.entries)), STRICT)
+    bands = chosen_bands(blocks, evaluated(blocks, widened(held.entries)), STRICT, each=True)
     with suppress(IdentificationError, np.linalg.LinAlgError):
         other = settled(blocks, replace(held.entries, bands=bands), at_rest=ROUGHLY)
         return min(held, other, key=lambda one: criterion(blocks, one))

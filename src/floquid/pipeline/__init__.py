@@ -1,13 +1,29 @@
 """The whole chain: `identify` takes records and `Settings` and gives an `Analysis`, with every intermediate kept.
 
 `lifted` stops after lifting, and `find_poles` goes on from there to poles and noise.
+`validated` adds the verdict on a model.
+`bootstrap` checks the deviations of an `Analysis` by drawing records from its model.
 """
 
 from floquid.periodic import CONFIDENT
 from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._bootstrap import Bootstrap, bootstrap
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
 from floquid.pipeline._lifted import lifted
 from floquid.pipeline._settings import Settings
+from floquid.pipeline._spread import Spread
+from floquid.pipeline._validated import validated
 
-__all__ = ["CONFIDENT", "Analysis", "Settings", "find_poles", "identify", "lifted"]
+__all__ = [
+    "CONFIDENT",
+    "Analysis",
+    "Bootstrap",
+    "Settings",
+    "Spread",
+    "bootstrap",
+    "find_poles",
+    "identify",
+    "lifted",
+    "validated",
+]

@@ -11,10 +11,11 @@ from floquid.core import Cycles, PeriodicModel, Provenance, Record
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.order import Choice
-from floquid.periodic import Fit
+from floquid.periodic import Fit, Periodicity
 from floquid.pipeline._settings import Settings
-from floquid.reconstruction import StateModel
+from floquid.reconstruction import Refinement, StateModel
 from floquid.sync import ShaftAngle
+from floquid.validation import Validation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,6 +33,8 @@ class Analysis:
         The periodic model: exponents and shapes.
     state
         Φ and A(t), when states were asked for.
+    refinement
+        The fit of A(t) with a structure, when one was asked for; its `state` is this one.
     choice
         What speaks for the order found and against it; None where the order was given.
     fit
@@ -43,6 +46,10 @@ class Analysis:
         The angle of the shaft in each record that has a tachometer or an azimuth; not kept in a result file.
     held
         Whether the residues were held to their harmonics in the end.
+    periodicity
+        Whether the response is that of a periodic system at all; None where it could not be tested.
+    validation
+        Whether the model can be believed; None where that was not asked for.
     synchronisation
         How well the records are synchronised, and what was done to them, a sentence each.
     warnings
@@ -56,11 +63,14 @@ class Analysis:
     modal: ModalModel
     model: PeriodicModel
     state: StateModel | None = None
+    refinement: Refinement | None = None
     choice: Choice | None = None
     fit: Fit | None = None
     measured: tuple[Record, ...] = ()
     shafts: tuple[ShaftAngle, ...] = ()
     held: bool = False
+    periodicity: Periodicity | None = None
+    validation: Validation | None = None
     synchronisation: tuple[str, ...] = ()
     warnings: tuple[str, ...] = field(default=())
 

@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 from hashlib import sha256
 
 import numpy as np
+from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import (
@@ -14,15 +15,15 @@ from floquid.core import (
     Clock,
     ConstantPeriod,
     Cycles,
+    Estimates,
     Record,
     TachometerSignal,
-    channels_named,
 )
 from floquid.errors import IdentificationError
 from floquid.lifting import lift
 from floquid.lti import fit_residues
 from floquid.order import Choice, judge
-from floquid.periodic import assemble, combinations_of, finish
+from floquid.periodic import assemble, combinations_of, estimate_at, finish, periodicity
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._before import faults_of, hits_of, later, missing_of, without_orbit
 from floquid.pipeline._doubts import ambiguity, below_modes, driven, misfit, quiet, too_low, warnings, wrong_period
@@ -30,7 +31,8 @@ from floquid.pipeline._find_poles import UnsettledError, find_poles
 from floquid.pipeline._measured import NOT_WHOLE, measured, why_measured
 from floquid.pipeline._rounded import rounded
 from floquid.pipeline._settings import Settings
-from floquid.reconstruction import reconstruct
+from floquid.pipeline._state import check_states, state_of
+from floquid.pipeline._validated import validated
 from floquid.sync import segment
 
 FLOORS = (1e-4, 1e-3)
@@ -95,6 +97,8 @@ def identify(
     few = sum(record.values.size for record in used) < LARGE
     with threadpool_limits(limits=1 if few else None, user_api="blas"):
         found = _identified(used, chosen, report, said)
+        if chosen.validate:
+            found = validated(found, report=report)
         return replace(found, warnings=(*faults, *found.warnings)) if faults else found
 
 
@@ -158,10 +162,11 @@ def _identified(
         if ended.reasons is not None:
             modal = fit_residues(model.multipliers, lifted.responses)
             choice = Choice(order=model.order, model=modal, reasons=ended.reasons, doubts=ended.doubts)
-    state = None
-    if chosen.states:
-        report("rebuilding the state matrix")
-        state = reconstruct(model, chosen.states, times=chosen.system_times)
+
+    def again(exponents: NDArray[np.complex128]) -> Estimates:
+        return estimate_at(model, exponents, lifted=lifted)
+
+    state, refinement = state_of(model, chosen, again, report)
     return Analysis(
         settings=chosen,
         records=used,
@@ -170,8 +175,10 @@ def _identified(
         modal=modal,
         model=model,
         state=state,
+        refinement=refinement,
         choice=choice,
         held=ended is not None and ended.held,
+        periodicity=None if model.unselected is None else periodicity(model, lifted=lifted),
         synchronisation=said,
         warnings=tuple(word for word in (missing, doubt, bent) if word)
         + ambiguity(choice)
@@ -231,7 +238,7 @@ def _clock(record: Record, settings: Settings) -> Clock | None:
 def _refuse_far(records: Sequence[Record], settings: Settings) -> None:
     """Refuse what cannot end well for records fitted as they were sampled."""
     names = [channel for channel in records[0].channels if channel.name not in (settings.tach, settings.azimuth)]
-    channels_named(names, settings.states, argument="states", of="identify")
+    check_states(names, settings)
     if settings.identifier is not None:
         must, got = "be None for records that are fitted as they were sampled", f"is {settings.identifier!r:.60}"
         remedy = "Leave it out: modes are found in the spectrum of what is left, and fitted by maximum likelihood."
@@ -247,7 +254,7 @@ def _refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:
             f"The record holds {shortest} whole period{'s' if shortest > 1 else ''}: fewer than 4 cannot hold a mode "
             "and the noise beside it. Record longer, or check the period."
         )
-    channels_named(cycles[0].channels, settings.states, argument="states", of=of)
+    check_states(cycles[0].channels, settings)
     if getattr(settings.identifier, "band", None) is not None:
         must = "look at the whole band, since what is left out would count as noise"
         got = f"has band={settings.identifier.band}"  # pyright: ignore[reportOptionalMemberAccess, reportAttributeAccessIssue]

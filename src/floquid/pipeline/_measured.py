@@ -10,18 +10,19 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import AzimuthSignal, ConstantPeriod, PulseTimes, Record, TachometerSignal
+from floquid.core import AzimuthSignal, ConstantPeriod, Estimates, PulseTimes, Record, TachometerSignal
 from floquid.errors import IdentificationError, NotSynchronousError
 from floquid.lifting import lift
 from floquid.lti import fit_residues
 from floquid.order import Choice
-from floquid.periodic import Fit, estimate_period, fit
+from floquid.periodic import Fit, estimate_at, estimate_period, fit, periodicity
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._doubts import ambiguity, warnings, wrong_angles, wrong_measured_period
 from floquid.pipeline._settings import Settings
-from floquid.reconstruction import reconstruct
+from floquid.pipeline._state import state_of
 from floquid.sync import ShaftAngle, rejoin, resample, samples_per_period, segment, shaft_angle
 
 NOT_WHOLE = "a period that is no whole number of samples"
@@ -128,10 +129,15 @@ def measured(
     blurred = wrong_angles(found, shafts, responses) if shafts else ""
     modal = fit_residues(found.model.multipliers, lifted.responses)
     model = replace(found.model, provenance=lifted.provenance)
-    state = None
-    if settings.states:
-        report("rebuilding the state matrix")
-        state = reconstruct(model, settings.states, times=settings.system_times)
+    # Where the record has hardly any noise, it is believed down to the floor alone, as in the fit.
+    peaks = np.array([np.abs(hit.values).max(axis=(1, 2)) for hit in cycles]).T
+    noise = np.maximum(found.noise, settings.noise_floor * peaks)
+
+    def again(exponents: NDArray[np.complex128]) -> Estimates:
+        free, forced = found.free, found.forced
+        return estimate_at(model, exponents, records=free, clocks=clocks, noise=noise, forced=forced)
+
+    state, refinement = state_of(model, settings, again, report)
     choice = Choice(order=model.order, model=modal, reasons=found.reasons, doubts=found.doubts)
     own = tuple(dict.fromkeys(reason for shaft in shafts for reason in shaft.reasons))
     return Analysis(
@@ -142,11 +148,14 @@ def measured(
         modal=modal,
         model=model,
         state=state,
+        refinement=refinement,
         choice=None if settings.order is not None else choice,
         fit=found,
         measured=records,
         shafts=shafts,
         held=True,
+        # Without `lifted`: resampling moves lines by more than their deviations.
+        periodicity=None if model.unselected is None else periodicity(model),
         synchronisation=(*said, *own, *_said_of(found)),
         warnings=tuple(word for word in (doubt, *unsteady, blurred) if word)
         + (ambiguity(choice) if settings.order is None else ())

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 
 from floquid._checks import finite, input_error, integer, positive
 from floquid.core import AzimuthSignal
 from floquid.lti import AbstractIdentifier
+from floquid.reconstruction import AbstractStructure, FirstOrder, Form, structure_of, text_of
+
+ALL = "all"
+"""What is said for all channels as states, each state a weighted sum of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +31,19 @@ class Settings:
     harmonics
         Keep the harmonics -harmonics … harmonics of each mode; None keeps those that rise above the noise.
     states
-        Names of the channels that are the displacement states of A(t); empty to leave A(t) out.
+        Names of the channels that are the displacement states of A(t), as `reconstruct` takes them: "x+vx" for several
+        channels of one motion, ("all",) for sums of all channels; empty to leave A(t) out.
+    form
+        "second-order": displacements and their velocities. "first-order": as many channels as modes, as they are.
+        "delayed": channels and the same channels later, where they are too few to span the states.
+    delay
+        Of "delayed" [s]; None takes the one with the best condition.
+    structure
+        What A(t) is fitted to be (`refine`): an `AbstractStructure`, its text (`structure_of`), such as
+        "stiffness 2 symmetric; damping 0", or "auto" for the simplest second-order form that the data do not
+        contradict; kept as text, empty for the free A(t) of `reconstruct`.
+    output_error
+        Whether the structured A(t) is fitted once more, to the record linearised anew at its exponents.
     system_times
         The number of instants of a period at which A(t) is given.
     identifier
@@ -34,7 +51,7 @@ class Settings:
     mode_false_alarm
         The probability at which noise may pass for a mode; the `identifier` given has its own.
     harmonic_false_alarm
-        The probability at which noise may pass for a harmonic.
+        The probability that noise passes for a harmonic anywhere, over all harmonics of all modes together.
     noise_floor
         The least share of a channel's largest value that the noise is taken to be: the level down to which the record
         can be believed.
@@ -61,6 +78,8 @@ class Settings:
         Whether each record is searched for impacts, and cut into one free response after each.
     skip
         Periods after each impact that are left out, where they are not linear yet: of each record, without `find_hits`.
+    validate
+        Whether the model is checked on cycles left out, on what it leaves of the record, and on A(t) integrated.
 
     Raises
     ------
@@ -73,10 +92,14 @@ class Settings:
     order: int | None = None
     harmonics: int | None = None
     states: tuple[str, ...] = ()
+    form: str = "second-order"
+    delay: float | None = None
+    structure: str = ""
+    output_error: bool = False
     system_times: int = 50
     identifier: AbstractIdentifier | None = None
     mode_false_alarm: float = 1e-9
-    harmonic_false_alarm: float = 1e-8
+    harmonic_false_alarm: float = 1e-6
     noise_floor: float = 1e-10
     constrained: bool = True
     trust_period: bool = False
@@ -89,6 +112,7 @@ class Settings:
     orbit: bool = True
     find_hits: bool = False
     skip: float = 0.0
+    validate: bool = True
 
     def __post_init__(self) -> None:
         of = "Settings"
@@ -105,6 +129,7 @@ class Settings:
         if self.harmonics is not None:
             integer(self.harmonics, "harmonics", of, at_least=0)
         integer(self.system_times, "system_times", of, at_least=1)
+        self._check_form()
         if not isinstance(self.identifier, (AbstractIdentifier, type(None))):
             must, remedy = "be an identifier of `floquid.lti`, or None", "Pass an object, such as AMI()."
             raise input_error("identifier", of, must, f"is {self.identifier!r:.60}", remedy)
@@ -112,14 +137,54 @@ class Settings:
         object.__setattr__(self, "forced", _forced_text(self.forced))
         if finite(self.skip, "skip", of) < 0.0:
             raise input_error("skip", of, "not be negative", f"is {self.skip:g}", "It counts periods.")
-        for name in ("constrained", "trust_period", "estimate_period", "orbit", "find_hits"):
-            value = getattr(self, name)
-            if not isinstance(value, (bool, np.bool_)):
-                raise input_error(name, of, "be true or false", f"is {value!r}")
-            object.__setattr__(self, name, bool(value))
+        for name in ("constrained", "trust_period", "estimate_period", "orbit", "find_hits", "validate"):
+            self._check_flag(name)
         for name in ("mode_false_alarm", "harmonic_false_alarm", "noise_floor"):
             if not 0.0 < positive(getattr(self, name), name, of) < 1.0:
                 raise input_error(name, of, "lie between 0 and 1", f"is {getattr(self, name)}")
+
+    def _check_flag(self, name: str) -> None:
+        value = getattr(self, name)
+        if not isinstance(value, (bool, np.bool_)):
+            raise input_error(name, "Settings", "be true or false", f"is {value!r}")
+        object.__setattr__(self, name, bool(value))
+
+    def _check_form(self) -> None:
+        """Refuse a form, a delay and a structure that do not go together."""
+        of = "Settings"
+        if self.form not in get_args(Form):
+            words = ", ".join(f'"{one}"' for one in get_args(Form))
+            raise input_error("form", of, f"be one of {words}", f"is {self.form!r}")
+        if self.delay is not None:
+            object.__setattr__(self, "delay", positive(self.delay, "delay", of, unit="s"))
+            if self.form != "delayed":
+                got = f'is {self.delay:g} with the form "{self.form}"'
+                raise input_error("delay", of, 'be None but for the form "delayed"', got, 'Pass form="delayed".')
+        self._check_flag("output_error")
+        structure = self.structure
+        if isinstance(structure, AbstractStructure):
+            structure = text_of(structure)
+        if not isinstance(structure, str):
+            must, remedy = 'be a structure, its text or "auto"', 'Pass e.g. "stiffness 2 symmetric; damping 0".'
+            raise input_error("structure", of, must, f"is {structure!r:.60}", remedy)
+        if not structure.strip():
+            object.__setattr__(self, "structure", "")
+            if self.output_error:
+                remedy = 'Pass structure="auto" beside it (`--structure auto`).'
+                raise input_error("output_error", of, "come with a structure", "there is none", remedy)
+            return
+        meant = structure_of(structure)
+        object.__setattr__(self, "structure", text_of(meant))
+        form = "first-order" if isinstance(meant, FirstOrder) else "second-order"
+        if self.form != form:
+            must, got = f'come with the form "{form}"', f'is "{self.structure}" with the form "{self.form}"'
+            raise input_error("structure", of, must, got, f'Pass form="{form}" (`--form {form}`).')
+        if not self.states:
+            got = f'is "{self.structure}" without any'
+            raise input_error("structure", of, "come with states", got, "Name the channels that are the `states`.")
+        if not self.constrained:
+            must, got = "come with `constrained=True`", "is given with `constrained=False`"
+            raise input_error("structure", of, must, got, "Leave `constrained` as it is: it gives what is fitted to.")
 
     def _check_clock(self) -> None:
         """Refuse two clocks at once, and numbers that no clock can have."""

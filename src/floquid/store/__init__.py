@@ -12,6 +12,10 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
     /fit/                           of records fitted as they were sampled: noise (channels, hits), period_std, and
                                     forced/, the forced response: harmonics of the revolution, coefficients,
                                     coefficient_std, offset, offset_std, drift, drift_std, revolution, speed_dependent
+    /periodicity/                   of a model whose periodicity was tested: statistic, degrees, p_value, level, power,
+                                    spacing_p, harmonics, exponents (modes,), channels, sizes and limits (modes,
+                                    harmonics), untested (cases, 2), locked; by_harmonic/, by_mode/ and by_channel/,
+                                    each of statistics, degrees, p_values, adjusted (parts,)
     /settings/                      period, channels, order, harmonics, ...: one dataset a field of `Settings`
     /records/hit1, hit2, .../       the records as used: values (channels, samples), sample_rate, start,
                                     period and origin of the clock, channels/, provenance/
@@ -20,9 +24,23 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     residue_spread, residue_slope, residual_std, outcome (a name), stats/
     /choice/                        reasons, doubts: sentences for and against the order, where it was found
     /model/                         exponents (modes,), coefficients (modes, channels, hits, harmonics), harmonics,
-                                    period, covariance, coefficient_std, channels/, provenance/
+                                    period, covariance, coefficient_std, channels/, provenance/; estimates/ and
+                                    unselected/, the fit with its joint covariance: exponents, real (modes,),
+                                    fundamental, modes, harmonics (terms,), coefficients, scales (terms, channels,
+                                    hits), covariance, slopes (terms, channels, hits, 2 modes + 1), spread (blocks,
+                                    2 terms, 2 terms), blocks (channels, hits); absent where there is none
+    /validation/                    passed (1 or 0), reasons, fit, held_out_error, colour (channels, hits), tones
+                                    (channels, hits, tones) left at turns, lines (channels, hits, lines) left at
+                                    harmonics of modes; metrics/ and limits/, both of fit, held_out_error,
+                                    held_out_stretch, period, tone, harmonic, line, colour, multipliers, liouville,
+                                    composition; at_least: those of the limits that are the least allowed; absent where
+                                    nothing was validated
     /state/                         times, transition (times, n, n), system (times, n, n), condition, states,
-                                    system_std, provenance/; a null dataset when no A(t) was asked for
+                                    system_std, transition_std, coordinates (what the states are, in words),
+                                    provenance/; a null dataset when no A(t) was asked for
+    /refinement/                    of an A(t) that was fitted with a structure: structure (a text), parameters, names,
+                                    covariance, exponents, exponent_std (modes,), chi_square, degrees, p_value, reasons;
+                                    state/ where it is not that of the file; absent where no structure was asked for
     .../channels/                   name, quantity, unit, location, direction, each (channels,)
     .../provenance/                 sources, steps
 

@@ -92,6 +92,21 @@ MODEL = (
     ),
 )
 
+ESTIMATES = (
+    Item("exponents", "complex", ("modes",), unit="1/s"),
+    Item("real", "integer", ("modes",)),
+    Item("fundamental", unit="rad/s"),
+    Item("modes", "integer", ("terms",)),
+    Item("harmonics", "integer", ("terms",)),
+    Item("coefficients", "complex", ("terms", "channels", "hits"), unit="that of the channel"),
+    Item("covariance", axes=("2 modes + 1", "2 modes + 1"), unit="1/s^2"),
+    Item("slopes", "complex", ("terms", "channels", "hits", "2 modes + 1"), unit="that of the channel times s"),
+    Item("spread", axes=("blocks", "2 terms", "2 terms")),
+    Item("blocks", "integer", ("channels", "hits")),
+    Item("scales", "complex", ("terms", "channels", "hits"), unit="that of the channel"),
+)
+"""Of the groups `estimates` and `unselected` of the model; absent where there are none, and in older files."""
+
 HELD = Item("held", "integer")
 """1 where the residues were held to their harmonics in the end; absent in older files."""
 
@@ -115,6 +130,40 @@ FORCED = (
 )
 """The forced response beside the free one; absent where there is none."""
 
+VALIDATION = (
+    Item("passed", "integer"),
+    Item("reasons", "text", ("reasons",)),
+    *(Item(name, axes=("channels", "hits")) for name in ("fit", "held_out_error", "colour")),
+    Item("turns", axes=("tones",)),
+    Item("tones", axes=("channels", "hits", "tones")),
+    Item("modes", "integer", ("lines",)),
+    Item("harmonics", "integer", ("lines",)),
+    Item("lines", axes=("channels", "hits", "lines")),
+)
+"""The verdict on the model; absent where it was not asked for, and in older files."""
+
+AT_LEAST = Item("at_least", "text", ("criteria",))
+"""The names of those limits that are the least allowed."""
+
+PERIODICITY = (
+    *(Item(name) for name in ("statistic", "p_value", "level", "power")),
+    Item("degrees", "integer"),
+    Item("spacing_p", optional=True),
+    Item("harmonics", "integer", ("harmonics",)),
+    Item("exponents", "complex", ("modes",), unit="1/s"),
+    Item("channels", "text", ("channels",)),
+    *(Item(name, axes=("modes", "harmonics")) for name in ("sizes", "limits")),
+    Item("untested", "integer", ("cases", "mode and harmonic")),
+    Item("locked", "integer", ("modes",)),
+)
+"""Of a model whose periodicity was tested; absent otherwise, and in older files."""
+
+PARTIAL_TESTS = (
+    *(Item(name, axes=("parts",)) for name in ("statistics", "p_values", "adjusted")),
+    Item("degrees", "integer", ("parts",)),
+)
+"""Of its groups `by_harmonic`, `by_mode` and `by_channel`."""
+
 STATE = (
     Item("times", axes=("times",), unit="s"),
     Item("transition", axes=("times", "states", "states")),
@@ -123,3 +172,25 @@ STATE = (
     Item("states", "text", ("states",)),
     Item("system_std", axes=("times", "states", "states"), unit="1/s in the units of the states", optional=True),
 )
+
+STATE_LATER = (
+    Item("coordinates", "text"),
+    Item("transition_std", axes=("times", "states", "states"), optional=True),
+)
+"""Of the state too; absent in older files."""
+
+REFINEMENT = (
+    Item("parameters", axes=("parameters",), unit="1/s to a power, in the units of the states"),
+    Item("names", "text", ("parameters",)),
+    Item("covariance", axes=("parameters", "parameters")),
+    Item("exponents", "complex", ("modes",), unit="1/s"),
+    Item("exponent_std", "complex", ("modes",), unit="1/s"),
+    Item("chi_square"),
+    Item("degrees", "integer"),
+    Item("p_value"),
+    Item("reasons", "text", ("reasons",)),
+)
+"""Of an A(t) that was fitted with a structure; absent otherwise, and in older files. Its state is that of the file."""
+
+STRUCTURE = Item("structure", "text")
+"""As `floquid.reconstruction.structure_of` reads it."""

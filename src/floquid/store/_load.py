@@ -13,18 +13,19 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid._files import readable_file
-from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
+from floquid.core import Channel, ConstantPeriod, Estimates, PeriodicModel, Provenance, Record
 from floquid.errors import FloquidError, InputError
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import Composites, ModalModel, Outcome
 from floquid.order import Choice
-from floquid.periodic import Fit, ForcedResponse
+from floquid.periodic import Fit, ForcedResponse, PartialTests, Periodicity
 from floquid.pipeline import Analysis, Settings
-from floquid.reconstruction import StateModel
+from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
 from floquid.store import _layout as layout
 from floquid.store._identifiers import from_text
 from floquid.store._layout import Item
 from floquid.sync import segment
+from floquid.validation import Criterion, Validation
 
 if TYPE_CHECKING:
     import h5py
@@ -104,11 +105,9 @@ def _read(file: h5py.File) -> Analysis:
         lifted = whitened(lifted, _filters(_group(file, "lifted"), lifted))
     lifted = lifted.with_noise(lifting["noise"])
     modal = _get_modal(_group(file, "modal"))
-    group = _group(file, "model")
-    model = PeriodicModel(
-        **_get_fields(group, layout.MODEL), channels=_get_channels(group), provenance=_get_provenance(group)
-    )
+    model = _get_model(_group(file, "model"))
     _check_together(lifting, lifted, modal, model)
+    state = _get_state(file)
     return Analysis(
         settings=settings,
         records=records,
@@ -116,11 +115,14 @@ def _read(file: h5py.File) -> Analysis:
         lifted=lifted,
         modal=modal,
         model=model,
-        state=_get_state(file),
+        state=state,
+        refinement=_get_refinement(file, state),
         choice=_get_choice(file, modal),
         fit=_get_fit(file, model, records),
+        periodicity=_get_periodicity(file),
         held=layout.HELD.name in file and _get(file, layout.HELD) == 1,
         synchronisation=_get(file, layout.SYNCHRONISATION) if layout.SYNCHRONISATION.name in file else (),
+        validation=_get_validation(file, model),
         warnings=_get(file, layout.WARNINGS),
     )
 
@@ -133,10 +135,49 @@ def _filters(group: h5py.Group, lifted: Lifted) -> NDArray[np.float64]:
     return taps
 
 
+def _get_model(group: h5py.Group) -> PeriodicModel:
+    return PeriodicModel(
+        **_get_fields(group, layout.MODEL),
+        estimates=_get_estimates(group, "estimates"),
+        unselected=_get_estimates(group, "unselected"),
+        channels=_get_channels(group),
+        provenance=_get_provenance(group),
+    )
+
+
+def _get_estimates(model: h5py.Group, name: str) -> Estimates | None:
+    if name not in model:
+        return None
+    values = _get_fields(_group(model, name), layout.ESTIMATES)
+    return Estimates(**values | {"real": values["real"] == 1})
+
+
+def _get_refinement(file: h5py.File, state: StateModel | None) -> Refinement | None:
+    if "refinement" not in file:
+        return None
+    group = _group(file, "refinement")
+    own = _state_in(_group(group, "state")) if "state" in group else state
+    structure = structure_of(_get(group, layout.STRUCTURE))
+    if own is None or not isinstance(structure, AbstractStructure):
+        raise _DamagedError("it has a refinement without " + ("a structure" if own is not None else "a state"))
+    return Refinement(**_get_fields(group, layout.REFINEMENT), structure=structure, state=own)
+
+
 def _get_choice(file: h5py.File, modal: ModalModel) -> Choice | None:
     if "choice" not in file:
         return None
     return Choice(order=modal.order, model=modal, **_get_fields(_group(file, "choice"), layout.CHOICE))
+
+
+def _get_periodicity(file: h5py.File) -> Periodicity | None:
+    if "periodicity" not in file:
+        return None
+    group = _group(file, "periodicity")
+    parts: dict[str, Any] = {
+        name: PartialTests(**_get_fields(_group(group, name), layout.PARTIAL_TESTS))
+        for name in ("by_harmonic", "by_mode", "by_channel")
+    }
+    return Periodicity(**_get_fields(group, layout.PERIODICITY), **parts)
 
 
 def _get_fit(file: h5py.File, model: PeriodicModel, records: tuple[Record, ...]) -> Fit | None:
@@ -163,6 +204,21 @@ def _get_fit(file: h5py.File, model: PeriodicModel, records: tuple[Record, ...])
         reasons=words["reasons"],
         doubts=words["doubts"],
     )
+
+
+def _get_validation(file: h5py.File, model: PeriodicModel) -> Validation | None:
+    if "validation" not in file:
+        return None
+    group = _group(file, "validation")
+    values, least = _get_fields(group, layout.VALIDATION), _get(group, layout.AT_LEAST)
+    metrics, limits = (
+        {str(name): _get(part, Item(str(name))) for name in part}
+        for part in (_group(group, "metrics"), _group(group, "limits"))
+    )
+    if values["fit"].shape != model.coefficients.shape[1:3]:
+        raise _DamagedError(f"validation/fit has the shape {values['fit'].shape}")
+    criteria = {name: Criterion(limit=limit, at_least=name in least) for name, limit in limits.items()}
+    return Validation(**values | {"metrics": metrics, "criteria": criteria, "passed": values["passed"] == 1})
 
 
 def _check_together(lifting: dict[str, Any], lifted: Lifted, modal: ModalModel, model: PeriodicModel) -> None:
@@ -238,8 +294,12 @@ def _get_state(file: h5py.File) -> StateModel | None:
     state = file.get("state")
     if isinstance(state, h5py.Dataset) and state.shape is None:
         return None
-    group = _group(file, "state")
-    return StateModel(**_get_fields(group, layout.STATE), provenance=_get_provenance(group))
+    return _state_in(_group(file, "state"))
+
+
+def _state_in(group: h5py.Group) -> StateModel:
+    later = _get_fields(group, [item for item in layout.STATE_LATER if item.name in group])
+    return StateModel(**_get_fields(group, layout.STATE), **later, provenance=_get_provenance(group))
 
 
 def _get_channels(group: h5py.Group) -> tuple[Channel, ...]:

@@ -14,13 +14,15 @@ import numpy as np
 
 from floquid._checks import describe, input_error
 from floquid._files import atomic_path
-from floquid.core import Channel, ConstantPeriod, Provenance, Record
+from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.lti import AbstractIdentifier
-from floquid.periodic import Fit
+from floquid.periodic import Fit, Periodicity
 from floquid.pipeline import Analysis, Settings
+from floquid.reconstruction import Refinement, StateModel, text_of
 from floquid.store import _layout as layout
 from floquid.store._identifiers import to_text
 from floquid.store._layout import Item
+from floquid.validation import Validation
 
 if TYPE_CHECKING:
     import h5py
@@ -68,6 +70,8 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
         _put(file, layout.WARNINGS, analysis.warnings)
         _put(file, layout.HELD, int(analysis.held))
         _put(file, layout.SYNCHRONISATION, analysis.synchronisation)
+        if analysis.periodicity is not None:
+            _put_periodicity(file.create_group("periodicity"), analysis.periodicity)
         if analysis.fit is not None:
             _put_fit(file.create_group("fit"), analysis.fit)
         _put_settings(file.create_group("settings"), analysis.settings)
@@ -88,22 +92,58 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
         if analysis.modal.composites is not None:
             _put_fields(group.create_group("composites"), layout.COMPOSITES, analysis.modal.composites)
         _put_numbers(group.create_group("stats"), analysis.modal.stats)
-        group = file.create_group("model")
-        _put_fields(group, layout.MODEL, analysis.model)
-        _put_channels(group, analysis.model.channels)
-        _put_provenance(group, analysis.model.provenance)
+        _put_model(file.create_group("model"), analysis.model)
+        if analysis.validation is not None:
+            _put_validation(file.create_group("validation"), analysis.validation)
         if analysis.state is None:
             _put(file, Item("state", optional=True), None)
         else:
-            group = file.create_group("state")
-            _put_fields(group, layout.STATE, analysis.state)
-            _put_provenance(group, analysis.state.provenance)
+            _put_state(file.create_group("state"), analysis.state)
+        if analysis.refinement is not None:
+            _put_refinement(file.create_group("refinement"), analysis.refinement, analysis.state)
+
+
+def _put_model(group: h5py.Group, model: PeriodicModel) -> None:
+    _put_fields(group, layout.MODEL, model)
+    for name in ("estimates", "unselected"):
+        estimates = getattr(model, name)
+        if estimates is not None:
+            _put_fields(group.create_group(name), layout.ESTIMATES, estimates)
+    _put_channels(group, model.channels)
+    _put_provenance(group, model.provenance)
+
+
+def _put_state(group: h5py.Group, state: StateModel) -> None:
+    _put_fields(group, (*layout.STATE, *layout.STATE_LATER), state)
+    _put_provenance(group, state.provenance)
+
+
+def _put_refinement(group: h5py.Group, found: Refinement, state: StateModel | None) -> None:
+    _put_fields(group, layout.REFINEMENT, found)
+    _put(group, layout.STRUCTURE, text_of(found.structure))
+    if found.state is not state:
+        _put_state(group.create_group("state"), found.state)
 
 
 def _put_fit(group: h5py.Group, fit: Fit) -> None:
     _put_fields(group, layout.FIT, fit)
     if fit.forced is not None:
         _put_fields(group.create_group("forced"), layout.FORCED, fit.forced)
+
+
+def _put_validation(group: h5py.Group, validation: Validation) -> None:
+    _put_fields(group, layout.VALIDATION, validation)
+    # By name, as they come back: the same analysis gives the same bytes.
+    criteria = dict(sorted(validation.criteria.items()))
+    _put_numbers(group.create_group("metrics"), dict(sorted(validation.metrics.items())))
+    _put_numbers(group.create_group("limits"), {name: own.limit for name, own in criteria.items()})
+    _put(group, layout.AT_LEAST, [name for name, own in criteria.items() if own.at_least])
+
+
+def _put_periodicity(group: h5py.Group, found: Periodicity) -> None:
+    _put_fields(group, layout.PERIODICITY, found)
+    for name in ("by_harmonic", "by_mode", "by_channel"):
+        _put_fields(group.create_group(name), layout.PARTIAL_TESTS, getattr(found, name))
 
 
 def _put_settings(group: h5py.Group, settings: Settings) -> None:

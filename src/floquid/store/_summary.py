@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
 from floquid.order import Choice
-from floquid.periodic import ForcedResponse, participation
+from floquid.periodic import ForcedResponse, PartialTests, Periodicity, participation
 from floquid.pipeline import Analysis
-from floquid.reconstruction import StateModel
+from floquid.reconstruction import Refinement, StateModel, text_of
+from floquid.validation import Validation
 
 
 def summary(analysis: Analysis) -> dict[str, Any]:
@@ -20,7 +21,11 @@ def summary(analysis: Analysis) -> dict[str, Any]:
     Every exponent is listed, conjugates included; a complex number is [real, imaginary]. `participation` is the share
     of each of the mode's `harmonics` in the energy of its shape, channels weighted by the inverse of their noise.
     `forced` has the forced response beside the free one, `synchronisation` what was done to the record and how well it
-    is synchronised. `noise_whitening` has the filter of each channel that took the colour of the noise off.
+    is synchronised. `validation` has the verdict on the model with its numbers and their limits. `noise_whitening` has
+    the filter of each channel that took the colour of the noise off. `periodicity` says whether the response is that of
+    a periodic system at all: probabilities, and the share of its mode that each harmonic has and would be seen at.
+    `system` has A(t) over the period and its deviations, what its states are (`coordinates`), and, where it was fitted
+    with a structure, that structure, its parameters, and how well it fits.
 
     Parameters
     ----------
@@ -33,7 +38,6 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         Ready for `json.dump`.
     """
     model = analysis.model
-    std = model.exponent_std
     weights = 1.0 / analysis.noise
     return {
         "format": "floquid-summary/1",
@@ -44,11 +48,12 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         "n_cycles": max(c.n_cycles for c in analysis.cycles),
         "n_phases": analysis.cycles[0].n_phases,
         "noise_whitening": None if analysis.lifted.whitening is None else analysis.lifted.whitening.tolist(),
-        "modes": [_mode(model, r, std, weights) for r in range(model.order)],
+        "modes": _modes(model, weights),
+        "periodicity": None if analysis.periodicity is None else _periodicity(analysis.periodicity),
         "forced": None if analysis.fit is None or analysis.fit.forced is None else _forced(analysis.fit.forced),
         "synchronisation": list(analysis.synchronisation),
-        "system": None if analysis.state is None else _system(analysis.state),
-        "validation": None,
+        "system": None if analysis.state is None else _system(analysis.state, analysis.refinement),
+        "validation": None if analysis.validation is None else _validation(analysis.validation),
         "warnings": list(analysis.warnings),
     }
 
@@ -71,6 +76,42 @@ def _forced(forced: ForcedResponse) -> dict[str, Any]:
     }
 
 
+def _periodicity(found: Periodicity) -> dict[str, Any]:
+    """The test over all, its parts, and sizes and limits (modes, harmonics); null where a harmonic was not tested."""
+
+    def numbers(values: NDArray[np.float64]) -> list[list[float | None]]:
+        return [[float(value) if np.isfinite(value) else None for value in row] for row in values]
+
+    def parts(of: PartialTests) -> dict[str, Any]:
+        return {
+            "statistic": of.statistics.tolist(),
+            "degrees": of.degrees.tolist(),
+            "p": of.p_values.tolist(),
+            "p_adjusted": of.adjusted.tolist(),
+        }
+
+    return {
+        "periodic": found.periodic,
+        "p": found.p_value,
+        "statistic": found.statistic,
+        "degrees": found.degrees,
+        "level": found.level,
+        "power": found.power,
+        "spacing_p": found.spacing_p,
+        "harmonics": found.harmonics.tolist(),
+        "exponents": _pairs(found.exponents),
+        "channels": list(found.channels),
+        "by_harmonic": parts(found.by_harmonic),
+        "by_mode": parts(found.by_mode),
+        "by_channel": parts(found.by_channel),
+        "sizes": numbers(found.sizes),
+        "limits": numbers(found.limits),
+        "untested": found.untested.tolist(),
+        "locked": found.locked.tolist(),
+        "sentences": list(found.sentences),
+    }
+
+
 def _pairs(values: NDArray[np.complex128]) -> list[Any]:
     return np.stack([values.real, values.imag], axis=-1).tolist()
 
@@ -79,28 +120,66 @@ def _choice(choice: Choice) -> dict[str, Any]:
     return {"ambiguous": choice.ambiguous, "reasons": list(choice.reasons), "doubts": list(choice.doubts)}
 
 
-def _mode(
-    model: PeriodicModel, r: int, std: NDArray[np.complex128] | None, weights: NDArray[np.float64]
-) -> dict[str, Any]:
-    harmonics, shares = participation(model, r, weights)
-    return {
-        "exponent": _pair(model.exponents[r]),
-        "exponent_std": None if std is None else _pair(std[r]),
-        "principal": _pair(model.principal()[r]),
-        "multiplier": _pair(model.multipliers[r]),
-        "frequency_hz": float(model.frequencies_hz[r]),
-        "damping_ratio": float(model.damping_ratios[r]),
-        "harmonics": harmonics.tolist(),
-        "participation": shares.tolist(),
-    }
+def _modes(model: PeriodicModel, weights: NDArray[np.float64]) -> list[dict[str, Any]]:
+    nothing = [None] * model.order
+    exponent, multiplier = (
+        nothing if std is None else _pairs(std) for std in (model.exponent_std, model.multiplier_std)
+    )
+    frequency, damping = (
+        nothing if std is None else std.tolist() for std in (model.frequency_std_hz, model.damping_ratio_std)
+    )
+    listed = []
+    for r in range(model.order):
+        harmonics, shares = participation(model, r, weights)
+        own = {
+            "exponent": _pair(model.exponents[r]),
+            "exponent_std": exponent[r],
+            "principal": _pair(model.principal()[r]),
+            "multiplier": _pair(model.multipliers[r]),
+            "multiplier_std": multiplier[r],
+            "frequency_hz": float(model.frequencies_hz[r]),
+            "frequency_std_hz": frequency[r],
+            "damping_ratio": float(model.damping_ratios[r]),
+            "damping_ratio_std": damping[r],
+            "harmonics": harmonics.tolist(),
+            "participation": shares.tolist(),
+        }
+        listed.append(own)
+    return listed
 
 
-def _system(state: StateModel) -> dict[str, Any]:
+def _system(state: StateModel, refinement: Refinement | None) -> dict[str, Any]:
     return {
         "states": list(state.states),
+        "coordinates": state.coordinates,
         "times": state.times.tolist(),
         "values": state.system.tolist(),
         "std": None if state.system_std is None else state.system_std.tolist(),
+        "structure": None if refinement is None else _structure(refinement),
+    }
+
+
+def _structure(found: Refinement) -> dict[str, Any]:
+    parameters = zip(found.names, found.parameters.tolist(), found.std.tolist(), strict=True)
+    return {
+        "text": text_of(found.structure),
+        "chi_square": found.chi_square,
+        "degrees": found.degrees,
+        "p_value": found.p_value,
+        "parameters": [{"name": name, "value": value, "std": std} for name, value, std in parameters],
+        "reasons": list(found.reasons),
+    }
+
+
+def _validation(validation: Validation) -> dict[str, Any]:
+    return {
+        "passed": validation.passed,
+        "fit": validation.metrics.get("fit"),
+        "reasons": list(validation.reasons),
+        "metrics": dict(validation.metrics),
+        "criteria": {
+            name: {"at_least" if own.at_least else "at_most": own.limit} for name, own in validation.criteria.items()
+        },
     }
 
 

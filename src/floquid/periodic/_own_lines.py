@@ -1,0 +1,58 @@
+"""Whether what was taken for harmonics lies where harmonics do, or is modes of its own that fold onto another."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Estimates
+from floquid.lifting import Lifted
+from floquid.periodic._bands import Entries
+from floquid.periodic._constrained import evaluated
+from floquid.periodic._lifted_block import LiftedBlock
+
+
+def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp]) -> float:
+    r"""The probability of the responses if harmonics lie whole numbers of fundamentals from their modes.
+
+    .. math:: Q = g^T J^{-1} g - (A^T g)^T (A^T J A)^{-1} A^T g \sim \chi^2
+
+    Rao's score test: g and J are the slopes of the cost and their covariance by the rates λ + imω of modes and
+    harmonics, each a line of its own; A moves the harmonics with their modes, as one exponent does. A mode of a
+    constant system that folds next to another is mostly not at the same place to a small part of its decay.
+
+    Parameters
+    ----------
+    whole
+        The estimates.
+    lifted
+        The lifted responses.
+    lines
+        The terms that are looked at beside the zeroth harmonics (lines,).
+
+    Returns
+    -------
+    float
+        The probability; 1 without lines.
+    """
+    from scipy.special import chdtrc
+
+    if not len(lines):
+        return 1.0
+    zeroth = np.flatnonzero(whole.turning & (whole.harmonics == 0))
+    terms = np.concatenate([zeroth, lines])
+    rates, count = whole.rates[terms], len(terms)
+    mirrored = rates.imag < 0.0
+    entries = Entries.made(np.where(mirrored, rates.conj(), rates), (0, 0), whole.fundamental)
+    held = evaluated(LiftedBlock.all_of(lifted), entries)
+    own = (whole.modes[terms][:, None] == np.unique(whole.modes[terms])).astype(float)
+    turned = own * np.where(mirrored, -1.0, 1.0)[:, None]
+    together = np.block([[own, np.zeros_like(own)], [np.zeros_like(own), turned]])
+    free = _gain(held.gradient, held.gauss_newton)
+    tied = _gain(together.T @ held.gradient, together.T @ held.gauss_newton @ together)
+    return float(chdtrc(2 * count - together.shape[1], max(free - tied, 0.0)))
+
+
+def _gain(gradient: NDArray[np.float64], matrix: NDArray[np.float64]) -> float:
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    return float(gradient * scale @ np.linalg.lstsq(matrix * np.outer(scale, scale), gradient * scale, rcond=1e-12)[0])

@@ -1,0 +1,215 @@
+"""A periodic model fitted anew to other samples of the same responses: same modes, same bands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import frozen_array, input_error
+from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.periodic._bands import Entries, upper
+from floquid.periodic._blocks import Block
+from floquid.periodic._constrained import AT_REST, evaluated, settled
+from floquid.periodic._held import model_of
+from floquid.periodic._kept_cycles import KeptCycles
+from floquid.periodic._record_block import RecordBlock
+from floquid.periodic._record_blocks import record_blocks
+from floquid.sync import ShaftAngle
+
+Clocks = Sequence[ConstantPeriod | ShaftAngle]
+
+FEWEST = 2
+"""Samples below which a channel has none."""
+
+
+def refit(
+    model: PeriodicModel, records: Sequence[Record], clocks: Clocks, *, noise: ArrayLike, at_rest: float = AT_REST
+) -> PeriodicModel:
+    r"""The same modes with the same bands of harmonics, fitted anew to records as they were sampled.
+
+    .. math:: \min_{\lambda, B} \sum_{c,h} \frac{1}{\sigma_{c,h}^2} \sum_k
+              \Big(y_{c,h}(t_k) - \sum_r \sum_{m \in M_r} B_{r,c,h,m}\, e^{\lambda_r t_k + i m \theta(t_k)}\Big)^2
+
+    (Allen 2009, eqs. 11-12, the spacing enforced), started at the exponents of the model; θ is ωt, or the angle of the
+    shaft. Of records that are whole samples a period, with whole cycles left out, it costs as little as of lifted
+    responses: no sample's exponentials are formed.
+
+    Parameters
+    ----------
+    model
+        The model; it says the period, too.
+    records
+        The free response, one record a hit. NaN marks samples that are left out.
+    clocks
+        What ties each record to the phase.
+    noise
+        The deviation of the noise (channels, hits) [units of the channels].
+    at_rest
+        The deviations that the last step may have.
+
+    Returns
+    -------
+    PeriodicModel
+        With exponents, coefficients and deviations of these samples.
+
+    Raises
+    ------
+    InputError
+        Records, clocks, noise and model do not belong together.
+    IdentificationError
+        There is no such fit near the model's exponents.
+    """
+    blocks = _noisy(model, records, clocks, noise, "refit")
+    entries = Entries.of(model)
+    found = settled(blocks, entries, at_rest=at_rest)
+    return model_of(blocks, found, entries.bands, channels=model.channels, provenance=model.provenance, most=None)
+
+
+def own_period(
+    model: PeriodicModel, records: Sequence[Record], clocks: Clocks, *, noise: ArrayLike
+) -> tuple[float, float] | None:
+    r"""(own period - T)/T as the harmonics of the response have it, and its standard deviation.
+
+    One Gauss-Newton step of the fit with the fundamental as a parameter: a linear estimate.
+
+    Parameters
+    ----------
+    model
+        The model; it says the period T.
+    records
+        The free response, one record a hit. NaN marks samples that are left out.
+    clocks
+        What ties each record to the phase, by a constant period.
+    noise
+        The deviation of the noise (channels, hits) [units of the channels].
+
+    Returns
+    -------
+    tuple of float or None
+        The relative difference and its deviation; None where the response does not tell it.
+
+    Raises
+    ------
+    InputError
+        Records, clocks, noise and model do not belong together.
+    """
+    blocks = _noisy(model, records, clocks, noise, "own_period")
+    now = evaluated(blocks, replace(Entries.of(model), free_period=True))
+    if now.information[-1, -1] <= 0.0:
+        return None
+    covariance = now.covariance()
+    if not covariance[-1, -1] > 0.0:
+        return None
+    step = float((covariance @ now.gradient)[-1])
+    return -step / model.fundamental, float(np.sqrt(covariance[-1, -1])) / model.fundamental
+
+
+def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> tuple[NDArray[np.float64], ...]:
+    r"""What a model leaves of records, at the samples that are there.
+
+    .. math:: e_{c,h}(t_k) = y_{c,h}(t_k) - \sum_{r,m} B_{r,c,h,m}\, e^{\lambda_r t_k + i m \theta(t_k)}
+
+    Parameters
+    ----------
+    model
+        The model; it says the period, too.
+    records
+        The free response, one record a hit. NaN marks samples that are left out.
+    clocks
+        What ties each record to the phase.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        One a record (channels, samples) [units of the channels]; NaN where no sample is.
+
+    Raises
+    ------
+    InputError
+        Records, clocks and model do not belong together.
+    """
+    _check(model, records, clocks, "unexplained")
+    entries = Entries.of(model)
+    columns = entries.columns()
+    place = np.searchsorted(model.harmonics, columns.harmonics)
+    # A column without a sine counts once, the others with their conjugates.
+    share = np.where(entries.sines(), 1.0, 0.5)[:, None]
+    own = np.array(upper(model), np.int64)[columns.modes]
+    left = [np.full(record.values.shape, np.nan) for record in records]
+    for block in _seen(model, records, clocks):
+        coefficients = model.coefficients[own, :, block.hit, place][:, block.rows] * share
+        taken = np.flatnonzero(~np.isnan(records[block.hit].values[block.rows[0]]))
+        _, rest = block.rest(columns, coefficients * block.scales(columns)[:, None])
+        # Blocks of cycles have those left out, too.
+        left[block.hit][np.ix_(block.rows, taken)] = rest[:, taken] if isinstance(block, KeptCycles) else rest
+    return tuple(left)
+
+
+def instants(record: Record, clock: ConstantPeriod | ShaftAngle, fundamental: float) -> tuple[NDArray, NDArray]:
+    """Times after phase zero (samples,) [s], and the phase angle of the system at each (samples,) [rad].
+
+    Parameters
+    ----------
+    record
+        The record.
+    clock
+        What ties it to the phase.
+    fundamental
+        ω [rad/s], of a clock of constant period.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Times and angles.
+    """
+    bare = Record(values=np.zeros((1, record.n_samples)), sample_rate=record.sample_rate, channels=["-"])
+    (block,), _, _ = record_blocks([replace(bare, start=record.start)], [clock], 1.0)
+    assert isinstance(block, RecordBlock)
+    return block.times, fundamental * block.times if block.angles is None else block.angles
+
+
+def _blocks(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> list[Block]:
+    """Blocks of cycles where all records can be cut into them, else blocks of samples."""
+    pairs = zip(records, clocks, strict=True)
+    cheap = [KeptCycles.of(record, clock, model.period, hit) for hit, (record, clock) in enumerate(pairs)]
+    if all(block is not None for block in cheap):
+        return [block for block in cheap if block is not None]
+    return list(record_blocks(records, clocks, 1.0)[0])
+
+
+def _seen(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> Iterator[Block]:
+    """Blocks of what is there: a channel, or a record, may have no samples."""
+    for hit, (record, clock) in enumerate(zip(records, clocks, strict=True)):
+        cheap = KeptCycles.of(record, clock, model.period, hit)
+        if cheap is not None:
+            yield cheap
+            continue
+        rows = np.flatnonzero((~np.isnan(record.values)).sum(axis=1) >= FEWEST)
+        if len(rows):
+            part = record if len(rows) == record.n_channels else record.select([record.channels[r].name for r in rows])
+            for block in record_blocks([part], [clock], 1.0)[0]:
+                yield replace(block, hit=hit, rows=rows[block.rows])
+
+
+def _noisy(model: PeriodicModel, records: Sequence[Record], clocks: Clocks, noise: ArrayLike, of: str) -> list[Block]:
+    """The blocks with their noise."""
+    _check(model, records, clocks, of)
+    spread = frozen_array(noise, "noise", of, axes=model.coefficients.shape[1:3])
+    if not (spread > 0.0).all():
+        raise input_error("noise", of, "be positive", f"has {spread.min():g}", "Give each channel its noise.")
+    return [block.with_noise(spread[block.rows, block.hit]) for block in _blocks(model, records, clocks)]
+
+
+def _check(model: PeriodicModel, records: Sequence[Record], clocks: Clocks, of: str) -> None:
+    if not model.order:
+        raise input_error("model", of, "have a mode", "has none", "Identify again: nothing was found in the record.")
+    if len(clocks) != len(records):
+        must, got = "be one a record", f"there are {len(clocks)}, and {len(records)} records"
+        raise input_error("clocks", of, must, got)
+    if model.n_hits != len(records) or any(record.n_channels != len(model.channels) for record in records):
+        must = f"be {model.n_hits} of {len(model.channels)} channels, as the model"
+        got = f"there are {len(records)}, of {[record.n_channels for record in records]}"
+        raise input_error("records", of, must, got, "Pass the records that the model was identified from.")

@@ -1,0 +1,84 @@
+"""Wald's test on coefficients of `Estimates`, their joint covariance kept in factors."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Estimates
+
+ROUNDING = 1e-12
+"""The share of the largest variance of a scaled covariance below which a direction is rounding."""
+
+
+def wald(whole: Estimates, terms: NDArray[np.intp], channels: NDArray[np.intp]) -> tuple[float, int, float]:
+    """The chi-square of some terms in some channels, its degrees of freedom and its probability."""
+    from scipy.special import chdtrc
+
+    values, slopes = _whitened(whole, terms, channels)
+    if not len(values):
+        return 0.0, 0, 1.0
+    # b'(I + UU')⁻¹b as what is left of a least-squares problem: no difference of large numbers.
+    count = slopes.shape[1]
+    system = np.concatenate([slopes, np.eye(count)])
+    target = np.concatenate([values, np.zeros(count)])
+    left = target - system @ np.linalg.lstsq(system, target, rcond=None)[0]
+    statistic = float(left @ left)
+    return statistic, len(values), float(chdtrc(len(values), statistic))
+
+
+def _whitened(
+    whole: Estimates, terms: NDArray[np.intp], channels: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Coefficients whose noise is white, and what deviations of the exponents do to them (values, 2 modes + 1)."""
+    values, slopes, both = [], [], np.concatenate([terms, terms + len(whole.modes)])
+    spread, own_root = whole.spread[:, both][:, :, both], root(whole.covariance)
+    for block in range(len(whole.spread)):
+        of_channel, of_hit = np.nonzero(whole.blocks[channels] == block)
+        rows = (channels[of_channel], of_hit)
+        if not len(of_hit):
+            continue
+        whitener = _whitener(spread[block])
+        scales = whole.scales[terms][:, *rows]
+        own = whole.coefficients[terms][:, *rows] / scales
+        moved = whole.slopes[terms][:, *rows] / scales[..., None]
+        values.append((whitener @ np.concatenate([own.real, own.imag])).ravel())
+        turned = np.tensordot(whitener, np.concatenate([moved.real, moved.imag]), axes=1)
+        slopes.append(turned.reshape(-1, turned.shape[-1]) @ own_root)
+    return np.concatenate(values), np.concatenate(slopes)
+
+
+def _whitener(spread: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A matrix W with W V Wᵀ = I, of as many rows as V has rank (rank, 2 terms): what does not turn has no sine."""
+    std = np.sqrt(np.diag(spread))
+    there = np.flatnonzero(std > 0)
+    scaled = spread[np.ix_(there, there)] / np.outer(std[there], std[there])
+    sizes, vectors = np.linalg.eigh(scaled)
+    kept = sizes > ROUNDING * sizes.max(initial=0.0)
+    whitener = np.zeros((int(kept.sum()), len(std)))
+    whitener[:, there] = (vectors[:, kept] / np.sqrt(sizes[kept])).T / std[there]
+    return whitener
+
+
+def root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """L with L Lᵀ the covariance, which is singular where a part is no parameter."""
+    sizes, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(np.maximum(sizes, 0.0))
+
+
+def holm(p_values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Probabilities corrected for their number, by Holm's step-down method (Holm 1979)."""
+    order = np.argsort(p_values, kind="stable")
+    stepped = np.maximum.accumulate(p_values[order] * np.arange(len(order), 0, -1))
+    adjusted = np.empty(len(order))
+    adjusted[order] = np.minimum(stepped, 1.0)
+    return adjusted
+
+
+def noncentrality(degrees: int, level: float, power: float) -> float:
+    """The noncentrality at which a chi-square test of that level has that power."""
+    from scipy.special import chdtri, chndtrinc
+
+    if not degrees:
+        return np.inf
+    return float(chndtrinc(chdtri(degrees, level), degrees, 1.0 - power))

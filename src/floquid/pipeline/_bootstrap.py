@@ -1,0 +1,325 @@
+"""The parametric bootstrap: how estimates spread when the experiment is done again, by doing it again."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import SeedSequence
+from numpy.typing import NDArray
+
+from floquid._checks import describe, input_error, integer
+from floquid.core import PeriodicModel
+from floquid.errors import IdentificationError
+from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._bar import bar
+from floquid.pipeline._draws import Draw, drawn
+from floquid.pipeline._plan import plan_of
+from floquid.pipeline._spread import MATERIAL, Spread
+
+OF = "bootstrap"
+
+FEWEST = 20
+"""Draws below which nothing can be said of a deviation."""
+
+FAMILY_WISE = 0.01
+"""The probability at which the verdict is against deviations that are right, over all elements together."""
+
+DEFINED = 1e-10
+"""The share of the largest element of its row below which the deviation of one of A(t) is rounding."""
+
+WORDS = {
+    "exponents": "exponents",
+    "multipliers": "multipliers",
+    "frequencies_hz": "frequencies",
+    "damping_ratios": "damping ratios",
+    "coefficients": "Fourier coefficients",
+    "period": "period",
+    "system": "A(t)",
+    "transition": "Φ(t, t0)",
+}
+"""What a person calls the quantities."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Bootstrap:
+    """What `bootstrap` found: the spread of each quantity, its elements as in the `PeriodicModel` or `StateModel`.
+
+    Parameters
+    ----------
+    exponents, multipliers
+        λ (modes,) [1/s] and e^{λT} (modes,).
+    frequencies_hz, damping_ratios
+        (modes,) [Hz] and (modes,).
+    coefficients
+        B (modes, channels, hits, harmonics) [units of the channels]; zero where the model keeps none.
+    period
+        The period [s]; None where it was given.
+    system, transition
+        A(t) and Φ(t, t0) (times, n, n); None where no states were asked for.
+    n_draws, seed
+        How many draws were asked for, and the seed.
+    orders
+        The order of each draw (draws,); zero where it failed.
+    failures
+        Why draws failed, a sentence each (failed draws,).
+    whole
+        Whether each draw was identified from the beginning.
+    """
+
+    exponents: Spread
+    multipliers: Spread
+    frequencies_hz: Spread
+    damping_ratios: Spread
+    coefficients: Spread
+    period: Spread | None
+    system: Spread | None
+    transition: Spread | None
+    n_draws: int
+    seed: int
+    orders: NDArray[np.int64]
+    failures: tuple[str, ...]
+    whole: bool
+
+    @property
+    def quantities(self) -> tuple[Spread, ...]:
+        """The spreads that there are."""
+        named = (getattr(self, name) for name in WORDS)
+        return tuple(spread for spread in named if spread is not None)
+
+    @property
+    def n_used(self) -> int:
+        """The draws that the spreads are of: those that did not fail, and that have the order drawn from."""
+        return len(self.exponents.draws)
+
+    @property
+    def failure_counts(self) -> tuple[tuple[str, int], ...]:
+        """Why draws failed and how many, the most frequent first; messages that differ in numbers alone are one."""
+        alike: dict[str, list[str]] = {}
+        for words in self.failures:
+            alike.setdefault(re.sub(r"\d+", "", words), []).append(words)
+        return tuple((own[0], len(own)) for own in sorted(alike.values(), key=len, reverse=True))
+
+    @property
+    def same_order(self) -> float:
+        """The share of the draws whose order came out as that drawn from."""
+        return self.n_used / self.n_draws
+
+    @property
+    def doubtful(self) -> dict[str, NDArray[np.bool_]]:
+        """Which of `Spread.ratios` differ from one by more than chance, by quantity; those alone that have any.
+
+        Together, over all quantities, right deviations are found wrong with a probability of at most `FAMILY_WISE`
+        (Bonferroni).
+        """
+        chances = {spread.name: spread.chances() for spread in self.quantities}
+        level = FAMILY_WISE / max(sum(len(own) for own in chances.values()), 1)
+        return {name: own < level for name, own in chances.items() if (own < level).any()}
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the asymptotic deviations hold; None where there are none to compare with."""
+        if not any(len(spread.ratios()) for spread in self.quantities):
+            return None
+        return not self.doubtful
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The verdict, a sentence each: deviations, bias, draws that failed, orders."""
+        return (*self._on_deviations(), *self._on_bias(), *self._on_draws())
+
+    def _on_deviations(self) -> list[str]:
+        tested = sum(len(spread.ratios()) for spread in self.quantities)
+        error = f"each ratio is known to {100.0 * self.exponents.sampling_error:.2g} %"
+        if not tested:
+            return ["The fit gave no asymptotic deviations to compare with: those of the draws are all there is."]
+        if not self.doubtful:
+            words = f"of {tested} none differs from that of {self.n_used} draws by more than chance ({error})"
+            return [f"The asymptotic deviations hold: {words}."]
+        said = []
+        for spread in self.quantities:
+            if spread.name in self.doubtful:
+                ratios, wrong = spread.ratios(), self.doubtful[spread.name]
+                worst = ratios[wrong]
+                said.append(
+                    f"{WORDS[spread.name]} ({int(wrong.sum())} of {len(ratios)} elements, the draws spread "
+                    f"{worst.min():.3g} to {worst.max():.3g} times as much)"
+                )
+        right = [WORDS[s.name] for s in self.quantities if s.name not in self.doubtful and len(s.ratios())]
+        rest = f" They hold for {', '.join(right)}." if right else ""
+        return [f"The asymptotic deviations do not hold for {'; '.join(said)}; {error}.{rest}"]
+
+    def _on_bias(self) -> list[str]:
+        from scipy.special import ndtri
+
+        biases = {spread.name: spread.biases() for spread in self.quantities}
+        count = sum(len(own) for own in biases.values())
+        chance = -float(ndtri(0.5 * FAMILY_WISE / max(count, 1))) / np.sqrt(self.n_used)
+        said = []
+        for name, own in biases.items():
+            large = np.abs(own[np.abs(own) > MATERIAL + chance])
+            if len(large):
+                said.append(
+                    f"{WORDS[name]} ({len(large)} of {len(own)} elements, by up to {large.max():.2g} deviations)"
+                )
+        return [f"There is a bias in {'; '.join(said)}."] if said else []
+
+    def _on_draws(self) -> list[str]:
+        said = []
+        if self.failures:
+            reasons = [f"{number}: {words}" for words, number in self.failure_counts[:3]]
+            said.append(
+                f"{len(self.failures)} of {self.n_draws} draws failed, and the spread of the others may be too small. "
+                f"{' '.join(reasons)}"
+            )
+        if self.whole:
+            counts = Counter(self.orders[self.orders > 0].tolist())
+            others = ", ".join(f"{order} in {number}" for order, number in sorted(counts.items()))
+            said.append(f"Of {self.n_draws} draws the order came out the same in {self.n_used}. Orders: {others}.")
+        return said
+
+
+def bootstrap(
+    analysis: Analysis,
+    *,
+    draws: int = 200,
+    seed: int = 0,
+    whole: bool = False,
+    workers: int | None = None,
+    progress: bool = False,
+    report: Callable[[str], None] = lambda _: None,
+) -> Bootstrap:
+    r"""How the estimates spread over records that are drawn from the model.
+
+    .. math:: y^{(b)}_{c,h}(t_n) = \hat y_{c,h}(t_n) + \hat\sigma_{c,h}\, e^{(b)}_{c,h,n}, \qquad b = 1 \dots B
+
+    with ŷ the response as it was fitted (harmonics that the model does not keep included; a result file has
+    none of these) at the samples of the record, and e white noise of unit variance, or coloured by the inverse of the
+    filter that whitened the record (Efron and Tibshirani 1993, "An Introduction to the Bootstrap",
+    section 6.5). In each draw the same modes with the same bands of harmonics are fitted anew, from the model on, and
+    A(t) is built in the same states. What the draws show of the deviations that the fit itself gave is said in words:
+    those are right to first order in the noise alone.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found, or `load` read.
+    draws
+        B, at least 20. A deviation is then known to 1/√(2B): 5 % of 200 draws.
+    seed
+        The seed of the noise. Each draw has its own stream, spawned from it.
+    whole
+        Identify each draw from the beginning instead: order, noise and bands too. Modes are compared in the draws that
+        have the same order; how often that is, is said.
+    workers
+        How many processes share the draws; None for one a processor. The result does not depend on it.
+    progress
+        Whether a progress bar is drawn on stderr, if that is a terminal.
+    report
+        Is told of each draw that is done.
+
+    Returns
+    -------
+    Bootstrap
+        The spread of each quantity, and the verdict.
+
+    Raises
+    ------
+    InputError
+        An argument is not possible, the processes cannot be started or die, or the records as they were sampled are not
+        there: a result file does not hold them.
+    IdentificationError
+        Fewer than two draws give the order drawn from.
+    """
+    if not isinstance(analysis, Analysis):
+        must = "be an Analysis"
+        raise input_error("analysis", OF, must, f"is {describe(analysis)}", "Pass what `identify` gave.")
+    count = integer(draws, "draws", OF, at_least=FEWEST, remedy="A deviation of so few draws says nothing.")
+    first = integer(seed, "seed", OF, at_least=0)
+    if not isinstance(whole, (bool, np.bool_)):
+        raise input_error("whole", OF, "be true or false", f"is {describe(whole)}")
+    several = _processors() if workers is None else integer(workers, "workers", OF, at_least=1)
+    plan = plan_of(analysis, bool(whole))
+    seeds = SeedSequence(first).spawn(count)
+    found: list[Draw] = []
+    with bar(progress, report) as told:
+        told(f"drawing: 0 of {count}")
+        for one in drawn(plan, seeds, min(several, count)):
+            found.append(one)
+            told(f"drawing: {len(found)} of {count}")
+    return _gathered(analysis, found, first, plan.whole)
+
+
+def _processors() -> int:
+    """The processors that this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    return (len(affinity(0)) if affinity is not None else os.cpu_count()) or 1
+
+
+def _gathered(analysis: Analysis, found: Sequence[Draw], seed: int, whole: bool) -> Bootstrap:
+    """The draws together."""
+    model, state = analysis.model, analysis.state
+    used = [one for one in found if one.exponents is not None]
+    failures = tuple(one.failure for one in found if one.failure)
+    if len(used) < 2:
+        why = f" {Counter(failures).most_common(1)[0][0]}" if failures else ""
+        raise IdentificationError(
+            f"Of {len(found)} records drawn from the model, {len(used)} gave its order again: nothing can be said of "
+            f"its deviations.{why}"
+        )
+    exponents = np.array([one.exponents for one in used])
+    periods = np.array([one.period for one in used])
+    size = np.abs(exponents)
+    damping = np.divide(-np.real(exponents), size, out=np.zeros_like(size), where=size > 0)
+    upper = _upper(model)
+    moved = analysis.fit is not None and analysis.fit.period_std is not None
+
+    def spread(name: str, unit: str, estimate: NDArray, values: NDArray, std: NDArray | None, own: NDArray) -> Spread:
+        return Spread(name=name, unit=unit, estimate=estimate, draws=values, asymptotic=std, distinct=own)
+
+    def of_state(name: str, unit: str) -> Spread | None:
+        if state is None:
+            return None
+        estimate, values = getattr(state, name), np.array([getattr(one, name) for one in used])
+        row = np.abs(estimate).max(axis=2, keepdims=True)
+        return spread(name, unit, estimate, values, getattr(state, f"{name}_std"), values.std(axis=0) > DEFINED * row)
+
+    return Bootstrap(
+        exponents=spread("exponents", "1/s", model.exponents, exponents, model.exponent_std, upper),
+        multipliers=spread(
+            "multipliers", "", model.multipliers, np.exp(exponents * periods[:, None]), model.multiplier_std, upper
+        ),
+        frequencies_hz=spread(
+            "frequencies_hz", "Hz", model.frequencies_hz, size / (2.0 * np.pi), model.frequency_std_hz, upper
+        ),
+        damping_ratios=spread("damping_ratios", "", model.damping_ratios, damping, model.damping_ratio_std, upper),
+        coefficients=spread(
+            "coefficients",
+            "that of the channel",
+            model.coefficients,
+            np.array([one.coefficients for one in used]),
+            model.coefficient_std,
+            upper[:, None, None, None],
+        ),
+        period=spread("period", "s", np.array(model.period), periods, np.array(analysis.fit.period_std), np.array(True))
+        if moved and analysis.fit is not None
+        else None,
+        system=of_state("system", "1/s in the units of the states"),
+        transition=of_state("transition", ""),
+        n_draws=len(found),
+        seed=seed,
+        orders=np.array([one.order for one in found], np.int64),
+        failures=failures,
+        whole=whole,
+    )
+
+
+def _upper(model: PeriodicModel) -> NDArray[np.bool_]:
+    """Of each conjugate pair the mode of positive imaginary part, and each that is its own conjugate (modes,)."""
+    twin = np.abs(np.subtract.outer(model.exponents, model.exponents.conj())) < 1e-9 * model.fundamental
+    np.fill_diagonal(twin, False)
+    return (model.exponents.imag > 0) | ~twin.any(axis=1)

@@ -1,0 +1,265 @@
+"""One draw of a bootstrap: a record made of the model and noise, and what is found in it; many of them in processes."""
+
+from __future__ import annotations
+
+import pickle
+import signal
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.random import SeedSequence
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import ConstantPeriod, Cycles, PeriodicModel, Provenance, Record
+from floquid.errors import FloquidError, IdentificationError
+from floquid.lifting import Lifted, lift, whitened
+from floquid.lti import MaximumLikelihood, ModalModel, Outcome
+from floquid.periodic import assemble, constrain, refit
+from floquid.pipeline._identify import identify
+from floquid.pipeline._plan import Plan
+from floquid.pipeline._settings import Settings
+from floquid.reconstruction import reconstruct
+
+FADED = 1e-8
+"""The share of its size that coloured noise keeps of its beginning when the record begins."""
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """What was found in one draw, in the order of the modes drawn from; nothing but the order where that is another."""
+
+    order: int
+    exponents: NDArray[np.complex128] | None = None
+    coefficients: NDArray[np.complex128] | None = None
+    period: float = 0.0
+    system: NDArray[np.float64] | None = None
+    transition: NDArray[np.float64] | None = None
+    failure: str = ""
+
+
+def draw(plan: Plan, seed: SeedSequence) -> Draw:
+    """One draw."""
+    try:
+        values = noisy(plan, np.random.default_rng(seed))
+        return _identified(plan, values) if plan.whole else _fitted(plan, values)
+    except (FloquidError, np.linalg.LinAlgError, FloatingPointError) as error:
+        return Draw(0, failure=str(error).splitlines()[0] or type(error).__name__)
+
+
+def noisy(plan: Plan, generator: np.random.Generator) -> list[NDArray[np.float64]]:
+    """The records of one draw, (channels, samples) each; noise is coloured as that which was whitened."""
+    taps = None if plan.lifted is None else plan.lifted.whitening
+    found = []
+    for hit, clean in enumerate(plan.clean):
+        before = 0 if taps is None else _memory(taps, clean.shape[1])
+        white = generator.standard_normal((len(clean), before + clean.shape[1])) * plan.noise[:, hit, None]
+        if taps is not None:
+            from scipy.signal import lfilter
+
+            white = np.array([lfilter([1.0], own, row) for own, row in zip(taps, white, strict=True)])
+        found.append(clean + white[:, before:])
+    return found
+
+
+def _memory(taps: NDArray[np.float64], longest: int) -> int:
+    """Samples in which coloured noise forgets how it began."""
+    slowest = max((float(np.abs(np.roots(own)).max(initial=0.0)) for own in taps), default=0.0)
+    if slowest >= 1.0:
+        return longest
+    return min(longest, int(np.ceil(np.log(FADED) / np.log(slowest)))) if slowest > 0.0 else 0
+
+
+def _fitted(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
+    """The same modes and bands fitted anew, and A(t) with the same states."""
+    if plan.lifted is None:
+        records = [replace(record, values=own) for record, own in zip(plan.records, values, strict=True)]
+        found = refit(plan.fitted, records, plan.clocks, noise=plan.noise)
+    elif plan.modal is not None:
+        found = _free(plan, _lifted(plan.lifted, plan.settings, values), plan.modal)
+    elif plan.padding or plan.lifted.whitening is not None:
+        lifted = _lifted(plan.lifted, plan.settings, values)
+        found = constrain(plan.fitted, lifted, choose=False, padding=plan.padding).model
+    else:
+        # The same numbers sooner: nothing but the fit itself is done.
+        records = [_record(plan.lifted, own) for own in values]
+        clocks = [ConstantPeriod(period=plan.lifted.period)] * len(records)
+        found = refit(plan.fitted, records, clocks, noise=plan.noise)
+    exponents, coefficients = aligned(plan.model, found)
+    own = PeriodicModel(
+        exponents=exponents,
+        coefficients=coefficients,
+        harmonics=plan.model.harmonics,
+        period=found.period,
+        channels=plan.model.channels,
+        coefficient_std=plan.model.coefficient_std,
+    )
+    state = None if plan.times is None else reconstruct(own, plan.settings.states, times=plan.times)
+    return Draw(
+        own.order,
+        exponents,
+        coefficients,
+        found.period,
+        None if state is None else state.system,
+        None if state is None else state.transition,
+    )
+
+
+def _lifted(like: Lifted, settings: Settings, values: Sequence[NDArray[np.float64]]) -> Lifted:
+    """The lifted responses of a draw, through the same filter and with the same noise."""
+    cycles = [_cycles(like, own) for own in values]
+    found = lift(cycles, floor=settings.noise_floor)
+    if like.whitening is not None:
+        found = whitened(found, like.whitening)
+    return found.with_noise(like.noise)
+
+
+def _cycles(like: Lifted, values: NDArray[np.float64]) -> Cycles:
+    """Samples (channels, samples) cut into periods; a filter's first phase is that of its output."""
+    phases = like.n_phases
+    past = 0 if like.whitening is None else like.whitening.shape[1] - 1
+    cut = np.ascontiguousarray(values.reshape(len(values), -1, phases).transpose(0, 2, 1))
+    cut.flags.writeable = False
+    return Cycles(
+        values=cut,
+        periods=np.full(cut.shape[2], like.period),
+        first_phase=like.first_phase - past / phases,
+        channels=like.channels,
+    )
+
+
+def _free(plan: Plan, lifted: Lifted, modal: ModalModel) -> PeriodicModel:
+    """The fit of lifting, residues free at each phase, with all harmonics that it has."""
+    identifier = plan.settings.identifier or MaximumLikelihood(false_alarm=plan.settings.mode_false_alarm)
+    found = identifier.refine(identifier.prepare(lifted.responses), modal)
+    if found.outcome is not Outcome.SUCCESS:
+        raise IdentificationError(found.outcome.value)
+    return assemble(found, lifted, harmonics=(lifted.n_phases - 1) // 2)
+
+
+def _identified(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
+    """The whole identification anew; modes are compared where the order is the same."""
+    # What was done to the records before is done: hits are cut, clocks and orbits known.
+    given = {"channels": (), "tach": None, "azimuth": None, "orbit": False, "find_hits": False, "skip": 0.0}
+    settings = replace(plan.settings, **given, validate=False)
+    if plan.lifted is not None:
+        settings = replace(settings, period=None)
+        records = [_record(plan.lifted, own) for own in values]
+    else:
+        records = []
+        for record, rows, own in zip(plan.records, plan.rows, values, strict=True):
+            mixed = record.values.copy()
+            mixed[list(rows)] = own
+            records.append(replace(record, values=mixed))
+    found = identify(records, settings)
+    if found.model.order != plan.model.order:
+        return Draw(found.model.order)
+    exponents, coefficients = aligned(plan.model, found.model)
+    state = None if plan.times is None else found.state
+    return Draw(
+        found.model.order,
+        exponents,
+        coefficients,
+        found.model.period,
+        None if state is None else state.system,
+        None if state is None else state.transition,
+    )
+
+
+def _record(like: Lifted, values: NDArray[np.float64]) -> Record:
+    """Samples (channels, samples) as a record of their own."""
+    past = 0 if like.whitening is None else like.whitening.shape[1] - 1
+    return Record(
+        values=values,
+        sample_rate=like.n_phases / like.period,
+        channels=like.channels,
+        clock=ConstantPeriod(period=like.period),
+        start=(like.first_phase - past / like.n_phases) * like.period,
+        provenance=Provenance(steps=("drawn from a model",)),
+    )
+
+
+def aligned(model: PeriodicModel, found: PeriodicModel) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    r"""The exponents and coefficients found, in the order, on the branches and with the harmonics of `model`.
+
+    Modes are paired by assignment, their exponents compared modulo iω; B e^{(λ + imω)t} is harmonic m + k of λ - ikω.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    apart = np.subtract.outer(found.exponents, model.exponents)
+    turns = np.rint(np.imag(apart) / model.fundamental).astype(np.int64)
+    theirs, ours = linear_sum_assignment(np.abs(apart - 1j * model.fundamental * turns))
+    exponents = np.zeros(model.order, complex)
+    coefficients = np.zeros(model.coefficients.shape, complex)
+    kept = (model.coefficients != 0).any(axis=(1, 2))
+    for one, own in zip(theirs, ours, strict=True):
+        by = int(turns[one, own])
+        exponents[own] = found.exponents[one] - 1j * found.fundamental * by
+        _, there, here = np.intersect1d(found.harmonics + by, model.harmonics[kept[own]], return_indices=True)
+        coefficients[own][..., np.flatnonzero(kept[own])[here]] = found.coefficients[one][..., there]
+    return exponents, coefficients
+
+
+def drawn(plan: Plan, seeds: Sequence[SeedSequence], workers: int) -> Iterator[Draw]:
+    """The draws, in the order of their seeds, by so many processes; the numbers do not depend on how many.
+
+    Raises
+    ------
+    InputError
+        The processes cannot be started, or one of them dies.
+    """
+    from threadpoolctl import threadpool_limits
+
+    if workers == 1:
+        with threadpool_limits(limits=1, user_api="blas"):
+            for seed in seeds:
+                yield draw(plan, seed)
+        return
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+
+    # A fresh interpreter: a fork of a process with threads may hang.
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(_sent(plan),))
+    try:
+        yield from pool.map(_one, seeds)
+    except BrokenProcessPool:
+        raise _unusable("one of them ended before its time") from None
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+_PLAN: list[Plan] = []  # that of this worker process
+
+
+def _begin(sent: bytes) -> None:
+    from threadpoolctl import threadpool_limits
+
+    # Ctrl-C reaches every process of a terminal; the first of them ends the others.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threadpool_limits(limits=1, user_api="blas")
+    _PLAN[:] = [pickle.loads(sent)]  # noqa: S301  # from the process that started this one
+
+
+def _one(seed: SeedSequence) -> Draw:
+    return draw(_PLAN[0], seed)
+
+
+def _sent(plan: Plan) -> bytes:
+    try:
+        return pickle.dumps(plan)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise _unusable(f"the settings cannot be sent to another ({error})") from None
+
+
+def _unusable(why: str) -> Exception:
+    return input_error(
+        "workers",
+        "bootstrap",
+        "be a number of processes that can be started and last",
+        why,
+        "Put the call of a script under `if __name__ == '__main__':`; where memory is short take fewer; `workers=1` "
+        "starts none.",
+    )

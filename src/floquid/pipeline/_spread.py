@@ -1,0 +1,158 @@
+"""How much a quantity spreads over draws, and whether that is what was said of it beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import frozen_array, input_error
+
+STRUCTURAL = 1e-12
+"""The share of a quantity's largest deviation below which one is rounding: the element is what it is by definition."""
+
+MATERIAL = 0.25
+"""The bias, over the deviation, below which it does not matter: the root-mean-square error grows by 3 %."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Spread:
+    r"""One quantity over the draws of a bootstrap.
+
+    .. math:: s^2 = \frac{1}{B - 1} \sum_b (\theta_b - \bar\theta)^2, \qquad
+              \frac{\mathrm{std}(s)}{s} \approx \frac{1}{\sqrt{2 (B - 1)}}
+
+    (Efron and Tibshirani 1993, "An Introduction to the Bootstrap", chapters 6 and 13.) Of a complex quantity
+    everything is said of the real part and of the imaginary part: a deviation, an end of an interval or a ratio has
+    that of the real part as its real part, and that of the imaginary part as its imaginary part.
+
+    Parameters
+    ----------
+    name
+        What it is.
+    unit
+        Its unit.
+    estimate
+        What the draws were made from (...).
+    draws
+        What each draw gave (draws, ...).
+    asymptotic
+        The deviations that the fit gave (...); None where it gave none.
+    distinct
+        Which elements are not the mirror image of another, as those of a conjugate mode are (...).
+    """
+
+    name: str
+    unit: str
+    estimate: NDArray
+    draws: NDArray
+    asymptotic: NDArray | None
+    distinct: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        put, of = object.__setattr__, "Spread"
+        kind = np.complex128 if np.iscomplexobj(self.estimate) else np.float64
+        shape = np.shape(self.estimate)
+        put(self, "estimate", frozen_array(self.estimate, "estimate", of, axes=shape, dtype=kind))
+        put(self, "draws", frozen_array(self.draws, "draws", of, axes=("draws", *shape), dtype=kind))
+        if len(self.draws) < 2:
+            raise input_error("draws", of, "hold two draws or more", f"has {len(self.draws)}")
+        if self.asymptotic is not None:
+            put(self, "asymptotic", frozen_array(self.asymptotic, "asymptotic", of, axes=shape, dtype=kind))
+        distinct = np.broadcast_to(np.asarray(self.distinct, bool), shape).copy()
+        distinct.flags.writeable = False
+        put(self, "distinct", distinct)
+
+    @property
+    def std(self) -> NDArray:
+        """The deviation of the draws (...)."""
+        return _whole(_parts(self.draws).std(axis=0, ddof=1), self.estimate)
+
+    @property
+    def sampling_error(self) -> float:
+        """The relative deviation of `std` itself, 1/√(2 (draws - 1)), as of normal draws."""
+        return float(1.0 / np.sqrt(2.0 * (len(self.draws) - 1)))
+
+    @property
+    def bias(self) -> NDArray:
+        """The mean of the draws less what they were made from (...)."""
+        return self.draws.mean(axis=0) - self.estimate
+
+    @property
+    def ratio(self) -> NDArray | None:
+        """The deviation of the draws over the asymptotic one (...), NaN where that is zero; None without any."""
+        if self.asymptotic is None:
+            return None
+        below = _parts(self.asymptotic)
+        ratio = np.full(below.shape, np.nan)
+        return _whole(np.divide(_parts(self.std), below, out=ratio, where=self._tested()), self.estimate)
+
+    def interval(self, level: float = 0.95) -> tuple[NDArray, NDArray]:
+        """The percentile interval: both ends (...) of what holds the share `level` of the draws, as much beyond each.
+
+        Parameters
+        ----------
+        level
+            The share, between 0 and 1.
+
+        Returns
+        -------
+        tuple of numpy.ndarray
+            The lower and the upper end.
+
+        Raises
+        ------
+        InputError
+            `level` is not between 0 and 1.
+        """
+        if not 0.0 < level < 1.0:
+            raise input_error("level", "Spread.interval", "lie between 0 and 1", f"is {level!r}", "Pass e.g. 0.95.")
+        low, high = np.quantile(_parts(self.draws), [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
+        return _whole(low, self.estimate), _whole(high, self.estimate)
+
+    def ratios(self) -> NDArray[np.float64]:
+        """The ratios that mean something, each once (ratios,); none where there are no asymptotic deviations."""
+        if self.asymptotic is None:
+            return np.zeros(0)
+        return _parts(self.std)[self._tested()] / _parts(self.asymptotic)[self._tested()]
+
+    def chances(self) -> NDArray[np.float64]:
+        r"""How likely a ratio is at least as far from one by chance (ratios,), in the order of `ratios`.
+
+        Twice the smaller tail of (B - 1) s²/σ² against the chi-square distribution of B - 1 degrees of freedom.
+        """
+        from scipy.special import chdtr, chdtrc
+
+        degrees = len(self.draws) - 1
+        score = degrees * self.ratios() ** 2
+        return np.minimum(2.0 * np.minimum(chdtr(degrees, score), chdtrc(degrees, score)), 1.0)
+
+    def biases(self) -> NDArray[np.float64]:
+        """The bias of each distinct element that varies over its deviation (biases,)."""
+        std, bias = _parts(self.std), _parts(self.bias)
+        kept = _parts_of(self.distinct, self.estimate) & (std > STRUCTURAL * std.max(initial=0.0))
+        return bias[kept] / std[kept]
+
+    def _tested(self) -> NDArray[np.bool_]:
+        """Which parts have a deviation to compare with, and are not said twice (..., parts)."""
+        assert self.asymptotic is not None
+        own = _parts(self.asymptotic)
+        return _parts_of(self.distinct, self.estimate) & (own > STRUCTURAL * own.max(initial=0.0))
+
+
+def _parts(values: NDArray) -> NDArray[np.float64]:
+    """Real and imaginary part along a last axis; of real values that alone."""
+    if np.iscomplexobj(values):
+        return np.stack([np.real(values), np.imag(values)], axis=-1)
+    return np.asarray(values, np.float64)[..., None]
+
+
+def _parts_of(mask: NDArray[np.bool_], like: NDArray) -> NDArray[np.bool_]:
+    """A mask over elements as one over their parts."""
+    return np.repeat(mask[..., None], 2 if np.iscomplexobj(like) else 1, axis=-1)
+
+
+def _whole(parts: NDArray[np.float64], like: NDArray) -> NDArray:
+    """The inverse of `_parts`."""
+    return parts[..., 0] + 1j * parts[..., 1] if np.iscomplexobj(like) else parts[..., 0]

@@ -1,0 +1,110 @@
+"""From the model to A(t), as the settings ask for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import Channel, Estimates, PeriodicModel, channels_named
+from floquid.errors import IdentificationError
+from floquid.pipeline._settings import ALL, Settings
+from floquid.reconstruction import AbstractStructure, Refinement, StateModel, reconstruct, refine, structure_of
+
+OF = "identify"
+
+Again = Callable[[NDArray[np.complex128]], Estimates]
+
+
+def check_states(channels: Sequence[Channel], settings: Settings) -> None:
+    """Refuse states that are not in the records, and a structure that cannot be one of them, before any long work.
+
+    Raises
+    ------
+    InputError
+        A name is no channel, or states and structure do not belong together.
+    """
+    names = states_of(channels, settings)
+    if isinstance(names, str):
+        if settings.structure:
+            must, got = "name the channels of each displacement beside `structure`", "is all"
+            raise input_error("states", OF, must, got, 'Name them, as ["x", "y"], or leave `structure` out.')
+        return
+    known = {channel.name for channel in channels}
+    parts = [part for entry in names for part in _parts(entry, known, settings)]
+    channels_named(channels, parts, argument="states", of=OF)
+    structure = structure_of(settings.structure) if settings.structure else None
+    if isinstance(structure, AbstractStructure):
+        structure.basis(len(names))
+
+
+def states_of(channels: Sequence[Channel], settings: Settings) -> str | tuple[str, ...]:
+    """The states as `reconstruct` takes them: "all" is a channel where one is called so."""
+    alone = settings.states == (ALL,) and ALL not in {channel.name for channel in channels}
+    return ALL if alone else settings.states
+
+
+def _parts(entry: str, known: set[str], settings: Settings) -> list[str]:
+    """The channels of one state: x+vx is two of one motion, where no channel is called so."""
+    return [entry] if entry in known or settings.form != "second-order" else [name.strip() for name in entry.split("+")]
+
+
+def state_of(
+    model: PeriodicModel, settings: Settings, again: Again, report: Callable[[str], None]
+) -> tuple[StateModel | None, Refinement | None]:
+    """A(t) in the states of the settings, and how it was fitted where it has a structure.
+
+    Parameters
+    ----------
+    model
+        The response model.
+    settings
+        The options.
+    again
+        What linearises the records anew at exponents (`floquid.periodic.estimate_at`).
+    report
+        Is told of each stage.
+
+    Returns
+    -------
+    tuple of StateModel and Refinement
+        None where no states, or no structure, are asked for.
+
+    Raises
+    ------
+    InputError
+        The states cannot span the modes.
+    IdentificationError
+        The structure contradicts the data, or there is nothing that it could be fitted to.
+    """
+    if not settings.states:
+        return None, None
+    names = states_of(model.channels, settings)
+    report("rebuilding the state matrix")
+    if not settings.structure:
+        free = reconstruct(
+            model,
+            names,
+            form=settings.form,  # type: ignore[arg-type]
+            delay=settings.delay,
+            harmonics="auto" if settings.harmonics is None else "model",
+            times=settings.system_times,
+        )
+        return free, None
+    if model.unselected is None and model.estimates is None:
+        raise IdentificationError(
+            "A state matrix with a structure is fitted to coefficients with their joint covariance, and there is none: "
+            "the residues were not held to their harmonics.\n  Use maximum likelihood with `constrained=True`, the "
+            "defaults, or leave `structure` out (`--structure`)."
+        )
+    found = refine(
+        model,
+        names,
+        structure_of(settings.structure),
+        times=settings.system_times,
+        again=again if settings.output_error else None,
+        report=report,
+    )
+    return found.state, found

@@ -1,0 +1,69 @@
+"""The end of the chain: whether the model can be believed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from floquid.core import ConstantPeriod, Record
+from floquid.errors import FloquidError
+from floquid.pipeline._analysis import Analysis
+from floquid.sync import ShaftAngle, rejoin
+from floquid.validation import Validation, validate
+
+
+def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: None) -> Analysis:
+    """The same analysis with the verdict on its model, and on its A(t) where it has one.
+
+    A verdict that cannot be had is one against the model, and says why.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found, or `load` read.
+    report
+        Is told of each stage.
+
+    Returns
+    -------
+    Analysis
+        With its `validation`.
+    """
+    records, clocks = _responses(analysis)
+    try:
+        verdict = validate(
+            analysis.model,
+            records,
+            clocks,
+            noise=analysis.noise,
+            state=analysis.state,
+            whitening=analysis.lifted.whitening if analysis.fit is None else None,
+            periods_per_revolution=analysis.settings.periods_per_revolution,
+            report=report,
+        )
+    except (FloquidError, np.linalg.LinAlgError) as error:
+        nothing = np.full(analysis.noise.shape, np.nan)
+        verdict = Validation(
+            metrics={},
+            criteria={},
+            passed=False,
+            reasons=(f"The model could not be checked: {str(error).rstrip('.')}.",),
+            fit=nothing,
+            held_out_error=nothing,
+            colour=nothing,
+            tones=np.zeros((*analysis.noise.shape, 0)),
+            lines=np.zeros((*analysis.noise.shape, 0)),
+        )
+    return replace(analysis, validation=verdict)
+
+
+def _responses(analysis: Analysis) -> tuple[tuple[Record, ...], list[ConstantPeriod | ShaftAngle]]:
+    """The free responses, and what ties each to the phase."""
+    if analysis.fit is not None and analysis.measured:
+        clocks = [record.clock for record in analysis.measured if isinstance(record.clock, ConstantPeriod)]
+        return analysis.fit.free, list(analysis.shafts) or list(clocks)
+    # Rejoined, records begin where the model's time zero is.
+    records = tuple(rejoin(hit) for hit in analysis.cycles)
+    return records, [ConstantPeriod(period=analysis.model.period) for _ in records]

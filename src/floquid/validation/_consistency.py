@@ -1,0 +1,150 @@
+"""Whether A(t), integrated, is the system that the model describes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import PeriodicModel
+from floquid.reconstruction import StateModel
+
+TOLERANCE = 1e-4
+"""Relative errors of multipliers that interpolation between the instants may make."""
+
+DEVIATIONS = 4.0
+"""Standard deviations by which a multiplier may be another than the model's."""
+
+SMALL = 1e-6
+"""The share of the largest multiplier below which one is not told by integrating."""
+
+ACCURACY = 1e-7
+"""The relative change of Φ over a period at which steps are short enough: half as long, they are 16 times as good."""
+
+MOST_STEPS = 2**16
+"""Steps in a period, at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Consistency:
+    """What integrating A(t) says."""
+
+    multipliers: float
+    """The largest difference of a multiplier from the model's, over what it may be."""
+    pair: tuple[complex, complex]
+    """That multiplier of A(t), and the model's."""
+    liouville: float
+    """The mean of tr A less the sum of the exponents, times the period, over what it may be."""
+    composition: float
+    """The largest relative difference of Φ(t + T, t0), integrated, and Φ(t, t0) Φ(t0 + T, t0)."""
+
+
+def consistency(model: PeriodicModel, state: StateModel) -> Consistency | str:
+    r"""A(t) interpolated between its instants and integrated over a period, against the model and against Φ.
+
+    .. math:: \Phi(T) v = e^{\lambda T} v, \qquad \int_0^T \operatorname{tr} A\, dt = T \sum_r \lambda_r, \qquad
+              \Phi(t + T, t_0) = \Phi(t, t_0)\, \Phi(t_0 + T, t_0)
+
+    A(t) is a trigonometric polynomial through its samples, integrated by Magnus' expansion of order 4 (Blanes et al.
+    2009, eq. 253), halving the step until Φ stays. Too few instants, or a real part taken of what is not real, give
+    other multipliers.
+
+    Parameters
+    ----------
+    model
+        The model.
+    state
+        A(t) and Φ(t, t0).
+
+    Returns
+    -------
+    Consistency or str
+        The differences, or why there is nothing to compare.
+    """
+    instants, n = len(state.times), len(state.states)
+    if n != model.order:
+        return f"A(t) has {n} states and the model {model.order} modes"
+    steps = np.diff(state.times, append=state.times[0] + model.period)
+    if np.abs(steps - model.period / instants).max() > 1e-6 * model.period / instants:
+        return "the instants of A(t) are not spread evenly over one period"
+    integrated = _integrated(state, model.period)
+    if integrated is None:
+        return "A(t) is so large that it could not be integrated over a period"
+    reached, monodromy = integrated
+    multipliers, pair = _multipliers(np.asarray(np.linalg.eigvals(monodromy), np.complex128), model)
+    parts = np.zeros(2 * model.order)
+    parts[: model.order] = model.period
+    spread = 0.0 if model.covariance is None else float(np.sqrt(parts @ model.covariance @ parts))
+    trace = float(np.trace(state.system, axis1=1, axis2=2).mean()) * model.period
+    liouville = abs(trace - float(model.exponents.real.sum()) * model.period) / (DEVIATIONS * spread + TOLERANCE)
+    ahead = state.transition @ monodromy
+    scale = _scales(state)
+    size = np.abs(ahead / scale[:, None] * scale).max(axis=(1, 2))
+    off = np.abs((reached @ monodromy - ahead) / scale[:, None] * scale).max(axis=(1, 2))
+    composition = float((off / np.maximum(size, np.finfo(float).tiny)).max())
+    return Consistency(multipliers, pair, liouville, composition)
+
+
+def _multipliers(found: NDArray[np.complex128], model: PeriodicModel) -> tuple[float, tuple[complex, complex]]:
+    """The largest difference from the nearest multiplier, both ways, over what it may be; and the pair."""
+    own = model.multipliers
+    std = 0.0 if model.exponent_std is None else np.abs(model.exponent_std) * model.period
+    may = np.abs(own) * (DEVIATIONS * std + TOLERANCE) + SMALL * np.abs(own).max()
+    off = np.abs(np.subtract.outer(found, own)) / may
+    # Two that are one would not be seen by this: the sum of the exponents is looked at beside it.
+    pairs = [(int(np.argmin(row)), k) for k, row in enumerate(off.T)]
+    pairs += [(k, int(np.argmin(row))) for k, row in enumerate(off)]
+    worst = max(pairs, key=lambda pair: off[pair])
+    return float(off[worst]), (complex(found[worst[0]]), complex(own[worst[1]]))
+
+
+def _scales(state: StateModel) -> NDArray[np.float64]:
+    """Units of the states in which A(t) is balanced (n,)."""
+    from scipy.linalg import matrix_balance
+
+    _, (scale, _) = matrix_balance(np.abs(state.system).mean(axis=0), permute=False, separate=True)
+    return np.asarray(scale, np.float64)
+
+
+def _integrated(state: StateModel, period: float) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Φ(t, t0) at the instants (times, n, n), and after a period (n, n); None where no step is short enough."""
+    scale = _scales(state)
+    parts = np.fft.rfft(state.system / scale[:, None] * scale, axis=0) / len(state.times)
+    parts[1 : (len(state.times) + 1) // 2] *= 2.0
+    width = period / len(state.times)
+    largest = float(np.abs(parts).sum(axis=0).sum(axis=1).max())
+    steps, before = 2 ** max(0, int(np.ceil(np.log2(max(width * largest, 1.0))))), None
+    while steps * len(state.times) <= MOST_STEPS:
+        now = _propagated(parts, len(state.times), steps, period)
+        if before is not None and np.abs(now[-1] - before).max() <= ACCURACY * np.abs(now[-1]).max():
+            whole = now * scale[:, None] / scale
+            return whole[:-1], whole[-1]
+        steps, before = 2 * steps, now[-1]
+    return None
+
+
+def _propagated(parts: NDArray[np.complex128], instants: int, steps: int, period: float) -> NDArray[np.float64]:
+    """Φ from the first instant to each one and to the end of the period (instants + 1, n, n)."""
+    from scipy.linalg import expm
+
+    n, total = parts.shape[1], instants * steps
+    step = period / total
+    turns = 2j * np.pi / period * np.arange(len(parts))
+
+    def system(times: NDArray[np.float64]) -> NDArray[np.float64]:
+        turned = np.exp(np.multiply.outer(times, turns))
+        return (turned @ parts.reshape(len(parts), -1)).real.reshape(-1, n, n)
+
+    begin, node = np.arange(total) * step, 0.5 * step / np.sqrt(3.0)
+    first, second = system(begin + 0.5 * step - node), system(begin + 0.5 * step + node)
+    bracket = second @ first - first @ second
+    moved = expm(0.5 * step * (first + second) + np.sqrt(3.0) / 12.0 * step**2 * bracket)
+    found = np.empty((instants + 1, n, n))
+    found[0] = np.eye(n)
+    for k in range(instants):
+        now = found[k]
+        for one in moved[k * steps : (k + 1) * steps]:
+            now = one @ now
+        found[k + 1] = now
+    return found

@@ -1,0 +1,157 @@
+"""Cycles that are left out, predicted by the model fitted to the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.periodic import refit, unexplained
+from floquid.sync import ShaftAngle
+
+Clocks = Sequence[ConstantPeriod | ShaftAngle]
+
+PHASES = 32
+"""Instants of a period at which the response is looked at, to see where it has died."""
+
+ALIVE = 0.2
+"""The rms of the response in a cycle, over the noise, below which there is nothing to predict."""
+
+PIECES = 5
+"""Pieces of a record in each fold, where it has that many cycles."""
+
+BRIEF = 2.0
+"""Cycles in which a mode may decay so that the cycle that holds most of it can still be predicted from the others."""
+
+STRETCHES = 8
+"""Stretches of the record in each of which the error is looked at."""
+
+AT_REST = 0.1
+"""The deviations that the last step of a refit may have: what comes after is far below the noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """What the prediction of held-out cycles leaves, each sum over the noise squared."""
+
+    numbers: NDArray[np.int64]
+    """Samples predicted (channels, hits, stretches)."""
+    squares: NDArray[np.float64]
+    """Σ e²/σ² (channels, hits, stretches)."""
+    own: NDArray[np.float64]
+    """Σ e r/σ², with r what the model fitted to all cycles leaves: chi-square (channels, hits, stretches)."""
+    response: NDArray[np.float64]
+    """Σ y²/σ² (channels, hits, stretches)."""
+
+
+def held_out(
+    model: PeriodicModel,
+    records: Sequence[Record],
+    clocks: Clocks,
+    cycles: Sequence[NDArray[np.int64]],
+    noise: NDArray[np.float64],
+    folds: int,
+) -> HeldOut | None:
+    r"""Interleaved pieces of the record, in turn left out of the fit and predicted.
+
+    With e the error of the prediction and r what the fit to all of the cycles leaves, linear least squares have
+    e = (I - H)⁻¹ r, H the part of the hat matrix of the cycles left out, and so
+
+    .. math:: \frac{e^T r}{\sigma^2} = e^T \big(\sigma^2 (I - H)^{-1}\big)^{-1} e \sim \chi^2_n
+
+    which is the error over the noise *and* the prediction's own variance, without either being formed.
+
+    Parameters
+    ----------
+    model, records, clocks, noise
+        As for `refit`.
+    cycles
+        The cycle of each sample of each record, from zero on; negative where the response is dead.
+    folds
+        How many parts the cycles are dealt into.
+
+    Returns
+    -------
+    HeldOut or None
+        The sums; None where there are too few cycles.
+
+    Raises
+    ------
+    IdentificationError
+        The model cannot be fitted to what is left of the record.
+    """
+    last = max(int(own.max()) for own in cycles)
+    first, end = _predictable(model, last + 1)
+    folds = min(folds, (end - first) // 2)
+    if folds < 2:
+        return None
+    alive = [only(record, own >= 0) for record, own in zip(records, cycles, strict=True)]
+    whole = refit(model, alive, clocks, noise=noise, at_rest=AT_REST)
+    left = unexplained(whole, alive, clocks)
+    shortest = float((1.0 / np.maximum(np.abs(whole.exponents.real) * model.period, 1e-12)).min())
+    piece = int(max(1, min((end - first) // (folds * PIECES), 0.5 * shortest)))
+    stretches = min(STRETCHES, max(1, (end - first) // (folds * piece)))
+    # A hit that one fold would take whole stays in all fits.
+    long = [int(c.max()) + 1 >= first + 2 * piece for c in cycles]
+    shape = (len(model.channels), model.n_hits, stretches)
+    numbers, squares, own, response = np.zeros(shape, np.int64), *np.zeros((3, *shape))
+    for fold in range(folds):
+        mine = [
+            (c >= first) & (c < end) & ((c - first) // piece % folds == fold) & enough
+            for c, enough in zip(cycles, long, strict=True)
+        ]
+        rest = [only(record, ~out) for record, out in zip(alive, mine, strict=True)]
+        anew = refit(whole, rest, clocks, noise=noise, at_rest=AT_REST)
+        away = [only(record, out) for record, out in zip(alive, mine, strict=True)]
+        for hit, errors in enumerate(unexplained(anew, away, clocks)):
+            taken = np.flatnonzero(mine[hit])
+            place = np.minimum((cycles[hit][taken] - first) * stretches // (end - first), stretches - 1)
+            e, r, y = errors[:, taken], left[hit][:, taken], records[hit].values[:, taken]
+            there = ~np.isnan(y)
+            for target, values in ((numbers, there), (squares, e * e), (own, e * r), (response, y * y)):
+                counted = np.where(there, values, 0.0)
+                for channel, row in enumerate(counted):
+                    target[channel, hit] += np.bincount(place, row, stretches).astype(target.dtype)
+    weight = 1.0 / noise[:, :, None] ** 2
+    return HeldOut(numbers, squares * weight, own * weight, response * weight)
+
+
+def cycles_of(
+    model: PeriodicModel,
+    instants: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    noise: NDArray[np.float64],
+) -> list[NDArray[np.int64]]:
+    """The whole cycle that each sample of each record is in, from its first sample on; -1 in none, or a dead one.
+
+    `instants` are the times [s] and angles [rad] of the samples of each record (samples,).
+    """
+    phases = np.arange(PHASES) / PHASES * model.period
+    shapes = model.shapes(phases) * np.exp(np.multiply.outer(model.exponents, phases))[:, None, None]
+    found = []
+    for hit, (times, angles) in enumerate(instants):
+        turns = (angles - angles[0]) / (2.0 * np.pi)
+        number = int(turns[-1] * (1.0 + 1.0 / max(len(turns) - 1, 1)) + 1e-9)
+        decays = np.exp(np.multiply.outer(times[0] + np.arange(number) * model.period, model.exponents))
+        response = np.einsum("nr,rcp->cnp", decays, shapes[:, :, hit], optimize=True).real
+        power = np.mean((response / noise[:, hit, None, None]) ** 2, axis=2).max(axis=0)
+        alive = np.flatnonzero(power > ALIVE**2)
+        end = int(alive[-1]) + 1 if len(alive) else 0
+        cycle = np.floor(turns + 1e-9).astype(np.int64)
+        found.append(np.where(cycle < end, cycle, -1))
+    return found
+
+
+def _predictable(model: PeriodicModel, cycles: int) -> tuple[int, int]:
+    """The cycles of those that the others can tell: not the one that holds all there is of a brief mode."""
+    rates = model.exponents.real * model.period
+    return int((rates < -1.0 / BRIEF).any()), cycles - int((rates > 1.0 / BRIEF).any())
+
+
+def only(record: Record, there: NDArray[np.bool_]) -> Record:
+    """The record with the other samples left out."""
+    values = np.where(there, record.values, np.nan)
+    values.flags.writeable = False
+    return replace(record, values=values)

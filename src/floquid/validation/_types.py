@@ -1,0 +1,121 @@
+"""What validation says of a model: numbers, their limits, a verdict and its reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import finite, frozen_array, input_error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Criterion:
+    """What a number must be.
+
+    Parameters
+    ----------
+    limit
+        The limit, in the unit of the number.
+    at_least
+        Whether the limit is the least allowed; else it is the most.
+
+    Raises
+    ------
+    InputError
+        The limit is not a finite number.
+    """
+
+    limit: float
+    at_least: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "limit", finite(self.limit, "limit", "Criterion"))
+
+    def met(self, value: float) -> bool:
+        """Whether `value` keeps to the limit."""
+        return value >= self.limit if self.at_least else value <= self.limit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Validation:
+    """The verdict on a model.
+
+    Parameters
+    ----------
+    metrics
+        Numbers by name; one that could not be computed is absent, and a reason says why. `fit`: the share of the
+        response that is predicted on held-out cycles. `held_out_error`, `held_out_stretch`: the error of prediction
+        over what noise explains, in the worst response, and over a stretch of it. `period`: standard deviations
+        between the response's own period and the model's. `tone`: the largest amplitude left at a harmonic of the
+        revolution, over the noise. `harmonic`: the largest share of the response left in a harmonic of a mode beside
+        its band. `line`: the largest amplitude of any other line, over the noise. `colour`: squared autocorrelations.
+        Of A(t) integrated: `multipliers` and `liouville`, differences from the model over what they may be, and
+        `composition`, the relative error of Φ.
+    criteria
+        The limit of each of them.
+    passed
+        Whether every number keeps to its limit, and none is missing.
+    reasons
+        What speaks against the model and what to do, a sentence each; empty where it passed.
+    fit
+        The share of the response of each channel and hit that the model predicts on held-out cycles (channels, hits);
+        NaN where it was not computed, or the channel shows no response there.
+    held_out_error
+        The rms of the prediction error over the noise (channels, hits); NaN where it was not computed.
+    colour
+        The sum of squared autocorrelations of what the model leaves, less what white noise has (channels, hits).
+    turns
+        The harmonics of the period at which tones were looked for (tones,); 1/2 is half a period's frequency.
+    tones
+        The amplitude left at each, over the noise (channels, hits, tones).
+    modes, harmonics
+        Which mode of the model (lines,) and which harmonic (lines,) outside its band was looked for.
+    lines
+        What is left there, in standard deviations (channels, hits, lines).
+
+    Raises
+    ------
+    InputError
+        Shapes do not belong together, or a criterion has no number.
+    """
+
+    metrics: Mapping[str, float]
+    criteria: Mapping[str, Criterion]
+    passed: bool
+    reasons: tuple[str, ...]
+    fit: NDArray[np.float64]
+    held_out_error: NDArray[np.float64]
+    colour: NDArray[np.float64]
+    turns: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    tones: NDArray[np.float64]
+    modes: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    harmonics: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    lines: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        of, put = "Validation", object.__setattr__
+        fit = frozen_array(self.fit, "fit", of, axes=("channels", "hits"), missing=True)
+        put(self, "fit", fit)
+        put(self, "turns", frozen_array(self.turns, "turns", of, axes=("tones",)))
+        put(self, "modes", frozen_array(self.modes, "modes", of, axes=("lines",), dtype=np.int64))
+        lines = len(self.modes)
+        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=(lines,), dtype=np.int64))
+        shapes = {"held_out_error": (), "colour": (), "tones": (len(self.turns),), "lines": (lines,)}
+        for name, more in shapes.items():
+            axes = (*fit.shape, *more)
+            put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, missing=True))
+        if set(self.metrics) - set(self.criteria):
+            got = f"{sorted(set(self.metrics) - set(self.criteria))} have none"
+            raise input_error("criteria", of, "have a limit for each of the metrics", got)
+        put(self, "metrics", MappingProxyType({name: float(value) for name, value in self.metrics.items()}))
+        put(self, "criteria", MappingProxyType(dict(self.criteria)))
+
+    @property
+    def unmet(self) -> tuple[str, ...]:
+        """The names of the criteria that are not met, or have no number."""
+        values = self.metrics
+        return tuple(n for n, own in self.criteria.items() if n not in values or not own.met(values[n]))

@@ -1,0 +1,219 @@
+"""The checks put together: numbers, limits, a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import integer
+from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.errors import FloquidError
+from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, own_period
+from floquid.reconstruction import StateModel
+from floquid.sync import ShaftAngle
+from floquid.validation._case import Case, Findings, case_of
+from floquid.validation._consistency import consistency
+from floquid.validation._held_out import held_out
+from floquid.validation._residual import left_by
+from floquid.validation._types import Validation
+from floquid.validation._verdict import Names, sentence, strongest
+
+LEAST_FIT = 0.95
+"""The share of the response that has to be predicted on cycles held out."""
+
+ERROR = 1.05
+"""The prediction error over noise and its own deviation that is let pass in any case; a tenth more over a stretch."""
+
+
+PHI = 1e-3
+"""The relative difference between Φ and A(t) integrated that is let pass: interpolation between instants makes one."""
+
+
+def validate(
+    model: PeriodicModel,
+    records: Sequence[Record],
+    clocks: Sequence[ConstantPeriod | ShaftAngle],
+    *,
+    noise: ArrayLike,
+    state: StateModel | None = None,
+    whitening: ArrayLike | None = None,
+    periods_per_revolution: float = 1.0,
+    folds: int = 5,
+    false_alarm: float = 1e-3,
+    report: Callable[[str], None] = lambda _: None,
+) -> Validation:
+    r"""Whether a model can be believed: cycles held out, what is left of the record, and A(t) integrated.
+
+    Of each channel and hit, over the cycles in which the response is alive, held out in turn and predicted,
+
+    .. math:: \mathrm{fit} = 1 - \sqrt{\frac{\max(\sum e\,r - \sigma^2 \chi^2_{n,\alpha},\, 0)}{\sum y^2 - n\sigma^2}}
+
+    with e the error of prediction and r what the fit to all cycles leaves: Σ e r is the error with the prediction's own
+    variance taken off, and all of it that noise explains counts as none. What the model leaves of the record is
+    searched for tones at harmonics of the revolution, for harmonics of each mode beside its band, for other lines, and
+    for colour (Ljung and Box 1978). A(t) is integrated over two periods and held against the model's multipliers.
+
+    Parameters
+    ----------
+    model
+        The model.
+    records
+        The free response as it was sampled, one record a hit; NaN marks missing samples.
+    clocks
+        What ties each record to the phase.
+    noise
+        The deviation of the noise (channels, hits) [units of the channels]; with `whitening`, after the filter.
+    state
+        A(t) and Φ; None leaves them out.
+    whitening
+        The filter of each channel that makes its noise white (channels, taps); None where it is.
+    periods_per_revolution
+        Periods of the system in a revolution of the shaft, where no clock says it.
+    folds
+        The parts that the cycles are dealt into.
+    false_alarm
+        The probability at which noise may fail one of the checks, over all channels, hits and lines together.
+    report
+        Is told of each stage.
+
+    Returns
+    -------
+    Validation
+        The verdict, with all that it rests on.
+
+    Raises
+    ------
+    InputError
+        An argument is not possible, or does not belong to the model.
+    """
+    case = case_of(model, records, clocks, noise, whitening, periods_per_revolution, false_alarm)
+    integer(folds, "folds", "validate", at_least=2)
+    report("checking the model on cycles left out")
+    found = Findings()
+    _period(case, found)
+    # What names a cause comes before what shows the effect.
+    arrays = left_by(case, found)
+    fit, error = _held_out(case, folds, found)
+    if state is not None:
+        _state(model, state, found)
+    found_all = set(found.metrics) == set(found.criteria)
+    passed = found_all and all(own.met(found.metrics[name]) for name, own in found.criteria.items())
+    return Validation(
+        metrics=found.metrics,
+        criteria=found.criteria,
+        passed=passed,
+        reasons=tuple(found.reasons),
+        fit=fit,
+        held_out_error=error,
+        **arrays,
+    )
+
+
+def _held_out(case: Case, folds: int, found: Findings) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The fit, and the rms error over the noise (channels, hits)."""
+    from scipy.special import chdtri
+
+    names, nothing = Names(case.model), np.full(case.noise.shape, np.nan)
+    criteria = {"fit": LEAST_FIT, "held_out_error": ERROR, "held_out_stretch": ERROR}
+    try:
+        sums = held_out(case.model, case.records, case.clocks, case.cycles, case.noise, folds)
+        why = "the response is alive in too few cycles to leave some out. Record longer, or with less noise."
+    except (FloquidError, np.linalg.LinAlgError) as error:
+        sums, why = (
+            None,
+            f"the model cannot be fitted to a part of them ({str(error).rstrip('.')}). Ask for fewer modes.",
+        )
+    if sums is None:
+        found.missing(criteria, f"Cycles held out could not be predicted: {why}")
+        return nothing, nothing
+    alarm = case.false_alarm / case.responses
+    numbers, own = sums.numbers.sum(axis=2), sums.own.sum(axis=2)
+    most = chdtri(np.maximum(numbers, 1), alarm)
+    beyond, response = np.maximum(own - most, 0.0), sums.response.sum(axis=2) - numbers
+    seen = response > np.maximum(most - numbers, 0.0)
+    fit = np.where(seen, 1.0 - np.sqrt(beyond / np.where(seen, response, 1.0)), np.nan)
+    total = response[seen].sum()
+    if not found.add("fit", 1.0 - np.sqrt(beyond[seen].sum() / total) if total else 1.0, LEAST_FIT, at_least=True):
+        worst = strongest(np.where(seen, 1.0 - fit, 0.0))[0]
+        found.reasons.append(
+            sentence(
+                f"the model predicts {found.metrics['fit']:.1%} of the response in cycles that it was not fitted to, "
+                f"least in {names.channel(*worst)} ({fit[worst]:.1%})",
+                "It is not a model of this response: look for missing modes and harmonics, and check the period.",
+            )
+        )
+    whole = _worst(own, numbers, alarm, ERROR)
+    along = _worst(sums.own, sums.numbers, alarm / sums.numbers.shape[2], 1.0 + 2.0 * (ERROR - 1.0))
+    clear = found.add("held_out_error", *whole[:2])
+    if not (found.add("held_out_stretch", *along[:2]) and clear):
+        channel, hit, stretch = along[2]
+        part = ("first", "middle", "last")[min(3 * stretch // sums.numbers.shape[2], 2)]
+        found.reasons.append(
+            sentence(
+                f"where cycles are held out, the error of prediction is {along[0]:.3g} times what noise explains in "
+                f"{names.channel(channel, hit)}, most in the {part} part of its response",
+                "Look there for clipping, other samples that are not the response's, a nonlinearity (leave the first "
+                "periods out with `skip`), or modes that are missing.",
+            )
+        )
+    error = np.sqrt(np.divide(sums.squares.sum(axis=2), numbers, out=nothing.copy(), where=numbers > 0))
+    return fit, error
+
+
+def _period(case: Case, found: Findings) -> None:
+    """Whether the harmonics of the response turn with the period of the model."""
+    own = None
+    if all(isinstance(clock, ConstantPeriod) for clock in case.clocks):
+        with suppress(FloquidError, np.linalg.LinAlgError):
+            own = own_period(case.model, case.alive_records(), case.clocks, noise=case.noise)
+    if own is None:
+        return  # a shaft that tells the period, or a response without harmonics
+    relative, std = own
+    cycles = max(int(own.max()) + 1 for own in case.cycles)
+    slip = abs(relative) * cycles * 2.0 * case.highest
+    if not found.add("period", abs(relative) / std if slip > NEGLIGIBLE_SLIP else 0.0, SIGNIFICANT):
+        period = case.model.period * (1.0 + relative)
+        found.reasons.append(
+            sentence(
+                f"the response repeats with {period:.10g} ± {case.model.period * std:.1g} s, not with the period of "
+                f"the model, {case.model.period:.10g} s",
+                "Correct the period, or let it be found (`estimate_period`).",
+            )
+        )
+
+
+def _worst(
+    own: NDArray[np.float64], numbers: NDArray[np.int64], alarm: float, least: float
+) -> tuple[float, float, tuple[int, ...]]:
+    """The root of a mean square that most exceeds its limit, the limit, and where it is."""
+    from scipy.special import chdtri
+
+    size = np.maximum(numbers, 1)
+    ratio = np.sqrt(np.maximum(own, 0.0) / size)
+    limit = np.maximum(np.sqrt(chdtri(size, alarm) / size), least)
+    place = tuple(int(i) for i in np.unravel_index(int(np.argmax(ratio / limit)), ratio.shape))
+    return float(ratio[place]), float(limit[place]), place
+
+
+def _state(model: PeriodicModel, state: StateModel, found: Findings) -> None:
+    """A(t), integrated."""
+    own = consistency(model, state)
+    if isinstance(own, str):
+        names = {"multipliers": 1.0, "liouville": 1.0, "composition": PHI}
+        found.missing(names, sentence(f"A(t) could not be checked: {own}", "Ask for instants evenly over one period."))
+        return
+    one, other = own.pair
+    kept = {
+        f"a multiplier of A(t) is {one:.6g} where the model has {other:.6g}": found.add(
+            "multipliers", own.multipliers, 1.0
+        ),
+        "the mean of tr A is not the sum of the exponents": found.add("liouville", own.liouville, 1.0),
+        f"Φ(t, t0) is off by {own.composition:.2g} of its size": found.add("composition", own.composition, PHI),
+    }
+    if not all(kept.values()):
+        broken = "; ".join(words for words, met in kept.items() if not met)
+        remedy = "Ask for more instants (`system_times`), other states, or more harmonics."
+        found.reasons.append(sentence(f"A(t), integrated over a period, is another system: {broken}", remedy))
