@@ -46,6 +46,11 @@ class Estimates:
         b: which V a row has (channels, hits).
     scales
         g (terms, channels, hits) [units of the channels].
+    drift
+        W (blocks, 2 terms, 2 terms), by which the slopes follow from coefficients (`slopes_at`); None where they are
+        known at these coefficients alone.
+    bend
+        f (terms, channels, hits), the relative slope of the filter that the responses went through; None for none.
 
     Raises
     ------
@@ -64,6 +69,8 @@ class Estimates:
     spread: NDArray[np.float64]
     blocks: NDArray[np.int64]
     scales: NDArray[np.complex128]
+    drift: NDArray[np.float64] | None = None
+    bend: NDArray[np.complex128] | None = None
 
     def __post_init__(self) -> None:
         of, put = "Estimates", object.__setattr__
@@ -87,8 +94,12 @@ class Estimates:
             "spread": (("blocks", 2 * n, 2 * n), np.float64),
             "blocks": (values.shape[1:], np.int64),
             "scales": (values.shape, np.complex128),
+            "drift": ((len(self.spread), 2 * n, 2 * n), np.float64),
+            "bend": (values.shape, np.complex128),
         }
         for name, (axes, dtype) in shapes.items():
+            if getattr(self, name) is None and name in ("drift", "bend"):
+                continue
             put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, dtype=dtype))
         if real.shape != lam.shape or (n and (modes.min() < 0 or modes.max() >= len(lam))):
             raise input_error("modes", of, "name modes of `exponents`", f"are {np.unique(modes).tolist()}")
@@ -148,6 +159,32 @@ class Estimates:
         g = self.scales[:, channel, hit]
         turn = np.block([[np.diag(g.real), -np.diag(g.imag)], [np.diag(g.imag), np.diag(g.real)]])
         return turn @ self.spread[self.blocks[channel, hit]] @ turn.T
+
+    def slopes_at(self, coefficients: NDArray[np.complex128], channel: int, hit: int) -> NDArray[np.complex128]:
+        r"""The slopes S of one row for other coefficients than those estimated (terms, 2 modes + 1).
+
+        .. math:: S = -g\, W \Big(\frac{\partial s}{\partial p}\, g^{-1} B\Big) - f\, \frac{\partial s}{\partial p} B
+
+        with s the rates. The slopes at the estimates hold the noise of every coefficient; where many are small, what is
+        fitted to them needs those at the coefficients that are fitted.
+
+        Parameters
+        ----------
+        coefficients
+            B (terms,) [units of the channels].
+        channel, hit
+            The row.
+        """
+        if self.drift is None:
+            return self.slopes[:, channel, hit]
+        scale = self.scales[:, channel, hit]
+        turned = self.rate_slopes * (coefficients / scale)[:, None]
+        stacked = self.drift[self.blocks[channel, hit]] @ np.concatenate([turned.real, turned.imag])
+        up, down = np.split(stacked, 2)
+        slopes = -(up + 1j * down) * scale[:, None]
+        if self.bend is not None:
+            slopes = slopes - (self.bend[:, channel, hit] * coefficients)[:, None] * self.rate_slopes
+        return slopes
 
     def variance(
         self,
@@ -233,6 +270,8 @@ class Estimates:
             spread=self.spread[:, both][:, :, both],
             blocks=self.blocks,
             scales=self.scales[own],
+            drift=None if self.drift is None else self.drift[:, both][:, :, both],
+            bend=None if self.bend is None else self.bend[own],
         )
 
     def term(self, mode: int, harmonic: int) -> int | None:

@@ -168,11 +168,29 @@ class PeriodicModel:
 
     @property
     def multiplier_std(self) -> NDArray[np.complex128] | None:
-        """Deviations of the multipliers (modes,): real part of the real, imaginary of the imaginary; δμ = μT δλ."""
+        r"""Deviations of the multipliers (modes,): real part of the real, imaginary of the imaginary.
+
+        .. math:: \delta\mu = \mu\, (T\, \delta\lambda + \lambda\, \delta T)
+
+        with δT where the period was estimated.
+        """
         if self.covariance is None:
             return None
-        slope = self.multipliers * self.period
-        return self._std_of(slope.real, -slope.imag) + 1j * self._std_of(slope.imag, slope.real)
+        own = self.estimates
+        if own is None or own.covariance[-1, -1] == 0.0:
+            slope = self.multipliers * self.period
+            return self._std_of(slope.real, -slope.imag) + 1j * self._std_of(slope.imag, slope.real)
+        # Half the fundamental, in a real multiplier, turns by half a turn a period whatever the period is.
+        lam = np.where(own.real, own.exponents.real, own.exponents)
+        slope = self.multipliers[self.modes_of(own)] * self.period
+        by = np.concatenate(
+            [np.diag(slope), np.diag(1j * slope * ~own.real), -(slope * lam / own.fundamental)[:, None]], 1
+        )
+        std = np.sqrt(np.einsum("rp,pq,rq->r", by.real, own.covariance, by.real)) + 1j * np.sqrt(
+            np.einsum("rp,pq,rq->r", by.imag, own.covariance, by.imag)
+        )
+        both = (np.subtract.outer(self.exponents, side) for side in (own.exponents, own.exponents.conj()))
+        return std[np.argmin(np.minimum(*map(np.abs, both)), axis=1)]
 
     @property
     def frequency_std_hz(self) -> NDArray[np.float64] | None:
@@ -224,15 +242,17 @@ class PeriodicModel:
             return None
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         std = np.zeros((*self.coefficients.shape[:3], len(t)), complex)
+        kept = self.kept_terms(self.estimates)
         for entry, mode in enumerate(self.modes_of(self.estimates)):
-            own = self.estimates.picked(modes=[entry], terms=self.kept_terms(self.estimates))
+            # All exponents stay: those of other modes move these coefficients too.
+            own = self.estimates.picked(terms=kept & (self.estimates.modes == entry))
             turned = np.exp(1j * self.fundamental * np.multiply.outer(own.harmonics, t))
-            mirror = -own.half_turns[0] - own.harmonics
+            mirror = -own.half_turns[entry] - own.harmonics
             back = np.exp(1j * self.fundamental * np.multiply.outer(mirror, t)) * (own.multiplicity == 2.0)[:, None]
-            back = back if own.real[0] else np.zeros_like(back)
+            back = back if own.real[entry] else np.zeros_like(back)
             std[mode] = _real_imag_std(own, turned.T, back.T)
             partner = np.flatnonzero(np.abs(self.exponents - self.exponents[mode].conj()) < 1e-9 * self.fundamental)
-            if not own.real[0] and len(partner):
+            if not own.real[entry] and len(partner):
                 std[partner[0]] = std[mode]
         return std
 

@@ -143,7 +143,7 @@ def _forced(forced: ForcedResponse | None, fundamental: float) -> Entries:
     """What of a forced response was fitted beside the modes."""
     if forced is None:
         return forced_entries([], fundamental)
-    turns = forced.harmonics / (forced.revolution * fundamental / (2.0 * np.pi))
+    turns = (forced.harmonics / (forced.revolution * fundamental / (2.0 * np.pi))).tolist()
     offset = [0.0] if forced.offset.any() else []
     made = forced_entries([*offset, *turns], fundamental)
     if forced.drift.any():

@@ -36,7 +36,8 @@ def estimates_of(blocks: Sequence[Block], found: Held) -> Estimates:
     shape = (n, 1 + max(int(b.rows.max()) for b in blocks), 1 + max(b.hit for b in blocks))
     coefficients, scales = np.zeros((2, *shape), complex)
     slopes = np.zeros((*shape, len(found.gradient)), complex)
-    spread, which = np.zeros((len(blocks), 2 * n, 2 * n)), np.zeros(shape[1:], np.int64)
+    spread, drift = np.zeros((2, len(blocks), 2 * n, 2 * n))
+    which, bend = np.zeros(shape[1:], np.int64), np.zeros(shape, complex)
     # What each parameter moves the rate of a column by.
     rate = np.where(parameters.turns[:, None], 1j, 1.0) * parameters.weights[:, :n]
     signs = np.repeat([1.0, -1.0], n)
@@ -47,14 +48,16 @@ def estimates_of(blocks: Sequence[Block], found: Held) -> Estimates:
         alpha, beta = np.split(linear.coefficients, 2)
         own = (alpha - 1j * beta) * factor
         # The slopes are those of e^{st} counted from t = 0, also where a column is scaled by its end.
-        moved = -np.einsum("kl,plc->kcp", linear.inverse @ linear.mixed, parameters.applied(linear.coefficients))
+        along = linear.inverse @ linear.mixed
+        moved = -np.einsum("kl,plc->kcp", along, parameters.applied(linear.coefficients))
         up, down = np.split(moved, 2)
         coefficients[:, block.rows, block.hit] = own
         slopes[:, block.rows, block.hit] = (up - 1j * down) * factor[:, :, None] - own[:, :, None] * np.einsum(
             "kc,pk->kcp", relative, rate
         )
         scales[:, block.rows, block.hit] = factor * block.noise
-        spread[number] = signs[:, None] * linear.inverse * signs
+        spread[number], drift[number] = (signs[:, None] * matrix * signs for matrix in (linear.inverse, along))
+        bend[:, block.rows, block.hit] = relative
         which[block.rows, block.hit] = number
     place = parts_of(entries)
     return Estimates(
@@ -69,6 +72,8 @@ def estimates_of(blocks: Sequence[Block], found: Held) -> Estimates:
         spread=spread,
         blocks=which,
         scales=scales,
+        drift=drift,
+        bend=bend if bend.any() else None,
     )
 
 

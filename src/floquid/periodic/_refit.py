@@ -13,6 +13,7 @@ from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic._bands import Entries, upper
 from floquid.periodic._blocks import Block
 from floquid.periodic._constrained import AT_REST, evaluated, settled
+from floquid.periodic._fit import _most
 from floquid.periodic._held import model_of
 from floquid.periodic._kept_cycles import KeptCycles
 from floquid.periodic._record_block import RecordBlock
@@ -26,7 +27,14 @@ FEWEST = 2
 
 
 def refit(
-    model: PeriodicModel, records: Sequence[Record], clocks: Clocks, *, noise: ArrayLike, at_rest: float = AT_REST
+    model: PeriodicModel,
+    records: Sequence[Record],
+    clocks: Clocks,
+    *,
+    noise: ArrayLike,
+    at_rest: float = AT_REST,
+    free_period: bool = False,
+    wider: bool = False,
 ) -> PeriodicModel:
     r"""The same modes with the same bands of harmonics, fitted anew to records as they were sampled.
 
@@ -49,6 +57,10 @@ def refit(
         The deviation of the noise (channels, hits) [units of the channels].
     at_rest
         The deviations that the last step may have.
+    free_period
+        Whether the period is fitted too, where constant periods tie the records to the phase.
+    wider
+        Whether the fit with several harmonics more on each side of every band is made too (`unselected`).
 
     Returns
     -------
@@ -58,14 +70,25 @@ def refit(
     Raises
     ------
     InputError
-        Records, clocks, noise and model do not belong together.
+        Records, clocks, noise and model do not belong together, or the period of a measured angle is to be fitted.
     IdentificationError
         There is no such fit near the model's exponents.
     """
-    blocks = _noisy(model, records, clocks, noise, "refit")
-    entries = Entries.of(model)
+    if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
+        must, got = "be false where the angle of a shaft is measured", "is true"
+        raise input_error("free_period", "refit", must, got, "The angle says the period.")
+    # Blocks of cycles are cut at a period that stays as it is.
+    blocks = _noisy(model, records, clocks, noise, "refit", cut=not free_period)
+    entries = replace(Entries.of(model), free_period=free_period)
     found = settled(blocks, entries, at_rest=at_rest)
-    return model_of(blocks, found, entries.bands, channels=model.channels, provenance=model.provenance, most=None)
+    return model_of(
+        blocks,
+        found,
+        entries.bands,
+        channels=model.channels,
+        provenance=model.provenance,
+        most=_most(records, model.period) if wider else None,
+    )
 
 
 def own_period(
@@ -171,11 +194,11 @@ def instants(record: Record, clock: ConstantPeriod | ShaftAngle, fundamental: fl
     return block.times, fundamental * block.times if block.angles is None else block.angles
 
 
-def _blocks(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> list[Block]:
-    """Blocks of cycles where all records can be cut into them, else blocks of samples."""
+def _blocks(model: PeriodicModel, records: Sequence[Record], clocks: Clocks, *, cut: bool) -> list[Block]:
+    """Blocks of cycles where all records can, and may, be cut into them, else blocks of samples."""
     pairs = zip(records, clocks, strict=True)
-    cheap = [KeptCycles.of(record, clock, model.period, hit) for hit, (record, clock) in enumerate(pairs)]
-    if all(block is not None for block in cheap):
+    cheap = [KeptCycles.of(record, clock, model.period, hit) for hit, (record, clock) in enumerate(pairs) if cut]
+    if cut and all(block is not None for block in cheap):
         return [block for block in cheap if block is not None]
     return list(record_blocks(records, clocks, 1.0)[0])
 
@@ -194,13 +217,15 @@ def _seen(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> It
                 yield replace(block, hit=hit, rows=rows[block.rows])
 
 
-def _noisy(model: PeriodicModel, records: Sequence[Record], clocks: Clocks, noise: ArrayLike, of: str) -> list[Block]:
+def _noisy(
+    model: PeriodicModel, records: Sequence[Record], clocks: Clocks, noise: ArrayLike, of: str, *, cut: bool = True
+) -> list[Block]:
     """The blocks with their noise."""
     _check(model, records, clocks, of)
     spread = frozen_array(noise, "noise", of, axes=model.coefficients.shape[1:3])
     if not (spread > 0.0).all():
         raise input_error("noise", of, "be positive", f"has {spread.min():g}", "Give each channel its noise.")
-    return [block.with_noise(spread[block.rows, block.hit]) for block in _blocks(model, records, clocks)]
+    return [block.with_noise(spread[block.rows, block.hit]) for block in _blocks(model, records, clocks, cut=cut)]
 
 
 def _check(model: PeriodicModel, records: Sequence[Record], clocks: Clocks, of: str) -> None:

@@ -27,6 +27,10 @@ DONE = 1e-13
 """The relative step at which they end."""
 
 
+class NoModeError(IdentificationError):
+    """The equation of motion has no mode near the one that is looked for."""
+
+
 @dataclass(frozen=True, slots=True)
 class Mode:
     """A Floquet mode."""
@@ -53,7 +57,7 @@ def solved(matrices: Array, mode: Mode, anchor: Array, fundamental: float) -> tu
 
     Raises
     ------
-    IdentificationError
+    NoModeError
         There is none near it.
     """
     width = len(mode.coefficients) // 2
@@ -70,7 +74,7 @@ def solved(matrices: Array, mode: Mode, anchor: Array, fundamental: float) -> tu
         small = np.linalg.norm(step[:size]) < DONE * np.linalg.norm(u)
         if small and abs(step[size]) < DONE * (abs(lam) + fundamental):
             return Mode(lam, u), _equations(matrices, lam, u, turns, anchor)[1]
-    raise IdentificationError("No mode of the structured equation of motion lies near the one identified.")
+    raise NoModeError("No mode of the structured equation of motion lies near the one identified.")
 
 
 def _equations(

@@ -5,7 +5,8 @@ With p the exponents' parts and B the coefficients, both as the free model has t
 .. math:: \min_{\theta, q} \; \delta p^T C_p^{-1} \delta p + \sum_{c,h} e_{c,h}^T V_{c,h}^{-1} e_{c,h}, \qquad
           e_{c,h} = g^{-1} \big(\delta B_{c,h} - S_{c,h}\, \delta p\big)
 
-q being the amplitude of each mode in each hit. This loses nothing asymptotically against the fit of the record itself
+q being the amplitude of each mode in each hit, and S the slopes at the coefficients of the structure: those at the
+estimates hold the noise of all coefficients, and with hundreds of them bend the exponents. This loses nothing asymptotically against the fit of the record itself
 (Söderström and Stoica 1989, "On reparametrization of loss functions used in estimation and the invariance principle").
 """
 
@@ -196,7 +197,8 @@ def _differences(problem: Problem, point: Point, amplitudes: Array) -> tuple[Arr
         base, by_base = _predicted(problem, point, channel, moved)
         for hit in range(amplitudes.shape[1]):
             q = amplitudes[own.modes, hit]
-            away = own.coefficients[:, channel, hit] - q * base - own.slopes[:, channel, hit] @ off
+            along = own.slopes_at(q * base, channel, hit)
+            away = own.coefficients[:, channel, hit] - q * base - along @ off
             by = np.zeros((len(own.modes), unknowns), complex)
             by[:, : n + omega] = q[:, None] * by_base
             place = n + omega + hit * problem.n_amplitudes
@@ -206,7 +208,7 @@ def _differences(problem: Problem, point: Point, amplitudes: Array) -> tuple[Arr
             for number, mode in enumerate(np.flatnonzero(~own.real)):
                 rows = own.modes == mode
                 by[rows, place + count + number] = 1j * base[rows]
-            by -= own.slopes[:, channel, hit] @ by_parts
+            by -= along @ by_parts
             scale = own.scales[:, channel, hit]
             root = problem.whiteners[own.blocks[channel, hit]]
             both = np.concatenate([(away / scale).real, (away / scale).imag])[used]

@@ -108,13 +108,14 @@ def reconstruct(
     modal = modal_at(shapes, instants, coordinates.said)
     growth = np.exp(np.multiply.outer(instants - instants[0], model.exponents))
     transition = (modal.modal * growth[:, None, :]) @ modal.inverse[0]
-    system_std = transition_std = None
+    system_std: NDArray[np.float64] | None = None
+    transition_std: NDArray[np.float64] | None = None
     if terms is not None:
         assert kept is not None
         own, rows = terms.estimates, (shapes.weights != 0).any(axis=(0, 1, 2))
         sizes = sizes_left_out(own, kept, rows)
         wider = terms.mask(kept | (sizes > 0).any(axis=(1, 2)), shapes)
-        system_std, transition_std = np.zeros((2, *modal.system.shape))
+        system_std, transition_std = np.zeros(modal.system.shape), np.zeros(modal.system.shape)
         for t in range(len(instants)):
             for std, slopes_of in ((system_std, by_system), (transition_std, by_transition)):
                 variance = slopes_of(shapes, modal, instants, t, terms).variance(own)

@@ -13,7 +13,7 @@ from floquid._checks import input_error, positive
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.reconstruction._coordinates import Coordinates
-from floquid.reconstruction._harmonic_balance import Mode
+from floquid.reconstruction._harmonic_balance import Mode, NoModeError
 from floquid.reconstruction._invariance import Point, Seen, covariance_of, fitted, problem_of
 from floquid.reconstruction._modal_matrix import modal_at, shapes_of
 from floquid.reconstruction._reconstruct import coordinates_of, instants_of
@@ -25,6 +25,8 @@ from floquid.reconstruction._structure import AbstractStructure, Basis
 Array = NDArray[Any]
 
 OF = "refine"
+
+REMEDY = 'Give it more harmonics or less symmetry, let it be found (`structure="auto"`), or use the free A(t) of `reconstruct`.'
 
 REFUSED = 1e-5
 """The probability of what is left below which a structure is refused."""
@@ -113,7 +115,13 @@ def refine(
         reasons = ()
     report("fitting the structured state matrix")
     fit = _Fit.made(model, states, structure.degree, estimates)
-    point, basis = fit.at(structure)
+    try:
+        point, basis = fit.at(structure)
+    except NoModeError:
+        raise IdentificationError(
+            f"The structure contradicts the data: an equation of motion with {structure.words()} has no modes near those "
+            f"of the response. {REMEDY}"
+        ) from None
     if again is not None:
         report("one output-error step on the record")
         fit = replace(fit, estimates=again(np.array([mode.exponent for mode in point.modes])))
@@ -254,11 +262,14 @@ def _refinement(
     transition, transition_slopes, condition = _transition(fit, basis, point, times)
     transition_std = np.sqrt(np.sum(np.tensordot(root, transition_slopes, axes=(0, 0)) ** 2, axis=0))
     model = fit.model
+    # An estimated period moves the exponents too.
+    moving = n + int(fit.estimates.covariance[-1, -1] > 0)
+    shared = whole[:moving, :moving]
     exponents, std = np.array(model.exponents), np.zeros(model.order, complex)
     for entry, (mode, slope) in enumerate(zip(point.modes, point.mode_slopes, strict=True)):
         own = model.modes_of(fit.estimates)[entry]
-        by = slope.exponent[:n]
-        deviation = np.sqrt(by.real @ covariance @ by.real) + 1j * np.sqrt(by.imag @ covariance @ by.imag)
+        by = slope.exponent[:moving]
+        deviation = np.sqrt(by.real @ shared @ by.real) + 1j * np.sqrt(by.imag @ shared @ by.imag)
         partners = np.flatnonzero(np.abs(model.exponents - model.exponents[own].conj()) < 1e-9 * model.fundamental)
         if fit.estimates.real[entry]:
             exponents[own], std[own] = complex(mode.exponent.real, model.exponents[own].imag), deviation.real

@@ -147,6 +147,11 @@ class Basis:
         return whole, slopes
 
 
+def counted(harmonics: int) -> str:
+    """1 harmonic, 2 harmonics."""
+    return f"{harmonics} harmonic" + "s" * (harmonics != 1)
+
+
 class AbstractStructure(ABC):
     """The form of an equation of motion."""
 
@@ -260,7 +265,7 @@ class SecondOrder(AbstractStructure):
         found: list[tuple[str, AbstractStructure]] = []
         for name, block, _ in self.blocks():
             more = replace(block, harmonics=block.harmonics + 1)
-            found.append((f"{name} with {more.harmonics} harmonics", replace(self, **{name: more})))
+            found.append((f"{name} with {counted(more.harmonics)}", replace(self, **{name: more})))
             if block.symmetry in ("symmetric", "diagonal"):
                 free = replace(block, symmetry="none" if block.symmetry == "symmetric" else "symmetric")
                 other = replace(self, **{name: free}, **({"gyroscopic": None} if name == "damping" else {}))
@@ -304,4 +309,4 @@ class FirstOrder(AbstractStructure):
     def wider(self) -> list[tuple[str, AbstractStructure]]:
         """One more harmonic."""
         more = replace(self.system, harmonics=self.system.harmonics + 1)
-        return [(f"a state matrix with {more.harmonics} harmonics", FirstOrder(system=more))]
+        return [(f"a state matrix with {counted(more.harmonics)}", FirstOrder(system=more))]

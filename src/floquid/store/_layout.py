@@ -104,6 +104,8 @@ ESTIMATES = (
     Item("spread", axes=("blocks", "2 terms", "2 terms")),
     Item("blocks", "integer", ("channels", "hits")),
     Item("scales", "complex", ("terms", "channels", "hits"), unit="that of the channel"),
+    Item("drift", axes=("blocks", "2 terms", "2 terms"), unit="s", optional=True),
+    Item("bend", "complex", ("terms", "channels", "hits"), unit="s", optional=True),
 )
 """Of the groups `estimates` and `unselected` of the model; absent where there are none, and in older files."""
 
