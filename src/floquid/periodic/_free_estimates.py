@@ -48,7 +48,7 @@ def free_estimates(
     modes, harmonics = (np.array(column, np.int64) for column in zip(*terms, strict=True))
     times, omega = lifted.phase_times, 2.0 * np.pi / lifted.period
     rates = exponents[modes] + 1j * harmonics * omega
-    kernel: NDArray[np.complex128] = np.exp(-np.multiply.outer(rates, times)) / lifted.n_phases
+    kernel = np.asarray(np.exp(-np.multiply.outer(rates, times)) / lifted.n_phases, np.complex128)
     gain = lifted.gain(rates)
     residues = lifted.by_channel(modal.residues)
     values = np.einsum("tk,tckh->tch", kernel, residues[modes]) / gain.T[:, :, None]

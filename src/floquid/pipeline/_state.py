@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
 from floquid.core import Channel, Estimates, PeriodicModel, channels_named
 from floquid.errors import IdentificationError
 from floquid.pipeline._settings import ALL, Settings
@@ -28,9 +27,6 @@ def check_states(channels: Sequence[Channel], settings: Settings) -> None:
     """
     names = states_of(channels, settings)
     if isinstance(names, str):
-        if settings.structure:
-            must, got = "name the channels of each displacement beside `structure`", "is all"
-            raise input_error("states", OF, must, got, 'Name them, as ["x", "y"], or leave `structure` out.')
         return
     known = {channel.name for channel in channels}
     parts = [part for entry in names for part in _parts(entry, known, settings)]
@@ -52,7 +48,13 @@ def _parts(entry: str, known: set[str], settings: Settings) -> list[str]:
 
 
 def state_of(
-    model: PeriodicModel, settings: Settings, again: Again, report: Callable[[str], None]
+    model: PeriodicModel,
+    settings: Settings,
+    again: Again,
+    report: Callable[[str], None],
+    *,
+    held: bool = False,
+    refuse: float | None = None,
 ) -> tuple[StateModel | None, Refinement | None]:
     """A(t) in the states of the settings, and how it was fitted where it has a structure.
 
@@ -66,6 +68,10 @@ def state_of(
         What linearises the records anew at exponents (`floquid.periodic.estimate_at`).
     report
         Is told of each stage.
+    held
+        Whether the free A(t) is built from the harmonics of the model in any case.
+    refuse
+        As `refine` takes it; None for its own.
 
     Returns
     -------
@@ -89,7 +95,7 @@ def state_of(
             names,
             form=settings.form,  # type: ignore[arg-type]
             delay=settings.delay,
-            harmonics="auto" if settings.harmonics is None else "model",
+            harmonics="auto" if settings.harmonics is None and not held else "model",
             times=settings.system_times,
         )
         return free, None
@@ -106,5 +112,6 @@ def state_of(
         times=settings.system_times,
         again=again if settings.output_error else None,
         report=report,
+        **({} if refuse is None else {"refuse": refuse}),
     )
     return found.state, found

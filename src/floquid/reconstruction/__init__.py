@@ -1,9 +1,10 @@
 """A `PeriodicModel` → the state transition matrix and the state matrix, in the coordinates of chosen channels.
 
-`reconstruct` builds them from the shapes as they are; `refine` fits a state matrix of given structure to all that the
-record says.
+`reconstruct` builds them from the shapes as they are, from `choices` of its own; `refine` fits a state matrix of given
+structure to all that the record says.
 """
 
+from floquid.reconstruction._choices import choices
 from floquid.reconstruction._reconstruct import Form, reconstruct
 from floquid.reconstruction._refine import refine
 from floquid.reconstruction._refinement import Refinement
@@ -19,6 +20,7 @@ __all__ = [
     "Refinement",
     "SecondOrder",
     "StateModel",
+    "choices",
     "reconstruct",
     "refine",
     "structure_of",

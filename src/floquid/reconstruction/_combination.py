@@ -59,7 +59,9 @@ def combined(model: PeriodicModel, count: int) -> Coordinates:
         for state in states
     )
     words = f"second-order form from all channels, weighted by their noise ({sums})"
-    return Coordinates((*states, *(state.derivative() for state in states)), len(powers), "second-order", words)
+    derived = tuple(state.derivative() for state in states)
+    rows = tuple(int(row) for row in chosen)
+    return Coordinates((*states, *derived), len(powers), "second-order", words, mixing, rows)
 
 
 def _table(

@@ -75,6 +75,10 @@ class Coordinates:
     """"second-order", "first-order" or "delayed"."""
     words: str
     """What the states are, in words."""
+    mixing: NDArray[np.float64] | None = None
+    """Of states from all channels: what each channel is of the displacements (channels, displacements)."""
+    chosen: tuple[int, ...] = ()
+    """The channels that are the displacements themselves then, but for noise."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -49,6 +49,15 @@ class Slopes:
     coefficients: Array
     """(parameters + 1, harmonics, displacements)."""
 
+    def with_gap(self, count: int) -> Slopes:
+        """With so many parameters more, before ω, that move nothing."""
+        place = len(self.exponent) - 1
+        still = np.zeros((count, *self.coefficients.shape[1:]))
+        return Slopes(
+            np.concatenate([self.exponent[:place], np.zeros(count), self.exponent[place:]]),
+            np.concatenate([self.coefficients[:place], still, self.coefficients[place:]]),
+        )
+
 
 def solved(matrices: Array, mode: Mode, anchor: Array, fundamental: float) -> tuple[Mode, Array]:
     """The mode of these coefficient matrices (d, harmonics, n, n) near another, and the bordered Jacobian there.

@@ -6,8 +6,9 @@ With p the exponents' parts and B the coefficients, both as the free model has t
           e_{c,h} = g^{-1} \big(\delta B_{c,h} - S_{c,h}\, \delta p\big)
 
 q being the amplitude of each mode in each hit, and S the slopes at the coefficients of the structure: those at the
-estimates hold the noise of all coefficients, and with hundreds of them bend the exponents. This loses nothing asymptotically against the fit of the record itself
-(Söderström and Stoica 1989, "On reparametrization of loss functions used in estimation and the invariance principle").
+estimates hold the noise of all coefficients, and with hundreds of them bend the exponents. This loses nothing
+asymptotically against the fit of the record itself (Söderström and Stoica 1989, "On reparametrization of loss functions
+used in estimation and the invariance principle").
 """
 
 from __future__ import annotations
@@ -74,6 +75,8 @@ class Problem:
     """Which of p are parameters."""
     root: Array
     """L⁻¹ of the covariance of these."""
+    mixed: tuple[int, ...] = ()
+    """Which of `seen` have a gain that is unknown: a parameter more, after those of the basis."""
 
     @property
     def n_amplitudes(self) -> int:
@@ -103,14 +106,16 @@ class Point:
         return float(self.rest @ self.rest)
 
 
-def problem_of(estimates: Estimates, seen: tuple[Seen, ...], basis: Basis, shapes: list[NDArray]) -> Problem:
+def problem_of(
+    estimates: Estimates, seen: tuple[Seen, ...], basis: Basis, shapes: list[NDArray], mixed: tuple[int, ...] = ()
+) -> Problem:
     """The fit, with first shapes (harmonics, displacements) of the modes of the estimates."""
     turning = estimates.turning
     used = np.concatenate([np.ones(len(turning), bool), turning])
     whiteners = [_inverse_root(block[np.ix_(used, used)]) for block in estimates.spread]
     parts = np.flatnonzero(np.diag(estimates.covariance) > 0)
     root = _inverse_root(estimates.covariance[np.ix_(parts, parts)])
-    return Problem(estimates, seen, basis, tuple(shapes), tuple(whiteners), parts, root)
+    return Problem(estimates, seen, basis, tuple(shapes), tuple(whiteners), parts, root, mixed)
 
 
 def _inverse_root(matrix: Array) -> Array:
@@ -135,12 +140,13 @@ def at(
 ) -> Point:
     """Everything at these parameters; amplitudes None are those of least squares."""
     own, basis = problem.estimates, problem.basis
-    matrices = basis.at(parameters)
+    matrices = basis.at(parameters[: len(basis.names)])
     modes, slopes = [], []
     for anchor, mode in zip(problem.anchors, near, strict=True):
         found, jacobian = solved(matrices, mode, anchor, fundamental)
         modes.append(found)
-        slopes.append(slopes_of(basis.matrices, matrices, found, jacobian, fundamental))
+        by = slopes_of(basis.matrices, matrices, found, jacobian, fundamental)
+        slopes.append(by.with_gap(len(parameters) - len(basis.names)))
     point = Point(parameters, np.zeros(0), fundamental, tuple(modes), np.zeros(0), np.zeros((0, 0)), tuple(slopes))
     if amplitudes is None:
         unit = np.ones((len(modes), own.coefficients.shape[2]), complex)
@@ -232,14 +238,18 @@ def _predicted(problem: Problem, point: Point, channel: int, moved: NDArray[np.i
         if len(moved) > len(point.parameters):
             by_rate = by_rate.astype(complex)
             by_rate[-1] += 1j * harmonics
-        for one in problem.seen:
+        for number, one in enumerate(problem.seen):
             if one.channel != channel:
                 continue
-            u = found.coefficients[places, one.displacement]
+            u, gain = found.coefficients[places, one.displacement], 1.0
             factor = one.factor(rates)
-            value[rows] += factor * u
-            slope[rows] += (factor * by.coefficients[moved][:, places, one.displacement]).T
-            slope[rows] += (one.slope(rates) * u * by_rate).T
+            if number in problem.mixed:
+                unknown = len(problem.basis.names) + problem.mixed.index(number)
+                gain = point.parameters[unknown]
+                slope[rows, unknown] += factor * u
+            value[rows] += gain * factor * u
+            slope[rows] += gain * (factor * by.coefficients[moved][:, places, one.displacement]).T
+            slope[rows] += gain * (one.slope(rates) * u * by_rate).T
     return value, slope
 
 

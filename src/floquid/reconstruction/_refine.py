@@ -9,24 +9,24 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import input_error, positive
+from floquid._checks import finite, input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
-from floquid.reconstruction._coordinates import Coordinates
+from floquid.reconstruction._coordinates import Coordinates, Part, State
 from floquid.reconstruction._harmonic_balance import Mode, NoModeError
 from floquid.reconstruction._invariance import Point, Seen, covariance_of, fitted, problem_of
 from floquid.reconstruction._modal_matrix import modal_at, shapes_of
 from floquid.reconstruction._reconstruct import coordinates_of, instants_of
 from floquid.reconstruction._refinement import Refinement
 from floquid.reconstruction._state_model import StateModel
-from floquid.reconstruction._states import Names
+from floquid.reconstruction._states import Names, derivative_of
 from floquid.reconstruction._structure import AbstractStructure, Basis
 
 Array = NDArray[Any]
 
 OF = "refine"
 
-REMEDY = 'Give it more harmonics or less symmetry, let it be found (`structure="auto"`), or use the free A(t) of `reconstruct`.'
+REMEDY = 'Give it more harmonics or less symmetry, let it be found (`structure="auto"`), or use `reconstruct`.'
 
 REFUSED = 1e-5
 """The probability of what is left below which a structure is refused."""
@@ -67,13 +67,14 @@ def refine(
         The identified response model, with its estimates.
     states
         The channels that are the states, as in `reconstruct`: displacements for a structure of second order, all states
-        for one of first order.
+        for one of first order. "all" takes some of the channels as displacements and all others as constant
+        combinations of these, whose gains are found too.
     structure
         `SecondOrder` or `FirstOrder`; "auto" takes the simplest second-order form that the data do not contradict.
     times
         Instants after phase zero [s], or how many equally spaced ones over a period.
     refuse
-        The probability of as large a misfit below which the structure is refused.
+        The probability of as large a misfit below which the structure is refused; zero refuses none.
     again
         What gives the estimates of the record linearised anew at exponents (modes of the estimates,): one output-error
         step is then made (`floquid.identify(..., output_error=True)` passes it).
@@ -101,8 +102,8 @@ def refine(
             "has none",
             "Identify with maximum likelihood and `constrained=True`, the defaults.",
         )
-    if not 0.0 <= positive(refuse, "refuse", OF) < 1.0:
-        raise input_error("refuse", OF, "be a probability", f"is {refuse:g}")
+    if not 0.0 <= finite(refuse, "refuse", OF) < 1.0:
+        raise input_error("refuse", OF, "be a probability below one", f"is {refuse:g}")
     if not isinstance(structure, AbstractStructure):
         if structure != "auto":
             must = 'be "auto" or a structure, such as SecondOrder(stiffness=Block(harmonics=2))'
@@ -119,8 +120,8 @@ def refine(
         point, basis = fit.at(structure)
     except NoModeError:
         raise IdentificationError(
-            f"The structure contradicts the data: an equation of motion with {structure.words()} has no modes near those "
-            f"of the response. {REMEDY}"
+            f"The structure contradicts the data: an equation of motion with {structure.words()} has no modes near "
+            f"those of the response. {REMEDY}"
         ) from None
     if again is not None:
         report("one output-error step on the record")
@@ -154,19 +155,21 @@ class _Fit:
     system: NDArray[np.float64]
     """A(t) of the free model."""
     times: NDArray[np.float64]
+    gains: dict[int, float]
+    """First values of the gains in `seen` that are unknown."""
 
     @staticmethod
     def made(model: PeriodicModel, states: Names, degree: int, estimates: Estimates) -> _Fit:
         """From the names of the states."""
         coordinates = coordinates_of(model, states, "second-order" if degree == 2 else "first-order", None)
         count = len(coordinates.states) // degree
-        seen = []
-        for place, state in enumerate(coordinates.states[:count]):
-            if len(state.parts) > 1 and not state.noise:
-                must, got = "name the channels of each displacement", "is all channels"
-                raise input_error("states", OF, must, got, "`reconstruct` takes weighted sums of all channels.")
-            seen += [Seen(part.channel, place, 1.0 / part.gain, -part.power, -part.delay) for part in state.parts]
         free = shapes_of(model, coordinates)
+        seen, gains = [], {}
+        if coordinates.mixing is None:
+            for place, state in enumerate(coordinates.states[:count]):
+                seen += [Seen(part.channel, place, 1.0 / part.gain, -part.power, -part.delay) for part in state.parts]
+        else:
+            coordinates, seen, gains = _all_channels(model, coordinates)
         times = np.arange(64) * model.period / 64
         strongest = np.argmax(np.sum(np.abs(model.coefficients) ** 2, axis=(1, 3)), axis=1)
         own = []
@@ -174,7 +177,8 @@ class _Fit:
             # Of one hit, so that the shape of a real multiplier stays its own mirror image.
             whole = model.coefficients[mode, :, strongest[mode]]
             own.append(np.einsum("mic,cm->mi", free.weights[mode][:, :count], whole))
-        return _Fit(model, coordinates, estimates, tuple(seen), tuple(own), modal_at(free, times).system.real, times)
+        system = modal_at(free, times).system.real
+        return _Fit(model, coordinates, estimates, tuple(seen), tuple(own), system, times, gains)
 
     def at(self, structure: AbstractStructure, near: Point | None = None) -> tuple[Point, Basis]:
         """The best fit of a structure.
@@ -188,8 +192,7 @@ class _Fit:
         basis = structure.basis(count)
         whole, slopes = basis.in_time(self.model.fundamental * self.times)
         start = np.linalg.lstsq(slopes.reshape(len(slopes), -1).T, (self.system - whole).ravel(), rcond=None)[0]
-        if near is not None:
-            start = near.parameters
+        start = np.concatenate([start, list(self.gains.values())]) if near is None else near.parameters
         most = int(max(np.abs(self.estimates.harmonics).max(), np.abs(self.model.harmonics).max()))
         step = BEYOND * max(int(basis.harmonics.max()), 1)
         exponents, point = None, None
@@ -197,7 +200,8 @@ class _Fit:
             width = most + step * (round_ + 1)
             shapes = [self._widened(shape, width) for shape in self.shapes]
             modes = [Mode(complex(lam), u) for lam, u in zip(self.estimates.exponents, shapes, strict=True)]
-            point = fitted(problem_of(self.estimates, self.seen, basis, shapes), start, tuple(modes))
+            problem = problem_of(self.estimates, self.seen, basis, shapes, tuple(self.gains))
+            point = fitted(problem, start, tuple(modes))
             start, before = point.parameters, exponents
             exponents = np.array([mode.exponent for mode in point.modes])
             std = np.sqrt(np.diag(self.estimates.covariance)[: len(exponents)])
@@ -212,6 +216,28 @@ class _Fit:
         whole = np.zeros((2 * width + 1, shape.shape[1]), complex)
         whole[self.model.harmonics + width] = shape
         return whole / np.linalg.norm(whole)
+
+
+def _all_channels(model: PeriodicModel, coordinates: Coordinates) -> tuple[Coordinates, list[Seen], dict[int, float]]:
+    """Some channels as displacements, and the others as constant combinations of them, whose gains are unknown."""
+    assert coordinates.mixing is not None
+    seen, gains = [], {}
+    for row, channel in enumerate(model.channels):
+        power = derivative_of(channel)
+        if row in coordinates.chosen:
+            seen.append(Seen(row, coordinates.chosen.index(row), 1.0, power, 0.0))
+            continue
+        for place, gain in enumerate(coordinates.mixing[row]):
+            gains[len(seen)] = float(gain)
+            seen.append(Seen(row, place, 1.0, power, 0.0))
+    names = [model.channels[row].name for row in coordinates.chosen]
+    displacements = tuple(
+        State(name, (Part(row, 1.0, -derivative_of(model.channels[row])),))
+        for name, row in zip(names, coordinates.chosen, strict=True)
+    )
+    words = f"second-order form from {', '.join(names)}, the other channels being constant combinations of them"
+    derived = tuple(state.derivative() for state in displacements)
+    return Coordinates((*displacements, *derived), len(model.channels), "second-order", words), seen, gains
 
 
 def _tail(point: Point) -> float:
@@ -237,8 +263,7 @@ def _contradicted(fit: _Fit, structure: AbstractStructure, point: Point, refuse:
     return (
         f"The structure contradicts the data: what is left between it and the free model is a chi-square of "
         f"{point.cost:.4g} for {degrees} degrees of freedom (p = {chance(point):.1g}, refused below {refuse:g})."
-        f'{remedy} Give it more harmonics or less symmetry, let it be found (`structure="auto"`), or use the free '
-        "A(t) of `reconstruct`."
+        f"{remedy} {REMEDY}"
     )
 
 
@@ -253,17 +278,17 @@ def _refinement(
     reasons: tuple[str, ...],
 ) -> Refinement:
     """The result, with every deviation."""
-    whole, n = covariance_of(point), len(point.parameters)
+    whole, n = covariance_of(point), len(basis.names)
     covariance = whole[:n, :n]
     known, slopes = basis.in_time(point.fundamental * times)
-    system = known + np.tensordot(point.parameters, slopes, axes=1)
+    system = known + np.tensordot(point.parameters[:n], slopes, axes=1)
     root = np.linalg.cholesky(covariance + 0.0) if n else np.zeros((0, 0))
     system_std = np.sqrt(np.sum(np.tensordot(root, slopes, axes=(0, 0)) ** 2, axis=0))
     transition, transition_slopes, condition = _transition(fit, basis, point, times)
     transition_std = np.sqrt(np.sum(np.tensordot(root, transition_slopes, axes=(0, 0)) ** 2, axis=0))
     model = fit.model
     # An estimated period moves the exponents too.
-    moving = n + int(fit.estimates.covariance[-1, -1] > 0)
+    moving = len(point.parameters) + int(fit.estimates.covariance[-1, -1] > 0)
     shared = whole[:moving, :moving]
     exponents, std = np.array(model.exponents), np.zeros(model.order, complex)
     for entry, (mode, slope) in enumerate(zip(point.modes, point.mode_slopes, strict=True)):
@@ -292,8 +317,8 @@ def _refinement(
         state=state,
         structure=structure,
         parameters=point.parameters,
-        names=basis.names,
-        covariance=covariance,
+        names=(*basis.names, *_gain_names(fit)),
+        covariance=whole[: len(point.parameters), : len(point.parameters)],
         exponents=exponents,
         exponent_std=std,
         chi_square=point.cost,
@@ -303,11 +328,17 @@ def _refinement(
     )
 
 
+def _gain_names(fit: _Fit) -> list[str]:
+    """What each unknown gain is."""
+    states = fit.coordinates.names
+    return [f"{fit.model.channels[fit.seen[k].channel].name} per {states[fit.seen[k].displacement]}" for k in fit.gains]
+
+
 def _transition(
     fit: _Fit, basis: Basis, point: Point, times: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Φ (times, n, n), its slopes by the parameters (parameters, times, n, n), and the condition of Ψ."""
-    d, n = basis.degree, len(point.parameters)
+    d, n = basis.degree, len(basis.names)
     columns, rates, moved, drift = [], [], [], []
     for mode, slope, real in zip(point.modes, point.mode_slopes, fit.estimates.real, strict=True):
         harmonics = np.arange(len(mode.coefficients)) - len(mode.coefficients) // 2

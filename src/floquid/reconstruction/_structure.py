@@ -268,9 +268,20 @@ class SecondOrder(AbstractStructure):
             found.append((f"{name} with {counted(more.harmonics)}", replace(self, **{name: more})))
             if block.symmetry in ("symmetric", "diagonal"):
                 free = replace(block, symmetry="none" if block.symmetry == "symmetric" else "symmetric")
-                other = replace(self, **{name: free}, **({"gyroscopic": None} if name == "damping" else {}))
+                other = replace(self, **{name: free}) if self._apart(name, free) else self._merged(free)
                 found.append((f"{name} that is {'not ' if free.symmetry == 'none' else ''}symmetric", other))
         return found
+
+    def _apart(self, name: str, block: Block) -> bool:
+        """Whether the gyroscopic block may stand beside this one."""
+        return self.gyroscopic is None or name != "damping" or block.symmetry != "none"
+
+    def _merged(self, damping: Block) -> SecondOrder:
+        """A damping block without symmetry that holds the gyroscopic one too."""
+        assert self.gyroscopic is not None
+        known = {(i, j): value for (i, j), value in damping.known.items() if i == j}
+        most = max(damping.harmonics, self.gyroscopic.harmonics)
+        return replace(self, damping=replace(damping, harmonics=most, known=known), gyroscopic=None)
 
     def blocks(self) -> tuple[tuple[str, Block, int], ...]:
         """Stiffness, damping, gyroscopic."""
