@@ -8,7 +8,7 @@ known A(t), `systems` holds examples with known truth.
 from floquid import floquet, systems
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
 from floquid.errors import FloquidError, IdentificationError, InputError
-from floquid.pipeline import Analysis, Settings, identify
+from floquid.pipeline import Analysis, Bootstrap, Settings, bootstrap, identify
 from floquid.readers import read, write
 from floquid.reconstruction import StateModel, reconstruct
 from floquid.store import load, save
@@ -18,6 +18,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Analysis",
     "AzimuthSignal",
+    "Bootstrap",
     "Channel",
     "ConstantPeriod",
     "FloquidError",
@@ -29,6 +30,7 @@ __all__ = [
     "Settings",
     "StateModel",
     "TachometerSignal",
+    "bootstrap",
     "floquet",
     "identify",
     "load",

@@ -24,7 +24,7 @@ OPTIONAL = {
     for name in layer.split("|")
     if name.strip().startswith("(")
 }
-OPEN_TO_ALL = ["errors", "_checks", "_files"]
+OPEN_TO_ALL = ["errors", "_checks", "_files", "_bar"]
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ ALLOWED = {
     "pipeline": "import floquid.validation, floquid.lifting, floquid.lti, floquid.readers, floquid.errors",
     "periodic": "import floquid.lti, floquid.order, floquid._numerics",
     "systems": "import floquid.floquet, floquid._checks",
-    "floquet": "import floquid.core, floquid._checks, floquid._files, scipy",
+    "floquet": "import floquid.core, floquid._checks, floquid._files, floquid._bar, scipy",
     "core": "import floquid._numerics, floquid._checks",
     "_files": "import floquid._checks",
     "_checks": "import floquid.errors",
@@ -115,6 +115,7 @@ def test_a_room_that_is_built_has_lost_its_parentheses():
         ("errors", "import floquid.core", "foundations"),
         ("_checks", "import floquid._files", "foundations"),
         ("_files", "import floquid.readers", "foundations"),
+        ("_bar", "import floquid.pipeline", "foundations"),
         ("pipeline", "import floquid.systems", "oracle"),
         ("periodic", "import floquid.floquet", "oracle"),
         ("reconstruction", "import floquid.systems", "oracle"),

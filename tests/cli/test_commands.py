@@ -22,7 +22,7 @@ from floquid.systems import JeffcottRotor
 
 PERIOD = repr(2.0 * np.pi)
 GOOD = f"identify good.npz --period {PERIOD}"
-COMMANDS = ["demo", "floquet", "identify", "info", "scan", "simulate"]
+COMMANDS = ["bootstrap", "demo", "floquet", "identify", "info", "scan", "simulate"]
 RESULT = {"result.h5", "summary.json", "settings.toml", "figures/time_record.png", "figures/composite.png"}
 
 

@@ -60,7 +60,7 @@ def test_version_1_arrays(found, truth):
 
 
 def test_version_1_words(found):
-    assert found.settings == Settings(states=("x", "y"), system_times=8)
+    assert found.settings == Settings(states=("x", "y"), system_times=8, harmonic_false_alarm=1e-8)
     assert found.warnings == ("a warning, with an ümlaut",)
     assert found.model.channels == (
         Channel(name="x", unit="mm", location="disc", direction="X"),

@@ -296,7 +296,7 @@ def test_system_elements_draws_the_elements_and_the_truth(found):
     truth = ROTOR.system(times)
     figure = system_elements(found.state, ((3, 1), (3, 2), (4, 4)), (times, truth), period=ROTOR.period)
     assert [axes.get_ylabel() for axes in figure.axes] == ["A(3,1) [1/s²]", "A(3,2) [1/s²]", "A(4,4) [1/s]"]
-    assert legend(figure) == ["truth", "estimated"]
+    assert legend(figure) == ["truth", "estimated", "95 % intervals"]
     assert figure.axes[-1].get_xlabel() == "phase of the period [deg]"
     for axes, (i, j) in zip(figure.axes, ((2, 0), (2, 1), (3, 3)), strict=True):
         phase, values = drawn(axes, "estimated")
@@ -312,7 +312,7 @@ def test_system_elements_draws_the_elements_and_the_truth(found):
 def test_system_elements_by_default(found):
     figure = system_elements(found.state)
     assert [axes.get_ylabel()[:6] for axes in figure.axes] == ["A(3,1)", "A(3,2)", "A(3,3)"]
-    assert legend(figure) == ["estimated"]
+    assert legend(figure) == ["estimated", "95 % intervals"]
     assert drawn(figure.axes[0])[0] == pytest.approx(np.arange(50) * 7.2)
 
 
@@ -335,13 +335,28 @@ def test_default_elements_of_other_sizes(n, labels):
     assert [axes.get_ylabel().split()[0] for axes in system_elements(state(n)).axes] == labels
 
 
-def test_standard_deviations_are_bars_of_two(found):
+def band(axes):
+    """The lower and the upper edge of the band of `axes`, by angle: {degrees: (low, high)}."""
+    (drawn_band,) = axes.collections
+    edges = {}
+    for x, y in drawn_band.get_paths()[0].vertices:
+        edges.setdefault(round(float(x), 6), []).append(float(y))
+    return {x: (min(y), max(y)) for x, y in edges.items()}
+
+
+@pytest.mark.parametrize("order", [np.arange(10), np.arange(10)[::-1]])
+def test_standard_deviations_are_bands_of_95_percent(order):
     model = state(4, std=True)
-    figure = system_elements(model, ((3, 1),))
-    (bars,) = figure.axes[0].collections
-    ends = np.array(bars.get_segments())[:, :, 1]
-    assert ends == pytest.approx(model.system[:, 2, 0][:, None] + [-0.5, 0.5])
-    assert legend(figure) == ["estimated, 2 std"]
+    model = replace(model, **{name: getattr(model, name)[order] for name in ("times", "system", "transition")})
+    figure = system_elements(model, ((3, 1),), period=1.0)
+    edges, known = band(figure.axes[0]), dict(zip(model.times, model.system[:, 2, 0], strict=True))
+    # Ten instants, and the first one again at the end of the period.
+    assert sorted(edges) == pytest.approx(36.0 * np.arange(11))
+    for degrees, (low, high) in edges.items():
+        middle = known[min(known, key=lambda t, x=degrees: abs(t - x / 360.0 % 1.0))]
+        assert (low, high) == pytest.approx((middle - 1.96 * 0.25, middle + 1.96 * 0.25))
+    assert legend(figure) == ["estimated", "95 % intervals"]
+    assert legend(system_elements(state(4))) == ["estimated"]
 
 
 @pytest.mark.parametrize(

@@ -318,7 +318,7 @@ def test_composite_of_several_has_a_panel_each(pair):
 def test_system_elements_of_several(pair):
     states = {name: analysis.state for name, analysis in pair.items()}
     figure = system_elements(states, periods_per_revolution=2)
-    assert legend(figure) == ["AMI, estimated", "max. likelihood, estimated"]
+    assert legend(figure) == ["AMI, estimated", "max. likelihood, estimated", "95 % intervals"]
     assert figure.axes[-1].get_xlabel() == "shaft angle [deg]"
     for name, state in states.items():
         angle, values = drawn(figure.axes[1], f"{name}, estimated")

@@ -111,6 +111,44 @@ def test_whole_cycles_are_as_good_as_their_samples():
     )
 
 
+def test_the_period_is_fitted_where_that_is_wanted():
+    true, noise = truth(), np.full((2, 1), 1e-3)
+    record = record_of(true)
+    # A negative multiplier has half the fundamental, whatever that is.
+    near = np.where(np.arange(4) == 3, -0.02 + 0.5j / 1.0002, true.exponents)
+    stretched = at(true, near, PERIOD * 1.0002)
+    clock = ConstantPeriod(period=stretched.period)
+    held = refit(stretched, [record], [clock], noise=noise)
+    free = refit(stretched, [record], [clock], noise=noise, free_period=True)
+    assert held.period == stretched.period
+    assert held.estimates.period_std() == 0.0
+    std = free.estimates.period_std()
+    assert 0.0 < std < 1e-4 * PERIOD
+    assert abs(free.period - PERIOD) < 5.0 * std
+    assert off(free, true).max() < 5.0 * np.abs(free.exponent_std).max()
+    # With the period given, all is as precise or more so.
+    given = refit(true, [record], [CLOCK], noise=noise)
+    assert (np.diag(given.covariance) <= np.diag(free.covariance) * (1.0 + 1e-6)).all()
+
+
+def test_the_period_of_a_measured_angle_is_not_fitted():
+    shaft = shaft_angle(Run(n_periods=60, samples_per_period=16.3, imbalance=0.0, seed=4).record())
+    record = record_of(truth())
+    with pytest.raises(InputError, match="`free_period` of `refit` must be false where the angle of a shaft is measur"):
+        refit(truth(), [record], [shaft], noise=np.full((2, 1), 1e-3), free_period=True)
+
+
+def test_wider_bands_are_fitted_beside_where_that_is_wanted():
+    true, noise = truth(), np.full((2, 1), 1e-3)
+    record = record_of(true)
+    plain, wider = (refit(true, [record], [CLOCK], noise=noise, wider=wanted) for wanted in (False, True))
+    assert plain.unselected is None
+    assert_allclose(wider.exponents, plain.exponents, rtol=1e-12)
+    # Ten samples a period show four harmonics: three more than there are on either side.
+    assert wider.unselected.harmonics.max() == 4
+    assert set(plain.estimates.harmonics) < set(wider.unselected.harmonics)
+
+
 def test_samples_left_out_take_no_part():
     true, clocks, noise = truth(), [CLOCK], np.full((2, 1), 1e-3)
     record = record_of(true)

@@ -14,6 +14,7 @@ import floquid
 from floquid.core import Channel, Provenance, Record
 from floquid.errors import InputError
 from floquid.pipeline import Settings, identify
+from floquid.reconstruction import Block
 from floquid.store import _layout, _save, load, save, summary
 from floquid.systems import JeffcottRotor
 
@@ -44,9 +45,14 @@ def two_hits():
 @pytest.fixture(scope="module")
 def full():
     """An analysis in which no field is empty."""
-    found = identify(list(two_hits()), states=["x", "y"], channels=["x", "y", "tilt µ"], period=ROTOR.period)
-    std = np.abs(found.state.system) * 0.1
-    return replace(found, state=replace(found.state, system_std=std), warnings=("of the first kind", "of the second"))
+    found = identify(
+        list(two_hits()), states=["x", "y"], channels=["x", "y", "tilt µ"], period=ROTOR.period, structure="auto"
+    )
+    structure = replace(found.refinement.structure, damping=Block(known={(0, 1): 0.1 + 0.2}))
+    refinement = replace(found.refinement, structure=structure)
+    wide = found.model.unselected
+    model = replace(found.model, unselected=replace(wide, bend=0.1j * wide.scales))
+    return replace(found, model=model, refinement=refinement, warnings=("of the first kind", "of the second"))
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +106,63 @@ def test_every_field_comes_back(full, saved):
     assert list(differences(full, load(saved))) == []
 
 
+def test_a_refinement_keeps_its_own_state(full, tmp_path):
+    """By custom it is that of the analysis, and the file has it once."""
+    save(full, tmp_path / "one.h5")
+    assert (back := load(tmp_path / "one.h5")).refinement.state is back.state
+    other = replace(full, state=replace(full.state, system=full.state.system * 2.0))
+    save(other, tmp_path / "two.h5")
+    assert list(differences(other, load(tmp_path / "two.h5"))) == []
+    save(replace(full, state=None), tmp_path / "three.h5")
+    assert list(differences(replace(full, state=None), load(tmp_path / "three.h5"))) == []
+
+
+def test_estimates_may_know_their_slopes_at_one_place_alone(full, tmp_path):
+    model = replace(full.model, estimates=replace(full.model.estimates, drift=None))
+    save(replace(full, model=model), tmp_path / "r.h5")
+    back = load(tmp_path / "r.h5").model
+    assert list(differences(model, back)) == []
+    assert (back.estimates.drift, back.estimates.bend) == (None, None)
+
+
+def test_what_older_files_do_not_have_is_none(full, saved):
+    with h5py.File(saved, "r+") as file:
+        for name in ("model/estimates", "model/unselected", "state/coordinates", "state/transition_std", "refinement"):
+            del file[name]
+        for name in ("form", "delay", "structure", "output_error"):
+            del file[f"settings/{name}"]
+    back = load(saved)
+    assert (back.model.estimates, back.model.unselected, back.refinement) == (None, None, None)
+    assert (back.state.coordinates, back.state.transition_std) == ("", None)
+    assert back.settings == replace(full.settings, structure="")
+    assert np.array_equal(back.state.system_std, full.state.system_std)
+
+
+def test_the_summary_has_every_deviation(full):
+    found = summary(full)
+    model, state, refined = full.model, full.state, full.refinement
+    for r, mode in enumerate(found["modes"]):
+        assert complex(*mode["multiplier_std"]) == model.multiplier_std[r]
+        assert mode["frequency_std_hz"] == model.frequency_std_hz[r]
+        assert mode["damping_ratio_std"] == model.damping_ratio_std[r]
+    assert found["system"]["coordinates"] == state.coordinates == "second-order form from x, y"
+    assert found["system"]["std"] == state.system_std.tolist()
+    said = found["system"]["structure"]
+    assert said["text"].endswith("damping 0 known 0,1=0.30000000000000004")
+    assert (said["chi_square"], said["degrees"], said["p_value"]) == (
+        *(refined.chi_square, refined.degrees),
+        refined.p_value,
+    )
+    assert [one["name"] for one in said["parameters"]] == list(refined.names)
+    assert [one["value"] for one in said["parameters"]] == refined.parameters.tolist()
+    assert [one["std"] for one in said["parameters"]] == refined.std.tolist()
+    bare = replace(full, refinement=None, model=replace(model, covariance=None), state=replace(state, system_std=None))
+    nothing = summary(bare)
+    assert (nothing["system"]["std"], nothing["system"]["structure"]) == (None, None)
+    assert {nothing["modes"][0][f"{name}_std"] for name in ("exponent", "multiplier", "damping_ratio")} == {None}
+    assert nothing["modes"][0]["frequency_std_hz"] is None
+
+
 def test_what_is_none_comes_back_as_none(bare, tmp_path):
     save(bare, tmp_path / "r.h5")
     back = load(tmp_path / "r.h5")
@@ -119,6 +182,12 @@ def test_the_comparison_can_fail(full):
         replace(full, modal=replace(full.modal, stats={**full.modal.stats, "cost": 1.0})),
         replace(full, warnings=full.warnings[:1]),
         replace(full, model=replace(full.model, provenance=Provenance())),
+        replace(full, model=replace(full.model, estimates=None)),
+        replace(full, model=replace(full.model, unselected=full.model.estimates)),
+        replace(full, state=replace(full.state, coordinates="others")),
+        replace(full, state=replace(full.state, transition_std=None)),
+        replace(full, refinement=replace(full.refinement, p_value=0.5)),
+        replace(full, refinement=replace(full.refinement, reasons=())),
     ]
     assert [len(list(differences(full, other))) > 0 for other in others] == [True] * len(others)
 
@@ -129,6 +198,8 @@ def test_the_comparison_can_fail(full):
         Settings(),
         Settings(order=4, harmonics=0, states=("x", "y"), system_times=7, mode_false_alarm=1e-3),
         Settings(period=0.1 + 0.2, channels=("x",), harmonic_false_alarm=1e-8 / 3),
+        Settings(states=("x", "y+vy"), structure="stiffness 1; damping 0 known 0,1=0.1", output_error=True),
+        Settings(states=("x",), form="delayed", delay=0.1 + 0.2),
     ],
 )
 def test_settings_keep_their_values_and_types(bare, settings, tmp_path):
@@ -265,6 +336,13 @@ DAMAGE = {
     "channels of others": (swap("model/channels/name", ["a", "b", "c"]), "model/channels is ['a', 'b', 'c']"),
     "an unknown outcome": (swap("modal/outcome", "MAGIC"), "/modal/outcome is 'MAGIC'"),
     "half an order": (swap("settings/order", 4.5), "Argument `order` of `Settings`"),
+    "estimates of others": (swap("model/estimates/exponents", np.full(2, 9.0 + 9.0j)), "Argument `estimates`"),
+    "estimates without noise": (drop("model/unselected/spread"), "it has no dataset /model/unselected/spread"),
+    "terms of no mode": (swap("model/estimates/modes", np.zeros(3, int)), "Argument `coefficients` of `Estimates`"),
+    "a structure of nothing": (swap("refinement/structure", "mass 2"), "Argument `text` of `structure_of`"),
+    "a structure not found": (swap("refinement/structure", "auto"), "it has a refinement without a structure"),
+    "a parameter less": (swap("refinement/parameters", np.ones(2)), "Argument `parameters` of `Refinement`"),
+    "an unknown form": (swap("settings/form", "triangular"), "Argument `form` of `Settings`"),
     "a list of orders": (swap("settings/order", np.array([4, 6])), "/settings/order must be integer, a single value"),
 }
 

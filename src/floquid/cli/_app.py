@@ -11,6 +11,7 @@ from importlib.metadata import version
 
 from cyclopts import App, CycloptsError
 
+from floquid.cli._bootstrap import bootstrap
 from floquid.cli._demo import demo
 from floquid.cli._errors import (
     BAD_INPUT,
@@ -41,6 +42,7 @@ app.command(demo, usage="Usage: floquid demo [SYSTEM] [OPTIONS]")
 app.command(info, usage="Usage: floquid info FILE")
 app.command(identify, usage="Usage: floquid identify FILES... [OPTIONS]")
 app.command(scan, usage="Usage: floquid scan FILES... [OPTIONS]")
+app.command(bootstrap, usage="Usage: floquid bootstrap RESULT [OPTIONS]")
 app.command(floquet, usage="Usage: floquid floquet FILES... [OPTIONS]")
 app.command(simulate, usage="Usage: floquid simulate [SYSTEM] [OPTIONS]")
 

@@ -70,6 +70,8 @@ _OPTIONS = {
     "describe_file": {"path": "`FILE`"},
     "write": {"path": "`--out`", "record": "The record"},
     "save": {"path": "`--out`"},
+    "load": {"path": "`RESULT`"},
+    "bootstrap": {"analysis": "`RESULT`", **{name: f"`--{name}`" for name in ("draws", "seed", "workers", "whole")}},
     "save_figures": {"folder": "`--out`"},
     "JeffcottRotor.simulate": {
         "n_periods": "`--periods`",

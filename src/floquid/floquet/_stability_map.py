@@ -9,8 +9,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._bar import bar
 from floquid._checks import finite, frozen_array, input_error, integer, positive
-from floquid.floquet._bar import bar
 from floquid.floquet._edges import Samples, added, bisect, boundary, refine, samples, taken, thin_bands
 from floquid.floquet._family import Family, family
 from floquid.floquet._spectra import Spectra

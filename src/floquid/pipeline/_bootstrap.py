@@ -6,17 +6,17 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
+from floquid._bar import bar
 from floquid._checks import describe, input_error, integer
 from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._bar import bar
 from floquid.pipeline._draws import Draw, drawn
 from floquid.pipeline._plan import plan_of
 from floquid.pipeline._spread import MATERIAL, Spread
@@ -28,9 +28,6 @@ FEWEST = 20
 
 FAMILY_WISE = 0.01
 """The probability at which the verdict is against deviations that are right, over all elements together."""
-
-DEFINED = 1e-10
-"""The share of the largest element of its row below which the deviation of one of A(t) is rounding."""
 
 WORDS = {
     "exponents": "exponents",
@@ -130,7 +127,7 @@ class Bootstrap:
     @property
     def reasons(self) -> tuple[str, ...]:
         """The verdict, a sentence each: deviations, bias, draws that failed, orders."""
-        return (*self._on_deviations(), *self._on_bias(), *self._on_draws())
+        return (*self._on_deviations(), *self._on_bounds(), *self._on_bias(), *self._on_draws())
 
     def _on_deviations(self) -> list[str]:
         tested = sum(len(spread.ratios()) for spread in self.quantities)
@@ -138,8 +135,7 @@ class Bootstrap:
         if not tested:
             return ["The fit gave no asymptotic deviations to compare with: those of the draws are all there is."]
         if not self.doubtful:
-            words = f"of {tested} none differs from that of {self.n_used} draws by more than chance ({error})"
-            return [f"The asymptotic deviations hold: {words}."]
+            return [f"The asymptotic deviations hold: of {tested} the {self.n_used} draws contradict none ({error})."]
         said = []
         for spread in self.quantities:
             if spread.name in self.doubtful:
@@ -153,10 +149,23 @@ class Bootstrap:
         rest = f" They hold for {', '.join(right)}." if right else ""
         return [f"The asymptotic deviations do not hold for {'; '.join(said)}; {error}.{rest}"]
 
+    def _on_bounds(self) -> list[str]:
+        """What of the deviations is larger than that of the draws."""
+        said = []
+        for spread in self.quantities:
+            ratios = spread.ratios()
+            if spread.bound and (spread.spare() < FAMILY_WISE / max(len(ratios), 1)).any():
+                said.append(f"{WORDS[spread.name]} ({np.median(1.0 / ratios):.3g} times as large in the median)")
+        if not said:
+            return []
+        words = "as they should be: they also count what harmonics that are left out may do, which no draw shows"
+        return [f"The deviations of {' and '.join(said)} are larger than the draws spread, {words}."]
+
     def _on_bias(self) -> list[str]:
         from scipy.special import ndtri
 
-        biases = {spread.name: spread.biases() for spread in self.quantities}
+        # Of a bound, the bias is compared with it together with the spread.
+        biases = {spread.name: spread.biases() for spread in self.quantities if not spread.bound}
         count = sum(len(own) for own in biases.values())
         chance = -float(ndtri(0.5 * FAMILY_WISE / max(count, 1))) / np.sqrt(self.n_used)
         said = []
@@ -201,8 +210,10 @@ def bootstrap(
     none of these) at the samples of the record, and e white noise of unit variance, or coloured by the inverse of the
     filter that whitened the record (Efron and Tibshirani 1993, "An Introduction to the Bootstrap",
     section 6.5). In each draw the same modes with the same bands of harmonics are fitted anew, from the model on, and
-    A(t) is built in the same states. What the draws show of the deviations that the fit itself gave is said in words:
-    those are right to first order in the noise alone.
+    A(t) is built from that fit as the analysis built it, with the structure that it has. What the draws show of the
+    deviations that the fit itself gave is said in words: those are right to first order in the noise alone. The
+    deviations of A(t) and Φ without a structure also count the harmonics that are left out, which are in no draw: the
+    draws may spread less than these, but not more.
 
     Parameters
     ----------
@@ -285,8 +296,11 @@ def _gathered(analysis: Analysis, found: Sequence[Draw], seed: int, whole: bool)
         if state is None:
             return None
         estimate, values = getattr(state, name), np.array([getattr(one, name) for one in used])
-        row = np.abs(estimate).max(axis=2, keepdims=True)
-        return spread(name, unit, estimate, values, getattr(state, f"{name}_std"), values.std(axis=0) > DEFINED * row)
+        # Of the free A(t) the deviations also count the harmonics that are left out.
+        return replace(
+            spread(name, unit, estimate, values, getattr(state, f"{name}_std"), np.array(True)),
+            bound=analysis.refinement is None,
+        )
 
     return Bootstrap(
         exponents=spread("exponents", "1/s", model.exponents, exponents, model.exponent_std, upper),

@@ -12,15 +12,21 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import ConstantPeriod, Cycles, PeriodicModel, Provenance, Record
+from floquid.core import ConstantPeriod, Cycles, Estimates, PeriodicModel, Provenance, Record
 from floquid.errors import FloquidError, IdentificationError
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
-from floquid.periodic import assemble, constrain, refit
+from floquid.periodic import assemble, constrain, estimate_at, refit
+from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._identify import identify
-from floquid.pipeline._plan import Plan
+from floquid.pipeline._measured import _clocks
+from floquid.pipeline._plan import Plan, without_states
 from floquid.pipeline._settings import Settings
-from floquid.reconstruction import reconstruct
+from floquid.pipeline._state import Again, state_of
+
+NEVER = 1e-300
+"""The probability below which the structure of A(t) is refused: the free model that is drawn from has a misfit already,
+and twice that much is no news of the structure."""
 
 FADED = 1e-8
 """The share of its size that coloured noise keeps of its beginning when the record begins."""
@@ -72,37 +78,69 @@ def _memory(taps: NDArray[np.float64], longest: int) -> int:
 
 
 def _fitted(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
-    """The same modes and bands fitted anew, and A(t) with the same states."""
+    """The same modes and bands fitted anew, and A(t) as before."""
     if plan.lifted is None:
         records = [replace(record, values=own) for record, own in zip(plan.records, values, strict=True)]
-        found = refit(plan.fitted, records, plan.clocks, noise=plan.noise)
-    elif plan.modal is not None:
-        found = _free(plan, _lifted(plan.lifted, plan.settings, values), plan.modal)
-    elif plan.padding or plan.lifted.whitening is not None:
-        lifted = _lifted(plan.lifted, plan.settings, values)
-        found = constrain(plan.fitted, lifted, choose=False, padding=plan.padding).model
+        clocks = plan.clocks
     else:
-        # The same numbers sooner: nothing but the fit itself is done.
         records = [_record(plan.lifted, own) for own in values]
         clocks = [ConstantPeriod(period=plan.lifted.period)] * len(records)
-        found = refit(plan.fitted, records, clocks, noise=plan.noise)
+    if plan.lifted is not None and (plan.modal is not None or plan.padding or plan.lifted.whitening is not None):
+        lifted = _lifted(plan.lifted, plan.settings, values)
+        found = (
+            constrain(plan.fitted, lifted, choose=False, padding=plan.padding).model
+            if plan.modal is None
+            else _free(plan, lifted, plan.modal)
+        )
+    else:
+        # Of lifted responses the same numbers sooner: nothing but the fit itself is done.
+        lifted, wider = None, bool(plan.settings.structure)
+        found = refit(plan.fitted, records, clocks, noise=plan.noise, free_period=plan.free_period, wider=wider)
+
+    def again(exponents: NDArray[np.complex128]) -> Estimates:
+        if lifted is not None:
+            return estimate_at(found, exponents, lifted=lifted)
+        return estimate_at(found, exponents, records=records, clocks=clocks, noise=plan.noise)
+
+    return _compared(plan, found, again, _selected(plan, found))
+
+
+def _compared(plan: Plan, found: PeriodicModel, again: Again, built: PeriodicModel | None = None) -> Draw:
+    """What a draw gave: the modes in the order drawn from, and A(t), built from the harmonics of a model if given."""
     exponents, coefficients = aligned(plan.model, found)
-    own = PeriodicModel(
-        exponents=exponents,
-        coefficients=coefficients,
-        harmonics=plan.model.harmonics,
-        period=found.period,
-        channels=plan.model.channels,
-        coefficient_std=plan.model.coefficient_std,
-    )
-    state = None if plan.times is None else reconstruct(own, plan.settings.states, times=plan.times)
+    held, own = built is not None, found if built is None else built
+    state, _ = state_of(own, plan.settings, again, lambda _: None, held=held, refuse=NEVER)
+    if state is not None and state.states != plan.states:
+        was, now = ", ".join(plan.states), ", ".join(state.states)
+        raise IdentificationError(f"The states of A(t) came out as {now}, and not as {was}.")
     return Draw(
-        own.order,
+        found.order,
         exponents,
         coefficients,
         found.period,
         None if state is None else state.system,
         None if state is None else state.transition,
+    )
+
+
+def _selected(plan: Plan, found: PeriodicModel) -> PeriodicModel:
+    """The model with the coefficients alone that A(t) was built from, and without estimates where there were none.
+
+    What is fitted beyond them stays in the estimates, as there. The choice is held as the bands are: where what is
+    drawn from has a coefficient near the limit, the noise of the record is in it already, and in a draw once more.
+    """
+    kept = (plan.built.coefficients != 0).any(axis=(1, 2))
+    mask = np.zeros((found.order, len(found.harmonics)), bool)
+    for one, own, by in _pairs(plan.built, found):
+        mask[one] = np.isin(found.harmonics + by, plan.built.harmonics[kept[own]])
+    wide = mask[:, None, None]
+    std = found.coefficient_std
+    return replace(
+        found,
+        coefficients=found.coefficients * wide,
+        coefficient_std=None if std is None else std * wide,
+        estimates=found.estimates if plan.estimated else None,
+        unselected=found.unselected if plan.estimated else None,
     )
 
 
@@ -142,7 +180,8 @@ def _identified(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
     """The whole identification anew; modes are compared where the order is the same."""
     # What was done to the records before is done: hits are cut, clocks and orbits known.
     given = {"channels": (), "tach": None, "azimuth": None, "orbit": False, "find_hits": False, "skip": 0.0}
-    settings = replace(plan.settings, **given, validate=False)
+    # A(t) comes after: with a structure it might be refused.
+    settings = replace(without_states(plan.settings), **given, validate=False)
     if plan.lifted is not None:
         settings = replace(settings, period=None)
         records = [_record(plan.lifted, own) for own in values]
@@ -155,16 +194,20 @@ def _identified(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
     found = identify(records, settings)
     if found.model.order != plan.model.order:
         return Draw(found.model.order)
-    exponents, coefficients = aligned(plan.model, found.model)
-    state = None if plan.times is None else found.state
-    return Draw(
-        found.model.order,
-        exponents,
-        coefficients,
-        found.model.period,
-        None if state is None else state.system,
-        None if state is None else state.transition,
-    )
+    return _compared(plan, found.model, _again(found))
+
+
+def _again(found: Analysis) -> Again:
+    """What linearises the records of an analysis anew."""
+
+    def again(exponents: NDArray[np.complex128]) -> Estimates:
+        if found.fit is None:
+            return estimate_at(found.model, exponents, lifted=found.lifted)
+        _, clocks, _ = _clocks(found.measured, lambda _: None)
+        own = found.fit
+        return estimate_at(found.model, exponents, records=own.free, clocks=clocks, noise=own.noise, forced=own.forced)
+
+    return again
 
 
 def _record(like: Lifted, values: NDArray[np.float64]) -> Record:
@@ -185,20 +228,25 @@ def aligned(model: PeriodicModel, found: PeriodicModel) -> tuple[NDArray[np.comp
 
     Modes are paired by assignment, their exponents compared modulo iω; B e^{(λ + imω)t} is harmonic m + k of λ - ikω.
     """
+    exponents = np.zeros(model.order, complex)
+    coefficients = np.zeros(model.coefficients.shape, complex)
+    kept = (model.coefficients != 0).any(axis=(1, 2))
+    for one, own, by in _pairs(model, found):
+        exponents[own] = found.exponents[one] - 1j * found.fundamental * by
+        _, there, here = np.intersect1d(found.harmonics + by, model.harmonics[kept[own]], return_indices=True)
+        coefficients[own][..., np.flatnonzero(kept[own])[here]] = found.coefficients[one][..., there]
+    return exponents, coefficients
+
+
+def _pairs(model: PeriodicModel, found: PeriodicModel) -> Iterator[tuple[int, int, int]]:
+    """Each mode found, the mode of `model` that it is, and by how many fundamentals its exponent is above that."""
     from scipy.optimize import linear_sum_assignment
 
     apart = np.subtract.outer(found.exponents, model.exponents)
     turns = np.rint(np.imag(apart) / model.fundamental).astype(np.int64)
     theirs, ours = linear_sum_assignment(np.abs(apart - 1j * model.fundamental * turns))
-    exponents = np.zeros(model.order, complex)
-    coefficients = np.zeros(model.coefficients.shape, complex)
-    kept = (model.coefficients != 0).any(axis=(1, 2))
-    for one, own in zip(theirs, ours, strict=True):
-        by = int(turns[one, own])
-        exponents[own] = found.exponents[one] - 1j * found.fundamental * by
-        _, there, here = np.intersect1d(found.harmonics + by, model.harmonics[kept[own]], return_indices=True)
-        coefficients[own][..., np.flatnonzero(kept[own])[here]] = found.coefficients[one][..., there]
-    return exponents, coefficients
+    for one, own in zip(theirs.tolist(), ours.tolist(), strict=True):
+        yield one, own, int(turns[one, own])
 
 
 def drawn(plan: Plan, seeds: Sequence[SeedSequence], workers: int) -> Iterator[Draw]:

@@ -16,6 +16,8 @@ from floquid.periodic import instants
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._measured import _clocks
 from floquid.pipeline._settings import Settings
+from floquid.pipeline._state import states_of
+from floquid.reconstruction import choices, text_of
 from floquid.sync import ShaftAngle
 
 OF = "bootstrap"
@@ -32,14 +34,21 @@ class Plan:
     """What is drawn from, without its joint covariance."""
     fitted: PeriodicModel
     """The same with every harmonic that was fitted, also those that the model does not keep: where fits start."""
+    built: PeriodicModel
+    """The same with the harmonics alone that A(t) was built from."""
+    states: tuple[str, ...]
+    """What the states of A(t) are; none where there is no A(t)."""
     settings: Settings
+    """Without states where there is no A(t); with the structure and the delay that were found."""
     clean: tuple[NDArray[np.float64], ...]
     """What all that was fitted makes of each record (channels, samples), NaN where a sample is missing."""
     noise: NDArray[np.float64]
     """(channels, hits)."""
     whole: bool
-    times: NDArray[np.float64] | None
-    """Instants at which A(t) is wanted [s]."""
+    estimated: bool
+    """Whether the model has the joint covariance of its coefficients, as what draws give should then have."""
+    free_period: bool = False
+    """Whether the period is fitted too."""
     lifted: Lifted | None = None
     """The responses, where they were lifted."""
     modal: ModalModel | None = None
@@ -57,16 +66,15 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
     """What the draws need."""
     model = analysis.model
     bare = replace(model, covariance=None, estimates=None, unselected=None)
-    state = analysis.state
     # Free residues have no harmonics to hold: then the poles are refined, and the shapes expanded again.
     free = analysis.fit is None and not analysis.held
     common: dict[str, Any] = {
         "model": bare,
         "fitted": bare if free or model.estimates is None else _fitted(model),
-        "settings": analysis.settings,
+        **_choices(analysis, bare),
         "noise": analysis.noise,
         "whole": whole,
-        "times": None if state is None else state.times,
+        "estimated": model.estimates is not None,
     }
     # All that was fitted is drawn from: of a weak mode, what is not kept may be much of what the record says.
     if analysis.fit is None:
@@ -95,11 +103,8 @@ def _as_sampled(analysis: Analysis, common: dict[str, Any]) -> Plan:
             OF,
             "have its records as they were sampled",
             "they are not in a result file, and this one was fitted to them",
-            "Call `bootstrap` on what `identify` gives, in the same session.",
+            "Call `floquid.bootstrap` on what `floquid.identify` gives, in the same Python session.",
         )
-    if fit.period_std is not None and not whole:
-        must, got = "be true where the period was found from the response", "is false"
-        raise input_error("whole", OF, must, got, "Then the period is found anew in each draw, as it was.")
     responses, clocks, _ = _clocks(analysis.measured, lambda _: None)
     clean = []
     for hit, (record, clock) in enumerate(zip(responses, clocks, strict=True)):
@@ -114,7 +119,35 @@ def _as_sampled(analysis: Analysis, common: dict[str, Any]) -> Plan:
         name = None if clock is None else clock.channel
         rows.append(tuple(row for row, channel in enumerate(record.channels) if channel.name != name))
     records = analysis.measured if whole else tuple(responses)
-    return Plan(**common, clean=tuple(clean), records=records, rows=tuple(rows), clocks=tuple(clocks))
+    return Plan(
+        **common,
+        clean=tuple(clean),
+        records=records,
+        rows=tuple(rows),
+        clocks=tuple(clocks),
+        free_period=fit.period_std is not None,
+    )
+
+
+def without_states(settings: Settings) -> Settings:
+    """The settings without A(t)."""
+    return replace(settings, states=(), form="second-order", delay=None, structure="", output_error=False)
+
+
+def _choices(analysis: Analysis, bare: PeriodicModel) -> dict[str, Any]:
+    """The settings that draws are made with, and what A(t) was built from."""
+    settings, model, state = analysis.settings, analysis.model, analysis.state
+    if state is None:
+        return {"built": bare, "states": (), "settings": without_states(settings)}
+    found: dict[str, Any] = {"built": bare, "states": state.states, "settings": settings}
+    if analysis.refinement is not None:
+        return found | {"settings": replace(settings, structure=text_of(analysis.refinement.structure))}
+    names = states_of(model.channels, settings)
+    delay, terms = choices(model, names, form=settings.form, delay=settings.delay)  # type: ignore[arg-type]
+    if terms is not None and settings.harmonics is None:
+        assert model.estimates is not None
+        found["built"] = _fitted(replace(model, estimates=model.estimates.picked(terms=terms)))
+    return found | {"settings": replace(settings, delay=delay)}
 
 
 def _response(

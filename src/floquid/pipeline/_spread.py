@@ -41,6 +41,9 @@ class Spread:
         The deviations that the fit gave (...); None where it gave none.
     distinct
         Which elements are not the mirror image of another, as those of a conjugate mode are (...).
+    bound
+        Whether `asymptotic` counts more than noise, so that draws may spread less, but not more: then their distance
+        from `estimate` is compared with it, √(s² + bias²), and not s.
     """
 
     name: str
@@ -49,6 +52,7 @@ class Spread:
     draws: NDArray
     asymptotic: NDArray | None
     distinct: NDArray[np.bool_]
+    bound: bool = False
 
     def __post_init__(self) -> None:
         put, of = object.__setattr__, "Spread"
@@ -81,12 +85,15 @@ class Spread:
 
     @property
     def ratio(self) -> NDArray | None:
-        """The deviation of the draws over the asymptotic one (...), NaN where that is zero; None without any."""
+        """The deviation of the draws over the asymptotic one (...), NaN where that is zero; None without any.
+
+        Of a bound, their root-mean-square distance from `estimate` over it.
+        """
         if self.asymptotic is None:
             return None
         below = _parts(self.asymptotic)
         ratio = np.full(below.shape, np.nan)
-        return _whole(np.divide(_parts(self.std), below, out=ratio, where=self._tested()), self.estimate)
+        return _whole(np.divide(self._size(), below, out=ratio, where=self._tested()), self.estimate)
 
     def interval(self, level: float = 0.95) -> tuple[NDArray, NDArray]:
         """The percentile interval: both ends (...) of what holds the share `level` of the draws, as much beyond each.
@@ -115,24 +122,39 @@ class Spread:
         """The ratios that mean something, each once (ratios,); none where there are no asymptotic deviations."""
         if self.asymptotic is None:
             return np.zeros(0)
-        return _parts(self.std)[self._tested()] / _parts(self.asymptotic)[self._tested()]
+        return self._size()[self._tested()] / _parts(self.asymptotic)[self._tested()]
 
     def chances(self) -> NDArray[np.float64]:
         r"""How likely a ratio is at least as far from one by chance (ratios,), in the order of `ratios`.
 
-        Twice the smaller tail of (B - 1) s²/σ² against the chi-square distribution of B - 1 degrees of freedom.
+        Twice the smaller tail of (B - 1) s²/σ² against the chi-square distribution of B - 1 degrees of freedom; of a
+        bound, the upper tail of B (s² + bias²)/σ² against that of B.
         """
         from scipy.special import chdtr, chdtrc
 
+        if self.bound:
+            return chdtrc(len(self.draws), len(self.draws) * self.ratios() ** 2)
         degrees = len(self.draws) - 1
         score = degrees * self.ratios() ** 2
         return np.minimum(2.0 * np.minimum(chdtr(degrees, score), chdtrc(degrees, score)), 1.0)
+
+    def spare(self) -> NDArray[np.float64]:
+        """How likely a ratio of a bound is at least as far below one by chance, were it none (ratios,)."""
+        from scipy.special import chdtr
+
+        return chdtr(len(self.draws), len(self.draws) * self.ratios() ** 2)
 
     def biases(self) -> NDArray[np.float64]:
         """The bias of each distinct element that varies over its deviation (biases,)."""
         std, bias = _parts(self.std), _parts(self.bias)
         kept = _parts_of(self.distinct, self.estimate) & (std > STRUCTURAL * std.max(initial=0.0))
         return bias[kept] / std[kept]
+
+    def _size(self) -> NDArray[np.float64]:
+        """What is compared with the asymptotic deviation (..., parts)."""
+        if not self.bound:
+            return _parts(self.std)
+        return np.sqrt(np.mean((_parts(self.draws) - _parts(self.estimate)) ** 2, axis=0))
 
     def _tested(self) -> NDArray[np.bool_]:
         """Which parts have a deviation to compare with, and are not said twice (..., parts)."""

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+INTERVAL = 1.96
+"""The standard deviations to each side within which 95 % of estimates lie."""
+
 _TIME_POWER = {"velocity": 1, "acceleration": 2}
 
 
@@ -32,7 +35,8 @@ def system_elements(
 ) -> Figure:
     """Chosen elements of A(t) over the period: circles, with the truth as lines where it is known.
 
-    Bars are two standard deviations each way, where those are estimated.
+    Bands are 1.96 standard deviations each way, where those are estimated: at each instant by itself, 95 % of such
+    intervals hold the true value.
 
     Parameters
     ----------
@@ -79,7 +83,7 @@ def system_elements(
         for axes, (i, j) in zip(panels, chosen, strict=True):
             if known is not None:
                 axes.plot(known[0] * degrees, known[1][:, i - 1, j - 1], color=BLACK, label="truth")
-            _draw_estimates(axes, named, i - 1, j - 1, degrees)
+            _draw_estimates(axes, named, i - 1, j - 1, degrees, length)
             axes.margins(y=0.12)
             largest = float(np.abs(axes.dataLim.intervaly).max())
             label_values(axes, f"A({i},{j})", _unit(first, i - 1, j - 1, channels), largest)
@@ -89,15 +93,28 @@ def system_elements(
     return figure
 
 
-def _draw_estimates(axes: Axes, named: dict[str, StateModel], i: int, j: int, degrees: float) -> None:
-    """One element of A in each model, with bars of two deviations where they are known."""
+def _draw_estimates(axes: Axes, named: dict[str, StateModel], i: int, j: int, degrees: float, period: float) -> None:
+    """One element of A in each model, with bands of its deviations where they are known."""
+    bands = [name for name, state in named.items() if state.system_std is not None]
     for look, (name, state) in zip(LOOKS, named.items(), strict=False):
-        phase, values = state.times * degrees, state.system[:, i, j]
+        axes.plot(state.times * degrees, state.system[:, i, j], **look.points, label=entitled(name, "estimated"))
         if state.system_std is None:
-            axes.plot(phase, values, **look.points, label=entitled(name, "estimated"))
-        else:
-            bars, words = 2.0 * state.system_std[:, i, j], entitled(name, "estimated, 2 std")
-            axes.errorbar(phase, values, bars, **look.points, elinewidth=0.7, label=words)
+            continue
+        order = np.argsort(state.times)
+        times = state.times[order]
+        if times[-1] < times[0] + period:
+            # The band goes on to the end of the period.
+            order, times = np.append(order, order[0]), np.append(times, times[0] + period)
+        middle, width = state.system[order, i, j], INTERVAL * state.system_std[order, i, j]
+        axes.fill_between(
+            times * degrees,
+            middle - width,
+            middle + width,
+            color=look.line["color"],
+            alpha=0.25,
+            linewidth=0.0,
+            label="95 % intervals" if name == bands[-1] else None,
+        )
 
 
 def _default(n: int) -> list[tuple[int, int]]:

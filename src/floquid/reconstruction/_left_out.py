@@ -17,8 +17,9 @@ def sizes_left_out(estimates: Estimates, kept: NDArray[np.bool_], rows: NDArray[
 
     .. math:: b = \min\Big(|B_L| \frac{\lVert B_L \rVert}{\lVert B_{L'} \rVert},\ |\hat B| + 2\sigma\Big)
 
-    with L the outermost harmonic kept and L' the one before it: the series goes on falling as it does, but no higher
-    than what was seen there allows. Where one harmonic alone is kept, what was seen there decides.
+    with L the outermost harmonic kept and L' the one before it, and norms over the noise: the series goes on falling as
+    it does, but no higher than what was seen there allows. Where one harmonic alone is kept, what was seen there
+    decides.
 
     Parameters
     ----------
@@ -32,7 +33,9 @@ def sizes_left_out(estimates: Estimates, kept: NDArray[np.bool_], rows: NDArray[
     values = np.abs(estimates.coefficients)
     std = estimates.std()
     seen = values + UNSEEN * np.abs(std) / np.sqrt(2.0)
-    norm = np.sqrt(np.sum((values * rows[:, None]) ** 2, axis=(1, 2)))
+    # Over the noise: a noisy channel of little weight would make the series fall slowly.
+    noise = np.sqrt(np.mean(np.abs(std) ** 2, axis=0))
+    norm = np.sqrt(np.sum((values[:, rows] / noise[rows]) ** 2, axis=(1, 2)))
     sizes = np.zeros(values.shape)
     for mode in range(len(estimates.exponents)):
         own = np.flatnonzero(estimates.modes == mode)
