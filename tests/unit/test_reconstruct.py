@@ -9,11 +9,16 @@ import re
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.stats import chi2
 
 from floquid import floquet, identify
 from floquid.core import Channel, PeriodicModel
 from floquid.errors import IdentificationError, InputError
 from floquid.reconstruction import StateModel, reconstruct
+from floquid.reconstruction._bands import scores
+from floquid.reconstruction._left_out import sizes_left_out, spread_of
+from floquid.reconstruction._modal_matrix import by_system, modal_at, shapes_of, terms_of
+from floquid.reconstruction._reconstruct import coordinates_of
 from floquid.systems import JeffcottRotor
 
 ROTOR = JeffcottRotor()
@@ -200,7 +205,7 @@ def test_a_wrong_number_of_states_is_refused(model, states):
 
 def test_too_few_channels_for_the_modes_are_told(model):
     one = changed(model, coefficients=model.coefficients[:, :1], coefficient_std=None, channels=[model.channels[0]])
-    assert "There are too few of them to span these modes: pass `form=\"delayed\"`" in refused(one, ["X"])
+    assert 'There are too few of them to span these modes: pass `form="delayed"`' in refused(one, ["X"])
 
 
 def test_an_odd_number_of_modes_is_refused():
@@ -291,3 +296,181 @@ def test_a_state_model_of_wrong_shape_is_refused(field, wrong):
     assert_array_equal(StateModel(**valid).times, valid["times"])
     with pytest.raises(InputError, match=f"^Argument `{field}` of `StateModel` must have shape"):
         StateModel(**(valid | {field: wrong}))
+
+
+# Which harmonics, and what those that are left out may do.
+
+
+def cut(model, most) -> PeriodicModel:
+    """The harmonics up to `most` alone, by hand."""
+    return changed(model, coefficients=model.coefficients * (np.abs(model.harmonics) <= most), coefficient_std=None)
+
+
+@pytest.fixture(scope="module")
+def wide(oracle):
+    """Two pairs with harmonics to ±6, of which those far out are below the noise."""
+    return oracle.known(oracle.systems["pairs"], oracle.displacements(2), width=6, size=3e-5)
+
+
+@pytest.mark.parametrize("most", [1, 2, 3])
+def test_harmonics_by_number_are_those_of_a_model_cut_by_hand(wide, most):
+    found = reconstruct(wide.model, ["c0", "c1"], harmonics=most, times=5)
+    expected = reconstruct(cut(wide.model, most), ["c0", "c1"], times=5)
+    assert_allclose(found.system, expected.system, rtol=1e-9, atol=1e-9)
+    assert_allclose(found.transition, expected.transition, atol=1e-9)
+    assert expected.system_std is None
+
+
+def test_harmonics_of_the_model_are_those_it_keeps(wide):
+    """A model whose coefficients were set to zero by hand, its estimates kept."""
+    kept = changed(wide.model, coefficients=wide.model.coefficients * (np.abs(wide.model.harmonics) <= 2))
+    found = reconstruct(kept, ["c0", "c1"], harmonics="model", times=5)
+    assert_allclose(found.system, reconstruct(cut(wide.model, 2), ["c0", "c1"], times=5).system, rtol=1e-9, atol=1e-9)
+
+
+def test_harmonics_of_a_real_multiplier_come_with_their_images(oracle):
+    """Multipliers locked at half the fundamental: harmonics m ≥ 0 of the estimates, and -1 - m beside them."""
+    known = oracle.known(oracle.systems["locked"], oracle.displacements(1), width=4)
+    found = reconstruct(known.model, ["c0"], harmonics=1, times=5)
+    both = np.isin(known.model.harmonics, [-2, -1, 0, 1])
+    expected = changed(known.model, coefficients=known.model.coefficients * both, coefficient_std=None)
+    assert_allclose(found.system, reconstruct(expected, ["c0"], times=5).system, rtol=1e-9, atol=1e-9)
+
+
+def test_a_number_of_harmonics_without_estimates_is_refused(model):
+    bare = changed(model, coefficient_std=None)
+    assert '`harmonics` of `reconstruct` must be "auto" or "model" for a model without estimates' in refused(
+        bare, ["X", "Y"], harmonics=2
+    )
+
+
+def errors(known, drawn, harmonics):
+    state = reconstruct(drawn, ["c0", "c1"], harmonics=harmonics, times=16)
+    return np.abs(state.system - known.system.at(state.times)).max(), state
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-4, 2e-3])
+def test_the_automatic_harmonics_are_nearly_the_best_fixed_ones(oracle, size):
+    """In the median over draws, at noise that shows many harmonics and at noise that shows few."""
+    known = oracle.known(oracle.systems["pairs"], oracle.displacements(2), width=6, size=size)
+    generator, found = np.random.default_rng(4), []
+    for _ in range(9):
+        drawn = known.drawn(generator)
+        fixed = [errors(known, drawn, most)[0] for most in range(7)]
+        found.append([errors(known, drawn, "auto")[0], *fixed])
+    automatic, *fixed = np.median(found, axis=0)
+    assert automatic < 1.2 * min(fixed)
+
+
+def test_a_harmonic_that_is_left_out_makes_the_deviation_larger(oracle):
+    """Cut off at one harmonic A(t) is wrong by what is left out, hardly by noise, and says so."""
+    known = oracle.known(oracle.systems["pairs"], oracle.displacements(2), width=6, size=1e-9)
+    full = reconstruct(known.model, ["c0", "c1"], harmonics=6, times=16)
+    for most in (1, 2):
+        off, state = errors(known, known.model, most)
+        error = np.abs(state.system - known.system.at(state.times))[:, 2:]
+        assert off > 1e-3
+        said = np.sqrt(np.mean(state.system_std[:, 2:] ** 2))
+        assert 0.4 < np.sqrt(np.mean(error**2)) / said < 2.5
+        assert state.system_std[:, 2:].max() > 30.0 * full.system_std[:, 2:].max()
+
+
+def test_sizes_of_what_is_left_out(wide):
+    """The first harmonic on either side: falling as the band does, and no larger than was seen."""
+    own = wide.estimates
+    kept, rows = np.abs(own.harmonics) <= 2, np.array([True, True])
+    sizes, std = sizes_left_out(own, kept, rows), own.std()
+    noise = np.sqrt(np.mean(np.abs(std) ** 2, axis=0))
+    for mode in (0, 1):
+        norm = {m: np.linalg.norm(own.coefficients[own.term(mode, m)] / noise) for m in range(-3, 4)}
+        for sign in (-1, 1):
+            last, following = own.term(mode, 2 * sign), own.term(mode, 3 * sign)
+            falling = np.abs(own.coefficients[last]) * min(norm[2 * sign] / norm[sign], 1.0)
+            seen = np.abs(own.coefficients[following]) + 2.0 * np.abs(std[following]) / np.sqrt(2.0)
+            assert_allclose(sizes[following], np.minimum(falling, seen), rtol=1e-10)
+    outside = np.abs(own.harmonics) != 3
+    assert_array_equal(sizes[outside], 0.0)
+    alone = sizes_left_out(own, own.harmonics == 0, rows)
+    assert_allclose(alone[own.term(0, 1)], np.abs(own.coefficients[own.term(0, 1)])
+                    + 2.0 * np.abs(std[own.term(0, 1)]) / np.sqrt(2.0))  # fmt: skip
+    assert_array_equal(sizes_left_out(own, np.ones(len(own.modes), bool), rows), 0.0)
+
+
+def test_what_sizes_of_any_phase_do(oracle):
+    """Against draws of phases, each through `reconstruct` itself."""
+    known = oracle.known(oracle.systems["one"], oracle.displacements(1), width=2)
+    own, coordinates = known.estimates, coordinates_of(known.model, ["c0"], "second-order", None)
+    shapes, terms = shapes_of(known.model, coordinates, own), terms_of(known.model, own)
+    times, sizes = np.array([0.3, 1.1]), 1e-6 * np.arange(5.0).reshape(5, 1, 1)
+    modal = modal_at(shapes, times)
+    found = spread_of(sizes, by_system(shapes, modal, times, 1, terms))
+    total, count = 0.0, 64
+    for term in range(5):
+        for phase in np.exp(2j * np.pi * np.arange(count) / count):
+            shift = np.zeros(own.coefficients.shape, complex)
+            shift[term] = sizes[term] * phase
+            other = reconstruct(known.moved(np.zeros(3), shift), ["c0"], harmonics=2, times=times)
+            total = total + (other.system[1] - modal.system[1].real) ** 2 / count
+    assert_allclose(found[1], total[1], rtol=1e-4)
+
+
+def test_scores_of_noise_are_chi_squares(oracle):
+    """Of two degrees of freedom a row, one for what does not turn."""
+    known = oracle.known(oracle.systems["overdamped"], oracle.displacements(1, (0, 1, 2)), hits=2, width=3)
+    own = known.estimates
+    nothing = changed(known.model, coefficients=0.0 * known.model.coefficients, estimates=replace_values(own))
+    noise = dataclasses.replace(known, model=nothing)
+    generator = np.random.default_rng(1)
+    rows = np.array([True, False, True])
+    found = np.array([scores(noise.drawn(generator).estimates, rows) for _ in range(300)])
+    expected = np.where(own.turning, 2.0, 1.0) * 4
+    assert_allclose(found.mean(axis=0), expected, rtol=0.25)
+
+
+def replace_values(own):
+    return dataclasses.replace(own, coefficients=0.0 * own.coefficients, slopes=0.0 * own.slopes)
+
+
+@pytest.mark.parametrize("name", ["pairs", "pair and real", "locked"])
+def test_errors_and_their_deviations_agree_over_draws(oracle, name):
+    """Of A(t) and Φ at every element and instant: mean squares of error over deviation."""
+    system, generator = oracle.systems[name], np.random.default_rng(8)
+    known = oracle.known(system, oracle.displacements(system.half), hits=2, width=8, size=1e-7)
+    states, pulls = [c.name for c in known.model.channels], []
+    for _ in range(24):
+        found = reconstruct(known.drawn(generator), states, harmonics=20, times=3)
+        phi = floquet.transition(system.oracle(), system.period, found.times)
+        pulls.append(np.concatenate([
+            ((found.system - system.at(found.times)) / np.where(found.system_std > 0, found.system_std, 1.0)).ravel(),
+            ((found.transition - phi)[1:] / found.transition_std[1:]).ravel(),
+        ]))  # fmt: skip
+    squares = np.sum(np.square(pulls), axis=0)
+    squares = squares[squares > 1e-6]
+    low, high = chi2.ppf([1e-3 / (2 * squares.size), 1.0 - 1e-3 / (2 * squares.size)], 24)
+    assert low < squares.min()
+    assert squares.max() < high
+
+
+@pytest.mark.parametrize("states", [[], ["a"], "all"], ids=str)
+@pytest.mark.parametrize("form", ["second-order", "first-order", "delayed"])
+def test_no_mode_at_all_has_no_state_matrix(states, form):
+    empty = PeriodicModel(
+        exponents=np.zeros(0), coefficients=np.zeros((0, 2, 1, 1)), harmonics=[0], period=1.0, channels=["a", "b"]
+    )
+    assert "`model` of `reconstruct` must have modes, but has none" in refused(empty, states, form=form)
+
+
+def test_a_mode_cut_away_by_hand_leaves_too_little_for_the_states(wide):
+    gone = changed(wide.model, coefficients=wide.model.coefficients * np.array([1, 1, 0, 0])[:, None, None, None])
+    with pytest.raises(IdentificationError, match="linearly dependent"):
+        reconstruct(gone, ["c0", "c1"], harmonics="model")
+
+
+def test_instants_need_not_lie_in_one_period(wide):
+    """Φ starts at the first of them, wherever that is and in any order."""
+    times = np.array([3.3, 1.1, 7.9])
+    found = reconstruct(wide.model, ["c0", "c1"], harmonics=6, times=times)
+    inside = reconstruct(wide.model, ["c0", "c1"], harmonics=6, times=times % wide.system.period)
+    assert_allclose(found.system, inside.system, atol=1e-9)
+    assert_allclose(found.system_std, inside.system_std, rtol=1e-6, atol=1e-12)
+    assert_allclose(found.transition[0], np.eye(4), atol=1e-12)

@@ -176,7 +176,7 @@ def uncut(analysis: Analysis) -> PeriodicModel:
 
 def system_error(rotor: JeffcottRotor, model: PeriodicModel, states: tuple[str, str]) -> NDArray[np.float64]:
     """The error of A(t) in those states at fifty instants (times, 4, 4)."""
-    found = reconstruct(model, states)
+    found = reconstruct(model, states, harmonics="model")
     truth = rotor.system if states == MASS else rotor.turntable_system
     return found.system - truth(found.times)
 

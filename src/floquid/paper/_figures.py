@@ -218,7 +218,8 @@ def _coefficients(done: Reproduction, mode: int) -> PaperFigure:
 
 def _system(done: Reproduction) -> PaperFigure:
     states: dict[str, StateModel] = {
-        name: reconstruct(CUTS["three"][1](uncut(analysis)), MASS) for name, analysis in _named(done).items()
+        name: reconstruct(CUTS["three"][1](uncut(analysis)), MASS, harmonics="model")
+        for name, analysis in _named(done).items()
     }
     words = []
     for name, state in states.items():

@@ -54,7 +54,7 @@ def _coefficients(done: Reproduction) -> Iterator[Number]:
 
 
 def _stiffness(model: PeriodicModel, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    return -reconstruct(model, MASS, times=times).system[:, 2:, :2]
+    return -reconstruct(model, MASS, times=times, harmonics="model").system[:, 2:, :2]
 
 
 def _features(stiffness: NDArray[np.float64]) -> dict[str, float]:

@@ -72,7 +72,7 @@ def _table(
     factors = np.where(rates[None] == 0, 1.0, rates[None]) ** -powers[:, None, None]
     values = np.moveaxis(model.coefficients, 1, 0) * factors[:, :, None, :] / noise[:, None, None, None]
     upper = model.exponents.imag >= 0
-    if model.coefficient_std is None:
+    if model.coefficient_std is None or not model.coefficient_std.any():
         flat = values[:, upper].reshape(len(powers), -1)
         return np.concatenate([flat.real, flat.imag], axis=1), 0, 0.0
     std = np.moveaxis(model.coefficient_std, 1, 0) * np.abs(factors[:, :, None, :]) / noise[:, None, None, None]

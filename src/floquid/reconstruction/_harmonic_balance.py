@@ -149,7 +149,7 @@ def slopes_of(
         for p in range(degree):
             seen[p, rows, most + k] = rates[rows - k, None] ** p * u[rows - k]
     right = np.tensordot(basis, seen, axes=([1, 2, 4], [0, 2, 3]))  # (parameters, i, m): minus the slope of F
-    right = np.moveaxis(right, 1, 2).reshape(len(basis), -1)
+    right = np.moveaxis(right, 1, 2).reshape(len(basis), u.size)
     by_omega = -(_by_rates(_banded(matrices, count), rates, u) @ (1j * turns)).reshape(1, -1)
     whole = np.concatenate([right, by_omega])
     moved = np.linalg.solve(jacobian, np.concatenate([whole, np.zeros((len(whole), 1))], axis=1).T).T

@@ -66,8 +66,12 @@ class Terms:
         return replace(like, kept=whole)
 
 
-def shapes_of(model: PeriodicModel, coordinates: Coordinates, estimates: Estimates | None = None) -> Shapes:
+def shapes_of(
+    model: PeriodicModel, coordinates: Coordinates, estimates: Estimates | None = None, *, cut: bool = False
+) -> Shapes:
     """The shapes of a model in these coordinates, with all terms of `estimates` where these are given.
+
+    With `cut` the coefficients are those of the model all the same: zero where it has them so, in each channel.
 
     Several hits give one shape a mode, up to a factor that cancels in A(t) and Φ: the leading singular vector over the
     hits, channels weighted by their noise.
@@ -81,6 +85,9 @@ def shapes_of(model: PeriodicModel, coordinates: Coordinates, estimates: Estimat
         straight, back = np.moveaxis(whole, 3, 1), estimates.coefficients.conj()
         straight[terms.mirror_modes, terms.mirror_places] = back
         straight[terms.modes, terms.places] = estimates.coefficients
+        if cut:
+            whole[...] = 0.0
+            whole[..., np.searchsorted(harmonics, model.harmonics)] = model.coefficients
     combined = np.zeros((model.order, len(model.channels), len(harmonics)), complex)
     hits = np.zeros((model.order, model.n_hits), complex)
     weight = 1.0 / channel_noise(model)

@@ -13,7 +13,15 @@ from floquid.reconstruction._bands import chosen
 from floquid.reconstruction._coordinates import Coordinates
 from floquid.reconstruction._delayed import delayed
 from floquid.reconstruction._left_out import sizes_left_out, spread_of
-from floquid.reconstruction._modal_matrix import by_system, by_transition, modal_at, shapes_of, terms_of
+from floquid.reconstruction._modal_matrix import (
+    Shapes,
+    Terms,
+    by_system,
+    by_transition,
+    modal_at,
+    shapes_of,
+    terms_of,
+)
 from floquid.reconstruction._state_model import StateModel
 from floquid.reconstruction._states import Names, first_order, second_order
 
@@ -62,8 +70,9 @@ def reconstruct(
     delay
         Of "delayed" [s]; None takes the one with the best condition.
     harmonics
-        "auto": those that make the error of A(t) least; "model": those of the model; or -harmonics … harmonics of each
-        mode. Without estimates, those of the model.
+        "auto": those that make the error of A(t) least, of all that the model's estimates hold; "model": the model's
+        coefficients as they are, also where they were cut by hand; or -harmonics … harmonics of each mode, as far as
+        the estimates go. Without estimates, those of the model.
     times
         Instants after phase zero [s], or how many equally spaced ones over a period.
 
@@ -82,36 +91,13 @@ def reconstruct(
     """
     instants = instants_of(times, model.period, "reconstruct")
     coordinates = coordinates_of(model, states, form, delay)
-    if isinstance(harmonics, str) and harmonics not in ("auto", "model"):
-        must = 'be "auto", "model" or a whole number'
-        raise input_error("harmonics", "reconstruct", must, f"is {harmonics!r}")
-    if not isinstance(harmonics, str):
-        integer(harmonics, "harmonics", "reconstruct", at_least=0)
-    estimates = model.estimates
-    if estimates is None:
-        shapes, terms, kept = shapes_of(model, coordinates), None, None
-        if not isinstance(harmonics, str):
-            raise input_error(
-                "harmonics",
-                "reconstruct",
-                'be "auto" or "model" for a model without estimates',
-                f"is {harmonics}",
-                "Set its other coefficients to zero yourself.",
-            )
-    else:
-        whole, terms = shapes_of(model, coordinates, estimates), terms_of(model, estimates)
-        if harmonics == "auto":
-            kept = chosen(model, whole, terms)
-        else:
-            kept = model.kept_terms(estimates) if harmonics == "model" else np.abs(estimates.harmonics) <= harmonics
-        shapes = terms.mask(kept, whole)
+    shapes, terms, kept = _built_from(model, coordinates, harmonics)
     modal = modal_at(shapes, instants, coordinates.said)
     growth = np.exp(np.multiply.outer(instants - instants[0], model.exponents))
     transition = (modal.modal * growth[:, None, :]) @ modal.inverse[0]
     system_std: NDArray[np.float64] | None = None
     transition_std: NDArray[np.float64] | None = None
     if terms is not None:
-        assert kept is not None
         own, rows = terms.estimates, (shapes.weights != 0).any(axis=(0, 1, 2))
         sizes = sizes_left_out(own, kept, rows)
         wider = terms.mask(kept | (sizes > 0).any(axis=(1, 2)), shapes)
@@ -134,6 +120,34 @@ def reconstruct(
     )
 
 
+def _built_from(
+    model: PeriodicModel, coordinates: Coordinates, harmonics: str | int
+) -> tuple[Shapes, Terms | None, NDArray[np.bool_]]:
+    """The shapes that A(t) is built from, where the estimates are that tell their deviations, and which count."""
+    if isinstance(harmonics, str) and harmonics not in ("auto", "model"):
+        must = 'be "auto", "model" or a whole number'
+        raise input_error("harmonics", "reconstruct", must, f"is {harmonics!r}")
+    if not isinstance(harmonics, str):
+        integer(harmonics, "harmonics", "reconstruct", at_least=0)
+    estimates = model.estimates
+    if estimates is None:
+        if not isinstance(harmonics, str):
+            must, got = 'be "auto" or "model" for a model without estimates', f"is {harmonics}"
+            raise input_error("harmonics", "reconstruct", must, got, "Set its other coefficients to zero yourself.")
+        return shapes_of(model, coordinates), None, np.zeros(0, bool)
+    if harmonics == "model":
+        whole, terms = shapes_of(model, coordinates, estimates, cut=True), terms_of(model, estimates)
+        kept = whole.kept[terms.modes, terms.places]
+        # What the model keeps beside the estimates has no deviations, and A(t) then has none either.
+        known = (terms.mask(kept, whole).kept == whole.kept).all()
+        return whole, terms if known else None, kept
+    if harmonics != "auto" and model.unselected is not None:
+        estimates = model.unselected
+    whole, terms = shapes_of(model, coordinates, estimates), terms_of(model, estimates)
+    kept = chosen(model, whole, terms) if harmonics == "auto" else np.abs(estimates.harmonics) <= harmonics
+    return terms.mask(kept, whole), terms, kept
+
+
 def instants_of(times: ArrayLike | int, period: float, of: str) -> NDArray[np.float64]:
     """The instants [s] that are meant: given, or so many over a period."""
     if isinstance(times, (int, np.integer)):
@@ -148,6 +162,9 @@ def instants_of(times: ArrayLike | int, period: float, of: str) -> NDArray[np.fl
 
 def coordinates_of(model: PeriodicModel, states: Names, form: str, delay: float | None) -> Coordinates:
     """The states of a form."""
+    if not model.order:
+        remedy = "Nothing was found in the record: give an `order`, or a longer or cleaner one."
+        raise input_error("model", "reconstruct", "have modes", "has none", remedy)
     if form not in get_args(Form):
         words = ", ".join(f'"{one}"' for one in get_args(Form))
         raise input_error("form", "reconstruct", f"be one of {words}", f"is {form!r}")

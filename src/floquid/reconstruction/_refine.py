@@ -191,7 +191,7 @@ class _Fit:
         count = len(self.coordinates.states) // structure.degree
         basis = structure.basis(count)
         whole, slopes = basis.in_time(self.model.fundamental * self.times)
-        start = np.linalg.lstsq(slopes.reshape(len(slopes), -1).T, (self.system - whole).ravel(), rcond=None)[0]
+        start = np.linalg.lstsq(slopes.reshape(len(slopes), whole.size).T, (self.system - whole).ravel(), rcond=None)[0]
         start = np.concatenate([start, list(self.gains.values())]) if near is None else near.parameters
         most = int(max(np.abs(self.estimates.harmonics).max(), np.abs(self.model.harmonics).max()))
         step = BEYOND * max(int(basis.harmonics.max()), 1)
