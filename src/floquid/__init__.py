@@ -10,7 +10,7 @@ from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PeriodicModel, 
 from floquid.errors import FloquidError, IdentificationError, InputError
 from floquid.pipeline import Analysis, Bootstrap, Settings, bootstrap, identify
 from floquid.readers import read, write
-from floquid.reconstruction import StateModel, reconstruct
+from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
 from floquid.store import load, save
 
 __version__ = "0.1.0"
@@ -27,6 +27,7 @@ __all__ = [
     "PeriodicModel",
     "PulseTimes",
     "Record",
+    "Refinement",
     "Settings",
     "StateModel",
     "TachometerSignal",
@@ -36,6 +37,7 @@ __all__ = [
     "load",
     "read",
     "reconstruct",
+    "refine",
     "save",
     "systems",
     "write",

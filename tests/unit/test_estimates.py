@@ -396,7 +396,7 @@ def test_estimates_of_a_fit_have_the_inverse_of_the_fisher_information(name):
 
 def test_estimates_say_where_they_were_made_also_beside_the_best(oracle):
     """Slopes at exponents that are not the best are those of the coefficients' own fit there, by differences."""
-    blocks, entries, values, _ = fisher(CASES["close pairs, two hits"])
+    blocks, entries, _, _ = fisher(CASES["close pairs, two hits"])
     own = estimates_of(blocks, evaluated(blocks, entries))
     for part, move in ((0, 1.0), (1, 1.0), (2, 1j), (3, 1j)):
         shift = np.zeros(2, complex)

@@ -245,5 +245,5 @@ def test_nothing_found_is_told(oracle):
     known = oracle.known(oracle.systems["one"], oracle.displacements(1), width=0)
     own = known.estimates
     blind = replace(own, coefficients=0.0 * own.coefficients + 1.0, spread=own.spread * 1e30)
-    with pytest.raises(IdentificationError, match="does not determine|No second-order form"):
+    with pytest.raises(IdentificationError, match=r"does not determine|No second-order form"):
         refine(oracle.model_of(blind, known.model), ["c0"], SecondOrder(stiffness=Block(harmonics=3)))

@@ -17,9 +17,10 @@ def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp
 
     .. math:: Q = g^T J^{-1} g - (A^T g)^T (A^T J A)^{-1} A^T g \sim \chi^2
 
-    Rao's score test: g and J are the slopes of the cost and their covariance by the rates λ + imω of modes and
-    harmonics, each a line of its own; A moves the harmonics with their modes, as one exponent does. A mode of a
-    constant system that folds next to another is mostly not at the same place to a small part of its decay.
+    Rao's score test: g and J are the slopes of the cost and their covariance by the rates λ + imω of modes and of the
+    harmonics looked at, each a line of its own; A moves these with their modes, as one exponent does. All other terms
+    are there and move with their modes in both. A mode of a constant system that folds next to another is mostly not
+    at the same place to a small part of its decay.
 
     Parameters
     ----------
@@ -35,22 +36,26 @@ def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp
     float
         The probability; 1 without lines.
     """
+    from scipy.linalg import block_diag as block_diagonal
     from scipy.special import chdtrc
 
     if not len(lines):
         return 1.0
-    zeroth = np.flatnonzero(whole.turning & (whole.harmonics == 0))
-    terms = np.concatenate([zeroth, lines])
-    rates, count = whole.rates[terms], len(terms)
+    # Every term takes part: one that is left out would pull at the places of the others.
+    terms = np.flatnonzero(whole.turning)
+    rates = whole.rates[terms]
     mirrored = rates.imag < 0.0
     entries = Entries.made(np.where(mirrored, rates.conj(), rates), (0, 0), whole.fundamental)
     held = evaluated(LiftedBlock.all_of(lifted), entries)
-    own = (whole.modes[terms][:, None] == np.unique(whole.modes[terms])).astype(float)
-    turned = own * np.where(mirrored, -1.0, 1.0)[:, None]
-    together = np.block([[own, np.zeros_like(own)], [np.zeros_like(own), turned]])
-    free = _gain(held.gradient, held.gauss_newton)
-    tied = _gain(together.T @ held.gradient, together.T @ held.gauss_newton @ together)
-    return float(chdtrc(2 * count - together.shape[1], max(free - tied, 0.0)))
+    modes = (whole.modes[terms][:, None] == np.unique(whole.modes[terms])).astype(float)
+    alone = (terms[:, None] == lines).astype(float)
+    moved = np.concatenate([modes * ~np.isin(terms, lines)[:, None], alone], axis=1)
+    turn = np.where(mirrored, -1.0, 1.0)[:, None]
+    free, tied = (
+        _gain(both.T @ held.gradient, both.T @ held.gauss_newton @ both)
+        for both in (block_diagonal(moved, turn * moved), block_diagonal(modes, turn * modes))
+    )
+    return float(chdtrc(2 * len(lines), max(free - tied, 0.0)))
 
 
 def _gain(gradient: NDArray[np.float64], matrix: NDArray[np.float64]) -> float:
