@@ -53,7 +53,7 @@ def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp
     turn = np.where(mirrored, -1.0, 1.0)[:, None]
     free, tied = (
         _gain(both.T @ held.gradient, both.T @ held.gauss_newton @ both)
-        for both in (block_diagonal(moved, turn * moved), block_diagonal(modes, turn * modes))
+        for both in (np.asarray(block_diagonal(each, turn * each), np.float64) for each in (moved, modes))
     )
     return float(chdtrc(2 * len(lines), max(free - tied, 0.0)))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,7 +40,7 @@ def combined(model: PeriodicModel, count: int) -> Coordinates:
         raise input_error("states", "reconstruct", must, got, 'Pass `form="delayed"` (`--form delayed`).')
     noise = channel_noise(model)
     if len(powers) == count:
-        mixing, chosen = np.eye(count), np.arange(count)
+        mixing, chosen, loose = np.eye(count), np.arange(count), None
     else:
         table, degrees, left = _table(model, powers, noise, count)
         vectors = np.linalg.svd(table, full_matrices=False)[0][:, :count]
@@ -47,6 +49,7 @@ def combined(model: PeriodicModel, count: int) -> Coordinates:
         chosen = np.sort(order[:count])
         spread = noise[:, None] * vectors
         mixing = spread @ np.linalg.inv(spread[chosen])
+        loose = _loose(table, vectors, noise, chosen, mixing) if degrees else None
     weighted = mixing / noise[:, None] ** 2
     weights = np.linalg.solve(mixing.T @ weighted, weighted.T)
     states = []
@@ -61,7 +64,28 @@ def combined(model: PeriodicModel, count: int) -> Coordinates:
     words = f"second-order form from all channels, weighted by their noise ({sums})"
     derived = tuple(state.derivative() for state in states)
     rows = tuple(int(row) for row in chosen)
-    return Coordinates((*states, *derived), len(powers), "second-order", words, mixing, rows)
+    return Coordinates((*states, *derived), len(powers), "second-order", words, mixing, rows, loose)
+
+
+def _loose(
+    table: NDArray[np.float64],
+    vectors: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    chosen: NDArray[Any],
+    mixing: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    r"""Factors of the error that the errors of V make in the displacements, E = g Z h^T.
+
+    .. math:: E = N_c\, (\Pi_\perp\, \delta M\, U^+)_c, \qquad g g^T = N_c (\Pi_\perp)_{cc} N_c, \qquad
+              h h^T = (U U^T)^{-1}
+
+    with M = N⁻¹VU the table, δM its unit errors, Π⊥ the projector off its columns, and c the chosen rows.
+    """
+    across = np.eye(len(vectors)) - vectors @ vectors.T
+    values, turned = np.linalg.eigh(noise[chosen][:, None] * across[np.ix_(chosen, chosen)] * noise[chosen])
+    own = np.linalg.lstsq(mixing / noise[:, None], table, rcond=None)[0]
+    root = np.linalg.cholesky(np.linalg.inv(own @ own.T))
+    return np.asarray(turned * np.sqrt(np.maximum(values, 0.0)), np.float64), np.asarray(root, np.float64)
 
 
 def _table(

@@ -106,6 +106,8 @@ def reconstruct(
             for std, slopes_of in ((system_std, by_system), (transition_std, by_transition)):
                 variance = slopes_of(shapes, modal, instants, t, terms).variance(own)
                 std[t] = np.sqrt(variance + spread_of(sizes, slopes_of(wider, modal, instants, t, terms)))
+        system_std = np.sqrt(system_std**2 + coordinates.looseness(modal.system.real))
+        transition_std = np.sqrt(transition_std**2 + coordinates.looseness(transition.real))
         system_std[:, _certain(coordinates)] = 0.0
     return StateModel(
         times=instants,
