@@ -79,6 +79,7 @@ def test_it_goes_beside_the_result_it_is_of(result):
     assert "Written to kept/: bootstrap.json, bootstrap.npz" in text
 
 
+@pytest.mark.slow
 def test_the_whole_again(result):
     text = typed(f"bootstrap kept {COMMON} --whole")
     assert "identified from the beginning" in text

@@ -158,7 +158,7 @@ def reproduce(
 
 def _identify(record: Record, identifier: AbstractIdentifier | None, name: str) -> Analysis:
     """The analysis with A(t) in the states X and Y."""
-    analysis = identify(record, Settings(identifier=identifier, validate=False))
+    analysis = identify(record, Settings(identifier=identifier))
     if analysis.model.order != 4:
         raise IdentificationError(
             f"{analysis.model.order} exponents were found by {name} where the rotor has 4: too much noise in too short "
