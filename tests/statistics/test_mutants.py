@@ -50,7 +50,8 @@ def biased_damping(deviations):
 
     def estimate(analysis):
         model = analysis.model
-        return dataclasses.replace(model, exponents=model.exponents + deviations * model.exponent_std.real)
+        moved = model.exponents + deviations * model.exponent_std.real
+        return dataclasses.replace(model, exponents=moved, estimates=None)
 
     return estimate
 

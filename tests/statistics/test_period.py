@@ -30,6 +30,7 @@ def test_intervals_have_their_level_and_the_fundamental_is_never_mistaken():
     assert low < squares < high, f"mean square {squares / len(told):.3g}"
 
 
+@pytest.mark.slow
 def test_a_shorter_and_noisier_record_is_never_mistaken(assert_that):
     rotor = JeffcottRotor()
     found = [estimate_period([rotor.simulate(n_periods=200, noise=0.1, seed=seed)]) for seed in range(20)]

@@ -177,6 +177,7 @@ def test_noise_that_is_coloured_along_the_record_is_named():
         assert any("not white along the record" in doubt for doubt in doubts)
 
 
+@pytest.mark.slow
 def test_white_noise_is_not_called_coloured():
     """In the lowest band of this record hardly a line is apart from the exponentials, which take its noise away."""
     for seed in range(20):

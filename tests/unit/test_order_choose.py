@@ -114,6 +114,7 @@ def pulls_in_shared_noise(seeds):
     return np.sqrt(np.mean(np.square(pulls)))
 
 
+@pytest.mark.slow
 def test_deviations_hold_in_noise_that_responses_share(monkeypatch):
     right = pulls_in_shared_noise(range(60))
     assert right == pytest.approx(1.0, abs=0.1)

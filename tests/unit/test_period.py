@@ -170,6 +170,7 @@ def test_impossible_bounds(bounds, argument):
         estimate_period([])
 
 
+@pytest.mark.slow
 def test_paper_record_over_twenty_seeds_of_a_shorter_record():
     scores = []
     for seed in range(20):

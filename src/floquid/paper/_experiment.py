@@ -16,7 +16,7 @@ from floquid.lti import AMI, AbstractIdentifier
 from floquid.paper._truncation import dominant, lowest
 from floquid.paper._truth import exact_model
 from floquid.periodic import assemble
-from floquid.pipeline import Analysis, Settings, identify
+from floquid.pipeline import Analysis, Settings, identify, validated
 from floquid.reconstruction import reconstruct
 from floquid.systems import JeffcottRotor
 from floquid.testing import pair_exponents
@@ -158,15 +158,15 @@ def reproduce(
 
 def _identify(record: Record, identifier: AbstractIdentifier | None, name: str) -> Analysis:
     """The analysis with A(t) in the states X and Y."""
-    analysis = identify(record, Settings(identifier=identifier))
+    analysis = identify(record, Settings(identifier=identifier, validate=False))
     if analysis.model.order != 4:
         raise IdentificationError(
             f"{analysis.model.order} exponents were found by {name} where the rotor has 4: too much noise in too short "
             "a record.\n  Take more periods or less noise."
         )
-    settings = replace(analysis.settings, states=MASS)
+    settings = replace(analysis.settings, states=MASS, validate=True)
     state = reconstruct(analysis.model, MASS, times=settings.system_times)
-    return replace(analysis, settings=settings, state=state)
+    return validated(replace(analysis, settings=settings, state=state))
 
 
 def uncut(analysis: Analysis) -> PeriodicModel:
