@@ -11,7 +11,7 @@ from floquid._checks import input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
-from floquid.periodic._free_estimates import free_estimates
+from floquid.periodic._free_estimates import free_estimates, share_of_nyquist
 from floquid.periodic._harmonics import GAP, select_bands
 
 
@@ -99,7 +99,10 @@ def _estimates(
         if partners[r] < r:
             continue
         ends = found.harmonics[kept[r]][[0, -1]] + (-GAP - 1, GAP + 1)
-        own = (found.harmonics >= ends[0]) & (found.harmonics <= ends[1]) & (turns[r] < 0.5 * lifted.n_phases - 1e-6)
+        own = (found.harmonics >= ends[0]) & (found.harmonics <= ends[1])
+        inside = own & (turns[r] < 0.5 * lifted.n_phases - 1e-6)
+        # On the Nyquist frequency only the sum of two harmonics is seen: it stands for a mode that has no other.
+        own = inside if inside.any() else own & (share_of_nyquist(turns[r], lifted.n_phases) > 0)
         if partners[r] == r:
             own &= found.harmonics + found.exponents[r].imag * lifted.period / (2.0 * np.pi) > -1e-6
         terms += [(r, int(m)) for m in found.harmonics[own]]
@@ -199,7 +202,7 @@ def _expand(modal: ModalModel, lifted: Lifted) -> _Expansion:
             continue
         turn = _physical_turn(modal, lifted, r)
         exponents[r] = modal.poles[r] + 1j * turn * 2.0 * np.pi / lifted.period
-        share = _share_of_nyquist(exponents[r].imag * lifted.period / (2.0 * np.pi) + harmonics, lifted.n_phases)
+        share = share_of_nyquist(exponents[r].imag * lifted.period / (2.0 * np.pi) + harmonics, lifted.n_phases)
         seen = share > 0
         own, deviation = _coefficients(modal, lifted, r, exponents[r], harmonics[seen])
         coefficients[r][..., seen], std[r][..., seen] = own * share[seen], deviation * share[seen]
@@ -208,12 +211,6 @@ def _expand(modal: ModalModel, lifted: Lifted) -> _Expansion:
             mirror = -2 * turn - (1 if modal.multipliers[r].real < 0 else 0)
             seeds[r] = min(0, mirror), max(0, mirror)
     return _Expansion(exponents, coefficients, std, harmonics, seeds)
-
-
-def _share_of_nyquist(turns: NDArray[np.float64], n_phases: int) -> NDArray[np.float64]:
-    """1 below the Nyquist frequency of P/2 turns a period, 0 above; on it two harmonics are one, and each has half."""
-    beyond = np.abs(turns) - 0.5 * n_phases
-    return np.where(np.abs(beyond) < 1e-9, 0.5, np.where(beyond < 0, 1.0, 0.0))
 
 
 def _physical_turn(modal: ModalModel, lifted: Lifted, mode: int) -> int:
@@ -226,7 +223,7 @@ def _physical_turn(modal: ModalModel, lifted: Lifted, mode: int) -> int:
     shapes = np.einsum("mk,ckh->chm", kernel, residues) / lifted.gain(rates)[:, None]
     energy = np.sum(np.abs(shapes) ** 2, axis=(0, 1))
     imag = modal.poles[mode].imag * lifted.period / (2 * np.pi) + turns
-    energy = np.where(_share_of_nyquist(imag, lifted.n_phases) > 0, energy, 0.0)
+    energy = np.where(share_of_nyquist(imag, lifted.n_phases) > 0, energy, 0.0)
     ties = np.flatnonzero(energy > (1.0 - 1e-6) * energy.max())
     return int(turns[ties[np.argmax(np.abs(imag[ties]) + 1e-9 * np.sign(imag[ties]))]])
 

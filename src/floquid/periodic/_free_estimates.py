@@ -48,7 +48,8 @@ def free_estimates(
     modes, harmonics = (np.array(column, np.int64) for column in zip(*terms, strict=True))
     times, omega = lifted.phase_times, 2.0 * np.pi / lifted.period
     rates = exponents[modes] + 1j * harmonics * omega
-    kernel = np.asarray(np.exp(-np.multiply.outer(rates, times)) / lifted.n_phases, np.complex128)
+    share = share_of_nyquist(rates.imag / omega, lifted.n_phases) / lifted.n_phases
+    kernel = np.asarray(share[:, None] * np.exp(-np.multiply.outer(rates, times)), np.complex128)
     gain = lifted.gain(rates)
     residues = lifted.by_channel(modal.residues)
     values = np.einsum("tk,tckh->tch", kernel, residues[modes]) / gain.T[:, :, None]
@@ -87,6 +88,12 @@ def free_estimates(
         blocks=np.tile(np.arange(n_hits), (lifted.n_channels, 1)),
         scales=lifted.noise / gain.T[:, :, None],
     )
+
+
+def share_of_nyquist(turns: NDArray[np.float64], n_phases: int) -> NDArray[np.float64]:
+    """1 below the Nyquist frequency of P/2 turns a period, 0 above; on it two harmonics are one, and each has half."""
+    beyond = np.abs(turns) - 0.5 * n_phases
+    return np.where(np.abs(beyond) < 1e-9, 0.5, np.where(beyond < 0, 1.0, 0.0))
 
 
 def _spread(
