@@ -363,18 +363,15 @@ def test_all_channels_are_better_than_the_two_that_they_are_scaled_by(five):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_all_channels_deviate_nearly_as_they_say(five, seed):
-    """The errors of their gains are those of a table of equal errors, which it nearly is."""
-    deviates_as_it_says(five(width=2, size=1e-6, seed=seed), "all", rtol=0.06)
+    """The errors of their gains too."""
+    deviates_as_it_says(five(width=2, size=1e-6, seed=seed), "all", rtol=2e-3)
 
 
 def test_all_channels_of_a_constant_system_deviate_as_they_say(oracle):
-    """Two modes of one harmonic: the gains are no better known than the shapes, and make A(t) twice as uncertain.
-
-    The errors of the shapes here have much to do with one another, and count as independent: hence the tolerance.
-    """
+    """Two modes of one harmonic: the gains are no better known than the shapes, and make A(t) twice as uncertain."""
     system = oracle.System.second_order([[[14.0, 3.0], [3.0, 29.0]]], [[[0.2, 0.03], [0.03, 0.32]]])
     sensors = [oracle.Sensor((*row, 0.0, 0.0)) for row in np.random.default_rng(0).standard_normal((5, 2))]
-    deviates_as_it_says(oracle.known(system, sensors, width=0), "all", rtol=0.3)
+    deviates_as_it_says(oracle.known(system, sensors, width=0), "all", rtol=1e-5)
 
 
 def test_as_many_channels_as_displacements_are_these(exact):

@@ -42,14 +42,14 @@ def combined(model: PeriodicModel, count: int) -> Coordinates:
     if len(powers) == count:
         mixing, chosen, loose = np.eye(count), np.arange(count), None
     else:
-        table, degrees, left = _table(model, powers, noise, count)
+        table, units, degrees, left = _table(model, powers, noise, count)
         vectors = np.linalg.svd(table, full_matrices=False)[0][:, :count]
         _refuse_more(left, degrees, count)
         order = qr(vectors.T, pivoting=True)[-1]
         chosen = np.sort(order[:count])
         spread = noise[:, None] * vectors
         mixing = spread @ np.linalg.inv(spread[chosen])
-        loose = _loose(table, vectors, noise, chosen, mixing) if degrees else None
+        loose = None if units is None else _loose(table, units, vectors, noise, chosen, mixing)
     weighted = mixing / noise[:, None] ** 2
     weights = np.linalg.solve(mixing.T @ weighted, weighted.T)
     states = []
@@ -69,44 +69,51 @@ def combined(model: PeriodicModel, count: int) -> Coordinates:
 
 def _loose(
     table: NDArray[np.float64],
+    units: NDArray[np.complex128],
     vectors: NDArray[np.float64],
     noise: NDArray[np.float64],
     chosen: NDArray[Any],
     mixing: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    r"""Factors of the error that the errors of V make in the displacements, E = g Z h^T.
+) -> NDArray[np.complex128]:
+    r"""Slopes of the error that the errors of V make in the displacements.
 
-    .. math:: E = N_c\, (\Pi_\perp\, \delta M\, U^+)_c, \qquad g g^T = N_c (\Pi_\perp)_{cc} N_c, \qquad
-              h h^T = (U U^T)^{-1}
+    .. math:: E = N_c\, (\Pi_\perp\, \delta M\, U^+)_c
 
-    with M = N⁻¹VU the table, δM its unit errors, Π⊥ the projector off its columns, and c the chosen rows.
+    with M = N⁻¹VU the table, Π⊥ the projector off its columns, and c the chosen rows. A number of the table is the real
+    or the imaginary part of a coefficient times its `units` (channels, modes, hits, harmonics).
     """
-    across = np.eye(len(vectors)) - vectors @ vectors.T
-    values, turned = np.linalg.eigh(noise[chosen][:, None] * across[np.ix_(chosen, chosen)] * noise[chosen])
-    own = np.linalg.lstsq(mixing / noise[:, None], table, rcond=None)[0]
-    root = np.linalg.cholesky(np.linalg.inv(own @ own.T))
-    return np.asarray(turned * np.sqrt(np.maximum(values, 0.0)), np.float64), np.asarray(root, np.float64)
+    across = noise[chosen][:, None] * (np.eye(len(vectors)) - vectors @ vectors.T)[chosen]
+    back = np.linalg.pinv(np.linalg.lstsq(mixing / noise[:, None], table, rcond=None)[0])
+    real, imag = np.split(back, 2)
+    there = (units != 0).any(axis=0)
+    slopes = np.zeros((len(chosen), len(chosen), *units.shape), complex)
+    slopes[..., there] = np.einsum("ic,cq,qj->ijcq", across, units[:, there], real - 1j * imag)
+    return np.moveaxis(slopes, 2, 3)
 
 
 def _table(
     model: PeriodicModel, powers: NDArray[np.int64], noise: NDArray[np.float64], count: int
-) -> tuple[NDArray[np.float64], int, float]:
-    """Displacement coefficients over their noise (channels, numbers); degrees and chi-square of what is left."""
+) -> tuple[NDArray[np.float64], NDArray[np.complex128] | None, int, float]:
+    """Displacement coefficients over their noise (channels, numbers), and what that makes of each coefficient.
+
+    With degrees and chi-square of what is left. Without deviations they are as they are.
+    """
     rates = model.exponents[:, None] + 1j * model.harmonics * model.fundamental
-    factors = np.where(rates[None] == 0, 1.0, rates[None]) ** -powers[:, None, None]
-    values = np.moveaxis(model.coefficients, 1, 0) * factors[:, :, None, :] / noise[:, None, None, None]
+    factors = np.where(rates[None] == 0, 1.0, rates[None]) ** -powers[:, None, None] / noise[:, None, None]
+    values = np.moveaxis(model.coefficients, 1, 0)
     upper = model.exponents.imag >= 0
     if model.coefficient_std is None or not model.coefficient_std.any():
-        flat = values[:, upper].reshape(len(powers), -1)
-        return np.concatenate([flat.real, flat.imag], axis=1), 0, 0.0
-    std = np.moveaxis(model.coefficient_std, 1, 0) * np.abs(factors[:, :, None, :]) / noise[:, None, None, None]
+        flat = (values * factors[:, :, None, :])[:, upper].reshape(len(powers), -1)
+        return np.concatenate([flat.real, flat.imag], axis=1), None, 0, 0.0
+    std = np.moveaxis(model.coefficient_std, 1, 0) * np.abs(factors[:, :, None, :])
     size = np.sqrt(0.5 * np.mean(std.real**2 + std.imag**2, axis=0))
     there = (size > 0) & upper[:, None, None]
-    flat = values[:, there] / size[there]
+    units = factors[:, :, None, :] * np.divide(1.0, size, out=np.zeros_like(size), where=there)
+    flat = (values * units)[:, there]
     table = np.concatenate([flat.real, flat.imag], axis=1)
     singular = np.linalg.svd(table, compute_uv=False)
     degrees = (table.shape[0] - count) * max(table.shape[1] - count, 0)
-    return table, degrees, float(np.sum(singular[count:] ** 2))
+    return table, units, degrees, float(np.sum(singular[count:] ** 2))
 
 
 def _refuse_more(left: float, degrees: int, count: int) -> None:

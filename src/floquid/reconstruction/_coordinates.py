@@ -79,20 +79,9 @@ class Coordinates:
     """Of states from all channels: what each channel is of the displacements (channels, displacements)."""
     chosen: tuple[int, ...] = ()
     """The channels that are the displacements themselves then, but for noise."""
-    loose: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-    """g and h, with which the displacements are off by g Z hᵀ of themselves, Z of independent unit errors: what the
-    errors of `mixing` do."""
-
-    def looseness(self, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What that adds to the variance of A or Φ (times, states, states): δA = DA - AD with D = diag(gZhᵀ, gZhᵀ)."""
-        variance = np.zeros(matrices.shape)
-        if self.loose is None:
-            return variance
-        for left in self.loose[0].T:
-            for right in self.loose[1].T:
-                off = np.kron(np.eye(2), np.outer(left, right))
-                variance += (off @ matrices - matrices @ off) ** 2
-        return variance
+    loose: NDArray[np.complex128] | None = None
+    """Slopes of E by the coefficients of the model (displacements, displacements, modes, channels, hits, harmonics): by
+    the errors of `mixing` the displacements are (1 + E) times those of the chosen channels."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -112,6 +112,22 @@ def terms_of(model: PeriodicModel, estimates: Estimates) -> Terms:
     return Terms(estimates, own, estimates.harmonics - low, mirrored, mirror - low)
 
 
+def at_terms(slopes: NDArray[np.complex128], model: PeriodicModel, terms: Terms) -> NDArray[np.complex128]:
+    """Slopes by the coefficients of a model, (..., modes, channels, hits, harmonics), as those by terms.
+
+    That of the mirror image of a real multiplier's term is in its own.
+    """
+    low = _ends(model, terms.estimates)[0]
+    whole = np.zeros((*slopes.shape[:-1], int(max(terms.places.max(), terms.mirror_places.max())) + 1), complex)
+    seen = (model.harmonics - low >= 0) & (model.harmonics - low < whole.shape[-1])
+    whole[..., model.harmonics[seen] - low] = slopes[..., seen]
+    by_mode = np.moveaxis(whole, (-4, -1), (0, 1))
+    own = by_mode[terms.modes, terms.places]
+    mirrored = by_mode[terms.mirror_modes, terms.mirror_places].conj()
+    turning = terms.estimates.turning[:, None, None, None, None]
+    return np.moveaxis(own + np.where(turning, mirrored, 0.0), 0, -3)
+
+
 def _ends(model: PeriodicModel, estimates: Estimates) -> tuple[int, int]:
     """The lowest and the highest harmonic of the model, of the estimates, and of their mirror images."""
     mirror = -estimates.half_turns[estimates.modes] - estimates.harmonics
@@ -173,6 +189,19 @@ class Jacobian:
 
     def __sub__(self, other: Jacobian) -> Jacobian:
         return Jacobian(self.by_coefficient - other.by_coefficient, self.by_rate - other.by_rate)
+
+    def loosened(self, matrix: NDArray[np.float64], loose: NDArray[np.complex128]) -> Jacobian:
+        """With what the errors E of states from all channels do: δA = DA - AD, D = diag(E, E).
+
+        `loose` are the slopes of E (displacements, displacements, terms, channels, hits).
+        """
+        total, count = self.by_coefficient.copy(), len(loose)
+        for i, j in np.ndindex(count, count):
+            unit = np.zeros((count, count))
+            unit[i, j] = 1.0
+            off = np.kron(np.eye(2), unit)
+            total += np.multiply.outer(off @ matrix - matrix @ off, loose[i, j])
+        return Jacobian(total, self.by_rate, self.by_exponent)
 
     def variance(self, estimates: Estimates) -> NDArray[np.float64]:
         """The variance of the elements (states, states)."""

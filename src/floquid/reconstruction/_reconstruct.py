@@ -16,6 +16,7 @@ from floquid.reconstruction._left_out import sizes_left_out, spread_of
 from floquid.reconstruction._modal_matrix import (
     Shapes,
     Terms,
+    at_terms,
     by_system,
     by_transition,
     modal_at,
@@ -100,14 +101,17 @@ def reconstruct(
     if terms is not None:
         own, rows = terms.estimates, (shapes.weights != 0).any(axis=(0, 1, 2))
         sizes = sizes_left_out(own, kept, rows)
+        loose = None if coordinates.loose is None else at_terms(coordinates.loose, model, terms)
         wider = terms.mask(kept | (sizes > 0).any(axis=(1, 2)), shapes)
         system_std, transition_std = np.zeros(modal.system.shape), np.zeros(modal.system.shape)
         for t in range(len(instants)):
-            for std, slopes_of in ((system_std, by_system), (transition_std, by_transition)):
-                variance = slopes_of(shapes, modal, instants, t, terms).variance(own)
+            pairs = ((system_std, by_system, modal.system), (transition_std, by_transition, transition))
+            for std, slopes_of, matrices in pairs:
+                slopes = slopes_of(shapes, modal, instants, t, terms)
+                if loose is not None:
+                    slopes = slopes.loosened(matrices[t].real, loose)
+                variance = slopes.variance(own)
                 std[t] = np.sqrt(variance + spread_of(sizes, slopes_of(wider, modal, instants, t, terms)))
-        system_std = np.sqrt(system_std**2 + coordinates.looseness(modal.system.real))
-        transition_std = np.sqrt(transition_std**2 + coordinates.looseness(transition.real))
         system_std[:, _certain(coordinates)] = 0.0
     return StateModel(
         times=instants,
