@@ -37,6 +37,8 @@ myst_enable_extensions = ["amsmath", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 # A page that computes is run by the build: from nothing each time, and a cell that fails, fails the build.
 nb_execution_mode = "force"
+# What a cell prints stands in one box, whenever the kernel flushes.
+nb_merge_streams = True
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
 

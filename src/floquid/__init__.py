@@ -1,6 +1,7 @@
 """floquid: identification of linear time-periodic systems from measured responses.
 
-The main path: `read` a `Record`, `identify` it, `reconstruct` A(t), `save` the `Analysis`. Each stage is a room of its
+The main path: `read` a `Record`, `identify` it, `reconstruct` A(t), write a
+`report`, `save` the `Analysis`. Each stage is a room of its
 own: `core`, `readers`, `sync`, `lifting`, `lti`, `periodic`, `reconstruction`, `store`; `floquet` is the analysis of a
 known A(t), `systems` holds examples with known truth.
 """
@@ -11,6 +12,7 @@ from floquid.errors import FloquidError, IdentificationError, InputError
 from floquid.pipeline import Analysis, Bootstrap, Settings, bootstrap, identify
 from floquid.readers import read, write
 from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
+from floquid.reporting import report
 from floquid.store import load, save
 
 __version__ = "0.1.0"
@@ -38,6 +40,7 @@ __all__ = [
     "read",
     "reconstruct",
     "refine",
+    "report",
     "save",
     "systems",
     "write",

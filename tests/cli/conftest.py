@@ -16,11 +16,39 @@ EARLIER = {
     "summary.json": b'{"format": "earlier"}',
     "settings.toml": b"period = 1.0\n",
     "record.npz": b"an earlier record",
+    "report.html": b"<p>an earlier page</p>",
     "notes.txt": b"what the owner wrote",
     "figures/time_record.png": b"an earlier picture",
     "figures/composite.png": b"another",
     "figures/system_elements.png": b"and another",
 }
+
+
+PICTURES = """
+import floquid.plot, floquid.reporting
+
+def save_figures(analysis, folder, **_):
+    names = [n for n in floquid.plot.FIGURES if n != "speed" and (analysis.state or n != "system_elements")]
+    for name in names:
+        (folder / f"{name}.png").write_text(f"{name} {analysis.model.coefficients}")
+
+def report(analysis, path, **_):
+    path.write_text(f"report {analysis.model.coefficients}")
+
+floquid.plot.save_figures, floquid.reporting.report = save_figures, report
+"""
+"""Run in a process of its own, or by `quick_pictures`: figures and the report are files of the right names alone."""
+
+
+@pytest.fixture
+def quick_pictures(monkeypatch):
+    """Write figures and the report in no time, where a test is about something else."""
+    import floquid.plot
+    import floquid.reporting
+
+    monkeypatch.setattr(floquid.plot, "save_figures", floquid.plot.save_figures)
+    monkeypatch.setattr(floquid.reporting, "report", floquid.reporting.report)
+    exec(PICTURES, {})
 
 
 @functools.cache

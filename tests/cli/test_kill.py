@@ -7,10 +7,9 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
-from tests.cli.conftest import contents
+from tests.cli.conftest import PICTURES, contents
 
 import floquid
 from floquid.cli import run
@@ -19,15 +18,17 @@ from floquid.cli._output import FIGURES, UNFINISHED
 PERIOD = "6.283185307179586"
 OLD = ["identify", "good.npz", "--period", PERIOD, "--states", "X,Y", "--out", "place"]
 NEW = ["identify", "good.npz", "--period", PERIOD, "--channels", "X,Y", "--harmonics", "2", "--out", "place"]
-NAMES = {"result.h5", "summary.json", "settings.toml", *(f"figures/{name}" for name in FIGURES)}
+NAMES = {"result.h5", "summary.json", "settings.toml", "report.html", *(f"figures/{name}" for name in FIGURES)}
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL")
 
 # Before the n-th time that it opens, renames or removes anything under `place`, a child kills itself.
-SCRIPT = """
+SCRIPT = (
+    PICTURES
+    + """
 import os, shutil, signal, sys
 from floquid.cli import run
-import floquid.plot, h5py, matplotlib.backends.backend_agg
+import h5py
 
 moments, words = [int(n) for n in sys.argv[1].split(",")], sys.argv[2:]
 where = os.path.realpath("place")
@@ -52,10 +53,20 @@ for moment in moments:
     os.rename("place", f"after{moment}")
     print(moment, -os.WTERMSIG(status) if os.WIFSIGNALED(status) else os.WEXITSTATUS(status), flush=True)
 """
+)
+
+COMMAND = (
+    PICTURES
+    + """
+import sys
+from floquid.cli import run
+sys.exit(run(sys.argv[1:]))
+"""
+)
 
 
 @pytest.fixture
-def results(here):
+def results(here, quick_pictures):
     """The files of the old and of the new result; the old one is at its place."""
     for words, name in ((NEW, "new"), (OLD, "old")):
         assert run(words) == 0
@@ -102,7 +113,7 @@ def check_moments(here, results, moments):
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs os.fork")
 def test_killed_at_some_file_operations(here, results):
     """The first, some of those in between, and one so late that the command has ended by then."""
-    moments = [1, *sorted(random.Random(0).sample(range(2, 40), 7)), 1000]
+    moments = [1, *sorted(random.Random(0).sample(range(2, 60), 7)), 1000]
     ends, seen = check_moments(here, results, moments)
     assert ends[1] == -signal.SIGKILL
     assert ends[1000] == 0
@@ -112,7 +123,7 @@ def test_killed_at_some_file_operations(here, results):
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs os.fork")
 def test_killed_at_every_file_operation(here, results):
-    ends, seen = check_moments(here, results, [*range(1, 81)])
+    ends, seen = check_moments(here, results, [*range(1, 121)])
     statuses = list(ends.values())
     assert statuses == sorted(statuses), "first those that were killed, then those that ended before"
     assert {0, -signal.SIGKILL} == set(statuses)
@@ -122,7 +133,7 @@ def test_killed_at_every_file_operation(here, results):
 def killed_at(here, results, shares):
     """Kill the command after these shares of the time that it takes."""
     old, new = results
-    command = [str(Path(sys.executable).parent / "floquid"), *NEW]
+    command = [sys.executable, "-c", COMMAND, *NEW]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     begun = time.monotonic()
     subprocess.run(command, check=True, **quiet)

@@ -15,10 +15,11 @@ from floquid.core import Channel
 from floquid.errors import InputError
 from floquid.lti import WHITE, composites
 from floquid.pipeline import identify
-from floquid.plot import composite, save_figures, system_elements, time_record
-from floquid.plot._style import envelope, plain
+from floquid.plot import FIGURES, composite, save_figures, system_elements, time_record
+from floquid.plot._style import plain
 from floquid.reconstruction import StateModel
 from floquid.systems import JeffcottRotor
+from floquid.views import envelope
 
 ROTOR = JeffcottRotor(damping=0.02)
 
@@ -468,6 +469,7 @@ import matplotlib
 before = dict(matplotlib.rcParams)
 from floquid.pipeline import identify
 from floquid.systems import JeffcottRotor
+from floquid.views import envelope
 found = identify(JeffcottRotor(damping=0.02).simulate(n_periods=40, samples_per_period=8), states=["X", "Y"])
 floquid.plot.save_figures(found, sys.argv[1])
 assert "matplotlib.pyplot" not in sys.modules
@@ -482,9 +484,9 @@ assert dict(matplotlib.rcParams) == before
 
 def test_save_figures_writes_one_file_a_figure_and_format(found, tmp_path):
     paths = save_figures(found, tmp_path, formats=("png", "svg", "pdf"))
-    assert [path.name for path in paths] == [
-        f"{name}.{form}" for name in ("time_record", "composite", "system_elements") for form in ("png", "svg", "pdf")
-    ]
+    expected = [name for name in FIGURES if name != "speed"]
+    assert len(expected) == 11
+    assert [path.name for path in paths] == [f"{name}.{form}" for name in expected for form in ("png", "svg", "pdf")]
     assert sorted(tmp_path.iterdir()) == sorted(paths)
     starts = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
     assert all(path.read_bytes().startswith(starts[path.suffix[1:]]) for path in paths)
@@ -493,7 +495,7 @@ def test_save_figures_writes_one_file_a_figure_and_format(found, tmp_path):
 
 def test_save_figures_without_states(found, tmp_path):
     paths = save_figures(replace(found, state=None), tmp_path)
-    assert [path.name for path in paths] == ["time_record.png", "composite.png"]
+    assert [path.stem for path in paths] == [name for name in FIGURES if name not in ("system_elements", "speed")]
 
 
 def test_the_same_result_gives_the_same_files(found, tmp_path):
@@ -516,7 +518,7 @@ def test_a_figure_that_fails_leaves_the_old_file(found, tmp_path, monkeypatch):
     with pytest.raises(InputError, match="No space left"):
         save_figures(found, tmp_path)
     assert path.read_bytes() == before
-    assert len(list(tmp_path.iterdir())) == 3
+    assert len(list(tmp_path.iterdir())) == 11
 
 
 def test_save_figures_refuses(found, tmp_path):

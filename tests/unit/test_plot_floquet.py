@@ -179,7 +179,7 @@ def test_states_are_chosen_whatever_their_units():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"modes": 3}, "`modes` of `periodic_shapes` must be a FloquetModes"),
+        ({"modes": 3}, "`modes` of `periodic_shapes` must be a FloquetModes or a PeriodicModel"),
         ({"states": ["x"]}, "`states` of `periodic_shapes` must hold 4 names, but has 1"),
         ({"states": "abcd"}, "`states` of `periodic_shapes` must hold 4 names, but is 'abcd'"),
         ({"of": [4]}, "`of` of `periodic_shapes` must list one to 6 indices from 0 to 3"),
@@ -234,7 +234,7 @@ def test_a_region_is_coloured_by_its_kind_inside_its_boundary(region):
 def test_what_is_no_map_is_refused(rotor):
     with pytest.raises(InputError, match="`found` of `stability_map` must be a StabilityMap"):
         draw_map(rotor)
-    with pytest.raises(InputError, match="`modes` of `exponents` must be a FloquetModes"):
+    with pytest.raises(InputError, match="`modes` of `exponents` must be a FloquetModes or a PeriodicModel"):
         exponents(3)
 
 

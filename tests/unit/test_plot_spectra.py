@@ -79,7 +79,7 @@ def outside_and_overlaps(figure):
 @pytest.mark.parametrize(("angular", "turn", "unit"), [(False, 1.0, "Hz"), (True, 2.0 * np.pi, "rad/s")])
 def test_spectra_draw_the_transform_of_the_whole_periods(found, angular, turn, unit):
     figure = spectra(found, ["Y", "X_tt"], (3,), hit=1, angular=angular, limit=turn * 0.25)
-    upper, lower = figure.axes
+    upper, lower, strip = figure.axes
     values = found.records[1].values[1]
     first = round((0.25 - 0.1) * N_PHASES)
     used = values[first : first + 49 * N_PHASES]
@@ -92,7 +92,8 @@ def test_spectra_draw_the_transform_of_the_whole_periods(found, angular, turn, u
         assert magnitudes[line] == pytest.approx(expected, rel=1e-9)
     assert frequencies[-1] <= 0.25 * turn
     assert upper.get_xlim() == pytest.approx((0.0, 0.25 * turn))
-    assert upper.get_xlabel() == f"frequency [{unit}]"
+    assert strip.get_xlabel() == f"frequency [{unit}]"
+    assert strip.get_xlim() == upper.get_xlim()
     assert lower.get_xlabel() == rf"frequency in the lifted band, 0 to $\omega$/2 [{unit}]"
     assert lower.get_xlim() == pytest.approx((0.0, 0.5 * turn / ROTOR.period))
     frequencies, magnitudes = drawn(lower, "X_tt, 144°")  # phase 0.25 + 3/20 of 360 degrees
@@ -116,11 +117,27 @@ def test_spectra_mark_the_families_of_the_harmonics_kept(found):
     assert upper.get_xlim()[1] == pytest.approx(marks[-1] + 0.5 * OMEGA)
 
 
+def test_each_family_has_a_row_with_its_strongest_line_filled(found):
+    figure = spectra(found, ["X_tt"], angular=True)
+    strip = figure.axes[2]
+    assert [label.get_text() for label in strip.get_yticklabels()] == ["mode 1", "mode 2"]
+    for row, mode in enumerate((0, 2)):  # one of each pair
+        kept = found.model.coefficients[mode, 2].any(axis=0)
+        lines = np.abs(found.model.exponents[mode].imag + OMEGA * found.model.harmonics[kept])
+        filled, rings = [line for line in strip.lines if set(line.get_ydata()) == {row}]
+        assert sorted([*filled.get_xdata(), *rings.get_xdata()]) == pytest.approx(sorted(lines))
+        assert filled.get_xdata() == pytest.approx([abs(found.model.exponents[mode].imag)])
+        assert rings.get_markerfacecolor() == "none" != filled.get_markerfacecolor()
+        names = {text.get_text() for text in strip.texts if text.xy[1] == row}
+        assert names <= {"0", "−1", "+1", "−2", "+2"}
+        assert "0" in names
+
+
 def test_spectra_show_the_mean_of_the_noise(found):
     """Noise alone: the mean of its lines lies on the dotted one."""
     noise = found.lifted.noise[0, 0] * np.random.default_rng(0).standard_normal(found.cycles[0].values.shape)
     cycles = (replace(found.cycles[0], values=noise), *found.cycles[1:])
-    upper, lower = spectra(replace(found, cycles=cycles), ["X"], limit=100.0).axes
+    upper, lower, _ = spectra(replace(found, cycles=cycles), ["X"], limit=100.0).axes
     for axes, label, lines in ((upper, "X", 600), (lower, "X, 90°", 30)):
         values = drawn(axes, label)[1]
         (level,) = {y for line in axes.lines if line.get_linestyle() == ":" for y in line.get_ydata()}
@@ -129,7 +146,7 @@ def test_spectra_show_the_mean_of_the_noise(found):
 
 
 def test_spectra_labels(found):
-    upper, lower = spectra(found, phases=(0, 5), periods_per_revolution=2).axes
+    upper, lower, _ = spectra(found, phases=(0, 5), periods_per_revolution=2).axes
     assert legend(upper) == ["X", "Y", "noise alone, mean", r"identified, $|\mathrm{Im}\,\lambda + m\omega|$"]
     assert legend(lower) == ["X, 45°", "X, 90°", "Y, 45°", "Y, 90°"]
     assert upper.get_ylabel() == "magnitude [s]\nthe record"

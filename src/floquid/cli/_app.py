@@ -26,6 +26,7 @@ from floquid.cli._errors import (
 from floquid.cli._floquet import floquet
 from floquid.cli._identify import identify
 from floquid.cli._info import info
+from floquid.cli._report import report
 from floquid.cli._scan import scan
 from floquid.cli._simulate import simulate
 from floquid.cli._terminal import terminal
@@ -42,6 +43,7 @@ app.command(demo, usage="Usage: floquid demo [SYSTEM] [OPTIONS]")
 app.command(info, usage="Usage: floquid info FILE")
 app.command(identify, usage="Usage: floquid identify FILES... [OPTIONS]")
 app.command(scan, usage="Usage: floquid scan FILES... [OPTIONS]")
+app.command(report, usage="Usage: floquid report RESULT [OPTIONS]")
 app.command(bootstrap, usage="Usage: floquid bootstrap RESULT [OPTIONS]")
 app.command(floquet, usage="Usage: floquid floquet FILES... [OPTIONS]")
 app.command(simulate, usage="Usage: floquid simulate [SYSTEM] [OPTIONS]")

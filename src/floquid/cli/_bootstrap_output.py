@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from floquid.cli._terminal import counted, print_title, print_whole, terminal, upper_modes
+from floquid.cli._terminal import counted, print_title, print_whole, terminal
 from floquid.pipeline import Analysis, Bootstrap, Spread
+from floquid.views import upper_modes
 
 FILES = ("bootstrap.json", "bootstrap.npz")
 

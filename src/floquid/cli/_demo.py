@@ -18,7 +18,7 @@ from floquid.cli._output import print_json, result_folder
 from floquid.cli._progress import progress
 from floquid.cli._settings import Choices
 from floquid.cli._simulate import system_named
-from floquid.cli._terminal import print_analysis, print_folder, print_title, terminal, with_error
+from floquid.cli._terminal import print_analysis, print_folder, print_title, terminal
 from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.pipeline import Analysis, validated
@@ -26,6 +26,7 @@ from floquid.pipeline import identify as identify_records
 from floquid.reconstruction import StateModel, reconstruct
 from floquid.systems import JeffcottRotor
 from floquid.testing import pair_exponents
+from floquid.views import with_error
 
 PUBLISHED = {"X, Y": 0.013, "X_tt, Y_tt": 0.031}
 """The largest errors of A(t) that the paper states: 0.013 with the mass's displacements, 3.1 % with the turntable's."""
@@ -57,7 +58,7 @@ def demo(
     system
         The system: jeffcott, a rotor on an anisotropic shaft in anisotropic bearings.
     out
-        A folder for record.npz, result.h5, summary.json, settings.toml and figures/.
+        A folder for record.npz, result.h5, summary.json, settings.toml, figures/ and report.html.
     periods
         The length of the record, in periods of the system.
     noise
@@ -78,7 +79,7 @@ def demo(
     if paper:
         _demo_of_paper(out, periods, noise, seed, draws, format)
         return
-    with result_folder(out) as folder, progress(STAGES + 4) as report:
+    with result_folder(out) as folder, progress(STAGES + 6) as report:
         report("simulating")
         record = rotor.simulate(n_periods=periods, noise=noise, seed=seed)
         analysis = _identify(rotor, record, report)
@@ -101,7 +102,7 @@ def _demo_of_paper(out: Path, periods: int, noise: float, seed: int, draws: int,
 
     if draws < 1:
         raise input_error("--draws", "floquid demo", "be at least 1", f"is {draws}")
-    with result_folder(out, PAPER_FILES) as folder, progress(draws + 6) as report:
+    with result_folder(out, PAPER_FILES) as folder, progress(draws + 8) as report:
         done = reproduce(seed=seed, draws=draws, n_periods=periods, noise=noise, report=report)
         report("collecting the numbers")
         rows = numbers(done)

@@ -130,7 +130,7 @@ def identify(
         End with exit code 3 and the reasons where the model does not pass its checks; the result is written all the
         same.
     out
-        A folder for result.h5, summary.json, settings.toml and figures/.
+        A folder for result.h5, summary.json, settings.toml, figures/ and report.html, a page for the browser.
     format
         text prints tables; json prints summary.json alone.
     settings
@@ -173,7 +173,7 @@ def identify(
         )
     with (
         nullcontext() if out is None else result_folder(out) as folder,
-        progress(STAGES + (3 if out else 0) + (3 if choices.settings.structure else 0)) as report,
+        progress(STAGES + (5 if out else 0) + (3 if choices.settings.structure else 0)) as report,
     ):
         records, choices = read_records(files, choices, OF, report)
         analysis = identify_records(records, choices.resolved(), report=report)

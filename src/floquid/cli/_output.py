@@ -17,16 +17,16 @@ import numpy as np
 from floquid._checks import input_error
 from floquid.core import Record
 from floquid.pipeline import Analysis
+from floquid.plot import FIGURES as DRAWN
 from floquid.readers import write
 from floquid.store import save, summary
 
 Truth = tuple[np.ndarray, np.ndarray]
 """Instants (times,) [s] and the true A at each (times, n, n)."""
 
-FILES = ("record.npz", "result.h5", "summary.json", "settings.toml")
-FIGURES = ("time_record.png", "composite.png", "system_elements.png")
-OF_A_SHAFT = ("speed.png",)
-"""The figure of a record with a tachometer or an azimuth."""
+FILES = ("record.npz", "result.h5", "summary.json", "settings.toml", "report.html")
+FIGURES = tuple(f"{name}.png" for name in DRAWN)
+"""The figures that there may be: some need an A(t), or a tachometer."""
 UNFINISHED = ".floquid-unfinished-"
 """What the folder is called in which a result is put together; it is left behind when the machine or a kill ends it."""
 
@@ -48,12 +48,13 @@ class ResultFolder:
         truth: Truth | None = None,
         others: Mapping[str, Callable[[Path], object]] = MappingProxyType({}),
     ) -> None:
-        """Write result.h5, summary.json, settings.toml and the figures, then move them to their names together.
+        """Write the result, its summary, settings, figures and report, then move them to their names together.
 
         `others` are further files by their names in the folder, each with a function that writes it to a path. Nothing
         of an earlier result is touched before all of this one is on the disk.
         """
         from floquid.plot import save_figures
+        from floquid.reporting import report as write_report
 
         report("writing the result")
         if record is not None:
@@ -64,6 +65,9 @@ class ResultFolder:
         report("drawing the figures")
         (self.unfinished / "figures").mkdir()
         save_figures(analysis, self.unfinished / "figures", truth=truth)
+        write_report(
+            analysis, self.unfinished / "report.html", truth=None if analysis.state is None else truth, progress=report
+        )
         for name, make in others.items():
             make(self.unfinished / name)
         self._publish(tuple(others))
@@ -71,7 +75,7 @@ class ResultFolder:
     def _publish(self, others: Sequence[str]) -> None:
         figures = self.path / "figures"
         figures.mkdir(exist_ok=True)
-        for name in (*FIGURES, *OF_A_SHAFT):
+        for name in FIGURES:
             new = self.unfinished / "figures" / name
             if new.exists():
                 new.replace(figures / name)
@@ -119,7 +123,7 @@ def _refuse_obstacles(path: Path, others: Sequence[str]) -> None:
     figures = path / "figures"
     if figures.exists() and not figures.is_dir():
         raise _unusable(path, f"{figures} is a file")
-    for file in [*(path / name for name in (*FILES, *others)), *(figures / name for name in (*FIGURES, *OF_A_SHAFT))]:
+    for file in [*(path / name for name in (*FILES, *others)), *(figures / name for name in FIGURES)]:
         if file.is_dir():
             raise _unusable(path, f"{file} is a folder")
 

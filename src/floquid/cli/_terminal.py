@@ -10,12 +10,12 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 
-from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 from floquid.periodic import participation
-from floquid.pipeline import CONFIDENT, Analysis
+from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.validation import Validation
+from floquid.views import MODE_NOTES, is_real, mode_notes, upper_modes, with_error
 
 LEGEND = (
     "λ: Floquet exponent, on the branch of its physical frequency; f = |λ|/2π; ζ = -Re λ/|λ|; |μ| = e^(Re λ T), the "
@@ -27,26 +27,10 @@ NOISE = "White noise found, standard deviation"
 RARE = 0.01
 """The probability of a structure's misfit below which it is told that chance seldom leaves as much."""
 
-NOTES = {
-    "weak": "weakly determined",
-    "μ<0": "a negative real multiplier, no pair",
-    "μ>0": "a positive real multiplier, no pair",
-    "grows": "unstable",
-}
-"""The words of the modes' table and what they mean; they are short, for the table has to fit 80 columns."""
-
 
 def terminal(*, stderr: bool = False) -> Console:
     """A console that prints names and units as they are: brackets are no markup, colons no emoji."""
     return Console(stderr=stderr, markup=False, emoji=False, highlight=False)
-
-
-def with_error(value: float, std: float) -> str:
-    """A value with its standard deviation in units of the last digits: -0.0020013(19) is -0.0020013 ± 0.0000019."""
-    if not np.isfinite(std) or std <= 0:
-        return f"{value:.6g}"
-    digits = max(0, 1 - int(np.floor(np.log10(std))))
-    return f"{value:.{digits}f}({round(std * 10**digits)})" if digits <= 10 else f"{value:.10g}"
 
 
 def print_analysis(analysis: Analysis) -> None:
@@ -55,8 +39,8 @@ def print_analysis(analysis: Analysis) -> None:
     _print_record(console, analysis)
     print_title(console, f"Modes: order {analysis.model.order}, conjugates counted one by one")
     print_modes(console, analysis)
-    used = {word for r in upper_modes(analysis.model) for word in _notes(analysis.model, r)}
-    meanings = [f"{word}: {meaning}" for word, meaning in NOTES.items() if word in used]
+    used = {word for r in upper_modes(analysis.model) for word in mode_notes(analysis.model, r)}
+    meanings = [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]
     deviations = NO_DEVIATIONS if analysis.model.exponent_std is None else DEVIATIONS
     kept = ", as asked for" if analysis.settings.harmonics is not None else " that rise above the noise"
     kept += ", the residues held to them" if analysis.held else ""
@@ -92,10 +76,11 @@ def print_validation(console: Console, validation: Validation) -> None:
 def print_folder(folder: Path | None, *others: str) -> None:
     """Where the result is, or how to keep it."""
     if folder is None:
-        terminal().print("Add --out DIR to keep the result and the figures.", style="dim")
+        terminal().print("Add --out DIR to keep the result, the figures and a report for the browser.", style="dim")
         return
     names = ", ".join([*others, "result.h5", "summary.json", "settings.toml", "figures/"])
-    terminal().print(f"Written to {folder}/: {names}", soft_wrap=True)
+    terminal().print(f"Written to {folder}/: open report.html in a browser.", soft_wrap=True)
+    terminal().print(f"Beside it: {names}")
 
 
 def _print_record(console: Console, analysis: Analysis) -> None:
@@ -184,7 +169,7 @@ def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
     table = Table(box=None)
     for name in ("", "Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded", "m"):
         table.add_column(name, justify="left" if name == "" else "right", no_wrap=True)
-    notes = [" ".join(_notes(model, r)) for r in upper_modes(model)]
+    notes = [" ".join(mode_notes(model, r)) for r in upper_modes(model)]
     if any(notes) or not derived:
         table.add_column("note")
     for number, r in enumerate(upper_modes(model), start=1):
@@ -207,30 +192,6 @@ def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
             *(notes[number - 1 : number] if any(notes) or not derived else ()),
         )
     return table
-
-
-def _notes(model: PeriodicModel, mode: int) -> list[str]:
-    """The words of `NOTES` that a mode deserves."""
-    error = complex(np.nan, np.nan) if model.exponent_std is None else model.exponent_std[mode]
-    real, multiplier = is_real(model, mode), model.multipliers[mode]
-    deserved = {
-        "weak": max(error.real, error.imag) > CONFIDENT * model.fundamental,
-        "μ<0": real and multiplier.real < 0,
-        "μ>0": real and multiplier.real >= 0,
-        "grows": model.exponents[mode].real > 4 * error.real,
-    }
-    return [word for word in NOTES if deserved[word]]
-
-
-def is_real(model: PeriodicModel, mode: int) -> bool:
-    """Whether the multiplier is real: the mode is its own conjugate."""
-    multiplier = model.multipliers[mode]
-    return abs(multiplier.imag) < 1e-9 * abs(multiplier)
-
-
-def upper_modes(model: PeriodicModel) -> list[int]:
-    """One mode of each conjugate pair, and each mode that is its own conjugate."""
-    return [r for r in range(model.order) if model.exponents[r].imag > 0 or is_real(model, r)]
 
 
 def print_state(console: Console, analysis: Analysis) -> None:

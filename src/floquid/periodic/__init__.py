@@ -3,7 +3,7 @@
 `constrain` finishes it with residues held to their harmonics.
 """
 
-from floquid.periodic._assemble import assemble
+from floquid.periodic._assemble import assemble, physical_exponents
 from floquid.periodic._constrain import Constrained, constrain
 from floquid.periodic._estimate_at import estimate_at
 from floquid.periodic._evidence import combinations_of
@@ -46,6 +46,7 @@ __all__ = [
     "own_period",
     "participation",
     "periodicity",
+    "physical_exponents",
     "refit",
     "select_bands",
     "spacing",

@@ -88,6 +88,42 @@ def assemble(
     )
 
 
+def physical_exponents(modal: ModalModel, lifted: Lifted) -> NDArray[np.complex128]:
+    r"""The exponents of a modal model, each on the branch whose zeroth harmonic carries most of the shape's energy.
+
+    .. math:: \lambda_r = \frac{\ln \mu_r}{T} + i n_r \omega
+
+    (Allen 2009, eqs. 4-6.) Channels are weighted by the inverse of their noise, conjugates are moved together, ties go
+    to the larger \|Im λ\|. `assemble` reports the same ones.
+
+    Parameters
+    ----------
+    modal
+        The modal model of `lifted.responses`.
+    lifted
+        The lifted responses.
+
+    Returns
+    -------
+    numpy.ndarray
+        The exponents in the order of `modal` (modes,) [1/s].
+
+    Raises
+    ------
+    InputError
+        The models do not belong together.
+    """
+    _check(modal, lifted, 0, "physical_exponents")
+    found = np.array(modal.poles)
+    for r in np.flatnonzero(modal.multipliers.imag >= 0):
+        turn = _physical_turn(modal, lifted, int(r))
+        found[r] += 2j * np.pi * turn / lifted.period
+        partner = _partner(modal, int(r))
+        if partner != r:
+            found[partner] = found[r].conj()
+    return found
+
+
 def _estimates(
     modal: ModalModel, lifted: Lifted, found: _Expansion, kept: NDArray[np.bool_], order: list[int]
 ) -> Estimates:
@@ -113,12 +149,12 @@ def _has_deviations(modal: ModalModel) -> bool:
     return not (modal.covariance is None or modal.residue_spread is None or modal.residue_slope is None)
 
 
-def _check(modal: ModalModel, lifted: Lifted, harmonics: int | None) -> None:
+def _check(modal: ModalModel, lifted: Lifted, harmonics: int | None, of: str = "assemble") -> None:
     """Refuse models that do not belong together and harmonics that cannot be had."""
     if modal.residues.shape[1:] != (lifted.n_channels * lifted.n_phases, lifted.n_hits):
         raise input_error(
             "modal",
-            "assemble",
+            of,
             "be a model of `lifted.responses`",
             f"its residues have shape {modal.residues.shape} and the responses {lifted.responses.values.shape}",
         )

@@ -9,12 +9,14 @@ from floquid.plot._composite import composite
 from floquid.plot._exponents import exponents
 from floquid.plot._indicators import indicators
 from floquid.plot._residues import coefficients, residues
-from floquid.plot._save import save_figure, save_figures
+from floquid.plot._save import FIGURES, save_figure, save_figures
 from floquid.plot._shapes import periodic_shapes
 from floquid.plot._spectra import spectra
 from floquid.plot._speed import speed
 from floquid.plot._stabilisation import stabilisation
 from floquid.plot._stability_map import stability_map
+from floquid.plot._synchronisation import synchronisation
+from floquid.plot._synthesis import synthesis
 from floquid.plot._system_elements import system_elements
 from floquid.plot._time_record import time_record
 
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
 
 __all__ = [
+    "FIGURES",
     "coefficients",
     "composite",
     "exponents",
@@ -35,6 +38,8 @@ __all__ = [
     "speed",
     "stabilisation",
     "stability_map",
+    "synchronisation",
+    "synthesis",
     "system_elements",
     "time_record",
 ]

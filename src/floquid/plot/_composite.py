@@ -10,7 +10,8 @@ import numpy as np
 from floquid.lti import WHITE, Composites, composites
 from floquid.pipeline import Analysis
 from floquid.plot._several import several
-from floquid.plot._style import BLACK, BLUE, GREY, ORANGE, VERMILION, envelope, finish, new_figure, plain, style
+from floquid.plot._style import BLACK, BLUE, GREY, ORANGE, VERMILION, finish, new_figure, plain, style
+from floquid.views import envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,14 +1,16 @@
-"""Floquet exponents with their families, and multipliers about the unit circle."""
+"""Floquet exponents with their families, and multipliers about the unit circle: those of a known A(t)."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import input_error
+from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, stability, upper_modes
+from floquid.plot._identified_exponents import identified_exponents
 from floquid.plot._several import legend_of_all
 from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, style
 
@@ -32,17 +34,24 @@ _GROWS = {"linestyle": "none", "marker": "^", "color": VERMILION, "markersize": 
 _COPIES = {"linestyle": "none", "marker": ".", "color": GREY, "markersize": 4.0, "alpha": 0.8}
 
 
-def exponents(modes: FloquetModes) -> Figure:
+def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = None) -> Figure:
     """The exponents with their families λ + imω, and the multipliers about the unit circle.
 
     Exponents are the representatives, whose zeroth harmonic is the strongest of the shape, numbered as pairs in the
-    order of `modes`; the dashed lines are the edges of the principal strip, ±ω/2. Scales are logarithmic where sizes
-    are vastly different: multipliers then keep their angle, and rings tell their size.
+    order of `modes`; the dashed lines are the edges of the principal strip, ±ω/2.
+
+    Those of an identified model have the regions that hold the true value with 95 %. Such a region is seldom seen at
+    full scale, so that each mode is drawn a second time close up, off its estimate, which is written above with its
+    deviation in units of the last digits. The truth, where it is given, is moved by whole multiples of iω next to the
+    estimate it belongs to. Of a known A(t) whose exponents differ vastly, scales are logarithmic: multipliers then keep
+    their angle, and rings tell their size.
 
     Parameters
     ----------
     modes
-        What `floquet.modes` found.
+        What `floquet.modes` found, or the model that `identify` found.
+    truth
+        The true exponents (exponents,) [1/s], of a model alone; on any branch, and of a conjugate pair one will do.
 
     Returns
     -------
@@ -52,11 +61,17 @@ def exponents(modes: FloquetModes) -> Figure:
     Raises
     ------
     InputError
-        `modes` is not a FloquetModes.
+        `modes` is neither, or the truth is no list of numbers or given for modes that are known.
     """
     of = "exponents"
+    if isinstance(modes, PeriodicModel):
+        return identified_exponents(modes, truth, of)
+    if truth is not None:
+        must, got = "be given for an identified model alone", f"is {truth!r:.60}"
+        raise input_error("truth", of, must, got, "Leave it out: the exponents of a known A(t) are the truth.")
     if not isinstance(modes, FloquetModes):
-        raise input_error("modes", of, "be a FloquetModes", f"is {modes!r:.60}", "Pass floquet.modes(A, period).")
+        must, remedy = "be a FloquetModes or a PeriodicModel", "Pass floquet.modes(A, period) or analysis.model."
+        raise input_error("modes", of, must, f"is {modes!r:.60}", remedy)
     with style():
         figure = new_figure(7.0, 3.9)
         left, right = figure.subplots(1, 2, width_ratios=(1, 1))

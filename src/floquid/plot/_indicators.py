@@ -19,11 +19,11 @@ from floquid.plot._style import (
     ORANGE,
     PURPLE,
     VERMILION,
-    envelope,
     new_figure,
     plain,
     style,
 )
+from floquid.views import envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
-from floquid.core import PeriodicModel, channels_named
-from floquid.periodic import assemble
+from floquid.core import channels_named
 from floquid.pipeline import Analysis
 from floquid.plot._several import LOOKS, degrees_a_period, entitled, label_angle, legend_of_all, several
 from floquid.plot._style import GREY, SIZE, label_values, new_figure, plain, style
+from floquid.views import expansion, identified_residue
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -162,61 +161,6 @@ def coefficients(
     return figure
 
 
-@dataclass(frozen=True, slots=True)
-class Expansion:
-    """The P Fourier coefficients of a residue: harmonics, magnitudes, whether kept, and deviations, all (phases,)."""
-
-    harmonics: NDArray[np.int64]
-    magnitudes: NDArray[np.float64]
-    kept: NDArray[np.bool_]
-    std: NDArray[np.float64] | None
-
-
-def expansion(analysis: Analysis, mode: int, row: int, hit: int) -> Expansion:
-    """The coefficients of the harmonics up to the Nyquist frequency, |Im λ/ω + m| ≤ P/2."""
-    model, phases = analysis.model, analysis.lifted.n_phases
-    harmonics = nyquist_band(model, mode, phases)
-    angles = model.fundamental * np.multiply.outer(harmonics, analysis.lifted.phase_times)
-    magnitudes = np.abs(np.exp(-1j * angles) @ identified(analysis, mode, row, hit)) / phases
-    kept = np.isin(harmonics, model.harmonics[model.coefficients[mode, row, hit] != 0])
-    std = None
-    most = (phases - 1) // 2
-    if model.coefficient_std is not None:
-        # Of every harmonic, kept or not: those that the model left out have their deviations from the same formula.
-        whole = assemble(analysis.modal, analysis.lifted, harmonics=most)
-        assert whole.coefficient_std is not None
-        own = np.abs(whole.coefficient_std[mode, row, hit])
-        std = np.full(phases, np.nan)
-        for place, harmonic in enumerate(harmonics):
-            if own[whole.harmonics == harmonic].any():
-                std[place] = own[whole.harmonics == harmonic][0]
-    return Expansion(harmonics, magnitudes, kept, std)
-
-
-def identified(analysis: Analysis, mode: int, row: int, hit: int) -> NDArray[np.complex128]:
-    """The residue of one mode, channel and hit at each phase, the delay taken off (phases,) (eq. 9).
-
-    Of whitened responses the filter's gain is taken off each of the P harmonics.
-    """
-    model, modal, lifted = analysis.model, analysis.modal, analysis.lifted
-    own = int(np.argmin(np.abs(modal.multipliers - model.multipliers[mode])))
-    delayed = lifted.by_channel(modal.residues[own])[row, :, hit]
-    found = delayed * np.exp(-model.exponents[mode] * lifted.phase_times)
-    if lifted.whitening is None:
-        return found
-    harmonics = nyquist_band(model, mode, lifted.n_phases)
-    turns = np.exp(1j * model.fundamental * np.multiply.outer(harmonics, lifted.phase_times))
-    coefficients = turns.conj() @ found / lifted.n_phases
-    gain = lifted.gain(model.exponents[mode] + 1j * model.fundamental * harmonics)[row]
-    return (coefficients / gain) @ turns
-
-
-def nyquist_band(model: PeriodicModel, mode: int, phases: int) -> NDArray[np.int64]:
-    """The P harmonics up to the Nyquist frequency, |Im λ/ω + m| ≤ P/2."""
-    first = int(np.ceil(-0.5 * phases - model.exponents[mode].imag / model.fundamental))
-    return np.arange(first, first + phases)
-
-
 def chosen_modes(named: dict[str, Analysis], mode: int, hit: int, of: str) -> dict[str, int]:
     """The index of the mode in each analysis: that of the first, and those nearest to it.
 
@@ -255,7 +199,7 @@ def draw_residue(
         for look, (name, one) in zip(LOOKS, named.items(), strict=False):
             period, mode = one.model.period, modes[name]
             times = np.linspace(0.0, period, 361)
-            points = getattr(identified(one, mode, row, hit), part)
+            points = getattr(identified_residue(one, mode, row, hit), part)
             smooth = getattr(one.model.shapes(times)[mode, row, hit], part)
             phase = (one.lifted.phase_times / period % 1.0) * degrees
             axes.plot(phase, points, **look.points, label=entitled(name, "identified"))

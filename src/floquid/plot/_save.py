@@ -2,26 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._checks import input_error
 from floquid._files import as_path, atomic_path
+from floquid.order import indicators as found_indicators
 from floquid.pipeline import Analysis
 from floquid.plot._composite import composite
+from floquid.plot._exponents import exponents
+from floquid.plot._indicators import indicators
+from floquid.plot._residues import coefficients, residues
+from floquid.plot._shapes import periodic_shapes
+from floquid.plot._spectra import spectra
 from floquid.plot._speed import speed
 from floquid.plot._style import style
+from floquid.plot._synchronisation import synchronisation
+from floquid.plot._synthesis import synthesis
 from floquid.plot._system_elements import system_elements
 from floquid.plot._time_record import time_record
+from floquid.views import upper_modes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Format = Literal["png", "svg", "pdf"]
+
+FIGURES = (
+    "time_record",
+    "spectra",
+    "composite",
+    "indicators",
+    "exponents",
+    "periodic_shapes",
+    "residues",
+    "coefficients",
+    "synthesis",
+    "synchronisation",
+    "system_elements",
+    "speed",
+)
+"""The names of the figures that `save_figures` may write."""
+
+MOST_CHANNELS = 6
+"""Channels of the figure of residues."""
 
 # What would make two files of one figure differ.
 _NO_DATE = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
@@ -35,9 +64,11 @@ def save_figures(
     formats: Sequence[Format] = ("png",),
     dpi: float = 150.0,
 ) -> tuple[Path, ...]:
-    """Write `time_record`, `composite`, with an A(t) `system_elements`, and with a tachometer `speed`.
+    """Write every figure that the analysis allows, each under the name of its function (`FIGURES`).
 
-    Each file appears whole or not at all.
+    `residues`, `coefficients` and `synthesis` are of the mode, the channel and the hit that rise highest above the
+    noise. `system_elements` needs an A(t), and `speed` a tachometer. A scan over orders is not in an analysis: for its
+    figure there is `stabilisation`. Each file appears whole or not at all.
 
     Parameters
     ----------
@@ -67,20 +98,58 @@ def save_figures(
     if isinstance(formats, str) or not all(form in get_args(Format) for form in formats):
         words = ", ".join(f'"{form}"' for form in get_args(Format))
         raise input_error("formats", of, f"be a list of {words}", f"is {formats!r}", 'Pass e.g. ["png", "pdf"].')
-    figures: dict[str, Figure] = {"time_record": time_record(analysis), "composite": composite(analysis)}
-    if analysis.state is not None:
-        figures["system_elements"] = system_elements(
-            analysis.state, truth=truth, period=analysis.model.period, channels=analysis.model.channels
-        )
-    if analysis.shafts:
-        figures["speed"] = speed(analysis.shafts[0])
+    from threadpoolctl import threadpool_limits
+
     written = []
-    for name, figure in figures.items():
+    for name, draw in _drawings(analysis, truth).items():
+        # The matrices are many and small: threads inside BLAS would wait for each other, as in `identify`.
+        with threadpool_limits(limits=1, user_api="blas"):
+            figure = draw()
         for form in formats:
             path = place / f"{name}.{form}"
             _write(figure, path, form, dpi, of=of, argument="folder")
             written.append(path)
     return tuple(written)
+
+
+def _drawings(analysis: Analysis, truth: tuple[ArrayLike, ArrayLike] | None) -> dict[str, Callable[[], Figure]]:
+    """The figures that there are, by name; one is drawn after the other, so that one alone is held."""
+    model = analysis.model
+    mode, row, hit = _strongest(analysis)
+    channels = [model.channels[k].name for k in _strongest_channels(analysis, mode, hit)]
+    drawings: dict[str, Callable[[], Figure]] = {
+        "time_record": lambda: time_record(analysis),
+        "spectra": lambda: spectra(analysis),
+        "composite": lambda: composite(analysis),
+        "indicators": lambda: indicators(found_indicators(analysis.lifted.responses, analysis.modal)),
+        "exponents": lambda: exponents(model),
+        "periodic_shapes": lambda: periodic_shapes(model, hit=hit),
+        "residues": lambda: residues(analysis, mode, channels, hit=hit),
+        "coefficients": lambda: coefficients(analysis, mode, model.channels[row].name, hit=hit),
+        "synthesis": lambda: synthesis(analysis, model.channels[row].name, hit=hit),
+        "synchronisation": lambda: synchronisation(analysis, hit=hit),
+    }
+    if (state := analysis.state) is not None:
+        drawings["system_elements"] = lambda: system_elements(
+            state, truth=truth, period=model.period, channels=model.channels
+        )
+    if analysis.shafts:
+        drawings["speed"] = lambda: speed(analysis.shafts[0])
+    return drawings
+
+
+def _strongest(analysis: Analysis) -> tuple[int, int, int]:
+    """The mode, channel and hit of the largest response over the noise; of a pair the mode above the real axis."""
+    model, upper = analysis.model, upper_modes(analysis.model)
+    energy = np.sum(np.abs(model.coefficients[list(upper)]) ** 2, axis=3) / analysis.noise**2
+    place, row, hit = np.unravel_index(int(np.argmax(energy)), energy.shape)
+    return upper[place], int(row), int(hit)
+
+
+def _strongest_channels(analysis: Analysis, mode: int, hit: int) -> list[int]:
+    """The channels in which a mode is strongest over the noise, as many as fit a figure, in their own order."""
+    energy = np.sum(np.abs(analysis.model.coefficients[mode, :, hit]) ** 2, axis=1) / analysis.noise[:, hit] ** 2
+    return sorted(np.argsort(-energy, kind="stable")[:MOST_CHANNELS].tolist())
 
 
 def save_figure(figure: Figure, path: str | PathLike[str], *, dpi: float = 150.0) -> Path:

@@ -94,11 +94,16 @@ def legend_of_all(figure: Figure) -> None:
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
-    rows = 1
-    while rows < len(entries) and _characters(list(entries), -(-len(entries) // rows)) > ACROSS:
-        rows += 1
-    columns = -(-len(entries) // rows)
+    columns = columns_that_fit(list(entries))
     figure.legend(list(entries.values()), list(entries), loc="outside upper center", ncols=columns)
+
+
+def columns_that_fit(labels: list[str], across: int = ACROSS) -> int:
+    """In how many columns a legend fits a width of so many characters, in as few rows as it can."""
+    rows = 1
+    while rows < len(labels) and _characters(labels, -(-len(labels) // rows)) > across:
+        rows += 1
+    return -(-len(labels) // rows)
 
 
 def _characters(labels: list[str], columns: int) -> int:

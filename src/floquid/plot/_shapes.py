@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
+from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, multiplier_is_real, stability, state_participation, upper_modes
+from floquid.plot._identified_shapes import identified_shapes
 from floquid.plot._indicators import plain_decades
 from floquid.plot._several import label_angle, legend_of_all
 from floquid.plot._style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, new_figure, plain, style
@@ -38,27 +40,38 @@ _SHORT = 30
 
 
 def periodic_shapes(
-    modes: FloquetModes,
+    modes: FloquetModes | PeriodicModel,
     states: Sequence[str] | None = None,
     of: Sequence[int] | None = None,
     *,
-    parts: Parts = "polar",
+    parts: Parts | None = None,
+    hit: int = 0,
 ) -> Figure:
-    """The periodic shapes of modes over the period, of their strongest states, and the parts of their harmonics.
+    """The periodic shapes of modes over the period, and the parts of their harmonics.
 
-    A row a mode, by rising damping; each shape is scaled so that the strongest coefficient of its zeroth harmonic is
-    one, in the units of the states. The states drawn are those that take most part in the modes.
+    Those of an identified model are drawn as they are, in the units of the channels, with bands that hold the true
+    value at each phase with 95 %: a row for each mode and unit. In polar form a band is that of a circle with the
+    larger of the deviations of real and imaginary part.
+
+    Those of a known A(t) have a row a mode, by rising damping; each shape is scaled so that the strongest coefficient
+    of its zeroth harmonic is one, in the units of the states. The states drawn are those that take most part in the
+    modes.
 
     Parameters
     ----------
     modes
-        What `floquet.modes` found.
+        What `floquet.modes` found, or the model that `identify` found.
     states
-        The names of the states (n,); x1, x2, ... where not given.
+        The names of the states (n,); x1, x2, ... where not given. Of an identified model, the names of the channels to
+        draw; all where not given, or of each unit the strongest five.
     of
-        The indices of the modes, up to six; by default the three that decay most slowly, one of each pair.
+        The indices of the modes, up to six; by default three, one of each pair: those that decay most slowly, of an
+        identified model the strongest.
     parts
-        "polar", magnitude and phase, or "cartesian", real and imaginary part.
+        "polar", magnitude and phase, or "cartesian", real and imaginary part; by default polar, of an identified model
+        cartesian.
+    hit
+        Which of the hits, from 0, of an identified model.
 
     Returns
     -------
@@ -68,13 +81,17 @@ def periodic_shapes(
     Raises
     ------
     InputError
-        `modes` is not a FloquetModes, there are not as many names as states, or a mode is not there.
+        `modes` is neither, there are not as many names as states, or a mode, channel or hit is not there.
     """
     name = "periodic_shapes"
-    if not isinstance(modes, FloquetModes):
-        raise input_error("modes", name, "be a FloquetModes", f"is {modes!r:.60}", "Pass floquet.modes(A, period).")
-    if parts not in get_args(Parts):
+    if parts is not None and parts not in get_args(Parts):
         raise input_error("parts", name, 'be "polar" or "cartesian"', f"is {parts!r}")
+    if isinstance(modes, PeriodicModel):
+        return identified_shapes(modes, states, of, hit, polar=parts == "polar", name=name)
+    if not isinstance(modes, FloquetModes):
+        must, remedy = "be a FloquetModes or a PeriodicModel", "Pass floquet.modes(A, period) or analysis.model."
+        raise input_error("modes", name, must, f"is {modes!r:.60}", remedy)
+    parts = parts or "polar"
     names = _names(modes, states, name)
     rows = _rows(modes, of, name)
     shares = state_participation(modes)

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer, positive
 from floquid.core import channels_named
-from floquid.lti import WHITE
 from floquid.pipeline import Analysis
-from floquid.plot._several import degrees_a_period
+from floquid.plot._several import columns_that_fit, degrees_a_period
 from floquid.plot._style import (
     BLACK,
     BLUE,
@@ -23,11 +22,11 @@ from floquid.plot._style import (
     SIZE,
     SKY,
     VERMILION,
-    envelope,
     new_figure,
     plain,
     style,
 )
+from floquid.views import Family, envelope, families, lifted_spectrum, record_spectrum, upper_modes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,6 +34,9 @@ if TYPE_CHECKING:
 
 COLORS = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY)
 DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), "-.")
+
+BESIDE = 88
+"""Characters of a row of a legend that is as wide as the axes."""
 
 DEPTH = 0.1
 """Where the axis of magnitudes ends, as a share of the lowest level of noise."""
@@ -57,8 +59,10 @@ def spectra(
               T \Big| \sum_m y_k[m]\, e^{-i\Omega m T} \Big|
 
     (Allen 2009, figures 3 and 4.) A mode shows in the record as a family of peaks at |Im λ + mω|, those of the
-    harmonics kept being marked, and once in each lifted response, folded into the band from 0 to ω/2. Dotted lines are
-    the mean magnitude of the noise found in each channel. The whole periods of the record are transformed.
+    harmonics kept being marked, and once in each lifted response, folded into the band from 0 to ω/2. Between
+    the two, each mode has a row: a filled mark is its strongest line, rings are the others, each with its harmonic m.
+    Dotted lines are the mean magnitude of the noise found in each channel. The whole periods of the record are
+    transformed.
 
     Parameters
     ----------
@@ -83,7 +87,7 @@ def spectra(
     Returns
     -------
     matplotlib.figure.Figure
-        The record above, the lifted responses below.
+        The record above, the families of its lines, and the lifted responses below.
 
     Raises
     ------
@@ -103,7 +107,9 @@ def spectra(
         raise input_error("channels", of, f"name one to {len(COLORS)} channels", f"names {len(rows)}", "Choose some.")
     integer(points, "points", of, at_least=2)
     turn, unit = (2.0 * np.pi, "rad/s") if angular else (1.0, "Hz")
-    marks = _families(analysis, rows) * turn / (2.0 * np.pi)
+    scale = turn / (2.0 * np.pi)
+    shown = _shown(analysis, rows)
+    marks = np.concatenate([family.omega for family in shown] or [np.zeros(0)]) * scale
     end = 0.5 * cycles[hit].n_phases / analysis.lifted.period * turn
     wanted = max(marks, default=end) + 0.5 * turn / analysis.lifted.period
     end = min(end, wanted if limit is None else positive(limit, "limit", of, unit=unit))
@@ -111,19 +117,28 @@ def spectra(
     first, step = cycles[hit].first_phase, 1.0 / cycles[hit].n_phases
     angles = {phase: f"{(first + phase * step) % 1.0 * degrees:.4g}°" for phase in chosen}
     with style():
-        figure = new_figure(7.0, 6.0)
-        panels = figure.subplots(2, 1)
+        # The strip of the families has no more room than it needs.
+        strip = 0.5 + 0.17 * max(len(shown), 1)
+        figure = new_figure(7.0, 5.8 + strip)
+        grid = figure.add_gridspec(3, 1, height_ratios=(2.5, strip, 2.5))
+        panels = [figure.add_subplot(grid[row]) for row in (0, 2)]
+        below = figure.add_subplot(grid[1], sharex=panels[0])
         _draw_record(panels[0], analysis, rows, hit, marks, turn=turn, end=end, points=points)
         _draw_lifted(panels[1], analysis, rows, angles, hit, turn=turn, points=points)
-        panels[0].set_xlabel(f"frequency [{unit}]")
+        upper = upper_modes(analysis.model)
+        numbers = [upper.index(family.mode) + 1 for family in shown]
+        _draw_families(below, shown, numbers, scale=scale, end=end)
+        panels[0].tick_params(labelbottom=False)
+        below.set_xlabel(f"frequency [{unit}]")
         panels[1].set_xlabel(rf"frequency in the lifted band, 0 to $\omega$/2 [{unit}]")
         what = "phase" if periods_per_revolution is None else "shaft angle"
         name = f"magnitude [{_unit({listed[row].unit for row in rows})}]"
         for axes, subject in zip(panels, ("the record", f"lifted responses, by {what}"), strict=True):
             axes.set_ylabel(f"{name}\n{subject}")
             axes.tick_params(labelsize=SIZE)
-            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.2)
-        figure.align_ylabels(panels)
+            columns = min(columns_that_fit(axes.get_legend_handles_labels()[1], BESIDE), 4)
+            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2)
+        figure.align_ylabels([*panels, below])
     return figure
 
 
@@ -141,16 +156,42 @@ def _draw_record(
     """The transforms of the record's whole periods, up to the frequency `end`, and the families' peaks."""
     levels = []
     for color, row in zip(COLORS, rows, strict=False):
-        frequencies, values, level = record_spectrum(analysis, row, hit)
-        levels.append((frequencies * turn, level))
-        inside = frequencies * turn <= end
-        curve = envelope(frequencies[inside] * turn, values[inside], points)
+        found = record_spectrum(analysis, row, hit)
+        x = found.omega * turn / (2.0 * np.pi)
+        levels.append((x, found.noise))
+        inside = x <= end
+        curve = envelope(x[inside], found.values[inside], points)
         axes.plot(*curve, color=color, linewidth=0.8, label=plain(analysis.lifted.channels[row].name))
     _draw_levels(axes, levels)
-    for number, mark in enumerate(marks):
+    for number, mark in enumerate(np.unique(marks.round(12))):
         label = r"identified, $|\mathrm{Im}\,\lambda + m\omega|$" if number == 0 else None
         axes.axvline(mark, color=GREY, linestyle=(0, (2, 2)), linewidth=0.8, zorder=1, label=label)
     axes.set_xlim(0.0, end)
+
+
+def _draw_families(axes: Axes, shown: Sequence[Family], numbers: Sequence[int], *, scale: float, end: float) -> None:
+    """A row for each mode: its strongest line filled, the others as rings; harmonics where there is room."""
+    room = 0.025 * end
+    for row, family in enumerate(shown):
+        x, strongest = family.omega * scale, int(np.argmax(family.share))
+        others = np.delete(x, strongest)
+        look = {"linestyle": "none", "marker": "o", "color": BLUE, "markersize": 4.5}
+        axes.plot(x[[strongest]], [row], **look)
+        axes.plot(others, np.full(len(others), row), **look, markerfacecolor="none")
+        for line in np.flatnonzero(x <= end - room):
+            right = np.min(x[x > x[line]], initial=np.inf) - x[line]
+            if right > 2.0 * room:
+                axes.annotate(
+                    f"{family.harmonics[line]:+d}".replace("-", "−") if family.harmonics[line] else "0",
+                    (x[line], row),
+                    xytext=(4.0, -3.0),
+                    textcoords="offset points",
+                    fontsize=7.5,
+                )
+    axes.set_yticks(range(len(shown)), [f"mode {number}" for number in numbers])
+    axes.set_ylim(len(shown) - 0.4, -0.6)
+    axes.tick_params(labelsize=SIZE)
+    axes.grid(axis="y", visible=False)
 
 
 def _draw_lifted(
@@ -161,11 +202,12 @@ def _draw_lifted(
     for color, row in zip(COLORS, rows, strict=False):
         name = plain(analysis.lifted.channels[row].name)
         for number, (phase, angle) in enumerate(angles.items()):
-            frequencies, values, level = lifted_spectrum(analysis, row, phase, hit)
-            curve = envelope(frequencies * turn, values, points)
+            found = lifted_spectrum(analysis, row, phase, hit)
+            x = found.omega * turn / (2.0 * np.pi)
+            curve = envelope(x, found.values, points)
             axes.plot(*curve, color=color, linestyle=DASHES[number], linewidth=1.0, label=f"{name}, {angle}")
             if not number:
-                levels.append((frequencies * turn, level))
+                levels.append((x, found.noise))
     _draw_levels(axes, levels, named=False)
     axes.set_xlim(0.0, 0.5 * turn / analysis.lifted.period)
 
@@ -182,32 +224,6 @@ def _draw_levels(
     axes.set_ylim(bottom=DEPTH * min(float(level.min()) for _, level in levels))
 
 
-Spectrum = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""Frequencies [Hz], magnitudes, and the mean of the noise alone, each (lines,)."""
-
-
-def record_spectrum(analysis: Analysis, row: int, hit: int) -> Spectrum:
-    """That of the whole periods of a channel."""
-    cycles = analysis.cycles[hit]
-    return _spectrum(analysis, row, hit, cycles.values[row].T.ravel(), analysis.lifted.period / cycles.n_phases, 1)
-
-
-def lifted_spectrum(analysis: Analysis, row: int, phase: int, hit: int) -> Spectrum:
-    """That of one lifted response."""
-    cycles = analysis.cycles[hit]
-    return _spectrum(analysis, row, hit, cycles.values[row, phase], analysis.lifted.period, cycles.n_phases)
-
-
-def _spectrum(analysis: Analysis, row: int, hit: int, values: NDArray[np.float64], step: float, folds: int) -> Spectrum:
-    """Noise that was whitened has the colour that the filter took off, folded as often as the response is."""
-    frequencies = np.arange(len(values) // 2 + 1) / (len(values) * step)
-    magnitudes = np.asarray(np.abs(np.fft.rfft(values)) * step, dtype=np.float64)
-    white = WHITE * float(analysis.lifted.noise[row, hit]) * step * np.sqrt(len(values))
-    turns = 2j * np.pi * (frequencies + np.arange(folds)[:, None] / step)
-    colour = np.sqrt(np.mean(np.abs(analysis.lifted.gain(turns)[row]) ** -2.0, axis=0))
-    return frequencies, magnitudes, white * colour
-
-
 def _phases(phases: Sequence[int], n_phases: int, of: str) -> list[int]:
     chosen = list(dict.fromkeys(integer(phase, "phases", of, at_least=0) for phase in phases))
     for phase in chosen:
@@ -218,12 +234,17 @@ def _phases(phases: Sequence[int], n_phases: int, of: str) -> list[int]:
     return chosen
 
 
-def _families(analysis: Analysis, rows: Sequence[int]) -> NDArray[np.float64]:
-    """The frequencies |Im λ + mω| of the harmonics kept in one of the channels, ascending [rad/s]."""
-    model = analysis.model
-    kept = (model.coefficients[:, rows] != 0).any(axis=(1, 2))
-    found = np.abs(model.exponents.imag[:, None] + model.harmonics * model.fundamental)
-    return np.unique(np.round(np.asarray(found[kept], dtype=np.float64), 12))
+def _shown(analysis: Analysis, rows: Sequence[int]) -> list[Family]:
+    """The families, of the harmonics that are kept in one of the channels."""
+    kept = (analysis.model.coefficients[:, rows] != 0).any(axis=(1, 2))
+    shown = []
+    for family in families(analysis):
+        own = np.isin(family.harmonics, analysis.model.harmonics[kept[family.mode]])
+        part = Family(
+            mode=family.mode, harmonics=family.harmonics[own], omega=family.omega[own], share=family.share[own]
+        )
+        shown += [part] if own.any() else []
+    return shown
 
 
 def _unit(units: set[str]) -> str:

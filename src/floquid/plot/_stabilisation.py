@@ -6,19 +6,23 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
 from floquid.lti import Outcome
 from floquid.order import OrderScan, Stability
+from floquid.pipeline import Analysis
 from floquid.plot._indicators import plain_decades, whole_numbers
 from floquid.plot._several import legend_of_all, several
-from floquid.plot._style import BLACK, BLUE, GREEN, GREY, SKY, VERMILION, envelope, new_figure, plain, style
+from floquid.plot._style import BLACK, BLUE, GREEN, GREY, SKY, VERMILION, new_figure, plain, style
+from floquid.views import envelope, families, record_spectrum, unfolded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Behind = Literal["cmif", "composite"]
+Axis = Literal["folded", "unfolded"]
 
 MARKS: dict[Stability, tuple[str, dict[str, Any]]] = {
     Stability.NEW: ("new", {"marker": ".", "color": GREY, "markersize": 3.0}),
@@ -35,6 +39,8 @@ def stabilisation(
     scan: OrderScan | Mapping[str, OrderScan],
     *,
     chosen: int | Mapping[str, int] | None = None,
+    axis: Axis = "folded",
+    analysis: Analysis | Mapping[str, Analysis] | None = None,
     behind: Behind = "cmif",
     points: int = 4000,
     angular: bool = False,
@@ -44,14 +50,24 @@ def stabilisation(
     Lifted responses fold all frequencies into the band from 0 to ω/2. Real multipliers lie on its edges. Behind the
     poles is the largest mode indicator function or the composite, on the axis to the right.
 
+    On the unfolded axis each pole is at |Im λ| on the branch whose zeroth harmonic carries most of its residues
+    (`views.unfolded`), where it is to be looked for on the machine; dotted lines are multiples of ω/2, where the band
+    folds. Behind is the spectrum of the record, a mean over the channels. Poles of noise have no branch of their own:
+    they scatter up to half of the sampling rate, most of them beyond the end of the axis, half a fundamental above the
+    highest line of the analysis.
+
     Parameters
     ----------
     scan
         What `order.scan` found, or several scans by name: then one panel each.
     chosen
         The order chosen, which is marked; of several scans, by name.
+    axis
+        "folded" or "unfolded".
+    analysis
+        What `identify` found in the same responses, for the unfolded axis; of several scans, by name.
     behind
-        "cmif" or "composite".
+        "cmif" or "composite", on the folded axis.
     points
         The most points a curve is drawn with.
     angular
@@ -65,7 +81,8 @@ def stabilisation(
     Raises
     ------
     InputError
-        `scan` is neither, there are more of them than fit a figure, or an option is not possible.
+        `scan` is neither, there are more of them than fit a figure, an option is not possible, or the analysis is
+        missing or of other responses.
     """
     of = "stabilisation"
     named = several(scan, OrderScan, "scan", of)
@@ -74,15 +91,28 @@ def stabilisation(
     integer(points, "points", of, at_least=2)
     orders = _chosen(chosen, named)
     turn, unit = (2.0 * np.pi, "rad/s") if angular else (1.0, "Hz")
+    sources = _sources(axis, analysis, named)
     with style():
         figure = new_figure(7.0, 4.4 if len(named) == 1 else 1.0 + 3.0 * len(named))
         panels = figure.subplots(len(named), squeeze=False)[:, 0]
         for axes, (name, one) in zip(panels, named.items(), strict=True):
-            _draw_curve(axes, one, behind, points, turn)
-            _draw_poles(axes, one, orders.get(name), turn)
+            source = sources.get(name)
+            if source is None:
+                _draw_curve(axes, one, behind, points, turn)
+                end = np.pi / one.indicators.dt
+                _draw_poles(axes, _folded(one), one, turn, end)
+            else:
+                _draw_spectrum(axes, source, points, turn)
+                # Half a fundamental beyond the highest line: past it there are poles of noise alone.
+                highest = max(line for family in families(source) for line in family.omega)
+                end = highest + np.pi / source.lifted.period
+                _draw_poles(axes, _unfolded(one, source), one, turn, end)
+                _draw_folds(axes, source, turn, end)
+            _finish(axes, one, orders.get(name), turn * end / (2.0 * np.pi))
             if name:
                 axes.set_title(plain(name), loc="left")
-        panels[-1].set_xlabel(rf"frequency in the lifted band, 0 to $\omega$/2 [{unit}]")
+        band = "" if sources else r" in the lifted band, 0 to $\omega$/2"
+        panels[-1].set_xlabel(f"frequency{band} [{unit}]")
         legend_of_all(figure)
     return figure
 
@@ -100,25 +130,88 @@ def _chosen(chosen: int | Mapping[str, int] | None, named: Mapping[str, OrderSca
     return {name: integer(order, "chosen", "stabilisation", at_least=1) for name, order in chosen.items()}
 
 
-def _draw_poles(axes: Axes, scan: OrderScan, chosen: int | None, turn: float) -> None:
-    """The poles above the real axis, a form for each level of stability, at `turn` times frequencies in Hz."""
+def _sources(
+    axis: Axis, analysis: Analysis | Mapping[str, Analysis] | None, named: Mapping[str, OrderScan]
+) -> dict[str, Analysis]:
+    """The analysis of each scan, where the axis is the unfolded one."""
+    of = "stabilisation"
+    if axis not in get_args(Axis):
+        raise input_error("axis", of, 'be "folded" or "unfolded"', f"is {axis!r}")
+    if axis == "folded":
+        return {}
+    if analysis is None:
+        remedy = "Pass what `identify` found in the same responses: its noise and phases tell the branch."
+        raise input_error("analysis", of, 'be given for axis="unfolded"', "is None", remedy)
+    found = several(analysis, Analysis, "analysis", of)
+    if set(found) != set(named):
+        must = f"be named as the scans: {', '.join(named)}" if "" not in named else "be one, as the scan"
+        raise input_error("analysis", of, must, f"has {', '.join(found) or 'none'}")
+    return found
+
+
+Poles = tuple[NDArray[np.float64], ...]
+"""The frequency of each pole of each order [rad/s]; NaN for those that are not drawn."""
+
+
+def _folded(scan: OrderScan) -> Poles:
+    """The poles above the real axis."""
+    angles = [np.angle(model.multipliers) for model in scan.models]
+    return tuple(np.where(own >= 0, own, np.nan) / scan.indicators.dt for own in angles)
+
+
+def _unfolded(scan: OrderScan, analysis: Analysis) -> Poles:
+    """The same poles on their branches."""
+    found = unfolded(scan, analysis)
+    upper = [np.angle(model.multipliers) >= 0 for model in scan.models]
+    return tuple(np.where(own, np.abs(lam.imag), np.nan) for own, lam in zip(upper, found, strict=True))
+
+
+def _draw_poles(axes: Axes, poles: Poles, scan: OrderScan, turn: float, end: float) -> None:
+    """The poles up to `end` [rad/s], a form for each level of stability, at `turn` times frequencies in Hz."""
     found: dict[Stability, list[tuple[float, int]]] = {level: [] for level in Stability}
-    for order, model, levels in zip(scan.orders, scan.models, scan.stable, strict=True):
-        if model.outcome is not Outcome.SUCCESS:
-            continue
-        angles = np.angle(model.multipliers)
-        for angle, level in zip(angles[angles >= 0], levels[angles >= 0], strict=True):
-            found[Stability(int(level))].append((float(angle), order))
-    scale = turn / (2.0 * np.pi * scan.indicators.dt)
+    for order, model, levels, own in zip(scan.orders, scan.models, scan.stable, poles, strict=True):
+        if model.outcome is Outcome.SUCCESS:
+            for frequency, level in zip(own, levels, strict=True):
+                if np.isfinite(frequency):
+                    found[Stability(int(level))].append((float(frequency), order))
+    scale = turn / (2.0 * np.pi)
+    # Of a line without points that is not clipped, matplotlib takes the figure's corner for its place.
     for level, (label, look) in MARKS.items():
-        x, y = np.array(found[level], dtype=float).reshape(-1, 2).T
-        axes.plot(x * scale, y, linestyle="none", clip_on=False, zorder=3, label=label, **look)
+        x, y = np.array([pole for pole in found[level] if pole[0] <= end * (1.0 + 1e-9)], float).reshape(-1, 2).T
+        axes.plot(x * scale, y, linestyle="none", clip_on=not len(x), zorder=3, label=label, **look)
+
+
+def _finish(axes: Axes, scan: OrderScan, chosen: int | None, end: float) -> None:
+    """The order chosen, limits and labels."""
     if chosen is not None:
         axes.axhline(chosen, color=BLACK, linestyle="--", linewidth=0.9, zorder=2, label="order chosen")
     lowest, highest = scan.orders[0], scan.orders[-1]
     margin = 0.04 * max(highest - lowest, 1)
-    axes.set(xlim=(0.0, np.pi * scale), ylim=(lowest - margin, highest + margin), ylabel="order [complex poles]")
+    axes.set(xlim=(0.0, end), ylim=(lowest - margin, highest + margin), ylabel="order [complex poles]")
     whole_numbers(axes.yaxis)
+
+
+def _draw_spectrum(axes: Axes, analysis: Analysis, points: int, turn: float) -> None:
+    """The mean of the record's spectra over the noise, of the longest hit, drawn below the poles."""
+    hit = int(np.argmax([cycles.n_cycles for cycles in analysis.cycles]))
+    found = [record_spectrum(analysis, row, hit) for row in range(len(analysis.lifted.channels))]
+    mean = np.mean([one.values / one.noise for one in found], axis=0)
+    other = axes.twinx()
+    x = found[0].omega * turn / (2.0 * np.pi)
+    other.plot(*envelope(x, mean, points), color=SKY, linewidth=1.0, label="spectrum of the record")
+    other.set(yscale="log", ylabel="spectrum of the record / noise [-]")
+    other.set_ylim(bottom=0.5)
+    _put_behind(axes, other)
+
+
+def _draw_folds(axes: Axes, analysis: Analysis, turn: float, end: float) -> None:
+    """Where the lifted band folds."""
+    half = np.pi / analysis.lifted.period
+    for number in range(1, int(end / half * (1.0 - 1e-9)) + 1):
+        label = r"multiples of $\omega$/2" if number == 1 else None
+        axes.axvline(
+            number * half * turn / (2.0 * np.pi), color=GREY, linestyle=":", linewidth=0.9, zorder=1, label=label
+        )
 
 
 def _draw_curve(axes: Axes, scan: OrderScan, behind: Behind, points: int, turn: float) -> None:
@@ -131,6 +224,11 @@ def _draw_curve(axes: Axes, scan: OrderScan, behind: Behind, points: int, turn: 
         *envelope(x, values, points), color=SKY, linewidth=1.2, label="CMIF" if behind == "cmif" else "composite"
     )
     other.set(yscale="log", ylabel=CURVES[behind])
+    _put_behind(axes, other)
+
+
+def _put_behind(axes: Axes, other: Axes) -> None:
+    """Draw the axes to the right below the poles."""
     plain_decades(other)
     other.grid(visible=False)
     axes.set_zorder(other.get_zorder() + 1)

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,23 +91,3 @@ def label_values(axes: Axes, name: str, unit: str, largest: float) -> None:
     factor = f"$10^{{{power}}}$" if power else ""
     words = " ".join(part for part in (factor, plain(unit) if not power or unit != "-" else "") if part)
     axes.set_ylabel(f"{plain(name)} [{words}]" if name else "")
-
-
-def envelope(
-    x: NDArray[np.float64], y: NDArray[np.float64], points: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A curve with at most `points` points that looks the same: of each stretch, its smallest and largest value.
-
-    The points kept are points of the curve, in their order, and no extreme is lost. A short curve is kept whole.
-    """
-    if len(x) <= points:
-        return x, y
-    stretches = max(points // 2, 1)
-    size = -(-len(x) // stretches)
-    padded = np.full(-(-len(x) // size) * size, y[-1])
-    padded[: len(y)] = y
-    blocks = padded.reshape(-1, size)
-    inside = np.stack([blocks.argmin(axis=1), blocks.argmax(axis=1)])
-    kept = np.sort((inside + np.arange(len(blocks)) * size).ravel())
-    kept = np.unique(np.minimum(kept, len(x) - 1))
-    return x[kept], y[kept]

@@ -11,7 +11,8 @@ from floquid._checks import input_error, integer
 from floquid.core import ConstantPeriod, Cycles, channels_named
 from floquid.pipeline import Analysis
 from floquid.plot._several import degrees_a_period
-from floquid.plot._style import BLUE, VERMILION, envelope, finish, label_values, new_figure, plain, style
+from floquid.plot._style import BLUE, VERMILION, finish, label_values, new_figure, plain, style
+from floquid.views import envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

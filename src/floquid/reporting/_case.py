@@ -1,0 +1,63 @@
+"""What the page shows of an analysis: its modes, and of many channels the strongest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from floquid.order import OrderScan
+from floquid.pipeline import Analysis
+from floquid.views import upper_modes
+
+MOST_CHANNELS = 8
+"""Channels that one figure can tell apart; the result file holds all."""
+
+POINTS = 3000
+"""The most points of a curve: a long record keeps its envelope."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """An analysis and what of it is shown."""
+
+    analysis: Analysis
+    scan: OrderScan | None
+    """The poles of several orders; None where the record is too short for any."""
+    modes: tuple[int, ...]
+    """One mode of each pair."""
+    channels: tuple[int, ...]
+    """The strongest channels, in their own order."""
+    hits: tuple[int, ...]
+    """The hit in which each of `modes` is strongest."""
+
+    @property
+    def turn(self) -> float:
+        """Frequencies are in hertz: cycles in a radian."""
+        return 0.5 / np.pi
+
+    def names(self) -> list[str]:
+        """The names of the channels shown."""
+        return [self.analysis.model.channels[row].name for row in self.channels]
+
+    def units(self) -> list[str]:
+        """The units of the channels shown."""
+        return [self.analysis.model.channels[row].unit for row in self.channels]
+
+
+def case_of(analysis: Analysis, scan: OrderScan | None) -> Case:
+    """Choose what is shown."""
+    model = analysis.model
+    modes = tuple(upper_modes(model))
+    energy = np.abs(model.coefficients) ** 2 / analysis.noise[:, :, None] ** 2
+    energy = energy.sum(axis=-1)  # (modes, channels, hits)
+    # Every mode counts the same, or the channels of the strongest mode alone would be seen.
+    share = energy.sum(axis=2) / np.maximum(energy.sum(axis=(1, 2)), np.finfo(float).tiny)[:, None]
+    strongest = np.argsort(share.sum(axis=0))[::-1][:MOST_CHANNELS]
+    return Case(
+        analysis=analysis,
+        scan=scan,
+        modes=modes,
+        channels=tuple(sorted(int(row) for row in strongest)),
+        hits=tuple(int(np.argmax(energy[mode].sum(axis=0))) for mode in modes),
+    )

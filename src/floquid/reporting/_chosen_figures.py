@@ -1,0 +1,150 @@
+"""The mode chosen: its periodic shape and its Fourier coefficients, with the rows of every other mode at hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from floquid.reporting._case import Case
+from floquid.reporting._look import (
+    BLACK,
+    CURVES,
+    DASHES,
+    MARKERS,
+    Figure,
+    hover,
+    legend_above,
+    new_figure,
+    shown,
+)
+from floquid.views import families, shape_curves
+
+if TYPE_CHECKING:
+    from bokeh.models import ColumnDataSource
+
+BAND = 1.959964
+"""Deviations on either side of an interval of 95 %."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """A source that figures draw, and the same columns of each mode."""
+
+    drawn: ColumnDataSource
+    modes: tuple[dict[str, Any], ...]
+
+
+def shape_source(case: Case) -> Chosen:
+    """The shapes over a period: the real and the imaginary part of each channel, each with its band of 95 %."""
+    return _chosen("shape", [_shape(case, row) for row in range(len(case.modes))])
+
+
+def coefficient_source(case: Case) -> Chosen:
+    """The coefficients of each channel over their deviations."""
+    return _chosen("coefficients", [_coefficients(case, row) for row in range(len(case.modes))])
+
+
+def family_source(case: Case) -> Chosen:
+    """The frequencies at which the mode shows in the record, and its share of energy there."""
+    by_mode = {family.mode: family for family in families(case.analysis)}
+    rows = []
+    for mode in case.modes:
+        own = by_mode[mode]
+        rows.append({"frequency": own.omega * case.turn, "harmonic": own.harmonics, "share": 100.0 * own.share})
+    return _chosen("family", rows)
+
+
+def _chosen(name: str, rows: list[dict[str, Any]]) -> Chosen:
+    from bokeh.models import ColumnDataSource
+
+    return Chosen(ColumnDataSource(dict(rows[0]) if rows else {}, name=name), tuple(rows))
+
+
+def _shape(case: Case, row: int) -> dict[str, Any]:
+    curves = shape_curves(case.analysis.model, case.modes[row], hit=case.hits[row])
+    columns: dict[str, Any] = {"turns": curves.turns}
+    for number, channel in enumerate(case.channels):
+        for part, values, std in (
+            ("real", curves.values.real, None if curves.std is None else curves.std.real),
+            ("imag", curves.values.imag, None if curves.std is None else curves.std.imag),
+        ):
+            own = values[channel]
+            width = np.zeros(len(own)) if std is None else BAND * std[channel]
+            columns[f"{part}{number}"] = own.astype(np.float32)
+            columns[f"{part}{number}_low"] = (own - width).astype(np.float32)
+            columns[f"{part}{number}_high"] = (own + width).astype(np.float32)
+    return columns
+
+
+def _coefficients(case: Case, row: int) -> dict[str, Any]:
+    """Of every harmonic that the record says something about: those that the model keeps, and several beside them."""
+    model, mode, hit = case.analysis.model, case.modes[row], case.hits[row]
+    whole = model.unselected
+    if whole is None:
+        kept = (model.coefficients[mode] != 0).any(axis=(0, 1))
+        harmonics = model.harmonics[kept]
+        values = np.abs(model.coefficients[mode][:, hit, kept])
+        floors = np.full(values.shape, np.nan)
+        kept = np.ones(len(harmonics), bool)
+    else:
+        own = model.modes_of(whole)[whole.modes] == mode
+        harmonics, kept = whole.harmonics[own], model.kept_terms(whole)[own]
+        values = np.abs(whole.coefficients[own, :, hit]).T
+        floors = np.abs(whole.std()[own, :, hit]).T / np.sqrt(2.0)
+    columns: dict[str, Any] = {"harmonic": harmonics, "alpha": kept.astype(float)}
+    columns["kept"] = ["yes" if one else "no" for one in kept]
+    width = 0.5 / max(len(case.channels), 1)
+    for number, channel in enumerate(case.channels):
+        columns[f"x{number}"] = harmonics + width * (number - 0.5 * (len(case.channels) - 1))
+        columns[f"size{number}"], columns[f"floor{number}"] = values[channel], floors[channel]
+        columns[f"ratio{number}"] = values[channel] / floors[channel] if whole is not None else values[channel]
+    return columns
+
+
+def shape_figures(case: Case, chosen: Chosen) -> list[Figure]:
+    """The real and the imaginary part against the phase: a pair of figures for each unit."""
+    figures = []
+    units = case.units()
+    for unit in dict.fromkeys(units):
+        for part, words in (("real", "real part"), ("imag", "imaginary part")):
+            made = new_figure("phase [periods]", f"{words} [{unit}]", name=f"shape-{part}")
+            for number, own in enumerate(units):
+                if own != unit:
+                    continue
+                colour, dash = CURVES[number], DASHES[number]
+                made.varea(
+                    x="turns", y1=f"{part}{number}_low", y2=f"{part}{number}_high", source=chosen.drawn,
+                    fill_color=colour, fill_alpha=0.25, legend_label=shown(case.names()[number]),
+                )  # fmt: skip
+                made.line(
+                    "turns", f"{part}{number}", source=chosen.drawn, line_color=colour, line_dash=dash, line_width=2,
+                    legend_label=shown(case.names()[number]),
+                )  # fmt: skip
+            legend_above(made)
+            figures.append(made)
+    return figures
+
+
+def coefficients_figure(case: Case, chosen: Chosen) -> Figure:
+    """The magnitudes of the coefficients over their deviations; those kept are filled."""
+    from bokeh.models import Span
+
+    told = case.analysis.model.unselected is not None
+    label = "|B| / standard deviation [-]" if told else "|B| [units of the channels]"
+    made = new_figure("harmonic m [-]", label, name="coefficients", y_axis_type="log", height=360)
+    for number, (name, unit) in enumerate(zip(case.names(), case.units(), strict=True)):
+        colour = CURVES[number]
+        mark = made.scatter(
+            f"x{number}", f"ratio{number}", source=chosen.drawn, marker=MARKERS[number], size=9, line_color=colour,
+            fill_color=colour, fill_alpha="alpha", legend_label=shown(name),
+        )  # fmt: skip
+        tips = [("channel", name), ("m", "@harmonic"), ("|B|", f"@size{number}{{0.000e+0}} {unit}")]
+        tips += [("deviation", f"@floor{number}{{0.0e+0}} {unit}")] if told else []
+        hover(made, [*tips, ("kept", "@kept")], [mark])
+    if told:
+        made.add_layout(Span(location=1.0, dimension="width", line_color=BLACK, line_dash="dashed"))
+    made.xaxis.ticker.desired_num_ticks = 13
+    legend_above(made)
+    return made

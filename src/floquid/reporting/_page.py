@@ -1,0 +1,184 @@
+"""The page put together: figures as scripts, words through a template, everything in one file."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
+
+from floquid.reporting import _words as words
+from floquid.reporting._case import Case
+from floquid.reporting._chosen_figures import (
+    coefficient_source,
+    coefficients_figure,
+    family_source,
+    shape_figures,
+    shape_source,
+)
+from floquid.reporting._linking import link_modes, link_responses
+from floquid.reporting._look import Figure
+from floquid.reporting._modes_figures import exponents_figure, mode_source, multipliers_figure, stabilisation_figure
+from floquid.reporting._record_figures import (
+    composite_figure,
+    record_figures,
+    response_label,
+    response_name,
+    response_sources,
+    responses,
+    spectrum_figure,
+    spectrum_label,
+)
+from floquid.reporting._synchronisation_figure import slip_words, slips, synchronisation_figure
+from floquid.reporting._system_figures import Truth, element_figures
+from floquid.views import Synchronisation
+
+LONGEST = 60
+"""The longest name of a source that fits a heading, in characters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A figure's place on the page."""
+
+    name: str
+    """Of the element that it is drawn in."""
+    words: str
+    """What it shows, for those who do not see it."""
+
+
+def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
+    """The whole page as text."""
+    from bokeh.resources import Resources
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    from floquid import __version__
+
+    found = slips(case)
+    figures = _figures(case, found, truth)
+    models = {f"{place}-{number}": made for place, group in figures.items() for number, made in enumerate(group)}
+    drawn = {
+        place: [Drawn(f"{place}-{number}", _described(made)) for number, made in enumerate(group)]
+        for place, group in figures.items()
+    }
+    environment = Environment(
+        loader=PackageLoader("floquid.reporting", "page"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    analysis = case.analysis
+    mark, sentence = words.verdict(analysis)
+    return environment.get_template("page.html.jinja").render(
+        title=title or _title(case),
+        version=__version__,
+        bokeh="\n".join(Resources(mode="inline", components=["bokeh"]).js_raw),
+        embedded=_embedded(models),
+        style=_asset("page.css"),
+        behaviour=_asset("page.js"),
+        figures=drawn,
+        case=case,
+        mark=mark,
+        sentence=sentence,
+        summary=words.summary_line(case),
+        reasons=[] if analysis.validation is None else analysis.validation.reasons,
+        checks=words.checks(analysis),
+        warnings=analysis.warnings,
+        evidence=words.evidence(analysis),
+        rows=words.mode_rows(case),
+        responses=[response_name(case, *one) for one in responses(case)],
+        left_out=len(analysis.model.channels) - len(case.channels),
+        hits=[hit + 1 for hit in case.hits] if len(analysis.records) > 1 else [],
+        state=analysis.state,
+        refinement=analysis.refinement,
+        parameters=[] if analysis.refinement is None else words.parameters(analysis.refinement),
+        synchronisation=slip_words(found),
+        steps=words.steps(analysis),
+        sources=words.sources(analysis),
+        noise=words.noise_rows(analysis),
+        settings=words.settings_rows(analysis),
+    )
+
+
+def _figures(case: Case, found: list[Synchronisation], truth: Truth | None) -> dict[str, list[Figure]]:
+    """Every figure by its place on the page, linked."""
+    analysis, model = case.analysis, case.analysis.model
+    modes, curves = mode_source(case), response_sources(case)
+    shape, coefficients, family = shape_source(case), coefficient_source(case), family_source(case)
+    link_modes(modes, [shape, coefficients, family])
+    figures = {
+        "shape": shape_figures(case, shape),
+        "coefficients": [coefficients_figure(case, coefficients)],
+        "plane": [exponents_figure(case, modes), multipliers_figure(case, modes)],
+        "stabilisation": [] if case.scan is None else [stabilisation_figure(case, modes)],
+        "record": record_figures(case, curves),
+        "spectrum": [spectrum_figure(case, curves, family)],
+        "composite": [composite_figure(case)],
+        "synchronisation": [made for made in (synchronisation_figure(found),) if made is not None],
+        "system": [],
+    }
+    if analysis.state is not None:
+        second = analysis.settings.form == "second-order"
+        figures["system"] = element_figures(analysis.state, model.period, second_order=second, truth=truth)
+    shown = [*figures["record"], *figures["spectrum"]]
+    names = [response_label, response_label, spectrum_label]
+    labels = [[name(case, number) for number in range(len(responses(case)))] for name in names]
+    # What no figure draws has to hang on one to be found on the page.
+    shown[0].tags = [link_responses(list(curves.values()), [made.yaxis[0] for made in shown], labels)]
+    return figures
+
+
+def _described(made: Figure) -> str:
+    """What a figure shows, in words."""
+    heading = f"{made.title.text}: " if made.title is not None and made.title.text else ""
+    legend = [item.label.value for item in made.legend[0].items] if made.legend else []
+    curves = f"; {', '.join(legend)}" if legend else ""
+    return f"{heading}{made.yaxis[0].axis_label} against {made.xaxis[0].axis_label}{curves}"
+
+
+def _title(case: Case) -> str:
+    """The names of the files, or of what was simulated."""
+    named = [_short(source) for source in words.sources(case.analysis)]
+    return ", ".join(named[:3]) + (" …" if len(named) > 3 else "") if named else "A record"
+
+
+def _short(source: str) -> str:
+    """The name of a file without its folder; of a long description, its beginning."""
+    if len(source) <= LONGEST or "(" not in source:
+        return source.replace("\\", "/").rsplit("/", 1)[-1][-LONGEST:]
+    return source[: source.index("(")][:1].upper() + source[1 : source.index("(")]
+
+
+def _embedded(figures: dict[str, Figure]) -> str:
+    """What bokeh draws in the elements of these names, as JSON in which no text of a record can end the script.
+
+    The models are numbered anew: bokeh numbers those of a whole process, and the same analysis gives the same page.
+    """
+    from bokeh.document import Document
+
+    document = Document()
+    with document.models.freeze():
+        for made in figures.values():
+            document.add_root(made)
+    numbers: dict[str, str] = {}
+    content = _numbered(document.to_json(deferred=False), numbers)
+    roots = {numbers[made.id]: name for name, made in figures.items()}
+    item = {"docid": "report", "roots": roots, "root_ids": list(roots)}
+    text = json.dumps({"documents": {"report": content}, "items": [item]}, separators=(",", ":"))
+    return text.replace("<", "\\u003c")
+
+
+def _numbered(part: Any, numbers: dict[str, str]) -> Any:
+    """The same JSON with the identities of models by their order of appearance."""
+    if isinstance(part, dict):
+        return {
+            key: numbers.setdefault(value, f"m{len(numbers)}")
+            if key == "id" and isinstance(value, str)
+            else _numbered(value, numbers)
+            for key, value in part.items()
+        }
+    if isinstance(part, (list, tuple)):
+        return [_numbered(one, numbers) for one in part]
+    return part
+
+
+def _asset(name: str) -> str:
+    return (files("floquid.reporting") / "page" / name).read_text(encoding="utf-8")

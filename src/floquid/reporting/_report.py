@@ -1,0 +1,108 @@
+"""From an analysis to a page on the disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from floquid._checks import frozen_array, input_error
+from floquid._files import as_path, atomic_path
+from floquid.errors import IdentificationError, InputError
+from floquid.order import OrderScan
+from floquid.order import scan as scan_orders
+from floquid.pipeline import Analysis
+from floquid.reporting._case import case_of
+from floquid.reporting._page import page
+from floquid.reporting._system_figures import Truth
+
+ENDINGS = (".html", ".htm")
+
+LARGE = 2e7
+"""Values of lifted responses from which on threads are worth it."""
+
+
+def report(
+    analysis: Analysis,
+    path: str | PathLike[str],
+    *,
+    title: str | None = None,
+    truth: tuple[ArrayLike, ArrayLike] | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Path:
+    """Write the report of an analysis: one HTML page that opens in any browser, without a network.
+
+    First the verdict with its reasons and the table of modes, then linked figures (a mode chosen in one is shown by
+    all), what was done to the record, the settings, and how to cite. Curves of more than 3000 points keep their
+    envelope, and of many channels the eight strongest are drawn, so that the page stays under 6 MB.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found, or `load` read.
+    path
+        The file, ending in .html; it is replaced, whole or not at all.
+    title
+        The heading; the names of the records when not given.
+    truth
+        Instants after phase zero (times,) [s] and the true A at each (times, n, n), drawn beside the estimate.
+    progress
+        Called with what is about to be done, in words.
+
+    Returns
+    -------
+    pathlib.Path
+        The file written.
+
+    Raises
+    ------
+    InputError
+        `analysis` is none, the file does not end in .html or cannot be written, or the truth does not fit.
+    """
+    of = "report"
+    if not isinstance(analysis, Analysis):
+        must, got = "be an Analysis", f"is a {type(analysis).__name__}"
+        raise input_error("analysis", of, must, got, "Pass what `identify` or `load` gives.")
+    place = as_path(path, of=of)
+    if place.suffix.lower() not in ENDINGS:
+        raise input_error("path", of, "end in .html", f"is {place}", "The report is a web page.")
+    known = _truth(truth, analysis, of)
+    if title is not None and not isinstance(title, str):
+        raise input_error("title", of, "be a text", f"is a {type(title).__name__}")
+    progress("scanning the order")
+    case = case_of(analysis, _scan(analysis))
+    progress("drawing the report")
+    text = page(case, title=title, truth=known)
+    with atomic_path(place, of=of) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return place
+
+
+def _scan(analysis: Analysis) -> OrderScan | None:
+    """The poles of several orders; None where the record is too short for two of them."""
+    from threadpoolctl import threadpool_limits
+
+    responses = analysis.lifted.responses
+    # Thousands of small matrices: threads inside BLAS would wait for each other.
+    few = responses.values.size < LARGE
+    try:
+        with threadpool_limits(limits=1 if few else None, user_api="blas"):
+            return scan_orders(responses)
+    except (InputError, IdentificationError):
+        return None
+
+
+def _truth(truth: tuple[ArrayLike, ArrayLike] | None, analysis: Analysis, of: str) -> Truth | None:
+    if truth is None:
+        return None
+    if not isinstance(truth, tuple) or len(truth) != 2:
+        raise input_error("truth", of, "be a pair (times, system)", f"is a {type(truth).__name__}")
+    if analysis.state is None:
+        must, got = "come with an A(t) to hold it against", "the analysis has none"
+        raise input_error("truth", of, must, got, "Identify with `states`, or leave out the truth.")
+    n = len(analysis.state.states)
+    times = frozen_array(truth[0], "truth[0]", of, axes=("times",))
+    return times, np.asarray(frozen_array(truth[1], "truth[1]", of, axes=(len(times), n, n)))

@@ -1,0 +1,70 @@
+"""A(t): the elements that vary most, with their bands."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.reconstruction import StateModel
+from floquid.reporting._chosen_figures import BAND
+from floquid.reporting._look import BLACK, BLUE, VERMILION, Figure, legend_above, new_figure
+
+MOST = 12
+"""Elements shown; `summary.json` holds all."""
+
+Truth = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def elements_shown(state: StateModel, *, second_order: bool) -> list[tuple[int, int]]:
+    """The elements that are no identity: all of them where they are few, or else those that vary most.
+
+    In second-order form the upper half of A says that displacements have velocities. An element varies by half its
+    range over its deviation.
+    """
+    n = len(state.states)
+    rows = range(n // 2 if second_order else 0, n)
+    places = [(i, j) for i in rows for j in range(n)]
+    if len(places) <= MOST:
+        return places
+    swing = 0.5 * np.ptp(state.system, axis=0)
+    if state.system_std is not None:
+        swing = swing / np.maximum(state.system_std.max(axis=0), np.finfo(float).tiny)
+    return sorted(sorted(places, key=lambda place: -swing[place])[:MOST])
+
+
+def element_name(i: int, j: int) -> str:
+    """The name of an element, counted from one: A₁₂ as A12, with a comma beyond nine."""
+    return f"A{i + 1}{j + 1}" if max(i, j) < 9 else f"A{i + 1},{j + 1}"
+
+
+def element_figures(state: StateModel, period: float, *, second_order: bool, truth: Truth | None) -> list[Figure]:
+    """A figure an element, against the phase."""
+    return [
+        _element_figure(state, period, i, j, second_order=second_order, truth=truth)
+        for i, j in elements_shown(state, second_order=second_order)
+    ]
+
+
+def _element_figure(
+    state: StateModel, period: float, i: int, j: int, *, second_order: bool, truth: Truth | None
+) -> Figure:
+    half = len(state.states) // 2
+    unit = "1/s" if not second_order else "1/s²" if j < half else "1/s"
+    made = new_figure("phase [periods]", f"{element_name(i, j)} [{unit}]", name=f"system-{i}-{j}", height=240)
+    made.title.text = f"{element_name(i, j)}: d/dt {state.states[i]} by {state.states[j]}"
+    turns, values = state.times / period, state.system[:, i, j]
+    if state.system_std is not None:
+        width = BAND * state.system_std[:, i, j]
+        made.varea(
+            turns, values - width, values + width, fill_color=BLUE, fill_alpha=0.25, legend_label="interval of 95 %"
+        )
+    made.line(turns, values, line_color=BLUE, line_width=2, legend_label="identified")
+    if truth is not None:
+        inside = (truth[0] >= 0.0) & (truth[0] <= period * (1.0 + 1e-9))
+        made.line(
+            truth[0][inside] / period, truth[1][inside, i, j], line_color=VERMILION, line_dash="dashed", line_width=2,
+            legend_label="truth",
+        )  # fmt: skip
+    made.title.text_color = BLACK
+    legend_above(made)
+    return made

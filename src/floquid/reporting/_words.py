@@ -1,0 +1,211 @@
+"""What the page says: the verdict, its numbers, the modes, what was done, and how to cite."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from floquid.periodic import participation
+from floquid.pipeline import Analysis
+from floquid.reconstruction import Refinement
+from floquid.reporting._case import Case
+from floquid.views import MODE_NOTES, is_real, mode_notes, with_error
+
+CRITERIA = {
+    "fit": ("share of the response predicted in cycles left out", "%"),
+    "held_out_error": ("error of that prediction over the noise, worst response", "-"),
+    "held_out_stretch": ("the same over a stretch of the record", "-"),
+    "period": ("own period against the period used, in standard deviations", "-"),
+    "tone": ("largest amplitude left at a harmonic of the revolution, over the noise", "-"),
+    "harmonic": ("largest share of the response left in a harmonic beside a mode's band", "%"),
+    "line": ("largest amplitude left at any other line, over the noise", "-"),
+    "colour": ("squared autocorrelations of what is left", "-"),
+    "multipliers": ("multipliers of A(t) against the model's, over what they may differ by", "-"),
+    "liouville": ("integrated trace of A(t) against the exponents, over what it may differ by", "-"),
+    "composition": ("largest relative difference of Φ(t + T), integrated, and Φ(t) Φ(T)", "-"),
+}
+"""What each number of the validation is, and its unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A check: what was measured, its limit, and whether it keeps to it."""
+
+    what: str
+    value: str
+    limit: str
+    met: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ModeRow:
+    """A row of the table of modes, in words."""
+
+    number: int
+    decay: str
+    frequency: str
+    hertz: str
+    damping: str
+    multiplier: str
+    folded: str
+    harmonics: str
+    notes: str
+    name: str
+    """How the mode is called on its button, for those who hear the page."""
+
+
+def verdict(analysis: Analysis) -> tuple[str, str]:
+    """A word for the page's style, and the sentence."""
+    found = analysis.validation
+    if found is None:
+        return "open", "The model was not checked: validation was switched off."
+    if found.passed:
+        return "passed", "The model passes its checks."
+    return "failed", "The model does not pass its checks."
+
+
+def checks(analysis: Analysis) -> list[Row]:
+    """The numbers of the validation with their limits."""
+    found = analysis.validation
+    if found is None:
+        return []
+    rows = []
+    for name in sorted(found.criteria, key=list(CRITERIA).index):
+        criterion, (what, unit) = found.criteria[name], CRITERIA[name]
+        value = found.metrics.get(name)
+        factor, sign = (100.0, " %") if unit == "%" else (1.0, "")
+        bound = f"{'at least' if criterion.at_least else 'at most'} {factor * criterion.limit:.4g}{sign}"
+        told = "not computed" if value is None else f"{factor * value:.4g}{sign}"
+        rows.append(Row(what, told, bound, value is not None and criterion.met(value)))
+    return rows
+
+
+def mode_rows(case: Case) -> list[ModeRow]:
+    """The table of modes, a conjugate pair a row."""
+    model = case.analysis.model
+    std = model.exponent_std
+    hertz, damping = model.frequency_std_hz, model.damping_ratio_std
+    principal = np.abs(model.principal().imag) / model.fundamental
+    rows = []
+    for number, mode in enumerate(case.modes, start=1):
+        own = complex(np.nan, np.nan) if std is None else std[mode]
+        value = model.exponents[mode]
+        kept, _ = participation(model, mode, 1.0 / case.analysis.noise)
+        f_std = np.nan if hertz is None else float(hertz[mode])
+        d_std = np.nan if damping is None else 100.0 * float(damping[mode])
+        ratio = 100.0 * float(model.damping_ratios[mode])
+        frequency = with_error(float(model.frequencies_hz[mode]), f_std)
+        words = [f"{word}: {MODE_NOTES[word]}" for word in mode_notes(model, mode)]
+        rows.append(
+            ModeRow(
+                number=number,
+                decay=minus(with_error(value.real, own.real)),
+                frequency=("" if is_real(model, mode) else "±") + with_error(abs(value.imag), own.imag),
+                hertz=frequency,
+                damping=minus(with_error(ratio, d_std)),
+                multiplier=f"{abs(model.multipliers[mode]):.4f}",
+                folded=f"{principal[mode]:.4f}",
+                harmonics=minus(f"{kept[0]} … {kept[-1]}" if len(kept) > 1 else "".join(str(m) for m in kept)),
+                notes="; ".join(words),
+                name=f"mode {number}, {frequency} Hz",
+            )
+        )
+    return rows
+
+
+def minus(text: str) -> str:
+    """The text with true minus signs."""
+    return text.replace("-", "−")
+
+
+def summary_line(case: Case) -> str:
+    """The record and the result in one sentence."""
+    analysis, model = case.analysis, case.analysis.model
+    hits = ", ".join(str(cycles.n_cycles) for cycles in analysis.cycles)
+    records = "1 record" if len(analysis.records) == 1 else f"{len(analysis.records)} records"
+    modes = "1 mode" if len(case.modes) == 1 else f"{len(case.modes)} modes"
+    channels = "1 channel" if len(model.channels) == 1 else f"{len(model.channels)} channels"
+    return (
+        f"{modes} (order {model.order}) found in {records} of {channels}, {hits} periods of {period_text(analysis)} s "
+        f"(ω/2π = {1.0 / model.period:.6g} Hz)."
+    )
+
+
+def period_text(analysis: Analysis) -> str:
+    """The period, with its deviation where it was estimated."""
+    std = None if analysis.fit is None else analysis.fit.period_std
+    if std is None and analysis.shafts:
+        std = analysis.shafts[0].period_std
+    period = analysis.model.period
+    return f"{period:.8g}" if std is None else with_error(period, std)
+
+
+def evidence(analysis: Analysis) -> list[tuple[str, list[str]]]:
+    """Headings with sentences: the order, and whether anything is periodic."""
+    found: list[tuple[str, list[str]]] = []
+    if analysis.choice is not None:
+        title = "How many modes: ambiguous" if analysis.choice.ambiguous else "How many modes: clear"
+        found.append((title, [*analysis.choice.doubts, *analysis.choice.reasons]))
+    elif analysis.settings.order is not None:
+        found.append(("How many modes", [f"The order {analysis.settings.order} was given, not found."]))
+    if analysis.periodicity is not None:
+        found.append(("Is it periodic at all?", list(analysis.periodicity.sentences)))
+    return found
+
+
+def steps(analysis: Analysis) -> list[str]:
+    """What was done to the records, in order, each step once."""
+    records = analysis.measured or analysis.records
+    done = [step for record in records for step in record.provenance.steps]
+    done += analysis.synchronisation
+    done += [step for step in analysis.model.provenance.steps if step not in done]
+    return list(dict.fromkeys(_sentence(step) for step in done))
+
+
+def _sentence(step: str) -> str:
+    """Begins with a capital, ends with a full stop."""
+    return (step[:1].upper() + step[1:]).rstrip(".") + "."
+
+
+def sources(analysis: Analysis) -> list[str]:
+    """Where the records come from."""
+    records = analysis.measured or analysis.records
+    return list(dict.fromkeys(source for record in records for source in record.provenance.sources))
+
+
+def noise_rows(analysis: Analysis) -> list[tuple[str, str, list[str]]]:
+    """Of each channel its name, its unit, and the noise found in each hit with its share of the peak."""
+    rows = []
+    for number, channel in enumerate(analysis.model.channels):
+        cells = []
+        for hit, cycles in enumerate(analysis.cycles):
+            own = float(analysis.noise[number, hit])
+            peak = float(np.abs(cycles.values[number]).max())
+            cells.append(f"{own:.3g} ({100.0 * own / peak:.2g} %)" if peak > 0 else f"{own:.3g}")
+        rows.append((channel.name, channel.unit, cells))
+    return rows
+
+
+def settings_rows(analysis: Analysis) -> list[tuple[str, str]]:
+    """Every option of the pipeline by its name."""
+    return [(field.name, _told(getattr(analysis.settings, field.name))) for field in fields(analysis.settings)]
+
+
+def _told(value: Any) -> str:
+    if value is None:
+        return "not given"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, (tuple, list)):
+        return ", ".join(str(one) for one in value) or "not given"
+    return str(value) or "not given"
+
+
+def parameters(found: Refinement) -> list[tuple[str, str]]:
+    """The parameters of a structure with their deviations."""
+    return [
+        (name, minus(with_error(float(value), float(std))))
+        for name, value, std in zip(found.names, found.parameters, found.std, strict=True)
+    ]

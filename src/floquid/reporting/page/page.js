@@ -1,0 +1,48 @@
+"use strict";
+// One mode is chosen on the whole page. bokeh's source «modes» knows which; buttons, table and figures follow it.
+(() => {
+  const { documents, items } = JSON.parse(document.getElementById("figures").textContent);
+  Bokeh.embed.embed_items(documents, items);
+
+  const buttons = [...document.querySelectorAll(".chooser button")];
+  const rows = [...document.querySelectorAll(".modes tbody tr")];
+  const selects = [...document.querySelectorAll(".response select")];
+  const model = (name) => Bokeh.documents.map((one) => one.get_model_by_name(name)).find((one) => one != null);
+
+  const choose = (row) => { model("modes").selected.indices = [row]; };
+
+  const follow = (row) => {
+    buttons.forEach((button, k) => {
+      button.setAttribute("aria-checked", String(k === row));
+      button.tabIndex = k === row ? 0 : -1;
+    });
+    rows.forEach((one, k) => one.classList.toggle("chosen", k === row));
+    const cells = rows[row].cells;
+    document.getElementById("told").textContent =
+      `Mode ${cells[0].textContent}: f = ${cells[3].textContent} Hz, ζ = ${cells[4].textContent} %, harmonics ${cells[7].textContent}.`;
+    const hit = document.getElementById("hit");
+    if (hit) hit.textContent = String(HITS[row]);
+  };
+
+  buttons.forEach((button, row) => {
+    button.addEventListener("click", () => choose(row));
+    button.addEventListener("keydown", (event) => {
+      const last = buttons.length - 1;
+      const to = { ArrowRight: row + 1, ArrowDown: row + 1, ArrowLeft: row - 1, ArrowUp: row - 1, Home: 0, End: last }[event.key];
+      if (to === undefined) return;
+      event.preventDefault();
+      const next = (to + buttons.length) % buttons.length;
+      choose(next);
+      buttons[next].focus();
+    });
+  });
+  rows.forEach((one, row) => one.addEventListener("click", () => choose(row)));
+  selects.forEach((select) => select.addEventListener("change", () => {
+    selects.forEach((other) => { other.value = select.value; });
+    model("response").data = { row: [Number(select.value)] };
+  }));
+  // What is folded away on the screen is on the paper.
+  window.addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((one) => { one.open = true; }));
+  document.addEventListener("floquid:mode", (event) => follow(event.detail));
+  if (rows.length) follow(0);
+})();

@@ -1,0 +1,43 @@
+"""What a figure shows, as numbers: shared by `plot`, which draws them on paper, and `reporting`, on the page.
+
+Nothing here draws, and no plotting library is loaded.
+"""
+
+from floquid.views._ellipses import ellipse, exponent_ellipses, multiplier_ellipses
+from floquid.views._envelope import envelope
+from floquid.views._expansion import Expansion, expansion, identified_residue
+from floquid.views._families import Family, families
+from floquid.views._modes import is_real, upper_modes
+from floquid.views._shapes import ShapeCurves, shape_curves
+from floquid.views._spectra import Spectrum, lifted_spectrum, record_spectrum
+from floquid.views._synchronisation import Synchronisation, synchronisation
+from floquid.views._synthesis import Synthesis, synthesis
+from floquid.views._unfolded import unfolded
+from floquid.views._words import MODE_NOTES, mode_notes, with_error
+
+__all__ = [
+    "MODE_NOTES",
+    "Expansion",
+    "Family",
+    "ShapeCurves",
+    "Spectrum",
+    "Synchronisation",
+    "Synthesis",
+    "ellipse",
+    "envelope",
+    "expansion",
+    "exponent_ellipses",
+    "families",
+    "identified_residue",
+    "is_real",
+    "lifted_spectrum",
+    "mode_notes",
+    "multiplier_ellipses",
+    "record_spectrum",
+    "shape_curves",
+    "synchronisation",
+    "synthesis",
+    "unfolded",
+    "upper_modes",
+    "with_error",
+]

@@ -1,0 +1,127 @@
+"""Regions in which exponents and multipliers lie with a given probability."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import finite, frozen_array, input_error, integer
+from floquid.core import PeriodicModel
+
+POINTS = 73
+
+
+def ellipse(
+    centre: complex, covariance: ArrayLike, level: float = 0.95, points: int = POINTS
+) -> NDArray[np.complex128]:
+    r"""The edge of the region of a complex estimate, in the plane.
+
+    .. math:: (z - \hat z)^T C^{-1} (z - \hat z) = -2 \ln(1 - p)
+
+    for an estimate of normal errors. Where a part has no error, the region is a line.
+
+    Parameters
+    ----------
+    centre
+        The estimate.
+    covariance
+        C of its real and imaginary part (2, 2).
+    level
+        The probability p that the region holds the true value.
+    points
+        The number of points.
+
+    Returns
+    -------
+    numpy.ndarray
+        The edge, closed (points,).
+
+    Raises
+    ------
+    InputError
+        The covariance is none, or the level no probability.
+    """
+    of = "ellipse"
+    matrix = frozen_array(covariance, "covariance", of, axes=(2, 2))
+    if not 0.0 < finite(level, "level", of) < 1.0:
+        raise input_error("level", of, "lie between 0 and 1", f"is {level:g}")
+    turn = np.linspace(0.0, 2.0 * np.pi, integer(points, "points", of, at_least=3))
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    if values[0] < -1e-9 * max(values[1], 0.0):
+        raise input_error("covariance", of, "have no negative variance", f"has {values[0]:g} along one direction")
+    root = vectors * np.sqrt(np.maximum(values, 0.0) * -2.0 * np.log1p(-level))
+    real, imag = root @ np.array([np.cos(turn), np.sin(turn)])
+    return np.asarray(centre + real + 1j * imag, dtype=np.complex128)
+
+
+def exponent_ellipses(model: PeriodicModel, level: float = 0.95) -> NDArray[np.complex128] | None:
+    """The regions of the exponents.
+
+    Parameters
+    ----------
+    model
+        The model.
+    level
+        The probability that each region holds the true exponent.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        The edge of each (modes, points) [1/s]; None without deviations.
+    """
+    if model.covariance is None:
+        return None
+    n = model.order
+    parts = [model.covariance[np.ix_([r, r + n], [r, r + n])] for r in range(n)]
+    return _edges(model.exponents, parts, level)
+
+
+def multiplier_ellipses(model: PeriodicModel, level: float = 0.95) -> NDArray[np.complex128] | None:
+    r"""The regions of the multipliers, to first order.
+
+    .. math:: \delta\mu = \mu\, (T\, \delta\lambda + \lambda\, \delta T)
+
+    with δT where the period was estimated.
+
+    Parameters
+    ----------
+    model
+        The model.
+    level
+        The probability that each region holds the true multiplier.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        The edge of each (modes, points) [-]; None without deviations.
+    """
+    if model.covariance is None:
+        return None
+    n, own = model.order, model.estimates
+    if own is None or own.covariance[-1, -1] == 0.0:
+        slope = model.multipliers * model.period
+        turned = [np.array([[s.real, -s.imag], [s.imag, s.real]]) for s in slope]
+        parts = [t @ model.covariance[np.ix_([r, r + n], [r, r + n])] @ t.T for r, t in enumerate(turned)]
+        return _edges(model.multipliers, parts, level)
+    # Half the fundamental, in a real multiplier, turns by half a turn a period whatever the period is.
+    lam = np.where(own.real, own.exponents.real, own.exponents)
+    places = model.modes_of(own)
+    slope = model.multipliers[places] * model.period
+    by = np.concatenate([np.diag(slope), np.diag(1j * slope * ~own.real), -(slope * lam / own.fundamental)[:, None]], 1)
+    both = np.stack([by.real, by.imag], axis=1)
+    known = both @ own.covariance @ both.transpose(0, 2, 1)
+    straight = np.abs(np.subtract.outer(model.exponents, own.exponents))
+    mirrored = np.abs(np.subtract.outer(model.exponents, own.exponents.conj()))
+    of = np.argmin(np.minimum(straight, mirrored), axis=1)
+    turn_back = np.diag([1.0, -1.0])
+    parts = [
+        known[k] if straight[r, k] <= mirrored[r, k] else turn_back @ known[k] @ turn_back for r, k in enumerate(of)
+    ]
+    return _edges(model.multipliers, parts, level)
+
+
+def _edges(centres: NDArray[np.complex128], parts: list[NDArray[np.float64]], level: float) -> NDArray[np.complex128]:
+    edges = np.array([ellipse(complex(z), c, level) for z, c in zip(centres, parts, strict=True)], np.complex128)
+    edges = edges.reshape(len(parts), POINTS)
+    edges.flags.writeable = False
+    return edges

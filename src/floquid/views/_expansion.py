@@ -1,0 +1,170 @@
+"""The Fourier coefficients of a residue."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import frozen_array
+from floquid.core import PeriodicModel
+from floquid.lti import ModalModel
+from floquid.periodic import assemble
+from floquid.pipeline import Analysis
+from floquid.views._modes import below, checked, frozen, periods_later
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Expansion:
+    """The coefficients of a residue, of as many harmonics as a period has samples.
+
+    Parameters
+    ----------
+    harmonics
+        m (harmonics,).
+    values
+        The coefficients of the residue as identified, phase by phase (harmonics,) [unit of the channel].
+    std
+        The deviation of each, kept or not: the floor of noise (harmonics,) [unit of the channel]; NaN where it is not
+        known. None without deviations.
+    kept
+        Whether the model keeps it (harmonics,).
+    """
+
+    harmonics: NDArray[np.int64]
+    values: NDArray[np.complex128]
+    std: NDArray[np.float64] | None
+    kept: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        of, put = "Expansion", object.__setattr__
+        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
+        lines = len(self.harmonics)
+        put(self, "values", frozen_array(self.values, "values", of, axes=(lines,), dtype=np.complex128))
+        if self.std is not None:
+            put(self, "std", frozen_array(self.std, "std", of, axes=(lines,), missing=True))
+        put(self, "kept", frozen(np.array(self.kept, bool)))
+
+    @property
+    def magnitudes(self) -> NDArray[np.float64]:
+        """The magnitudes of the coefficients (harmonics,) [unit of the channel]."""
+        return np.abs(self.values)
+
+
+def expansion(analysis: Analysis, mode: int, channel: int, hit: int = 0) -> Expansion:
+    r"""The coefficients of the P harmonics up to the Nyquist frequency, |Im λ/ω + m| ≤ P/2.
+
+    .. math:: B_m = \frac1P \sum_k R_k\, e^{-im\omega t_k}
+
+    (Allen 2009, eq. 11, figure 7.)
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found.
+    mode, channel, hit
+        Which, from 0.
+
+    Returns
+    -------
+    Expansion
+        Every coefficient, with its deviation and whether it is kept.
+
+    Raises
+    ------
+    InputError
+        There is no such mode, channel or hit.
+    """
+    checked(analysis, "expansion", channel=channel, hit=hit)
+    model, phases = analysis.model, analysis.lifted.n_phases
+    residue = identified_residue(analysis, mode, channel, hit)
+    harmonics = _nyquist_band(model, mode, phases)
+    angles = model.fundamental * np.multiply.outer(harmonics, analysis.lifted.phase_times)
+    kept = np.isin(harmonics, model.harmonics[model.coefficients[mode, channel, hit] != 0])
+    return Expansion(
+        harmonics=harmonics,
+        values=np.exp(-1j * angles) @ residue / phases,
+        std=_floor(analysis, mode, channel, hit, harmonics),
+        kept=kept,
+    )
+
+
+def identified_residue(analysis: Analysis, mode: int, channel: int, hit: int = 0) -> NDArray[np.complex128]:
+    r"""The residue of a mode at each phase, the delay taken off.
+
+    .. math:: R_k = R^d_k\, e^{-\lambda t_k}
+
+    (Allen 2009, eq. 9.) λ is on the branch of the model's exponent. Of whitened responses the filter's gain is taken
+    off each of the P harmonics.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found.
+    mode, channel, hit
+        Which, from 0.
+
+    Returns
+    -------
+    numpy.ndarray
+        The residue (phases,) [unit of the channel].
+
+    Raises
+    ------
+    InputError
+        There is no such mode, channel or hit.
+    """
+    of = "identified_residue"
+    checked(analysis, of, channel=channel, hit=hit)
+    model, modal, lifted = analysis.model, analysis.modal, analysis.lifted
+    below(mode, model.order, "mode", of)
+    own = int(np.argmin(np.abs(modal.multipliers - model.multipliers[mode])))
+    delayed = lifted.by_channel(modal.residues[own])[channel, :, hit]
+    passed = lifted.phase_times + periods_later(analysis, hit) * model.period
+    found = delayed * np.exp(-model.exponents[mode] * passed)
+    if lifted.whitening is None:
+        return found
+    harmonics = _nyquist_band(model, mode, lifted.n_phases)
+    turns = np.exp(1j * model.fundamental * np.multiply.outer(harmonics, lifted.phase_times))
+    coefficients = turns.conj() @ found / lifted.n_phases
+    gain = lifted.gain(model.exponents[mode] + 1j * model.fundamental * harmonics)[channel]
+    return (coefficients / gain) @ turns
+
+
+def _nyquist_band(model: PeriodicModel, mode: int, phases: int) -> NDArray[np.int64]:
+    """The P harmonics up to the Nyquist frequency, |Im λ/ω + m| ≤ P/2."""
+    first = int(np.ceil(-0.5 * phases - model.exponents[mode].imag / model.fundamental))
+    return np.arange(first, first + phases)
+
+
+def _floor(
+    analysis: Analysis, mode: int, channel: int, hit: int, harmonics: NDArray[np.int64]
+) -> NDArray[np.float64] | None:
+    """The deviation of each coefficient of the free residues, kept or not, by one formula for all of them."""
+    model, modal = analysis.model, _with_covariance(analysis)
+    if model.coefficient_std is None or modal is None:
+        return None
+    whole = assemble(modal, analysis.lifted, harmonics=(analysis.lifted.n_phases - 1) // 2)
+    assert whole.coefficient_std is not None
+    # The branch may be another where two harmonics are nearly as strong.
+    own = int(np.argmin(np.abs(whole.multipliers - model.multipliers[mode])))
+    moved = round((whole.exponents[own].imag - model.exponents[mode].imag) / model.fundamental)
+    deviations = np.abs(whole.coefficient_std[own, channel, hit])
+    deviations = deviations * np.exp(-model.exponents[mode].real * periods_later(analysis, hit) * model.period)
+    known = dict(zip((whole.harmonics + moved).tolist(), deviations.tolist(), strict=True))
+    return np.array([known.get(int(m), 0.0) or np.nan for m in harmonics])
+
+
+def _with_covariance(analysis: Analysis) -> ModalModel | None:
+    """The modal model with the covariance of its poles: that of the model's exponents, where it has none of its own."""
+    modal, model = analysis.modal, analysis.model
+    if modal.residue_spread is None or modal.residue_slope is None:
+        return None
+    if modal.covariance is not None:
+        return modal
+    if model.covariance is None:
+        return None
+    own = np.argmin(np.abs(np.subtract.outer(modal.multipliers, model.multipliers)), axis=1)
+    both = np.concatenate([own, own + model.order])
+    return replace(modal, covariance=model.covariance[np.ix_(both, both)])

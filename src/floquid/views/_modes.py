@@ -1,0 +1,100 @@
+"""Which mode, channel and hit is meant."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error, integer
+from floquid.core import PeriodicModel
+from floquid.pipeline import Analysis
+
+
+def upper_modes(model: PeriodicModel) -> tuple[int, ...]:
+    """The modes of a model, one of each conjugate pair: the one of positive imaginary part, or a real one.
+
+    Parameters
+    ----------
+    model
+        The model.
+
+    Returns
+    -------
+    tuple of int
+        Their indices, ascending.
+    """
+    lam, near = model.exponents, 1e-9 * model.fundamental
+    paired = (np.abs(np.subtract.outer(lam, lam.conj())) < near).any(axis=1)
+    return tuple(int(r) for r in np.flatnonzero((lam.imag >= -near) | ~paired))
+
+
+def is_real(model: PeriodicModel, mode: int) -> bool:
+    """Whether the multiplier of a mode is real: twice the imaginary part is a whole number of fundamentals.
+
+    Parameters
+    ----------
+    model
+        The model.
+    mode
+        Which of its modes.
+
+    Returns
+    -------
+    bool
+        Whether it is.
+    """
+    half_turns = 2.0 * model.exponents[mode].imag / model.fundamental
+    return abs(half_turns - np.rint(half_turns)) < 1e-9
+
+
+def below(value: int, end: int, argument: str, of: str) -> int:
+    """An index of something of which there are `end`.
+
+    Raises
+    ------
+    InputError
+        It is no index, or too large.
+    """
+    if integer(value, argument, of, at_least=0) >= end:
+        raise input_error(argument, of, f"be less than {end}", f"is {value}", "Counting starts at 0.")
+    return int(value)
+
+
+def checked(analysis: Analysis, of: str, *, channel: int | None = None, hit: int = 0) -> None:
+    """Refuse what is no analysis, channel or hit."""
+    if not isinstance(analysis, Analysis):
+        raise input_error("analysis", of, "be an Analysis", f"is {analysis!r:.60}", "Pass what `identify` gives.")
+    below(hit, analysis.model.n_hits, "hit", of)
+    if channel is not None:
+        below(channel, len(analysis.model.channels), "channel", of)
+
+
+def periods_later(analysis: Analysis, hit: int) -> int:
+    r"""The whole periods from the model's phase zero to the first cycle of a hit.
+
+    .. math:: R_{r} = \mu_r^k R^0_{r}
+
+    Records that were fitted as they were sampled are resampled afterwards, and the first whole cycle that has the
+    samples to interpolate from may begin periods after the record does. k is the one at which the residues of the
+    cycles are nearest to the model's.
+    """
+    model, modal, lifted = analysis.model, analysis.modal, analysis.lifted
+    if analysis.fit is None:
+        return 0
+    most = 2 * int(lifted.responses.lengths[hit]) + 64
+    own = np.argmin(np.abs(np.subtract.outer(model.multipliers, modal.multipliers)), axis=1)
+    weight = 1.0 / analysis.noise[:, hit, None]
+    seen = lifted.by_channel(modal.residues[own])[..., hit] * weight
+    turned = np.exp(np.multiply.outer(model.exponents, lifted.phase_times))[:, None]
+    given = model.shapes(lifted.phase_times)[:, :, hit] * turned * weight
+    cross, size = np.sum(given.conj() * seen, axis=(1, 2)), np.sum(np.abs(given) ** 2, axis=(1, 2))
+    steps = np.exp(np.multiply.outer(np.arange(most), np.minimum(model.exponents.real, 0.0) * model.period))
+    steps = steps * np.exp(1j * np.multiply.outer(np.arange(most), model.exponents.imag * model.period))
+    cost = np.sum(np.abs(steps) ** 2 * size - 2.0 * (steps.conj() * cross).real, axis=1)
+    return int(np.argmin(cost))
+
+
+def frozen(values: NDArray) -> NDArray:
+    """The array, read-only."""
+    values.flags.writeable = False
+    return values

@@ -1,0 +1,146 @@
+"""A record beside what the model says of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import frozen_array, positive
+from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.lifting import Lifted
+from floquid.periodic import unexplained
+from floquid.pipeline import Analysis
+from floquid.sync import ShaftAngle, rejoin
+from floquid.views._modes import checked, frozen, periods_later
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Synthesis:
+    """One channel of a record, the model's response, and their difference.
+
+    Parameters
+    ----------
+    times
+        The samples (samples,) [s], on the record's own time axis.
+    measured
+        The free response as it was identified from (samples,) [unit of the channel]; NaN where no sample is.
+    predicted
+        The model's response (samples,) [unit of the channel]; NaN where no sample is.
+    residual
+        Their difference, measured less predicted (samples,) [unit of the channel].
+    noise
+        The deviation of the noise [unit of the channel]; where it is coloured, of all of it together.
+    """
+
+    times: NDArray[np.float64]
+    measured: NDArray[np.float64]
+    predicted: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    noise: float
+
+    def __post_init__(self) -> None:
+        of, put = "Synthesis", object.__setattr__
+        put(self, "times", frozen_array(self.times, "times", of, axes=("samples",)))
+        for name in ("measured", "predicted", "residual"):
+            put(self, name, frozen_array(getattr(self, name), name, of, axes=(len(self.times),), missing=True))
+        put(self, "noise", positive(self.noise, "noise", of))
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """One hit as it was identified from: the record, its clock, the model of that hit alone, the record's own time."""
+
+    record: Record
+    clock: ConstantPeriod | ShaftAngle
+    model: PeriodicModel
+    later: float
+    """What is added to the record's times to give those of the file [s]."""
+    noise: NDArray[np.float64]
+    """The deviation of the noise, before any whitening filter (channels,) [units of the channels]."""
+
+
+def response_of(analysis: Analysis, hit: int, channels: list[int]) -> Response:
+    """The free response of some channels of one hit, with the model that counts from its phase zero."""
+    whole, later, noise = analysis.model, 0.0, analysis.noise[channels, hit]
+    coefficients = whole.coefficients[:, channels][:, :, [hit]]
+    if analysis.fit is not None and analysis.measured:
+        record, own = analysis.fit.free[hit], analysis.measured[hit].clock
+        clock = analysis.shafts[hit] if analysis.shafts else own
+        assert isinstance(clock, (ConstantPeriod, ShaftAngle))
+    else:
+        cycles = analysis.cycles[hit]
+        record, clock = rejoin(replace(cycles, periods=np.full(cycles.n_cycles, whole.period))), None
+        clock = ConstantPeriod(period=whole.period)
+        # Rejoined, the record begins where the model's time zero is, or whole periods after it.
+        passed = periods_later(analysis, hit) * whole.period
+        coefficients = coefficients * np.exp(whole.exponents * passed)[:, None, None, None]
+        later = _begin(analysis, hit) - record.start
+        if analysis.fit is not None:  # interpolated samples have less noise than those measured
+            noise = analysis.lifted.noise[channels, hit]
+        elif analysis.lifted.whitening is not None:
+            noise = noise * _colour(analysis.lifted)[channels]
+    names = [record.channels[row].name for row in channels]
+    model = PeriodicModel(
+        exponents=whole.exponents,
+        coefficients=coefficients,
+        harmonics=whole.harmonics,
+        period=whole.period,
+        channels=[whole.channels[row] for row in channels],
+    )
+    return Response(record=record.select(names), clock=clock, model=model, later=later, noise=noise)
+
+
+def _begin(analysis: Analysis, hit: int) -> float:
+    """The time of the first sample of the first cycle [s]."""
+    record, cycles = analysis.records[hit], analysis.cycles[hit]
+    assert isinstance(record.clock, ConstantPeriod)
+    ahead = (cycles.first_phase - record.clock.phase(record.start)) % 1.0
+    samples = round(ahead * cycles.n_phases) % cycles.n_phases
+    return record.start + samples / record.sample_rate
+
+
+def _colour(lifted: Lifted) -> NDArray[np.float64]:
+    """How much more noise there is before the whitening filter of each channel (channels,) [-]."""
+    omega = 2.0 * np.pi * np.arange(512) / 512 * lifted.n_phases / lifted.period
+    return np.sqrt(np.mean(np.abs(lifted.gain(1j * omega)) ** -2.0, axis=1))
+
+
+def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
+    r"""A channel of a record, the response of the model at its samples, and what is left.
+
+    .. math:: \hat y(t) = \sum_{r,m} B_{r,m}\, e^{(\lambda_r + i m\omega) t}
+
+    (Allen 2009, eq. 12.) The record is the one identified from: whole periods, and without a forced response that was
+    fitted beside the modes. A record that was fitted as it was sampled is the measured one, at its own times; read from
+    a result file, it is that record resampled to whole samples a period.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found.
+    channel, hit
+        Which, from 0.
+
+    Returns
+    -------
+    Synthesis
+        Record, response, what is left, and the noise.
+
+    Raises
+    ------
+    InputError
+        There is no such channel or hit.
+    """
+    checked(analysis, "synthesis", channel=channel, hit=hit)
+    own = response_of(analysis, hit, [channel])
+    (left,) = unexplained(own.model, [own.record], [own.clock])
+    measured = own.record.values[0]
+    return Synthesis(
+        times=frozen(own.record.times + own.later),
+        measured=measured,
+        predicted=frozen(measured - left[0]),
+        residual=frozen(left[0]),
+        noise=float(own.noise[0]),
+    )

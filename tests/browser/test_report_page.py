@@ -1,0 +1,174 @@
+"""The report in a browser: a pole that is clicked changes the shape, and nothing is asked of the network."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import floquid as fq
+
+PERIOD = 0.015789473684210523
+HOSTILE = "</script><script>window.broken=1</script><img src=x onerror='window.broken=2'>"
+
+POINT = """
+([name, renderer, index]) => {
+    const view = [...Bokeh.index].find((one) => one.model.name === `${name}-figure`);
+    const source = view.model.renderers.find((one) => one.name === renderer).data_source;
+    const glyph = view.model.renderers.find((one) => one.name === renderer).glyph;
+    const box = view.el.getBoundingClientRect();
+    const x = source.get_column(glyph.x.field)[index], y = source.get_column(glyph.y.field)[index];
+    return [box.x + view.frame.x_scale.compute(x), box.y + view.frame.y_scale.compute(y)];
+}
+"""
+SOURCE = """([name, column]) => [...Bokeh.documents[0].get_model_by_name(name).get_column(column)]"""
+CHOSEN = "() => Bokeh.documents[0].get_model_by_name('modes').selected.indices"
+
+
+@pytest.fixture(scope="module")
+def rotor(tmp_path_factory):
+    """The report of the physics engine's rotor: eight modes, two hits."""
+    hits = [fq.read(f"examples/rotor/hit{n}.npz", period=PERIOD) for n in (1, 2)]
+    return fq.report(fq.identify(hits), tmp_path_factory.mktemp("report") / "rotor.html")
+
+
+class Watched:
+    """A page, what it asked for, and what it complained of."""
+
+    def __init__(self, browser, width, height):
+        self.page = browser.new_page(viewport={"width": width, "height": height})
+        self.requests, self.complaints = [], []
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("console", lambda said: self.complaints.append(said.text) if said.type == "error" else None)
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+
+    def open(self, path):
+        self.page.goto(path.resolve().as_uri())
+        self.page.wait_for_function("() => Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle")
+        return self.page
+
+
+@pytest.fixture
+def desktop(browser):
+    watched = Watched(browser, 1280, 900)
+    yield watched
+    watched.page.close()
+
+
+@pytest.fixture
+def phone(browser):
+    watched = Watched(browser, 390, 844)
+    yield watched
+    watched.page.close()
+
+
+def clicked(page, figure, renderer, index):
+    """Click the mark of a row of a figure."""
+    page.locator(".plot").nth(0).wait_for()
+    x, y = page.evaluate(POINT, [figure, renderer, index])
+    page.mouse.wheel(0, 0)
+    page.evaluate("(y) => window.scrollTo(0, window.scrollY + y - window.innerHeight / 2)", y)
+    page.wait_for_timeout(100)
+    x, y = page.evaluate(POINT, [figure, renderer, index])
+    page.mouse.click(x, y)
+    page.wait_for_timeout(100)
+
+
+def test_a_click_on_a_pole_shows_the_shape_of_its_mode(desktop, rotor):
+    page = desktop.open(rotor)
+    before = page.evaluate(SOURCE, ["shape", "real0"])
+    rows = page.evaluate(
+        "() => [...Bokeh.index].find((one) => one.model.name === 'stabilisation-figure').model.renderers"
+        ".find((one) => one.name === 'poles-shape').data_source.get_column('row')"
+    )
+    row = max(rows)
+    assert row > 0
+    clicked(page, "stabilisation", "poles-shape", len(rows) - 1 - rows[::-1].index(row))
+    assert page.evaluate(CHOSEN) == [row]
+    after = page.evaluate(SOURCE, ["shape", "real0"])
+    assert len(after) == len(before)
+    assert np.abs(np.subtract(after, before)).max() > 1e-3 * np.abs(before).max()
+    assert page.locator(".chooser button[aria-checked=true]").inner_text() == str(row + 1)
+    assert page.locator(".modes tr.chosen th").inner_text() == str(row + 1)
+    assert page.locator("#told").inner_text().startswith(f"Mode {row + 1}:")
+    assert desktop.complaints == []
+
+
+def test_a_click_on_an_exponent_and_beside_it(desktop, rotor):
+    page = desktop.open(rotor)
+    clicked(page, "exponents", "mode-marks", 6)
+    assert page.evaluate(CHOSEN) == [6]
+    family = page.evaluate(SOURCE, ["family", "frequency"])
+    assert min(family) > 0
+    page.evaluate("() => { Bokeh.documents[0].get_model_by_name('modes').selected.indices = []; }")
+    assert page.evaluate(CHOSEN) == [6], "one mode is always chosen"
+
+
+def test_the_keyboard_chooses_a_mode(desktop, rotor):
+    page = desktop.open(rotor)
+    page.locator(".chooser button").first.focus()
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate(CHOSEN) == [1]
+    assert page.evaluate("() => document.activeElement.textContent") == "2"
+    page.keyboard.press("End")
+    assert page.evaluate(CHOSEN) == [7]
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate(CHOSEN) == [0]
+
+
+def test_every_shape_is_the_models(desktop, rotor):
+    hits = [fq.read(f"examples/rotor/hit{n}.npz", period=PERIOD) for n in (1, 2)]
+    model = fq.identify(hits, validate=False).model
+    page = desktop.open(rotor)
+    for row, mode in enumerate(np.flatnonzero(model.exponents.imag > 0)):
+        page.locator(".chooser button").nth(row).click()
+        turns = np.array(page.evaluate(SOURCE, ["shape", "turns"]))
+        shown = np.array(page.evaluate(SOURCE, ["shape", "real0"]))
+        hit = int(page.locator("#hit").inner_text()) - 1
+        np.testing.assert_allclose(shown, model.shapes(turns * PERIOD)[mode, 0, hit].real, rtol=1e-6, atol=1e-12)
+
+
+def test_another_response_is_shown(desktop, rotor):
+    page = desktop.open(rotor)
+    before = page.evaluate(SOURCE, ["record", "y"])
+    page.locator(".response select").first.select_option(index=9)
+    after = page.evaluate(SOURCE, ["record", "y"])
+    assert after != before
+    labels = page.evaluate(
+        "() => [...Bokeh.index].filter((one) => ['record-figure', 'spectrum-figure'].includes(one.model.name))"
+        ".map((one) => one.model.left[0].axis_label)"
+    )
+    assert sorted(labels) == ["magnitude [rad · s]", "response [rad]"]
+    assert page.locator(".response select").last.input_value() == "9"
+
+
+@pytest.mark.parametrize("size", ["desktop", "phone"])
+def test_nothing_is_asked_of_the_network(size, rotor, request):
+    watched = request.getfixturevalue(size)
+    page = watched.open(rotor)
+    page.mouse.wheel(0, 20_000)
+    page.wait_for_timeout(300)
+    assert [url for url in watched.requests if not url.startswith(("file:", "data:", "blob:"))] == []
+    assert watched.complaints == []
+    assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth"), "it scrolls sideways"
+
+
+def test_on_paper_the_buttons_are_gone(desktop, rotor):
+    page = desktop.open(rotor)
+    page.emulate_media(media="print")
+    assert not page.locator(".chooser").is_visible()
+    assert not page.locator("nav").is_visible()
+    assert page.locator("#verdict-title").is_visible()
+    assert page.pdf(format="A4").count(b"/Type /Page") > 3
+
+
+def test_names_of_channels_run_nothing(desktop, tmp_path):
+    record = fq.systems.JeffcottRotor().simulate(n_periods=128, noise=0.02, seed=1).select(["X", "Y"])
+    channels = [replace(record.channels[0], name=HOSTILE), replace(record.channels[1], name="{{ 7 * 7 }}")]
+    record = replace(record, channels=channels)
+    path = fq.report(fq.identify(record, validate=False), tmp_path / "hostile.html", title=HOSTILE)
+    page = desktop.open(path)
+    page.wait_for_timeout(200)
+    assert page.evaluate("() => window.broken") is None
+    assert page.locator("h1").inner_text() == HOSTILE
+    assert "{{ 7 * 7 }}" in page.locator(".response select").first.inner_text()
+    assert desktop.complaints == []

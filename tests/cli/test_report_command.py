@@ -1,0 +1,54 @@
+"""`floquid report`: the page again, from a saved result, and the page in the folder of a result."""
+
+import pytest
+
+import floquid as fq
+from floquid.cli import run
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A result as `floquid identify --out` writes it, of a short record."""
+    place = tmp_path_factory.mktemp("results")
+    record = fq.systems.JeffcottRotor().simulate(n_periods=128, noise=0.02, seed=2).select(["X", "Y"])
+    fq.write(record, place / "run.npz")
+    assert (
+        run(["identify", str(place / "run.npz"), "--period", str(record.clock.period), "--out", str(place / "out")])
+        == 0
+    )
+    return place / "out"
+
+
+def test_identify_writes_the_page_beside_the_result(folder):
+    assert "The model passes its checks." in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_from_the_folder(folder, capsys):
+    (folder / "report.html").unlink()
+    assert run(["report", str(folder)]) == 0
+    assert (folder / "report.html").exists()
+    assert f"Written: {folder / 'report.html'}" in capsys.readouterr().out
+
+
+def test_elsewhere_with_a_title(folder, tmp_path):
+    page = tmp_path / "page.html"
+    assert run(["report", str(folder / "result.h5"), "--out", str(page), "--title", "Run <7>"]) == 0
+    assert "<h1>Run &lt;7&gt;</h1>" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["no-such-folder"], "there is no file no-such-folder"),
+        (["{folder}/summary.json"], "must be a result file that `save` wrote"),
+        (["{folder}", "--out", "page.pdf"], "must end in .html"),
+        (["{folder}", "--out", "no/such/folder/page.html"], "there is no folder"),
+    ],
+)
+def test_bad_input_ends_in_a_message(folder, words, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["report", *(word.format(folder=folder) for word in words)]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert message in said
+    assert "Traceback" not in said
+    assert list(tmp_path.iterdir()) == []

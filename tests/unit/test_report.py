@@ -1,0 +1,184 @@
+"""The report as a file: what it says, what it shows, and what it refuses."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import floquid as fq
+from floquid.errors import InputError
+from floquid.lti import ERA
+from floquid.reporting._case import MOST_CHANNELS, POINTS, case_of
+from floquid.reporting._page import page
+from floquid.reporting._record_figures import response_sources
+from floquid.reporting._system_figures import MOST, elements_shown
+from floquid.reporting._words import CRITERIA, checks, mode_rows
+from floquid.validation import Criterion
+
+LARGEST = 6_000_000
+"""Bytes that a page may have."""
+
+
+def without_scripts(text):
+    return re.sub(r"<(script|style)\b.*?</\1>", "", text, flags=re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def analysis():
+    record = fq.systems.JeffcottRotor().simulate(n_periods=256, noise=0.02, seed=3)
+    return fq.identify(record, states=["X", "Y"])
+
+
+@pytest.fixture(scope="module")
+def text(analysis, tmp_path_factory):
+    return fq.report(analysis, tmp_path_factory.mktemp("report") / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_verdict_comes_first(text):
+    words = without_scripts(text)
+    places = [words.index(part) for part in ("The model passes its checks.", 'id="modes"', 'id="mode"', 'id="cite"')]
+    assert places == sorted(places)
+
+
+def test_the_page_is_whole(text):
+    words = without_scripts(text)
+    assert not re.search(r"""(src|href)\s*=\s*["'](https?:)?//""", words)
+    assert "<link" not in words.replace('<link rel="icon" href="data:,">', "")
+    assert len(text.encode()) < LARGEST
+    assert "default-src 'none'" in text
+
+
+def test_every_mode_stands_with_its_deviation(analysis, text):
+    rows = mode_rows(case_of(analysis, None))
+    assert len(rows) == 2
+    for row, mode in zip(rows, np.flatnonzero(analysis.model.exponents.imag > 0), strict=True):
+        value, digits = row.hertz.rstrip(")").split("(")
+        unit = 10.0 ** -len(value.partition(".")[2])
+        assert float(value) == pytest.approx(analysis.model.frequencies_hz[mode], abs=unit)
+        assert int(digits) * unit == pytest.approx(analysis.model.frequency_std_hz[mode], rel=0.06)
+        assert row.decay in text
+
+
+def test_a_model_that_fails_says_why(analysis):
+    found = analysis.validation
+    criteria = dict(found.criteria) | {"fit": Criterion(limit=1.5, at_least=True)}
+    failed = replace(found, criteria=criteria, passed=False, reasons=("Half <of it> is missing: look again.",))
+    shown = page(
+        case_of(replace(analysis, validation=failed, warnings=("Mind & beware.",)), None), title=None, truth=None
+    )
+    words = without_scripts(shown)
+    assert "The model does not pass its checks." in words
+    assert "Half &lt;of it&gt; is missing: look again." in words
+    assert "Mind &amp; beware." in words
+    assert [row.met for row in checks(replace(analysis, validation=failed))].count(False) == 1
+
+
+def test_every_criterion_of_the_validation_has_words(analysis):
+    assert set(analysis.validation.criteria) <= set(CRITERIA)
+
+
+def test_what_was_not_checked_is_said(analysis):
+    words = without_scripts(page(case_of(replace(analysis, validation=None), None), title=None, truth=None))
+    assert "was not checked" in words
+    assert "passes its checks" not in words
+
+
+def test_a_long_record_keeps_its_extremes(analysis):
+    record = fq.systems.JeffcottRotor().simulate(n_periods=600, noise=0.02, seed=4)
+    long = fq.identify(record, validate=False)
+    curves = response_sources(case_of(long, None))["record"].modes
+    for channel in range(4):
+        assert len(curves[channel]["x"]) <= POINTS + 2
+        kept = np.float32(record.values[channel])
+        assert (curves[channel]["y"].max(), curves[channel]["y"].min()) == (kept.max(), kept.min())
+
+
+def many_channels(n_channels):
+    """A record of three modes seen by many channels."""
+    rng = np.random.default_rng(5)
+    period, phases, cycles = 1.0, 24, 260
+    times = np.arange(phases * cycles) * period / phases
+    exponents = np.array([-0.03 + 2.1j, -0.04 + 9.0j, -0.05 + 16.3j])
+    shapes = rng.standard_normal((3, n_channels, 3)) + 1j * rng.standard_normal((3, n_channels, 3))
+    waves = np.exp(2j * np.pi * np.outer([-1, 0, 1], times))
+    values = np.einsum("rcm,mt,rt->ct", shapes, waves, np.exp(np.outer(exponents, times))).real
+    values += 0.02 * np.abs(values).max(axis=1, keepdims=True) * rng.standard_normal(values.shape)
+    names = [f"a sensor with a rather long name, {number}" for number in range(n_channels)]
+    return fq.Record(values=values, sample_rate=phases / period, channels=names, clock=fq.ConstantPeriod(period=period))
+
+
+def test_many_channels_stay_within_the_size(tmp_path):
+    found = fq.identify(many_channels(60), validate=False)
+    path = fq.report(found, tmp_path / "many.html")
+    assert path.stat().st_size < LARGEST
+    assert f"{60 - MOST_CHANNELS} more are in the result file" in path.read_text(encoding="utf-8")
+
+
+def test_of_many_elements_those_that_vary_most():
+    rng = np.random.default_rng(6)
+    system = 1e-3 * rng.standard_normal((20, 8, 8))
+    system[:, 5, 2] += np.cos(np.linspace(0, 6, 20))
+    state = fq.StateModel(
+        times=np.arange(20) / 20.0, transition=np.broadcast_to(np.eye(8), (20, 8, 8)), system=system,
+        condition=np.ones(20), states=[f"s{n}" for n in range(8)],
+    )  # fmt: skip
+    chosen = elements_shown(state, second_order=True)
+    assert len(chosen) == MOST
+    assert (5, 2) in chosen
+    assert all(row >= 4 for row, _ in chosen)
+
+
+def test_without_deviations(tmp_path):
+    record = fq.systems.JeffcottRotor().simulate(n_periods=256, noise=0.02, seed=3)
+    found = fq.identify(record, identifier=ERA(), order=4, harmonics=2, validate=False)
+    text = fq.report(found, tmp_path / "era.html").read_text(encoding="utf-8")
+    assert "|B| [units of the channels]" in text
+
+
+def test_one_channel_that_locks_at_half_a_period(tmp_path):
+    times = np.arange(16 * 80) / 16.0
+    values = np.exp(-0.05 * times) * (np.cos(np.pi * times) + 0.3 * np.cos(3 * np.pi * times))
+    values += 0.01 * np.random.default_rng(7).standard_normal(len(times))
+    record = fq.Record(values=values[None], sample_rate=16.0, channels=["flap"], clock=fq.ConstantPeriod(period=1.0))
+    text = fq.report(fq.identify(record), tmp_path / "lock.html").read_text(encoding="utf-8")
+    assert "a negative real multiplier, no pair" in text
+
+
+def test_a_result_read_back_gives_the_same_page(analysis, text, tmp_path):
+    fq.save(analysis, tmp_path / "result.h5")
+    again = fq.report(fq.load(tmp_path / "result.h5"), tmp_path / "again.html").read_text(encoding="utf-8")
+    assert again == text
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"analysis": "result.h5"}, "`analysis` of `report` must be an Analysis, but is a str"),
+        ({"path": "report.pdf"}, "`path` of `report` must end in .html"),
+        ({"path": "no/such/folder/report.html"}, "there is no folder"),
+        ({"title": 3}, "`title` of `report` must be a text"),
+        ({"truth": np.zeros(3)}, "`truth` of `report` must be a pair"),
+        ({"truth": (np.zeros(3), np.zeros((3, 2, 2)))}, "truth"),
+    ],
+)
+def test_mistakes_are_told(analysis, change, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    arguments = {"analysis": analysis, "path": "report.html"} | change
+    with pytest.raises(InputError, match=re.escape(message)):
+        fq.report(arguments.pop("analysis"), arguments.pop("path"), **arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_report_that_fails_leaves_the_old_one(analysis, tmp_path):
+    path = tmp_path / "report.html"
+    path.write_text("the old one", encoding="utf-8")
+    with pytest.raises(InputError):
+        fq.report(analysis, path, truth=(np.zeros(3), np.zeros((3, 2, 2))))
+    assert path.read_text(encoding="utf-8") == "the old one"
+
+
+def test_truth_needs_an_estimate(tmp_path):
+    record = fq.systems.JeffcottRotor().simulate(n_periods=128, noise=0.02, seed=3)
+    with pytest.raises(InputError, match="the analysis has none"):
+        fq.report(fq.identify(record, validate=False), tmp_path / "r.html", truth=(np.zeros(1), np.zeros((1, 4, 4))))

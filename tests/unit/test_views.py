@@ -1,0 +1,445 @@
+"""What figures show, as numbers: against sums written out, against the truth, and against records made wrong."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from floquid import views
+from floquid.core import Channel, ConstantPeriod, Estimates, PeriodicModel, Record
+from floquid.errors import InputError
+from floquid.lti import fit_residues
+from floquid.order import scan
+from floquid.periodic import assemble, physical_exponents
+from floquid.pipeline import identify
+from floquid.store import load, save
+from floquid.systems import JeffcottRotor
+from floquid.views._modes import periods_later
+
+ROTOR = JeffcottRotor(damping=0.02)
+OMEGA = 2.0 * np.pi / ROTOR.period
+P = 20
+
+
+@pytest.fixture(scope="module")
+def found():
+    """Two hits of unequal length that start at odd phases; the second loses samples before the first one's phase."""
+    first = ROTOR.simulate(n_periods=60, samples_per_period=P, noise=0.01, seed=1, first_phase=0.25)
+    second = ROTOR.simulate(n_periods=50, samples_per_period=P, noise=0.01, seed=2, first_phase=0.1, impulse_deg=80.0)
+    return identify([first, second], states=["X", "Y"])
+
+
+def half_a_turn(*, period=1.0, seed=3):
+    """One channel that rings once in two periods: a real negative multiplier. The clock has periods of 1 s."""
+    times = np.arange(4800) / 24.0
+    theta = 2.0 * np.pi * times / period
+    turns = ((0.5, 1.0, 0.3), (1.5, 0.4, -0.5), (2.5, 0.2, 0.0))
+    values = np.exp(-0.01 * times) * sum(size * np.cos(m * theta + phase) for m, size, phase in turns)
+    values = values + 0.02 * np.random.default_rng(seed).standard_normal(len(times))
+    return Record(
+        values=values[None],
+        sample_rate=24.0,
+        channels=[Channel(name="acc", unit="m/s^2")],
+        clock=ConstantPeriod(period=1.0),
+    )
+
+
+def pair(*, period=1.0, wander=0.0, seed=3):
+    """A conjugate pair with three harmonics in two channels, in periods of 1 s as the clock has it."""
+    times = np.arange(4800) / 24.0
+    theta = 2.0 * np.pi * times / period + wander * np.sin(2.0 * np.pi * times / 200.0)
+    carrier = (-0.01 + 2j * np.pi * 0.31) * times
+    rows = [
+        sum(size * np.exp(carrier + 1j * m * theta + 1j * phase) for m, size, phase in own)
+        for own in (((-1, 0.3, 0.4), (0, 1.0, 0.0), (1, 0.2, 1.0)), ((-1, 0.1, 2.0), (0, 0.4, 1.5), (1, 0.3, 0.3)))
+    ]
+    values = np.real(rows) + 0.01 * np.random.default_rng(seed).standard_normal((2, len(times)))
+    return Record(values=values, sample_rate=24.0, channels=["a", "b"], clock=ConstantPeriod(period=1.0))
+
+
+@pytest.fixture(scope="module")
+def locked():
+    return identify(half_a_turn())
+
+
+# Families.
+
+
+def test_a_family_has_the_lines_of_a_mode_and_their_shares(found):
+    families = views.families(found)
+    assert [family.mode for family in families] == [0, 2]
+    model = found.model
+    for family in families:
+        weighted = np.abs(model.coefficients[family.mode]) ** 2 / found.noise[:, :, None] ** 2
+        whole = weighted.sum(axis=(0, 1))
+        kept = whole > 0
+        assert family.harmonics.tolist() == model.harmonics[kept].tolist()
+        assert family.omega == pytest.approx(np.abs(model.exponents[family.mode].imag + OMEGA * model.harmonics[kept]))
+        assert family.share == pytest.approx(whole[kept] / whole.sum())
+        assert family.share.sum() == pytest.approx(1.0)
+        assert family.harmonics[np.argmax(family.share)] == 0  # the branch reported
+
+
+def test_of_a_real_multiplier_a_line_is_one_line(locked):
+    (family,) = views.families(locked)
+    assert family.omega == pytest.approx(2.0 * np.pi * np.array([0.5, 1.5, 2.5]))
+    sizes = np.array([1.0, 0.4, 0.2]) ** 2
+    assert family.share == pytest.approx(sizes / sizes.sum(), abs=0.005)
+
+
+def test_shares_do_not_depend_on_units(found):
+    records = [replace(r, values=r.values * np.array([[1e-6], [1.0], [1e3], [1.0]])) for r in found.records]
+    for one, other in zip(views.families(found), views.families(identify(records)), strict=True):
+        assert other.share == pytest.approx(one.share, rel=1e-3)
+
+
+# Regions.
+
+
+def test_an_ellipse_holds_its_share_of_draws():
+    covariance = np.array([[2.0, 1.2], [1.2, 1.0]]) * 1e-6
+    rng = np.random.default_rng(0)
+    draws = rng.multivariate_normal([0.3, -2.0], covariance, size=20_000)
+    inverse = np.linalg.inv(covariance)
+    for level in (0.5, 0.95):
+        edge = views.ellipse(0.3 - 2.0j, covariance, level)
+        off = np.stack([edge.real - 0.3, edge.imag + 2.0])
+        radius = np.einsum("ik,ij,jk->k", off, inverse, off)
+        assert radius == pytest.approx(np.full(73, radius[0]))
+        away = draws - [0.3, -2.0]
+        inside = np.mean(np.einsum("ki,ij,kj->k", away, inverse, away) < radius[0])
+        assert inside == pytest.approx(level, abs=4.0 * np.sqrt(level * (1 - level) / 20_000))
+        assert edge[0] == pytest.approx(edge[-1])
+
+
+def test_a_part_without_error_gives_a_line(locked):
+    edge = views.exponent_ellipses(locked.model)[0]
+    std = locked.model.exponent_std[0]
+    assert edge.imag == pytest.approx(np.full(73, locked.model.exponents[0].imag), abs=1e-15)
+    reach = np.sqrt(-2.0 * np.log(0.05)) * std.real
+    assert np.ptp(edge.real) == pytest.approx(2.0 * reach, rel=2e-3)
+    wide = views.multiplier_ellipses(locked.model)[0]
+    assert np.ptp(wide.real) == pytest.approx(2.0 * reach * abs(locked.model.multipliers[0]), rel=2e-3)
+
+
+def test_regions_are_as_wide_as_the_deviations_say(found):
+    factor = np.sqrt(-2.0 * np.log(0.05))
+    for edges, centre, std in (
+        (views.exponent_ellipses(found.model), found.model.exponents, found.model.exponent_std),
+        (views.multiplier_ellipses(found.model), found.model.multipliers, found.model.multiplier_std),
+    ):
+        off = edges - centre[:, None]
+        assert np.abs(off.real).max(axis=1) == pytest.approx(factor * std.real, rel=3e-3)
+        assert np.abs(off.imag).max(axis=1) == pytest.approx(factor * std.imag, rel=3e-3)
+    bare = replace(found.model, covariance=None)
+    assert views.exponent_ellipses(bare) is None
+    assert views.multiplier_ellipses(bare) is None
+
+
+def test_the_region_of_a_multiplier_has_the_period_in_it(found):
+    """Against the region with the period known, and the slope of μ = e^{λT} by T."""
+    own = found.model.estimates
+    covariance = np.array(own.covariance)
+    spread = 1e-3  # of ω, far above what the exponents have
+    covariance[-1, -1] += (spread * own.fundamental) ** 2
+    fields = {name: getattr(own, name) for name in Estimates.__dataclass_fields__}
+    model = replace(found.model, estimates=Estimates(**{**fields, "covariance": covariance}))
+    edges = views.multiplier_ellipses(model)
+    slope = model.multipliers * model.exponents * model.period * spread
+    off = edges - model.multipliers[:, None]
+    factor = np.sqrt(-2.0 * np.log(0.05))
+    assert np.abs(off).max(axis=1) == pytest.approx(factor * np.abs(slope), rel=0.02)
+    longest = off[np.arange(len(off)), np.argmax(np.abs(off), axis=1)]
+    turned = np.abs(np.sin(np.angle(longest / slope)))
+    assert (turned < 0.1).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((0j, np.eye(3)), "`covariance` of `ellipse` must have shape"),
+        ((0j, -np.eye(2)), "`covariance` of `ellipse` must have no negative variance"),
+        ((0j, np.eye(2), 1.0), "`level` of `ellipse` must lie between 0 and 1"),
+        ((0j, np.eye(2), 0.9, 2), "`points` of `ellipse`"),
+    ],
+)
+def test_no_ellipse(arguments, words):
+    with pytest.raises(InputError, match=words):
+        views.ellipse(*arguments)
+
+
+# Shapes and coefficients.
+
+
+def test_shapes_are_the_models_own(found):
+    curves = views.shape_curves(found.model, 2, 1, points=13)
+    times = np.linspace(0.0, 1.0, 13) * ROTOR.period
+    assert curves.turns == pytest.approx(np.linspace(0.0, 1.0, 13))
+    assert curves.values == pytest.approx(found.model.shapes(times)[2, :, 1])
+    assert curves.std == pytest.approx(found.model.shape_std(times)[2, :, 1])
+    assert curves.values[:, 0] == pytest.approx(curves.values[:, -1])
+    assert views.shape_curves(replace(found.model, estimates=None), 0).std is None
+
+
+def test_coefficients_of_a_fit_have_their_floor():
+    """A record fitted as it was sampled: what the model leaves out lies at the deviation."""
+    record = pair()
+    values = np.array(record.values)
+    values[:, 700:703] = np.nan
+    analysis = identify(replace(record, values=values))
+    assert analysis.fit is not None
+    seen = views.expansion(analysis, 0, 0)
+    assert seen.harmonics[seen.kept].tolist() == [-1, 0, 1]
+    own = analysis.model.coefficients[0, 0, 0]
+    assert np.abs(seen.values[seen.kept] - own) == pytest.approx(0.0, abs=6.0 * np.nanmax(seen.std))
+    left = (seen.magnitudes / seen.std)[~seen.kept & np.isfinite(seen.std)]
+    assert 0.4 < np.sqrt(np.mean(left**2)) < 1.6
+
+
+# Synthesis.
+
+
+def test_synthesis_is_the_models_response_at_the_samples(found):
+    """The second hit begins before the first one's phase: what leads in is left out, on the record's own time axis."""
+    for hit, (channel, lead) in enumerate(((1, 0), (2, 3))):
+        record = found.records[hit]
+        seen = views.synthesis(found, channel, hit)
+        used = slice(lead, lead + found.cycles[hit].n_cycles * P)
+        assert seen.times == pytest.approx(record.times[used])
+        assert np.array_equal(seen.measured, record.values[channel, used])
+        begin = record.times[lead] - found.cycles[hit].first_phase * ROTOR.period
+        expected = found.model.response(seen.times - begin)[channel, hit]
+        assert seen.predicted == pytest.approx(expected, abs=1e-9)
+        assert seen.residual == pytest.approx(seen.measured - expected, abs=1e-9)
+        assert seen.residual.std() == pytest.approx(seen.noise, rel=0.06)
+        assert seen.noise == pytest.approx(found.noise[channel, hit])
+
+
+@pytest.fixture(scope="module")
+def odd():
+    """Samples are missing: fitted as sampled, and resampled, from later periods on."""
+    record = pair()
+    values = np.array(record.values)
+    values[0, 100:104] = np.nan
+    values[:, 40:43] = np.nan
+    record = replace(record, values=values, sample_rate=24.3, start=7.0, clock=ConstantPeriod(period=24.0 / 24.3))
+    return identify(record)
+
+
+def test_synthesis_of_a_record_fitted_as_sampled(odd):
+    assert odd.fit is not None
+    seen = views.synthesis(odd, 0)
+    record = odd.fit.free[0]
+    assert seen.times == pytest.approx(record.times)
+    assert np.array_equal(np.isnan(seen.measured), np.isnan(odd.measured[0].values[0]))
+    assert np.isnan(seen.predicted[[41, 102]]).all()
+    assert np.isnan(seen.residual).sum() == 7
+    phase = odd.measured[0].clock.phase(7.0)
+    expected = odd.model.response(seen.times - 7.0 + phase * odd.model.period)[0, 0]
+    there = np.isfinite(seen.predicted)
+    assert seen.predicted[there] == pytest.approx(expected[there], abs=1e-9)
+    assert np.nanstd(seen.residual) == pytest.approx(seen.noise, rel=0.05)
+
+
+def test_synthesis_of_a_result_that_was_read(odd, tmp_path):
+    """The measured record is not in the file: the resampled one is, which begins periods later."""
+    save(odd, tmp_path / "result.h5")
+    again = load(tmp_path / "result.h5")
+    assert not again.measured
+    seen = views.synthesis(again, 1)
+    assert seen.measured == pytest.approx(odd.records[0].values[1])
+    assert seen.residual.std() < 1.3 * seen.noise
+    assert np.abs(seen.predicted).max() > 10.0 * seen.noise
+    assert views.synchronisation(again).told.sum() > 5
+
+
+def test_residues_of_a_record_that_begins_later_are_the_models(odd):
+    """The cycles resampled begin whole periods after the model's phase zero; a wrong count turns the residues."""
+    mode = views.families(odd)[0].mode
+    residue = views.identified_residue(odd, mode, 0)
+    shape = odd.model.shapes(odd.lifted.phase_times)[mode, 0, 0]
+    assert np.abs(residue - shape).max() < 0.02 * np.abs(shape).max()
+    assert periods_later(odd, 0) > 0
+
+
+# Branches.
+
+
+def test_poles_of_a_scan_lie_on_their_branches(found):
+    seen = scan(found.lifted.responses, orders=[4, 6, 8])
+    for model, exponents in zip(seen.models, views.unfolded(seen, found), strict=True):
+        assert len(exponents) == model.order
+        assert np.exp(exponents * ROTOR.period) == pytest.approx(model.multipliers)
+        for own in found.model.exponents:
+            assert np.abs(exponents - own).min() < 0.02 * OMEGA
+    folded = np.abs(np.angle(seen.models[0].multipliers)) / ROTOR.period
+    assert np.abs(np.sort(folded) - np.sort(np.abs(found.model.exponents.imag))).max() > 0.2 * OMEGA
+
+
+def test_physical_exponents_are_those_that_assemble_reports(found):
+    modal = fit_residues(found.modal.multipliers, found.lifted.responses)
+    mine = physical_exponents(modal, found.lifted)
+    theirs = assemble(modal, found.lifted, harmonics=2).exponents
+    assert np.abs(np.subtract.outer(mine, theirs)).min(axis=1) == pytest.approx(0.0, abs=1e-12)
+    assert mine.imag.sum() == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(InputError, match="`modal` of `physical_exponents`"):
+        physical_exponents(replace(modal, residues=modal.residues[:, :5], residual_std=None), found.lifted)
+
+
+def test_a_scan_of_something_else_is_refused(found, locked):
+    seen = scan(locked.lifted.responses, orders=[1, 2])
+    with pytest.raises(InputError, match="`scan` of `unfolded` must be one of the analysis"):
+        views.unfolded(seen, found)
+    with pytest.raises(InputError, match="`scan` of `unfolded` must be an OrderScan"):
+        views.unfolded(3, found)
+
+
+# Synchronisation.
+
+
+def test_a_record_that_keeps_step_has_no_slip(found, locked):
+    for analysis, hits in ((found, 2), (locked, 1)):
+        for hit in range(hits):
+            seen = views.synchronisation(analysis, hit)
+            assert seen.told.sum() >= 3
+            assert abs(seen.relative) < 4.0 * seen.relative_std
+            score = (seen.slip / seen.slip_std)[seen.told]
+            assert np.sqrt(np.mean(score**2)) < 2.0
+            assert seen.misfit < 4.0
+
+
+def test_slips_scatter_as_their_deviations_say():
+    """Twelve stretches of ten records: the mean square of slip over deviation is that of 120 normal numbers."""
+    scores = [
+        (seen.slip / seen.slip_std)[seen.told]
+        for seen in (views.synchronisation(identify(half_a_turn(seed=seed))) for seed in range(10))
+    ]
+    every = np.concatenate(scores)
+    assert len(every) == 120
+    # Less what the model has taken up; the band is that of chi-square at one in a thousand on either side.
+    assert 0.55 < np.mean(every**2) < 1.5
+
+
+@pytest.mark.parametrize(("make", "off"), [(pair, 2e-5), (pair, -1e-4), (half_a_turn, 2e-5)])
+def test_a_wrong_period_is_a_slope(make, off):
+    """The own period is (1 + off) s; the record was cut at 1 s."""
+    analysis = identify(make(period=1.0 + off), order=2 if make is pair else 1, trust_period=True)
+    seen = views.synchronisation(analysis)
+    assert seen.relative == pytest.approx(off, abs=4.0 * seen.relative_std + 0.02 * abs(off))
+    assert abs(seen.relative) > 4.0 * seen.relative_std
+
+
+def test_a_wandering_speed_is_a_curve():
+    straight = views.synchronisation(identify(pair(), order=2, trust_period=True))
+    wanders = views.synchronisation(identify(pair(wander=0.05), order=2, trust_period=True))
+    assert straight.misfit < 3.0
+    assert wanders.misfit > 10.0
+    # The slip is the sine that was put in, up to what a straight line and the model take up.
+    times, weight = wanders.times, 1.0 / wanders.slip_std
+    given = 0.05 * np.sin(2.0 * np.pi * times / 200.0)
+    left = [weight * (v - np.polyval(np.polyfit(times, v, 1, w=weight), times)) for v in (wanders.slip, given)]
+    assert left[0] @ left[1] / np.sqrt((left[0] @ left[0]) * (left[1] @ left[1])) > 0.97
+
+
+def test_phases_of_lines_turn_with_their_harmonic():
+    seen = views.synchronisation(identify(pair(period=1.0 + 1e-4), order=2, trust_period=True))
+    slopes = {
+        int(m): np.polyfit(seen.times, phase, 1, w=1.0 / std)[0]
+        for m, phase, std in zip(seen.harmonics, seen.phases, seen.phases_std, strict=True)
+    }
+    assert slopes[1] - slopes[0] == pytest.approx(-2.0 * np.pi * 1e-4, rel=0.1)
+    assert slopes[0] - slopes[-1] == pytest.approx(-2.0 * np.pi * 1e-4, rel=0.1)
+
+
+def test_an_exponent_that_is_off_is_no_slip():
+    """All lines of the mode turn together then, by up to 0.3 rad over the record."""
+    analysis = identify(pair())
+    model = analysis.model
+    moved = model.exponents + 1j * np.sign(model.exponents.imag) * 0.3 / 200.0
+    bare = replace(model, exponents=moved, covariance=None, coefficient_std=None, estimates=None, unselected=None)
+    seen = views.synchronisation(replace(analysis, model=bare))
+    score = (seen.slip / seen.slip_std)[seen.told]
+    assert np.sqrt(np.mean(score**2)) < 2.0
+    strongest = seen.phases[seen.harmonics.tolist().index(0)]
+    assert np.ptp(strongest) > 0.2
+
+
+def test_one_harmonic_does_not_tell():
+    times = np.arange(4800) / 24.0
+    values = np.exp(-0.01 * times) * np.cos(2.0 * np.pi * 0.31 * times)
+    values = values + 0.01 * np.random.default_rng(0).standard_normal(len(times))
+    record = Record(values=values[None], sample_rate=24.0, channels=["a"], clock=ConstantPeriod(period=1.0))
+    seen = views.synchronisation(identify(record, validate=False))
+    assert not seen.told.any()
+    assert np.isnan([seen.relative, seen.relative_std, seen.misfit]).all()
+    assert len(seen.harmonics) == 1
+    assert np.isfinite(seen.phases).any()
+
+
+# All.
+
+
+def test_nothing_writable_is_handed_out(found):
+    for thing in (
+        views.families(found)[0],
+        views.expansion(found, 0, 0),
+        views.synthesis(found, 0),
+        views.synchronisation(found),
+        views.record_spectrum(found, 0),
+        views.shape_curves(found.model, 0),
+    ):
+        for name in type(thing).__slots__:
+            value = getattr(thing, name)
+            assert not isinstance(value, np.ndarray) or not value.flags.writeable, name
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda a: views.families(3), "`analysis` of `families` must be an Analysis"),
+        (lambda a: views.synthesis(a, 4), "`channel` of `synthesis` must be less than 4"),
+        (lambda a: views.synthesis(a, 0, 2), "`hit` of `synthesis` must be less than 2"),
+        (lambda a: views.expansion(a, 4, 0), "`mode` of"),
+        (lambda a: views.lifted_spectrum(a, 0, 20), "`phase` of `lifted_spectrum` must be less than 20"),
+        (lambda a: views.record_spectrum(a, -1), "`channel` of `record_spectrum`"),
+        (lambda a: views.shape_curves(a.model, 4), "`mode` of `shape_curves` must be less than 4"),
+        (lambda a: views.shape_curves(a.model, 0, points=1), "`points` of `shape_curves`"),
+        (lambda a: views.synchronisation(a, 2), "`hit` of `synchronisation` must be less than 2"),
+    ],
+)
+def test_what_is_not_there_is_refused(found, call, words):
+    with pytest.raises(InputError, match=words):
+        call(found)
+
+
+def test_modes_of_a_pair_are_one(found, locked):
+    assert views.upper_modes(found.model) == (0, 2)
+    assert views.upper_modes(locked.model) == (0,)
+    order = [1, 0, 3, 2]
+    turned = PeriodicModel(
+        exponents=found.model.exponents[order],
+        coefficients=found.model.coefficients[order],
+        harmonics=found.model.harmonics,
+        period=found.model.period,
+        channels=found.model.channels,
+    )
+    assert views.upper_modes(turned) == (1, 3)
+
+
+def test_a_gap_is_no_extreme():
+    x, y = np.arange(1000.0), np.sin(np.arange(1000.0))
+    y[300:350] = np.nan
+    y[355] = 7.0  # in a stretch that is half missing
+    thin_x, thin_y = views.envelope(x, y, 100)
+    assert np.nanmax(thin_y) == 7.0
+    assert np.isnan(thin_y).any()
+    assert np.isfinite(thin_y).sum() > 80
+    assert len(thin_x) <= 100
+
+
+def test_no_plotting_library_is_loaded():
+    code = "import sys, floquid.views; assert not {'matplotlib', 'bokeh', 'jinja2'} & set(sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
