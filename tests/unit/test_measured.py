@@ -11,7 +11,7 @@ from floquid import ConstantPeriod, IdentificationError, InputError, Record, ide
 from floquid.lifting import lift
 from floquid.periodic import Synchrony, fit
 from floquid.pipeline import Settings, _doubts
-from floquid.plot import save_figures
+from floquid.plot import FIGURES, save_figures
 from floquid.sync import resample, shaft_angle
 from floquid.systems import JeffcottRotor, Run
 
@@ -65,7 +65,8 @@ def test_such_a_result_comes_back_from_a_file(tmp_path):
 
 
 def test_its_figures_have_the_speed(tmp_path):
-    assert [path.name for path in save_figures(of_run(), tmp_path)] == ["time_record.png", "composite.png", "speed.png"]
+    written = [path.stem for path in save_figures(of_run(), tmp_path)]
+    assert written == [name for name in FIGURES if name != "system_elements"]
 
 
 def test_resampling_everything_to_angle_would_not_do():
@@ -176,6 +177,16 @@ def test_an_angle_too_rough_for_its_imbalance_is_named():
     fine = identify(Run(n_periods=100, samples_per_period=16.37, pulse_deg=60.0, seed=3).record())
     assert fine.model.order == 4
     assert not any("angle of the shaft" in warning for warning in (*fine.warnings, *of_run().warnings))
+
+
+def test_a_tachometer_without_slopes_is_named_at_a_steady_speed_too():
+    """High or low and nothing between: each pulse is known to a sample, and so no speed is seen to wander."""
+    fine = Run(n_periods=80, samples_per_period=25.1, imbalance=5.0, pulse_deg=36.0).record()
+    values = np.concatenate([fine.values[:-1], [5.0 * (fine.values[-1] > 2.5)]])
+    level = identify(replace(fine, values=values), validate=False)
+    assert any("angle of the shaft is known to" in warning for warning in level.warnings)
+    assert not any("angle of the shaft" in warning for warning in identify(fine, validate=False).warnings)
+
 
 
 def test_the_period_is_found():

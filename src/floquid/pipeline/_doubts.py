@@ -125,7 +125,7 @@ def wrong_angles(found: Fit, shafts: Sequence[ShaftAngle], records: Sequence[Rec
     with a the amplitudes of its harmonics j, σ the deviation of the angle [rad], and s the noise.
     """
     forced = found.forced
-    if forced is None or not forced.speed_dependent:
+    if forced is None:
         return ""
     energy, degrees = 0.0, 0.0
     for hit, (shaft, record) in enumerate(zip(shafts, records, strict=True)):

@@ -157,7 +157,7 @@ def measured(
         # Without `lifted`: resampling moves lines by more than their deviations.
         periodicity=None if model.unselected is None else periodicity(model),
         synchronisation=(*said, *own, *_said_of(found)),
-        warnings=tuple(word for word in (doubt, *unsteady, blurred) if word)
+        warnings=tuple(" ".join(word.split()) for word in (doubt, *unsteady, blurred) if word)
         + (ambiguity(choice) if settings.order is None else ())
         + warnings(model),
     )
