@@ -188,7 +188,6 @@ def test_a_tachometer_without_slopes_is_named_at_a_steady_speed_too():
     assert not any("angle of the shaft" in warning for warning in identify(fine, validate=False).warnings)
 
 
-
 def test_the_period_is_found():
     record = ROTOR.simulate(n_periods=150, samples_per_period=16, seed=3)
     analysis = identify(replace(record, clock=None), estimate_period=True)

@@ -14,6 +14,7 @@ from floquid.lti import fit_residues
 from floquid.order import scan
 from floquid.periodic import assemble, physical_exponents
 from floquid.pipeline import identify
+from floquid.reconstruction import StateModel
 from floquid.store import load, save
 from floquid.systems import JeffcottRotor
 from floquid.views._modes import periods_later
@@ -443,3 +444,17 @@ def test_no_plotting_library_is_loaded():
     code = "import sys, floquid.views; assert not {'matplotlib', 'bokeh', 'jinja2'} & set(sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
+
+
+def test_units_of_the_elements_of_channels_as_they_are():
+    """In first-order form no state is a derivative of another: the halves of their list mean nothing."""
+    channels = [Channel(name="x", unit="m"), Channel(name="tilt", unit="rad"), Channel(name="vx", unit="m/s")]
+    names = [*(channel.name for channel in channels), "unknown"]
+    zeros = np.zeros((3, 4, 4))
+    state = StateModel(
+        times=np.arange(3) / 3, transition=zeros, system=zeros, condition=np.ones(3), states=tuple(names)
+    )
+    assert views.element_unit(state, 0, 0, channels) == "1/s"
+    assert views.element_unit(state, 0, 1, channels) == "m/rad · 1/s"
+    assert views.element_unit(state, 2, 0, channels) == "(m/s)/m · 1/s"
+    assert views.element_unit(state, 3, 0, channels) == "1/m · 1/s"

@@ -13,6 +13,7 @@ from floquid.core import Channel
 from floquid.plot._several import LOOKS, degrees_a_period, entitled, label_angle, several
 from floquid.plot._style import BLACK, finish, label_values, new_figure, style
 from floquid.reconstruction import StateModel
+from floquid.views import element_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
 INTERVAL = 1.96
 """The standard deviations to each side within which 95 % of estimates lie."""
-
-_TIME_POWER = {"velocity": 1, "acceleration": 2}
 
 
 def system_elements(
@@ -86,7 +85,7 @@ def system_elements(
             _draw_estimates(axes, named, i - 1, j - 1, degrees, length)
             axes.margins(y=0.12)
             largest = float(np.abs(axes.dataLim.intervaly).max())
-            label_values(axes, f"A({i},{j})", _unit(first, i - 1, j - 1, channels), largest)
+            label_values(axes, f"A({i},{j})", element_unit(first, i - 1, j - 1, channels), largest)
         label_angle(panels[-1], periods_per_revolution, of)
         figure.align_ylabels(panels)
         finish(figure)
@@ -148,30 +147,3 @@ def _truth(truth: tuple[ArrayLike, ArrayLike], n: int, of: str) -> tuple[NDArray
         raise input_error("truth", of, "be a pair (times, system)", f"is a {type(truth).__name__}")
     times = frozen_array(truth[0], "truth[0]", of, axes=("times",))
     return times, frozen_array(truth[1], "truth[1]", of, axes=(len(times), n, n))
-
-
-def _unit(state: StateModel, i: int, j: int, channels: Sequence[Channel]) -> str:
-    """The unit of A(i,j), dx_i/dt by x_j: that of the channels, if they differ, and a power of the second.
-
-    The states are displacements and then velocities; a channel of velocity is integrated once, one of acceleration
-    twice, so its displacement is in its own unit times s or s².
-    """
-    half = len(state.states) // 2
-    by_name = {channel.name: channel for channel in channels}
-    power, units = -1, []
-    for index, sign in ((i, 1), (j, -1)):
-        channel = by_name.get(state.states[index % half]) if half else None
-        power += sign * (_TIME_POWER.get(str(channel.quantity), 0) if channel else 0)
-        power -= sign * (half > 0 and index >= half)
-        units.append(channel.unit if channel else "-")
-    above, below = units
-    ratio = "" if above == below else f"{_factor(above)}/{_factor(below)}"
-    time = {0: "", 1: "s"}.get(power, f"s^{power}") if power >= 0 else ("1/s" if power == -1 else f"1/s^{-power}")
-    time = time.replace("^2", "²").replace("^3", "³").replace("^4", "⁴").replace("^5", "⁵")
-    return " · ".join(part for part in (ratio, time) if part) or "-"
-
-
-def _factor(unit: str) -> str:
-    if unit == "-":
-        return "1"
-    return f"({unit})" if "/" in unit else unit

@@ -117,7 +117,7 @@ def _figures(case: Case, found: list[Synchronisation], truth: Truth | None) -> d
     }
     if analysis.state is not None:
         second = analysis.settings.form == "second-order"
-        figures["system"] = element_figures(analysis.state, model.period, second_order=second, truth=truth)
+        figures["system"] = element_figures(analysis.state, model, second_order=second, truth=truth)
     shown = [*figures["record"], *figures["spectrum"]]
     names = [response_label, response_label, spectrum_label]
     labels = [[name(case, number) for number in range(len(responses(case)))] for name in names]

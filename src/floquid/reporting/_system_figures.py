@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.core import PeriodicModel
 from floquid.reconstruction import StateModel
 from floquid.reporting._chosen_figures import BAND
-from floquid.reporting._look import BLACK, BLUE, VERMILION, Figure, legend_above, new_figure
+from floquid.reporting._look import BLUE, VERMILION, Figure, legend_above, new_figure, shown
+from floquid.views import element_unit
 
 MOST = 12
 """Elements shown; `summary.json` holds all."""
@@ -37,34 +39,40 @@ def element_name(i: int, j: int) -> str:
     return f"A{i + 1}{j + 1}" if max(i, j) < 9 else f"A{i + 1},{j + 1}"
 
 
-def element_figures(state: StateModel, period: float, *, second_order: bool, truth: Truth | None) -> list[Figure]:
+def element_figures(
+    state: StateModel, model: PeriodicModel, *, second_order: bool, truth: Truth | None
+) -> list[Figure]:
     """A figure an element, against the phase."""
-    return [
-        _element_figure(state, period, i, j, second_order=second_order, truth=truth)
-        for i, j in elements_shown(state, second_order=second_order)
-    ]
+    return [_element_figure(state, model, place, truth) for place in elements_shown(state, second_order=second_order)]
 
 
-def _element_figure(
-    state: StateModel, period: float, i: int, j: int, *, second_order: bool, truth: Truth | None
-) -> Figure:
-    half = len(state.states) // 2
-    unit = "1/s" if not second_order else "1/s²" if j < half else "1/s"
-    made = new_figure("phase [periods]", f"{element_name(i, j)} [{unit}]", name=f"system-{i}-{j}", height=240)
-    made.title.text = f"{element_name(i, j)}: d/dt {state.states[i]} by {state.states[j]}"
-    turns, values = state.times / period, state.system[:, i, j]
+def _element_figure(state: StateModel, model: PeriodicModel, place: tuple[int, int], truth: Truth | None) -> Figure:
+    i, j = place
+    label = f"{element_name(i, j)} [{element_unit(state, i, j, model.channels)}]"
+    made = new_figure("phase [periods]", label, name=f"system-{i}-{j}", height=240)
+    made.title.text = f"{element_name(i, j)}: d/dt {shown(state.states[i])} by {shown(state.states[j])}"
+    order, turns = _closed(state.times / model.period)
+    values = state.system[order, i, j]
     if state.system_std is not None:
-        width = BAND * state.system_std[:, i, j]
+        width = BAND * state.system_std[order, i, j]
         made.varea(
             turns, values - width, values + width, fill_color=BLUE, fill_alpha=0.25, legend_label="interval of 95 %"
         )
     made.line(turns, values, line_color=BLUE, line_width=2, legend_label="identified")
     if truth is not None:
-        inside = (truth[0] >= 0.0) & (truth[0] <= period * (1.0 + 1e-9))
+        inside = (truth[0] >= 0.0) & (truth[0] <= model.period * (1.0 + 1e-9))
         made.line(
-            truth[0][inside] / period, truth[1][inside, i, j], line_color=VERMILION, line_dash="dashed", line_width=2,
-            legend_label="truth",
+            truth[0][inside] / model.period, truth[1][inside, i, j], line_color=VERMILION, line_dash="dashed",
+            line_width=2, legend_label="truth",
         )  # fmt: skip
-    made.title.text_color = BLACK
     legend_above(made)
     return made
+
+
+def _closed(turns: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """The order of the instants [periods], the first once more where they end within a period of it."""
+    order = np.argsort(turns)
+    turns = turns[order]
+    if turns[-1] < turns[0] + 1.0 - 1e-9:
+        return np.append(order, order[0]), np.append(turns, turns[0] + 1.0)
+    return order, turns

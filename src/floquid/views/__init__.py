@@ -13,6 +13,7 @@ from floquid.views._spectra import Spectrum, lifted_spectrum, record_spectrum
 from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, synthesis
 from floquid.views._unfolded import unfolded
+from floquid.views._units import element_unit
 from floquid.views._words import MODE_NOTES, mode_notes, with_error
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "Spectrum",
     "Synchronisation",
     "Synthesis",
+    "element_unit",
     "ellipse",
     "envelope",
     "expansion",

@@ -1,0 +1,63 @@
+"""The units of the elements of A(t)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from floquid.core import Channel
+from floquid.reconstruction import StateModel
+
+VELOCITY = "d/dt "
+"""What the name of a state that is the derivative of another begins with."""
+
+_TIME_POWER = {"velocity": 1, "acceleration": 2}
+_POWERS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
+
+
+def element_unit(state: StateModel, i: int, j: int, channels: Sequence[Channel]) -> str:
+    """The unit of A(i,j), dx_i/dt by x_j: that of the channels, if they differ, and a power of the second.
+
+    In second-order form a channel of velocity is integrated once and one of acceleration twice, so that its
+    displacement is in its own unit times s or s²; in other forms a state is in the unit of its channel.
+
+    Parameters
+    ----------
+    state
+        Φ and A(t).
+    i, j
+        Row and column, from 0.
+    channels
+        The channels of the model; without that of a state, its unit is left out.
+
+    Returns
+    -------
+    str
+        The unit, "-" where there is none.
+    """
+    by_name = {channel.name: channel for channel in channels}
+    second = any(name.startswith(VELOCITY) for name in state.states)
+    power, units = -1, []
+    for name, sign in ((state.states[i], 1), (state.states[j], -1)):
+        own = name.removeprefix(VELOCITY)
+        channel = by_name.get(own) or by_name.get(own.split("+")[0])
+        if second:
+            power += sign * (_TIME_POWER.get(str(channel.quantity), 0) if channel else 0)
+            power -= sign * name.startswith(VELOCITY)
+        units.append(channel.unit if channel else "-")
+    above, below = units
+    ratio = "" if above == below else f"{_factor(above)}/{_factor(below)}"
+    return " · ".join(part for part in (ratio, _time(power)) if part) or "-"
+
+
+def _factor(unit: str) -> str:
+    if unit == "-":
+        return "1"
+    return f"({unit})" if "/" in unit else unit
+
+
+def _time(power: int) -> str:
+    """A power of the second."""
+    if power == 0:
+        return ""
+    raised = f"s{_POWERS.get(abs(power), '')}"
+    return raised if power > 0 else f"1/{raised}"
