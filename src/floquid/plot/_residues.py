@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,9 @@ from floquid.pipeline import Analysis
 from floquid.plot._several import LOOKS, degrees_a_period, entitled, label_angle, legend_of_all, several
 from floquid.plot._style import GREY, SIZE, label_values, new_figure, plain, style
 from floquid.views import expansion, identified_residue
+
+SHORT, LINE = 10, 18
+"""The longest name of a channel that stands beside its unit, and the longest line of another, in characters."""
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -206,7 +210,11 @@ def draw_residue(
             axes.plot(times / period * degrees, smooth, **look.line, label=entitled(name, "harmonics kept"))
         axes.margins(y=0.1)
         largest = float(np.abs(axes.dataLim.intervaly).max())
-        label_values(axes, channel.name if part == "real" else "", channel.unit, largest)
+        # A row is low: a long name takes several lines, or it would meet that of the row below.
+        name = channel.name if part == "real" else ""
+        if len(name) > SHORT:
+            name = "\n".join([*wrap(name, LINE), ""])
+        label_values(axes, name, channel.unit, largest)
 
 
 def _log_axis(axes: Axes, name: str) -> None:
