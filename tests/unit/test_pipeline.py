@@ -7,10 +7,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from floquid import floquet
-from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.core import Channel, ConstantPeriod, PeriodicModel, Record
 from floquid.errors import IdentificationError, InputError
 from floquid.lti import LSCF
 from floquid.pipeline import Analysis, Settings, identify
+from floquid.pipeline._before import responses_of
 from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close, pair_exponents
 
@@ -394,3 +395,18 @@ def test_an_identifier_of_a_part_of_the_band_is_refused():
     records = ringing(pairs([-0.03 + 0.85j, -0.02 + 0.32j]))
     with pytest.raises(InputError, match=r"`identifier` of `identify` must look at the whole band"):
         identify(records, identifier=LSCF(band=(0.2, 0.4)), harmonics=2)
+
+
+@pytest.mark.parametrize("quantity", ["force", "pulse"])
+def test_what_is_no_response_is_left_out(quantity):
+    """A hammer's force and a tachometer's pulses beside the responses: neither is one, unless it is named."""
+    record = JeffcottRotor().simulate(n_periods=64, noise=0.02, seed=5).select(["X", "Y"])
+    unit = "N" if quantity == "force" else "V"
+    hammer = np.where(np.arange(record.n_samples) < 3, 40.0, 0.01 * np.sin(np.arange(record.n_samples)))
+    channels = [*record.channels, Channel(name="H", quantity=quantity, unit=unit)]
+    beside = dataclasses.replace(record, values=np.vstack([record.values, hammer]), channels=channels)
+    found, alone = identify(beside, validate=False), identify(record, validate=False)
+    assert [channel.name for channel in found.model.channels] == ["X", "Y"]
+    assert np.array_equal(found.model.exponents, alone.model.exponents)
+    assert f"Channel H is a {quantity}, and no response: it was left out." in found.synchronisation
+    assert responses_of((beside,), Settings(channels=("X", "H"))) == ((beside,), ())

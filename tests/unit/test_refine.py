@@ -17,6 +17,7 @@ from floquid.errors import IdentificationError, InputError
 from floquid.reconstruction import Block, FirstOrder, SecondOrder, refine
 from floquid.reconstruction._harmonic_balance import Mode, slopes_of, solved
 from floquid.reconstruction._invariance import Seen, at, problem_of
+from floquid.systems import JeffcottRotor
 from floquid.systems._propagation import free_response
 from floquid.testing import assert_exponents_close
 
@@ -494,7 +495,8 @@ def test_a_probability_that_is_none_is_refused(oracle, wrong):
 
 @pytest.mark.parametrize("wrong", ["automatic", None, 2, Block()])
 def test_what_is_no_structure_is_refused(oracle, wrong):
-    with pytest.raises(InputError, match='`structure` of `refine` must be "auto" or a structure'):
+    words = "have blocks that begin with stiffness" if wrong == "automatic" else '`refine` must be "auto", a structure'
+    with pytest.raises(InputError, match=words):
         refined(make(oracle, "one"), wrong)
 
 
@@ -705,3 +707,13 @@ def test_velocity_and_displacement_of_a_record_are_better_than_each(oracle):
     found = [refine(model, states, RIGHT["pairs"]) for states in (["c0+c2", "c1+c3"], ["c0", "c1"], ["c2", "c3"])]
     assert (found[0].std < np.minimum(found[1].std, found[2].std)).all()
     assert min(one.p_value for one in found) > 1e-3
+
+
+def test_a_structure_is_taken_as_text():
+    record = JeffcottRotor().simulate(n_periods=128, noise=0.02, seed=11)
+    model = identify(record, validate=False).model
+    text = refine(model, ["X", "Y"], "stiffness 1 symmetric; damping 0")
+    given = SecondOrder(stiffness=Block(harmonics=1, symmetry="symmetric"), damping=Block(harmonics=0))
+    assert_allclose(text.parameters, refine(model, ["X", "Y"], given).parameters)
+    with pytest.raises(InputError, match="structure"):
+        refine(model, ["X", "Y"], "stiffness of two")

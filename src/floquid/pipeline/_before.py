@@ -8,13 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import ConstantPeriod, PulseTimes, Record, TachometerSignal
+from floquid.core import AzimuthSignal, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.errors import IdentificationError
 from floquid.pipeline._settings import Settings
 from floquid.sync import clipped, dropouts, find_hits, gaps, pulse_times, shaft_angle, split_hits
 
 MOST_GAPS = 12
 """Stretches of missing samples that are listed one by one."""
+
+NO_RESPONSE = ("force", "pulse")
+"""Quantities of channels that say what drives a system, or how far it has turned."""
 
 CHUNK = 8192
 """Samples at which an orbit is made at a time."""
@@ -103,6 +106,26 @@ def later(records: tuple[Record, ...], skip: float) -> tuple[tuple[Record, ...],
     return tuple(cut), (f"The first {skip:g} periods were left out.",)
 
 
+def responses_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[str, ...]]:
+    """The records without channels that are no responses, forces and pulses, and a sentence on each that was left out.
+
+    A channel that the settings name stays, and so do all where there would be none.
+    """
+    if not records:
+        return records, ()
+    clock = records[0].clock
+    keep = {*settings.channels, *([clock.channel] if isinstance(clock, (TachometerSignal, AzimuthSignal)) else [])}
+    names = [c.name for c in records[0].channels if c.name in keep or c.quantity not in NO_RESPONSE]
+    if len(names) == records[0].n_channels or not set(names) - keep:
+        return records, ()
+    said = [
+        f"Channel {c.name} is a {c.quantity}, and no response: it was left out."
+        for c in records[0].channels
+        if c.name not in names
+    ]
+    return tuple(record.select(names) for record in records), tuple(said)
+
+
 def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[str, ...]]:
     """The free response after each impact as a record of its own, and what was done, in words.
 
@@ -112,7 +135,8 @@ def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Reco
         There is no impact.
     """
     free, said = [], []
-    for record in records:
+    for number, record in enumerate(records, start=1):
+        which = f"Record {number}: " if len(records) > 1 else ""
         if isinstance(clock := record.clock, TachometerSignal):
             # The pulses of the whole record: a piece alone would count the lines of an encoder from its own first.
             pulses = PulseTimes(
@@ -123,7 +147,7 @@ def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Reco
             record = record.select([c.name for c in record.channels if c.name != clock.channel]).with_clock(pulses)
         instants = find_hits(record)
         if not instants:
-            said.append("No impact was found: the record is taken for one free response from its first sample.")
+            said.append(f"{which}No impact was found: the record is taken for one free response from its first sample.")
             free.append(record)
             continue
         period = record.clock.period if isinstance(record.clock, ConstantPeriod) else None
@@ -136,9 +160,12 @@ def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Reco
                 "`skip` (`--skip`)."
             )
         free += parts
+        where = ", ".join(f"{instant:.6g} s" for instant in instants[:12]) + (" …" if len(instants) > 12 else "")
+        if len(instants) == 1:
+            said.append(f"{which}One impact was found, at {where}; the free response after it is a hit.")
+            continue
         said.append(
-            f"{len(instants)} impacts were found, at {', '.join(f'{instant:.6g} s' for instant in instants[:12])}"
-            + (" …" if len(instants) > 12 else "")
-            + f"; the free responses after them are {len(parts)} hits on one system."
+            f"{which}{len(instants)} impacts were found, at {where}; the free responses after them are {len(parts)} "
+            "hits on one system."
         )
     return tuple(free), tuple(said)

@@ -25,7 +25,7 @@ from floquid.lti import fit_residues
 from floquid.order import Choice, judge
 from floquid.periodic import assemble, combinations_of, estimate_at, finish, periodicity
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._before import faults_of, hits_of, later, missing_of, without_orbit
+from floquid.pipeline._before import faults_of, hits_of, later, missing_of, responses_of, without_orbit
 from floquid.pipeline._doubts import ambiguity, below_modes, driven, misfit, quiet, too_low, warnings, wrong_period
 from floquid.pipeline._find_poles import UnsettledError, find_poles
 from floquid.pipeline._measured import NOT_WHOLE, measured, why_measured
@@ -90,6 +90,8 @@ def identify(
     elif chosen.skip:
         used, words = later(used, chosen.skip)
         said += words
+    used, words = responses_of(used, chosen)
+    said += words
     if chosen.orbit:
         used, words = without_orbit(used)
         said += words

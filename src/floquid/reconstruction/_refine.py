@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,7 @@ from floquid.reconstruction._refinement import Refinement
 from floquid.reconstruction._state_model import StateModel
 from floquid.reconstruction._states import Names, derivative_of
 from floquid.reconstruction._structure import AbstractStructure, Basis
+from floquid.reconstruction._structure_text import structure_of
 
 Array = NDArray[Any]
 
@@ -44,7 +45,7 @@ SAME = 0.02
 def refine(
     model: PeriodicModel,
     states: Names,
-    structure: AbstractStructure | Literal["auto"] = "auto",
+    structure: AbstractStructure | str = "auto",
     *,
     times: ArrayLike | int = 50,
     refuse: float = REFUSED,
@@ -70,7 +71,8 @@ def refine(
         for one of first order. "all" takes some of the channels as displacements and all others as constant
         combinations of these, whose gains are found too.
     structure
-        `SecondOrder` or `FirstOrder`; "auto" takes the simplest second-order form that the data do not contradict.
+        `SecondOrder` or `FirstOrder`, or their text ("stiffness 2 symmetric; damping 0"); "auto" takes the simplest
+        second-order form that the data do not contradict.
     times
         Instants after phase zero [s], or how many equally spaced ones over a period.
     refuse
@@ -104,9 +106,11 @@ def refine(
         )
     if not 0.0 <= finite(refuse, "refuse", OF) < 1.0:
         raise input_error("refuse", OF, "be a probability below one", f"is {refuse:g}")
+    if isinstance(structure, str):
+        structure = structure_of(structure)
     if not isinstance(structure, AbstractStructure):
         if structure != "auto":
-            must = 'be "auto" or a structure, such as SecondOrder(stiffness=Block(harmonics=2))'
+            must = 'be "auto", a structure such as SecondOrder(stiffness=Block(harmonics=2)), or its text'
             raise input_error("structure", OF, must, f"is {structure!r:.60}")
         from floquid.reconstruction._find_structure import found_structure
 
