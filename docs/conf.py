@@ -96,3 +96,5 @@ def setup(app) -> None:
     """Sphinx calls this."""
     public_home()
     app.connect("autodoc-process-docstring", escape_bars, priority=100)
+    # It adds a file to the site and reads no page; unless it says so, pages are run one after the other.
+    app.extensions["sphinx-mathjax-offline"].parallel_read_safe = True

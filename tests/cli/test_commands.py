@@ -336,7 +336,7 @@ def unstable():
 
 @pytest.mark.parametrize(
     ("values", "notes"),
-    [(None, set()), (real_poles(), {"μ<0", "μ>0"}), (unstable(), {"grows"})],
+    [(None, {"f?"}), (real_poles(), {"μ<0", "μ>0"}), (unstable(), {"grows"})],
     ids=["rotor", "real", "grows"],
 )
 def test_no_number_is_cut_short_at_80_columns(values, notes, rotor):

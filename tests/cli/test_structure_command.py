@@ -63,11 +63,12 @@ def test_the_structure_is_printed_with_its_fit_and_its_parameters(rotor):
 def test_every_element_has_its_largest_deviation_below_it(rotor):
     text = typed(f"{IDENTIFY} --states X,Y --out new")
     state = floquid.load("new/result.h5").state
-    lines = text[text.index("A(t) [1/s², 1/s]: mean over the period ± half its range") :].splitlines()
+    lines = text[text.index("A(t) [1/s², 1/s]: smallest … largest over the period") :].splitlines()
     assert lines[1].split() == ["X", "Y", "d/dt", "X", "d/dt", "Y"]
     for row, i in ((2, 2), (4, 3)):
-        means = [float(cell.split("±")[0]) for cell in lines[row].split()[2:]]
-        assert means == pytest.approx(state.system[:, i].mean(axis=0), abs=6e-4)
+        cells = [cell.split("…") for cell in lines[row].split()[2:]]
+        assert [float(cell[0]) for cell in cells] == pytest.approx(state.system[:, i].min(axis=0), abs=6e-4)
+        assert [float(cell[-1]) for cell in cells] == pytest.approx(state.system[:, i].max(axis=0), abs=6e-4)
         assert lines[row + 1].split()[0] == "deviation"
         shown = [float(word) for word in lines[row + 1].split()[1:]]
         assert shown == pytest.approx(state.system_std[:, i].max(axis=0), rel=0.05)
@@ -103,7 +104,7 @@ def test_settings_read_back_give_the_same_state(rotor):
 
 def test_delayed_states_say_what_they_are(rotor):
     text = typed(f"{IDENTIFY} --states X --form delayed --delay 1.5")
-    assert "A(t) [1/s]: mean over the period ± half its range" in text
+    assert "A(t) [1/s]: smallest … largest over the period" in text
     flat = " ".join(text.split())
     assert (
         "The states are delayed outputs, X, X(t + 1.5 s), X(t + 3 s), X(t + 4.5 s): Φ and A are those of these" in flat

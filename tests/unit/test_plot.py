@@ -444,6 +444,10 @@ def test_the_overlap_is_seen():
 def test_a_dollar_starts_no_formula():
     assert plain("a $x$") == r"a \$x\$"
     assert len(plain("x" * 100)) < 50
+    assert plain("x" * 40 + "1") != plain("x" * 40 + "2")
+    figure = Figure()
+    figure.subplots().plot([1.0], label=plain("_x"))
+    assert figure.axes[0].get_legend_handles_labels()[1] == ["\u200b_x"]
 
 
 def test_the_users_settings_neither_change_nor_matter(found):

@@ -12,6 +12,7 @@ from floquid import floquet, plot, views
 from floquid.core import Channel
 from floquid.errors import InputError
 from floquid.order import scan
+from floquid.periodic import participation
 from floquid.pipeline import identify
 from floquid.plot import _save
 from floquid.systems import JeffcottRotor
@@ -113,6 +114,14 @@ def test_a_growing_mode_has_a_mark_of_its_own(found):
     assert len(grows.get_xdata()) == 4
 
 
+def test_a_growth_within_its_deviation_is_none(found):
+    bare = replace(found.model, estimates=None, unselected=None)
+    slight = bare.exponents - bare.exponents.real + 3.0 * bare.exponent_std.real
+    figure = plot.exponents(replace(bare, exponents=slight))
+    assert "identified, grows" not in legend(figure)
+    assert not any(line.get_marker() == "^" and len(line.get_xdata()) for axes in figure.axes for line in axes.lines)
+
+
 def test_without_deviations_there_is_nothing_close_up(found):
     figure = plot.exponents(replace(found.model, covariance=None))
     assert len(figure.axes) == 2
@@ -189,14 +198,23 @@ def test_bands_are_left_out_where_they_are_not_known(found):
     assert not figure.axes[0].collections
 
 
-def test_bars_are_shares_of_energy_over_the_noise(found):
-    bars = plot.periodic_shapes(found.model, of=[0]).axes[2].patches
-    heights = {round(bar.get_x() + bar.get_width() / 2): bar.get_height() for bar in bars}
-    sizes = np.abs(found.model.coefficient_std[0, :, 0]).max(axis=1, keepdims=True)
-    energy = np.sum((np.abs(found.model.coefficients[0, :, 0]) / sizes) ** 2, axis=0)
-    shares = dict(zip(found.model.harmonics.tolist(), (energy / energy.sum()).tolist(), strict=True))
-    assert heights == pytest.approx({m: share for m, share in shares.items() if share >= 1e-4})
-    assert len(heights) == 3
+def bars(figure):
+    return {round(bar.get_x() + bar.get_width() / 2): bar.get_height() for bar in figure.axes[2].patches}
+
+
+def test_bars_are_the_shares_of_the_tables(found):
+    harmonics, shares = participation(found.model, 0, 1.0 / found.noise)
+    given = {int(m): share for m, share in zip(harmonics, shares, strict=True) if share >= 1e-4}
+    assert bars(plot.periodic_shapes(found.model, of=[0], weights=1.0 / found.noise)) == pytest.approx(given)
+    assert len(given) == 3
+
+
+def test_bars_without_weights_do_not_depend_on_units(found):
+    model = with_units(found.model, "m", "m", "rad", "rad")
+    scales = np.array([1.0, 1.0, 1e6, 1e6])[:, None, None]
+    bare = replace(model, covariance=None, coefficient_std=None, estimates=None, unselected=None)
+    other = replace(bare, coefficients=bare.coefficients * scales)
+    assert bars(plot.periodic_shapes(other, of=[0])) == pytest.approx(bars(plot.periodic_shapes(bare, of=[0])))
 
 
 @pytest.mark.parametrize(
@@ -206,6 +224,7 @@ def test_bars_are_shares_of_energy_over_the_noise(found):
         ({"of": []}, "`of` of `periodic_shapes` must list one to 6"),
         ({"states": ["Z"]}, "`states` of `periodic_shapes`"),
         ({"hit": 2}, "`hit` of `periodic_shapes` must be less than 2"),
+        ({"weights": [1.0]}, "`weights` of `periodic_shapes` must have shape"),
         ({"parts": "both"}, "`parts` of `periodic_shapes` must be"),
     ],
 )

@@ -5,16 +5,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import floquid as fq
 from floquid.errors import InputError
 from floquid.lti import ERA
+from floquid.order import Stability
+from floquid.order import scan as scan_orders
 from floquid.reporting._case import MOST_CHANNELS, POINTS, case_of
+from floquid.reporting._modes_figures import _poles, _upper
 from floquid.reporting._page import page
 from floquid.reporting._record_figures import response_sources
 from floquid.reporting._system_figures import MOST, elements_shown
-from floquid.reporting._words import CRITERIA, checks, mode_rows
+from floquid.reporting._words import CRITERIA, checks, mode_rows, noise_rows, steps
+from floquid.systems import Run
 from floquid.validation import Criterion
+from floquid.views import multiplier_ellipses
 
 LARGEST = 6_000_000
 """Bytes that a page may have."""
@@ -113,6 +119,8 @@ def test_many_channels_stay_within_the_size(tmp_path):
     path = fq.report(found, tmp_path / "many.html")
     assert path.stat().st_size < LARGEST
     assert f"{60 - MOST_CHANNELS} more are in the result file" in path.read_text(encoding="utf-8")
+    labels = case_of(found, None).labels()
+    assert len(set(labels)) == MOST_CHANNELS, "names that begin alike are told apart"
 
 
 def test_of_many_elements_those_that_vary_most():
@@ -134,6 +142,9 @@ def test_without_deviations(tmp_path):
     found = fq.identify(record, identifier=ERA(), order=4, harmonics=2, validate=False)
     text = fq.report(found, tmp_path / "era.html").read_text(encoding="utf-8")
     assert "|B| [units of the channels]" in text
+    words = without_scripts(text)
+    assert "gives no standard deviations" in words
+    assert not re.search("bands of 95 %|one standard deviation|see the ellipses", words)
 
 
 def test_one_channel_that_locks_at_half_a_period(tmp_path):
@@ -182,3 +193,64 @@ def test_truth_needs_an_estimate(tmp_path):
     record = fq.systems.JeffcottRotor().simulate(n_periods=128, noise=0.02, seed=3)
     with pytest.raises(InputError, match="the analysis has none"):
         fq.report(fq.identify(record, validate=False), tmp_path / "r.html", truth=(np.zeros(1), np.zeros((1, 4, 4))))
+
+
+def test_each_ellipse_is_about_its_mark():
+    """Also where the conjugate below the real axis is the mode of the model: the mark is at |Im μ|."""
+    record = fq.systems.JeffcottRotor().simulate(n_periods=256, noise=0.02, seed=3)
+    shown = case_of(fq.identify(record, validate=False), None)
+    multipliers = shown.analysis.model.multipliers[list(shown.modes)]
+    assert (multipliers.imag < 0).any()
+    ellipses = _upper(multiplier_ellipses(shown.analysis.model), shown)
+    centres = ellipses[:, :-1].mean(axis=1)
+    np.testing.assert_allclose(centres, multipliers.real + 1j * np.abs(multipliers.imag), rtol=1e-6)
+
+
+def test_a_pole_belongs_to_the_mode_of_its_decay():
+    """Two real multipliers lie at one frequency; their poles differ by the decay alone."""
+    times = np.arange(16 * 150) / 16.0
+    waves = 1.0 + 0.4 * np.cos(2.0 * np.pi * times), 1.0 + 0.4 * np.sin(2.0 * np.pi * times)
+    values = [waves[k] * np.exp(-0.02 * times) + (-1) ** k * np.exp(-0.1 * times) for k in (0, 1)]
+    values += 0.005 * np.random.default_rng(8).standard_normal((2, len(times)))
+    record = fq.Record(values=values, sample_rate=16.0, channels=["a", "b"], clock=fq.ConstantPeriod(period=1.0))
+    found = fq.identify(record, validate=False)
+    assert found.model.order == 2
+    scan = scan_orders(found.lifted.responses, orders=[2, 3, 4])
+    shown = case_of(found, scan)
+    principal = found.model.principal()[list(shown.modes)]
+    for stability in Stability:
+        poles = _poles(shown, stability, principal)
+        for decay, row in zip(poles["decay"], poles["row"], strict=True):
+            if row >= 0:
+                assert row == np.argmin(np.abs(principal.real - decay))
+
+
+def test_with_a_tachometer_what_is_left_is_noise_and_from_a_file_it_is_not_drawn(tmp_path):
+    run = Run(n_periods=80, samples_per_period=25.1, wander=0.003, imbalance=0.5, pulse_deg=36.0).record()
+    found = fq.identify(run, tach="tach", periods_per_revolution=2, validate=False)
+    curves = response_sources(case_of(found, None))
+    left = curves["left"].modes[0]["y"]
+    assert left.std() == pytest.approx(found.noise[0, 0], rel=0.1)
+    fq.save(found, tmp_path / "result.h5")
+    again = fq.load(tmp_path / "result.h5")
+    assert np.isnan(response_sources(case_of(again, None))["left"].modes[0]["y"]).all()
+    words = without_scripts(page(case_of(again, None), title=None, truth=None))
+    assert "The angle of the shaft is not in a result file" in words
+    assert "own period is" not in words
+
+
+def test_many_samples_a_period_stay_within_the_size(tmp_path):
+    record = fq.systems.JeffcottRotor().simulate(n_periods=20, samples_per_period=3000, noise=0.02, seed=1)
+    found = fq.identify(record, order=4, harmonics=1, validate=False)
+    assert fq.report(found, tmp_path / "dense.html").stat().st_size < 0.6 * LARGEST
+
+
+def test_the_noise_of_the_page_is_that_of_the_record():
+    rng = np.random.default_rng(9)
+    quiet = fq.systems.JeffcottRotor().simulate(n_periods=256, noise=0.0, seed=0)
+    noise = lfilter([0.01], [1.0, -0.9], rng.standard_normal(quiet.values.shape))
+    found = fq.identify(replace(quiet, values=quiet.values + noise), validate=False)
+    assert found.lifted.whitening is not None
+    for (_, _, (cell,)), own in zip(noise_rows(found), noise.std(axis=1), strict=True):
+        assert float(cell.split()[0]) == pytest.approx(own, rel=0.1)
+    assert any("coloured along the record" in step for step in steps(found))

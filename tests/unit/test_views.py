@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
-from floquid import views
+from floquid import plot, views
 from floquid.core import Channel, ConstantPeriod, Estimates, PeriodicModel, Record
 from floquid.errors import InputError
 from floquid.lti import fit_residues
@@ -16,7 +17,7 @@ from floquid.periodic import assemble, physical_exponents
 from floquid.pipeline import identify
 from floquid.reconstruction import StateModel
 from floquid.store import load, save
-from floquid.systems import JeffcottRotor
+from floquid.systems import JeffcottRotor, Run
 from floquid.views._modes import periods_later
 
 ROTOR = JeffcottRotor(damping=0.02)
@@ -119,7 +120,7 @@ def test_a_part_without_error_gives_a_line(locked):
     edge = views.exponent_ellipses(locked.model)[0]
     std = locked.model.exponent_std[0]
     assert edge.imag == pytest.approx(np.full(73, locked.model.exponents[0].imag), abs=1e-15)
-    reach = np.sqrt(-2.0 * np.log(0.05)) * std.real
+    reach = 1.959964 * std.real  # one degree of freedom
     assert np.ptp(edge.real) == pytest.approx(2.0 * reach, rel=2e-3)
     wide = views.multiplier_ellipses(locked.model)[0]
     assert np.ptp(wide.real) == pytest.approx(2.0 * reach * abs(locked.model.multipliers[0]), rel=2e-3)
@@ -254,6 +255,51 @@ def test_synthesis_of_a_result_that_was_read(odd, tmp_path):
     assert seen.residual.std() < 1.3 * seen.noise
     assert np.abs(seen.predicted).max() > 10.0 * seen.noise
     assert views.synchronisation(again).told.sum() > 5
+
+
+def test_what_was_read_keeps_its_time_axis(odd, tmp_path):
+    """From phase zero on, whole periods included."""
+    save(odd, tmp_path / "result.h5")
+    seen = views.synthesis(load(tmp_path / "result.h5"), 1)
+    assert seen.times[0] == pytest.approx(periods_later(odd, 0) * odd.model.period)
+    assert seen.predicted == pytest.approx(odd.model.response(seen.times)[1, 0], abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def rig():
+    """A tachometer, and a speed that wanders."""
+    return identify(Run(n_periods=150, seed=2).record(), validate=False)
+
+
+def test_the_angle_of_a_shaft_is_not_in_a_file(rig, tmp_path):
+    save(rig, tmp_path / "result.h5")
+    again = load(tmp_path / "result.h5")
+    assert rig.settings.tach is None
+    assert views.has_angle(rig)
+    assert not views.has_angle(again)
+    seen = views.synchronisation(again)
+    assert len(seen.times) == len(seen.modes) == seen.phases.size == 0
+    assert np.isnan([seen.relative, seen.misfit]).all()
+    for draw in (plot.synthesis, plot.synchronisation):
+        with pytest.raises(InputError, match="The angle of the shaft is not in a result file"):
+            draw(again)
+    names = [path.stem for path in plot.save_figures(again, tmp_path, dpi=30)]
+    assert not {"synthesis", "synchronisation"} & set(names)
+
+
+def test_points_of_lifted_responses_are_where_the_record_is(found, odd, rig, tmp_path):
+    save(odd, tmp_path / "result.h5")
+    fractional = identify(replace(pair(period=1.013), clock=ConstantPeriod(period=1.013)))  # no whole number of samples
+    for analysis in (found, odd, fractional, rig, load(tmp_path / "result.h5")):
+        seen, (times, values) = views.synthesis(analysis, 1), views.lifted_points(analysis, 1)
+        assert len(times) == analysis.cycles[0].n_cycles
+        whole = np.interp(times, seen.times, np.arange(len(seen.times)))
+        if np.abs(whole - np.rint(whole)).max() < 1e-6 and analysis is found:
+            assert np.array_equal(values, seen.measured[np.rint(whole).astype(int)])
+        there = np.isfinite(seen.predicted)
+        expected = CubicSpline(seen.times[there], seen.predicted[there])(times)
+        assert np.sqrt(np.mean((values - expected) ** 2)) < 1.5 * seen.noise
+        assert np.abs(values).max() > 10.0 * seen.noise
 
 
 def test_residues_of_a_record_that_begins_later_are_the_models(odd):
@@ -402,6 +448,8 @@ def test_nothing_writable_is_handed_out(found):
         (lambda a: views.families(3), "`analysis` of `families` must be an Analysis"),
         (lambda a: views.synthesis(a, 4), "`channel` of `synthesis` must be less than 4"),
         (lambda a: views.synthesis(a, 0, 2), "`hit` of `synthesis` must be less than 2"),
+        (lambda a: views.lifted_points(a, 4), "`channel` of `lifted_points` must be less than 4"),
+        (lambda a: views.has_angle(3), "`analysis` of `has_angle` must be an Analysis"),
         (lambda a: views.expansion(a, 4, 0), "`mode` of"),
         (lambda a: views.lifted_spectrum(a, 0, 20), "`phase` of `lifted_spectrum` must be less than 20"),
         (lambda a: views.record_spectrum(a, -1), "`channel` of `record_spectrum`"),
@@ -427,6 +475,53 @@ def test_modes_of_a_pair_are_one(found, locked):
         channels=found.model.channels,
     )
     assert views.upper_modes(turned) == (1, 3)
+
+
+def test_growth_is_told_from_its_deviation(found):
+    deviation = found.model.exponent_std[0].real
+    bare = replace(found.model, estimates=None, unselected=None)
+    slight = replace(bare, exponents=bare.exponents + 3.0 * deviation - bare.exponents[0].real)
+    assert not views.grows(slight, 0)
+    assert views.grows(replace(slight, covariance=None), 0)
+    assert views.grows(replace(slight, exponents=slight.exponents + 2.0 * deviation), 0)
+
+
+def test_a_long_name_keeps_both_ends():
+    assert views.shortened("abcdefghij", 10) == "abcdefghij"
+    assert views.shortened("abcdefghij", 7) == "abc…hij"
+    assert views.shortened("abcdefghij", 6) == "abc…ij"
+    assert views.shortened("ab", 1) == "…"
+
+
+def test_two_modes_of_one_multiplier_have_a_residue_each(found):
+    """Pairs of modes, one of which is the other moved by ω."""
+    upper = found.model.exponents[0]
+    lam = np.array([upper, upper.conj(), upper + 1j * OMEGA, upper.conj() - 1j * OMEGA])
+    mu = np.exp(lam * found.model.period)
+    bare = replace(found.model, exponents=lam, estimates=None, unselected=None)
+    modal = replace(found.modal, multipliers=np.where(found.modal.multipliers.imag > 0, mu[0], mu[1]))
+    twice = replace(found, model=bare, modal=modal)
+    one, other = (np.abs(views.identified_residue(twice, mode, 0)) for mode in (0, 2))
+    assert not np.allclose(one, other)
+
+
+def test_the_periods_before_a_growing_response_are_counted():
+    """Residues made from the model's, 7 periods later: but for its sign a real multiplier has its growth alone."""
+    record = half_a_turn()
+    values = np.array(record.values)
+    values[0, 700:703] = np.nan
+    decays = identify(replace(record, values=values), order=1, validate=False)
+    assert decays.fit is not None
+    model = replace(decays.model, estimates=None, unselected=None, exponents=-decays.model.exponents.conj())
+    times = decays.lifted.phase_times + 7.0 * model.period
+    residues = model.shapes(times)[0, 0, 0] * np.exp(model.exponents[0] * times)
+    modal = replace(decays.modal, multipliers=model.multipliers, residues=residues.reshape(decays.modal.residues.shape))
+    assert periods_later(replace(decays, model=model, modal=modal), 0) == 7
+
+
+def test_deviations_of_shapes_of_some_modes_are_those_of_all(found):
+    times = np.linspace(0.0, 1.0, 5)
+    assert np.array_equal(found.model.shape_std(times, [3, 0]), found.model.shape_std(times)[[3, 0]])
 
 
 def test_a_gap_is_no_extreme():
@@ -457,4 +552,7 @@ def test_units_of_the_elements_of_channels_as_they_are():
     assert views.element_unit(state, 0, 0, channels) == "1/s"
     assert views.element_unit(state, 0, 1, channels) == "m/rad · 1/s"
     assert views.element_unit(state, 2, 0, channels) == "(m/s)/m · 1/s"
-    assert views.element_unit(state, 3, 0, channels) == "1/m · 1/s"
+    assert views.element_unit(state, 3, 0, channels) == "1/s"
+    delayed = replace(state, states=("x", "x(t + 1.768 s)", "tilt(t + 1.768 s)", "vx"))
+    assert views.element_unit(delayed, 1, 0, channels) == "1/s"
+    assert views.element_unit(delayed, 2, 0, channels) == "rad/m · 1/s"

@@ -15,13 +15,14 @@ from floquid.periodic import participation
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.validation import Validation
-from floquid.views import MODE_NOTES, is_real, mode_notes, upper_modes, with_error
+from floquid.views import MODE_NOTES, is_real, mode_notes, passed_words, upper_modes, whitening_words, with_error
 
 LEGEND = (
-    "λ: Floquet exponent, on the branch of its physical frequency; f = |λ|/2π; ζ = -Re λ/|λ|; |μ| = e^(Re λ T), the "
-    "decay in one period; folded: |Im λ| modulo ω, over ω"
+    "λ: Floquet exponent, known up to multiples of iω and given where the line is strongest in these channels and "
+    "hits; f = |λ|/2π and ζ = -Re λ/|λ| go with that line; |μ| = e^(Re λ T), the decay in one period, and folded, "
+    "|Im λ| modulo ω over ω, do not"
 )
-DEVIATIONS = "(53) is one standard deviation in the last digits"
+DEVIATIONS = "digits in brackets are one standard deviation in the last digits"
 NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does)"
 NOISE = "White noise found, standard deviation"
 RARE = 0.01
@@ -39,7 +40,7 @@ def print_analysis(analysis: Analysis) -> None:
     _print_record(console, analysis)
     print_title(console, f"Modes: order {analysis.model.order}, conjugates counted one by one")
     print_modes(console, analysis)
-    used = {word for r in upper_modes(analysis.model) for word in mode_notes(analysis.model, r)}
+    used = {word for r in upper_modes(analysis.model) for word in mode_notes(analysis, r)}
     meanings = [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]
     deviations = NO_DEVIATIONS if analysis.model.exponent_std is None else DEVIATIONS
     kept = ", as asked for" if analysis.settings.harmonics is not None else " that rise above the noise"
@@ -65,12 +66,7 @@ def print_validation(console: Console, validation: Validation) -> None:
         for reason in validation.reasons:
             console.print(f"  {reason}", style="yellow")
         return
-    fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
-    console.print(
-        f"Validation passed: {fit:.1%} of the response is predicted in cycles left out, with an error of {error:.3g} "
-        "times the noise at most, and nothing else is left that noise does not explain.",
-        style="dim",
-    )
+    console.print(f"Validation passed: {passed_words(validation)}", style="dim")
 
 
 def print_folder(folder: Path | None, *others: str) -> None:
@@ -122,16 +118,8 @@ def _period(analysis: Analysis) -> str:
 
 def print_whitening(console: Console, lifted: Lifted) -> None:
     """What was done about noise that is coloured, if it is."""
-    if lifted.whitening is None:
-        return
-    taps = lifted.whitening.shape[1] - 1
-    those = [c.name for c, own in zip(lifted.channels, lifted.whitening, strict=True) if own[1:].any()]
-    where = "all channels" if len(those) == lifted.n_channels else ", ".join(those)
-    console.print(
-        f"The noise is coloured along the record in {where}: a filter of {counted(taps, 'tap')} makes it white, and "
-        "poles are found after it.",
-        style="dim",
-    )
+    if words := whitening_words(lifted):
+        console.print(words, style="dim")
 
 
 def _noise_table(analysis: Analysis) -> Table:
@@ -169,7 +157,7 @@ def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
     table = Table(box=None)
     for name in ("", "Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded", "m"):
         table.add_column(name, justify="left" if name == "" else "right", no_wrap=True)
-    notes = [" ".join(mode_notes(model, r)) for r in upper_modes(model)]
+    notes = [" ".join(mode_notes(analysis, r)) for r in upper_modes(model)]
     if any(notes) or not derived:
         table.add_column("note")
     for number, r in enumerate(upper_modes(model), start=1):
@@ -195,7 +183,7 @@ def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
 
 
 def print_state(console: Console, analysis: Analysis) -> None:
-    """Rows of A(t): mean over the period and half of the range of each element, and its largest deviation.
+    """Rows of A(t): the smallest and the largest value of each element over the period, and its largest deviation.
 
     In second-order form they are those of the accelerations; the others say that displacements have velocities.
     """
@@ -203,18 +191,18 @@ def print_state(console: Console, analysis: Analysis) -> None:
     assert state is not None
     second = analysis.settings.form == "second-order"
     half = len(state.states) // 2 if second else 0
-    print_title(console, f"A(t) [{'1/s², 1/s' if second else '1/s'}]: mean over the period ± half its range")
+    print_title(console, f"A(t) [{'1/s², 1/s' if second else '1/s'}]: smallest … largest over the period")
     table = Table(box=None)
     table.add_column("")
     # The names of delayed states are long; the sentence below has them in order.
     names = [str(k) for k in range(1, len(state.states) + 1)] if analysis.settings.form == "delayed" else state.states
     for name in names:
         table.add_column(name, justify="right", no_wrap=True)
-    mean, swing = state.system.mean(axis=0), 0.5 * np.ptp(state.system, axis=0)
+    low, high = state.system.min(axis=0), state.system.max(axis=0)
     blocks = (slice(0, half), slice(half, None))[0 if second else 1 :]
     for i in range(half, len(state.states)):
         name = f"d²/dt² {names[i - half]}" if second else f"d/dt {names[i]}"
-        table.add_row(name, *(cell for block in blocks for cell in _alike(mean[i, block], swing[i, block])))
+        table.add_row(name, *(cell for block in blocks for cell in _alike(low[i, block], high[i, block])))
         if state.system_std is not None:
             table.add_row("  deviation", *(f"{std:.2g}" for std in state.system_std[:, i].max(axis=0)), style="dim")
     if _width(console, table) <= console.width:
@@ -274,13 +262,12 @@ def _parameters_table(found: Refinement) -> Table:
     return table
 
 
-def _alike(values: NDArray[np.float64], swings: NDArray[np.float64]) -> list[str]:
-    """Values and swings, all to the third digit of the largest."""
-    largest = float(np.max(np.abs(values) + swings))
-    if not 1e-6 < largest < 1e6:
-        return [f"{value:.2e}±{swing:.1e}" for value, swing in zip(values, swings, strict=True)]
-    digits = max(0, 2 - int(np.floor(np.log10(largest))))
-    return [f"{value:.{digits}f}±{swing:.{digits}f}" for value, swing in zip(values, swings, strict=True)]
+def _alike(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> list[str]:
+    """Ranges, all to the third digit of the largest value; one number where both ends read the same."""
+    largest = float(max(np.abs(lows).max(), np.abs(highs).max()))
+    form = ".2e" if not 1e-6 < largest < 1e6 else f".{max(0, 2 - int(np.floor(np.log10(largest))))}f"
+    ends = [(f"{low:{form}}", f"{high:{form}}") for low, high in zip(lows, highs, strict=True)]
+    return [low if low == high else f"{low}…{high}" for low, high in ends]
 
 
 def print_title(console: Console, words: str) -> None:

@@ -232,18 +232,29 @@ class PeriodicModel:
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         return np.einsum("rchn,rn->chn", self.shapes(t), np.exp(np.multiply.outer(self.exponents, t))).real
 
-    def shape_std(self, times: ArrayLike) -> NDArray[np.complex128] | None:
+    def shape_std(self, times: ArrayLike, modes: Sequence[int] | None = None) -> NDArray[np.complex128] | None:
         """Deviations of the periodic shapes at `times` [s] (modes, channels, hits, times), None if not estimated.
 
         That of the real part as the real part, that of the imaginary part as the imaginary part. The harmonics that
         were discarded count as zero.
+
+        Parameters
+        ----------
+        times
+            The instants (times,) [s].
+        modes
+            Which modes, from 0; None for all.
         """
         if self.estimates is None:
             return None
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         std = np.zeros((*self.coefficients.shape[:3], len(t)), complex)
         kept = self.kept_terms(self.estimates)
+        wanted = list(range(self.order)) if modes is None else list(modes)
         for entry, mode in enumerate(self.modes_of(self.estimates)):
+            partner = np.flatnonzero(np.abs(self.exponents - self.exponents[mode].conj()) < 1e-9 * self.fundamental)
+            if mode not in wanted and not np.isin(partner, wanted).any():
+                continue
             # All exponents stay: those of other modes move these coefficients too.
             own = self.estimates.picked(terms=kept & (self.estimates.modes == entry))
             turned = np.exp(1j * self.fundamental * np.multiply.outer(own.harmonics, t))
@@ -251,10 +262,9 @@ class PeriodicModel:
             back = np.exp(1j * self.fundamental * np.multiply.outer(mirror, t)) * (own.multiplicity == 2.0)[:, None]
             back = back if own.real[entry] else np.zeros_like(back)
             std[mode] = _real_imag_std(own, turned.T, back.T)
-            partner = np.flatnonzero(np.abs(self.exponents - self.exponents[mode].conj()) < 1e-9 * self.fundamental)
             if not own.real[entry] and len(partner):
                 std[partner[0]] = std[mode]
-        return std
+        return std[wanted]
 
     def modes_of(self, estimates: Estimates) -> NDArray[np.int64]:
         """The mode of the model that each mode of `estimates` is, by their exponents (modes of `estimates`,).
@@ -286,10 +296,14 @@ def _real_imag_std(
 ) -> NDArray[np.complex128]:
     """Deviations of Σ B·straight + B̄·mirrored (channels, hits, quantities), by (quantities, terms)."""
     std = np.zeros((*own.blocks.shape, len(straight)), complex)
+    # Row by row: their noises are independent, and slopes by all rows at once would be nearly all zero.
     for channel, hit in np.ndindex(*own.blocks.shape):
+        noise = own.noise_covariance(channel, hit)
         for unit in (1.0, 1j):
             # Re((a B + b B̄)/unit) = Re((a/unit + conj(b/unit)) B)
-            slopes = np.zeros((len(straight), len(own.modes), *own.blocks.shape), complex)
-            slopes[:, :, channel, hit] = straight / unit + (mirrored / unit).conj()
-            std[channel, hit] += unit * np.sqrt(own.variance(by_coefficients=slopes))
+            by = straight / unit + (mirrored / unit).conj()
+            both, moved = np.concatenate([by.real, -by.imag], axis=1), (by @ own.slopes[:, channel, hit]).real
+            variance = np.einsum("qk,qk->q", both @ noise, both)
+            variance += np.einsum("qp,qp->q", moved @ own.covariance, moved)
+            std[channel, hit] += unit * np.sqrt(np.maximum(variance, 0.0))
     return std

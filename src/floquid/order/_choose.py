@@ -112,7 +112,7 @@ def judge(data: TimeResponses, model: ModalModel) -> Choice:
     evidence = likelihood.weigh(likelihood.prepare(data), model)
     reasons, doubts = [], []
     for text, speaks_against in [
-        *_findings(evidence, data.dt),
+        *_findings(evidence),
         *_drift(data, evidence),
         *_hits(data, model, evidence),
     ]:
@@ -137,11 +137,11 @@ def _runner_up(evidence: Evidence) -> ModalModel | None:
     return first or second
 
 
-def _findings(evidence: Evidence, dt: float) -> list[tuple[str, bool]]:
+def _findings(evidence: Evidence) -> list[tuple[str, bool]]:
     """Sentences, and whether each speaks against the order."""
     found = []
     if len(evidence.rises):
-        found += [_weakest(evidence, dt), _determined(evidence, dt), *_nearness(evidence)]
+        found += [_weakest(evidence), _determined(evidence), *_nearness(evidence)]
     if np.isfinite(evidence.gap):
         text = f"The two modes nearest to each other are {evidence.gap:.3g} standard deviations apart"
         near = evidence.gap < APART
@@ -179,37 +179,37 @@ def _hits(data: TimeResponses, model: ModalModel, evidence: Evidence) -> list[tu
     return [("No two modes share a multiplier: the residues are outer products of shape and hit.", False)]
 
 
-def _frequency(multiplier: complex, dt: float) -> str:
+def _frequency(multiplier: complex) -> str:
     if multiplier.imag == 0.0:
         return "the real multiplier " + f"{multiplier.real:.4g}"
     share = abs(np.angle(multiplier)) / (2.0 * np.pi)
-    return f"the mode folded to {share:.4f} of ω ({share / dt:.4g} Hz)"
+    return f"the mode folded to {share:.4f} of ω"
 
 
-def _weakest(evidence: Evidence, dt: float) -> tuple[str, bool]:
+def _weakest(evidence: Evidence) -> tuple[str, bool]:
     share = evidence.rises / evidence.limits
     weakest = int(np.argmin(share))
-    name = _frequency(complex(evidence.multipliers[weakest]), dt)
+    name = _frequency(complex(evidence.multipliers[weakest]))
     doubtful = bool((evidence.rises < evidence.firm_limits).any())
     if share[weakest] < 1.0:
         text = (
-            f"Not each of the {len(share)} modes is needed: without the weakest, {name}, the misfit rises by "
-            f"{share[weakest]:.3g} times what noise explains."
+            f"Not each of the {len(share)} modes is needed: without the one that would be missed least, {name}, "
+            f"the misfit rises by {share[weakest]:.3g} times what noise explains."
         )
         return text, True
     text = (
-        f"Each of the {len(share)} modes is needed: without the weakest, {name}, the misfit rises by "
-        f"{share[weakest]:.3g} times what noise explains"
+        f"Each of the {len(share)} modes is needed: without the one that would be missed least, {name}, "
+        f"the misfit rises by {share[weakest]:.3g} times what noise explains"
     )
     return text + (": only just more." if doubtful else "."), doubtful
 
 
-def _determined(evidence: Evidence, dt: float) -> tuple[str, bool]:
+def _determined(evidence: Evidence) -> tuple[str, bool]:
     worst = evidence.deviations.max(axis=1)
     weak = worst > DETERMINED
     if not weak.any():
         return "Each mode is well determined.", False
-    name = _frequency(complex(evidence.multipliers[int(np.argmax(worst))]), dt)
+    name = _frequency(complex(evidence.multipliers[int(np.argmax(worst))]))
     text = f"{int(weak.sum())} of the modes are weakly determined, {name} most: each may stand for several."
     return text, True
 

@@ -244,7 +244,8 @@ def warnings(model: PeriodicModel) -> tuple[str, ...]:
         if count:
             words.append(
                 f"{count} of {model.order} exponents are weakly determined (deviation above {CONFIDENT:g} of the "
-                "fundamental): each may stand for several modes that this record cannot tell apart."
+                "fundamental): each may stand for several modes that this record cannot tell apart. Do not quote their "
+                "frequency and damping; a second hit at another place, or less noise, helps most."
             )
         words += _still(model, std)
     if model.order and not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any():

@@ -11,7 +11,7 @@ from floquid._checks import frozen_array
 from floquid.core import PeriodicModel
 from floquid.plot._several import legend_of_all
 from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, SIZE, VERMILION, new_figure, style
-from floquid.views import exponent_ellipses, multiplier_ellipses, upper_modes, with_error
+from floquid.views import exponent_ellipses, grows, multiplier_ellipses, upper_modes, with_error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,6 +78,11 @@ def _moved(values: NDArray[np.complex128], turn: float) -> NDArray[np.complex128
     return values - 1j * turn * np.round(values.imag / turn)
 
 
+def _growing(model: PeriodicModel) -> NDArray[np.bool_]:
+    """Which modes grow (modes,)."""
+    return np.array([grows(model, mode) for mode in range(model.order)], bool)
+
+
 def _draw_plane(axes: Axes, model: PeriodicModel, upper: list[int], truth: NDArray[np.complex128] | None) -> None:
     """The exponents, their copies, and the edges of the principal strip."""
     from matplotlib.ticker import MaxNLocator
@@ -91,10 +96,10 @@ def _draw_plane(axes: Axes, model: PeriodicModel, upper: list[int], truth: NDArr
     for edge in (-0.5, 0.5):
         axes.axhline(edge * turn, color=ORANGE, linestyle="--", linewidth=0.9, label="edges of the strip, ±ω/2")
     axes.plot(copies.real, copies.imag, **_COPIES, label=r"copies, $\lambda + im\omega$")
-    grows = values.real > 0.0
-    axes.plot(values.real[~grows], values.imag[~grows], **_FOUND, label="identified")
-    if grows.any():
-        axes.plot(values.real[grows], values.imag[grows], **_GROWS, label="identified, grows")
+    growing = _growing(model)
+    axes.plot(values.real[~growing], values.imag[~growing], **_FOUND, label="identified")
+    if growing.any():
+        axes.plot(values.real[growing], values.imag[growing], **_GROWS, label="identified, grows")
     if truth is not None:
         axes.plot(truth.real, truth.imag, **_TRUE, label="truth")
     low, high = min(float(values.real.min()), 0.0), max(float(values.real.max()), 0.0)
@@ -133,9 +138,9 @@ def _draw_multipliers(axes: Axes, model: PeriodicModel, truth: NDArray[np.comple
     axes.axvline(0.0, color=GREY, linewidth=0.5)
     axes.plot(np.cos(turn), np.sin(turn), color=BLACK, linewidth=0.9, label="unit circle")
     values: NDArray[np.complex128] = model.multipliers
-    grows = model.exponents.real > 0.0
-    axes.plot(values.real[~grows], values.imag[~grows], **_FOUND)
-    axes.plot(values.real[grows], values.imag[grows], **_GROWS)
+    growing = _growing(model)
+    axes.plot(values.real[~growing], values.imag[~growing], **_FOUND)
+    axes.plot(values.real[growing], values.imag[growing], **_GROWS)
     edges = multiplier_ellipses(model, LEVEL)
     if edges is not None:
         for x, y in zip(edges.real, edges.imag, strict=True):
@@ -166,7 +171,7 @@ def _draw_close(
     wide = complex(wide.real or wide.imag or 1e-12, wide.imag or wide.real or 1e-12)
     reach = np.array([0.75 * WIDE * wide.real, 0.75 * WIDE * wide.imag])
     axes.plot(off.real, off.imag, **_REGION, label="95 % region")
-    axes.plot([0.0], [0.0], **(_FOUND if value.real <= 0.0 else _GROWS))
+    axes.plot([0.0], [0.0], **(_GROWS if grows(model, mode) else _FOUND))
     if truth is not None and np.isfinite(truth[mode]):
         away = truth[mode] - value
         axes.plot([away.real], [away.imag], **_TRUE)

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import input_error, integer
+from floquid._checks import frozen_array, input_error, integer
 from floquid.core import PeriodicModel, channels_named
+from floquid.periodic import participation
 from floquid.plot._several import label_angle, legend_of_all
 from floquid.plot._style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, label_values, new_figure, plain, style
 from floquid.views import shape_curves, upper_modes, with_error
@@ -42,6 +43,7 @@ def identified_shapes(
     modes: Sequence[int] | None,
     hit: int,
     *,
+    weights: ArrayLike | None,
     polar: bool,
     name: str,
 ) -> Figure:
@@ -49,6 +51,7 @@ def identified_shapes(
     if integer(hit, "hit", name, at_least=0) >= model.n_hits:
         raise input_error("hit", name, f"be less than {model.n_hits}", f"is {hit}", "Counting starts at 0.")
     listed = _listed(model, modes, name)
+    weighted = _by_unit(model) if weights is None else frozen_array(weights, "weights", name, axes=_rows_of(model))
     rows = list(range(len(model.channels)))
     if channels is not None:
         rows = channels_named(model.channels, channels, argument="states", of=name)
@@ -65,7 +68,7 @@ def identified_shapes(
                 if number:
                     three[2].set_axis_off()
             first = panels[place * len(units)]
-            _draw_harmonics(first[2], model, mode, hit)
+            _draw_harmonics(first[2], model, mode, weighted)
             first[0].set_title(_title(model, mode), loc="left")
         for line, three in enumerate(panels):
             for axes in three[:2]:
@@ -169,18 +172,28 @@ def _polar(value: NDArray[np.complex128], std: NDArray[np.complex128] | None) ->
     return parts, (spread, np.degrees(np.divide(spread, size, out=np.full_like(size, np.nan), where=seen)))
 
 
-def _draw_harmonics(axes: Axes, model: PeriodicModel, mode: int, hit: int) -> None:
-    """What each harmonic has of the mode's energy, channels weighted by the inverse of their deviations."""
+def _rows_of(model: PeriodicModel) -> tuple[int, int]:
+    """How many channels and hits there are."""
+    return len(model.channels), model.n_hits
+
+
+def _by_unit(model: PeriodicModel) -> NDArray[np.float64]:
+    """One over the largest coefficient of each unit (channels, hits): units cannot be added as they are."""
+    largest = np.abs(model.coefficients).max(axis=(0, 2, 3), initial=0.0)
+    units = np.array([channel.unit for channel in model.channels])
+    sizes = np.array([largest[units == unit].max() for unit in units])
+    weights = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
+    return np.repeat(weights[:, None], model.n_hits, axis=1)
+
+
+def _draw_harmonics(axes: Axes, model: PeriodicModel, mode: int, weights: NDArray[np.float64]) -> None:
+    """What each harmonic has of the mode's energy in all channels and hits, weighted."""
     from matplotlib.ticker import MaxNLocator
 
-    coefficients, std = model.coefficients[mode, :, hit], model.coefficient_std
-    sizes = np.abs(coefficients if std is None else std[mode, :, hit]).max(axis=1, keepdims=True)
-    weighted = np.divide(np.abs(coefficients), sizes, out=np.zeros(coefficients.shape), where=sizes > 0)
-    energy = np.sum(weighted**2, axis=0)
-    share = energy / max(float(energy.sum()), 1e-300)
+    harmonics, share = participation(model, mode, weights)
     shown = share >= LEAST
-    axes.bar(model.harmonics[shown], share[shown], color=GREY, edgecolor=BLUE, linewidth=0.8, width=0.7)
+    axes.bar(harmonics[shown], share[shown], color=GREY, edgecolor=BLUE, linewidth=0.8, width=0.7)
     axes.set(yscale="log", ylim=(LEAST, 2.0), ylabel="part [-]")
     if shown.any():
-        axes.set_xlim(int(model.harmonics[shown].min()) - 1.4, int(model.harmonics[shown].max()) + 1.4)
+        axes.set_xlim(int(harmonics[shown].min()) - 1.4, int(harmonics[shown].max()) + 1.4)
     axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))

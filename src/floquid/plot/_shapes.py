@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import input_error
 from floquid.core import PeriodicModel
@@ -46,6 +46,7 @@ def periodic_shapes(
     *,
     parts: Parts | None = None,
     hit: int = 0,
+    weights: ArrayLike | None = None,
 ) -> Figure:
     """The periodic shapes of modes over the period, and the parts of their harmonics.
 
@@ -72,6 +73,10 @@ def periodic_shapes(
         cartesian.
     hit
         Which of the hits, from 0, of an identified model.
+    weights
+        Of an identified model, what each channel counts for in the parts of the harmonics (channels, hits) [1/unit of
+        the channel]: for the shares that tables give, `1/analysis.noise`. None: one over the largest coefficient of all
+        channels of its unit, so that a channel counts by its size and not by how well it is known. All hits count.
 
     Returns
     -------
@@ -87,7 +92,7 @@ def periodic_shapes(
     if parts is not None and parts not in get_args(Parts):
         raise input_error("parts", name, 'be "polar" or "cartesian"', f"is {parts!r}")
     if isinstance(modes, PeriodicModel):
-        return identified_shapes(modes, states, of, hit, polar=parts == "polar", name=name)
+        return identified_shapes(modes, states, of, hit, weights=weights, polar=parts == "polar", name=name)
     if not isinstance(modes, FloquetModes):
         must, remedy = "be a FloquetModes or a PeriodicModel", "Pass floquet.modes(A, period) or analysis.model."
         raise input_error("modes", name, must, f"is {modes!r:.60}", remedy)

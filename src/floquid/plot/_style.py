@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from floquid.views import shortened
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -72,8 +74,12 @@ def finish(figure: Figure) -> None:
 
 
 def plain(text: str) -> str:
-    """`text` as it is, or its beginning: a dollar in a channel's name starts no formula, and a long name ends."""
-    return (text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…").replace("$", r"\$")
+    """`text` as it is: a dollar in a channel's name starts no formula, and of a long name the middle is left out.
+
+    matplotlib leaves out of a legend what begins with an underscore; a space of no width stands before it.
+    """
+    hidden = "\u200b" if text.startswith("_") else ""
+    return hidden + shortened(text, LONGEST).replace("$", r"\$")
 
 
 def label_values(axes: Axes, name: str, unit: str, largest: float) -> None:

@@ -8,10 +8,13 @@ import numpy as np
 
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis
-from floquid.views import upper_modes
+from floquid.views import shortened, upper_modes
 
 MOST_CHANNELS = 8
 """Channels that one figure can tell apart; the result file holds all."""
+
+LONGEST = 28
+"""Characters of a name in a legend."""
 
 POINTS = 3000
 """The most points of a curve: a long record keeps its envelope."""
@@ -39,6 +42,11 @@ class Case:
     def names(self) -> list[str]:
         """The names of the channels shown."""
         return [self.analysis.model.channels[row].name for row in self.channels]
+
+    def labels(self) -> list[str]:
+        """The names as short as a legend wants them, no two alike."""
+        short = [shortened(name, LONGEST) for name in self.names()]
+        return [f"{name} ({n})" if short.count(name) > 1 else name for n, name in enumerate(short, start=1)]
 
     def units(self) -> list[str]:
         """The units of the channels shown."""

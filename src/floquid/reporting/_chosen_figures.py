@@ -17,7 +17,6 @@ from floquid.reporting._look import (
     hover,
     legend_above,
     new_figure,
-    shown,
 )
 from floquid.views import families, shape_curves
 
@@ -92,12 +91,14 @@ def _coefficients(case: Case, row: int) -> dict[str, Any]:
         own = model.modes_of(whole)[whole.modes] == mode
         harmonics, kept = whole.harmonics[own], model.kept_terms(whole)[own]
         values = np.abs(whole.coefficients[own, :, hit]).T
-        floors = np.abs(whole.std()[own, :, hit]).T / np.sqrt(2.0)
+        floors = np.abs(whole.std()[own, :, hit]).T
     columns: dict[str, Any] = {"harmonic": harmonics, "alpha": kept.astype(float)}
     columns["kept"] = ["yes" if one else "no" for one in kept]
     width = 0.5 / max(len(case.channels), 1)
     for number, channel in enumerate(case.channels):
         columns[f"x{number}"] = harmonics + width * (number - 0.5 * (len(case.channels) - 1))
+        columns[f"channel{number}"] = [case.names()[number]] * len(harmonics)
+        columns[f"unit{number}"] = [case.units()[number]] * len(harmonics)
         columns[f"size{number}"], columns[f"floor{number}"] = values[channel], floors[channel]
         columns[f"ratio{number}"] = values[channel] / floors[channel] if whole is not None else values[channel]
     return columns
@@ -105,22 +106,25 @@ def _coefficients(case: Case, row: int) -> dict[str, Any]:
 
 def shape_figures(case: Case, chosen: Chosen) -> list[Figure]:
     """The real and the imaginary part against the phase: a pair of figures for each unit."""
-    figures = []
-    units = case.units()
+    figures, units = [], case.units()
+    bands = case.analysis.model.estimates is not None
     for unit in dict.fromkeys(units):
         for part, words in (("real", "real part"), ("imag", "imaginary part")):
             made = new_figure("phase [periods]", f"{words} [{unit}]", name=f"shape-{part}")
+            if part == "imag":
+                made.y_range = figures[-1].y_range  # or a small part would look as large as the other
             for number, own in enumerate(units):
                 if own != unit:
                     continue
                 colour, dash = CURVES[number], DASHES[number]
-                made.varea(
+                if bands:
+                    made.varea(
                     x="turns", y1=f"{part}{number}_low", y2=f"{part}{number}_high", source=chosen.drawn,
-                    fill_color=colour, fill_alpha=0.25, legend_label=shown(case.names()[number]),
+                    fill_color=colour, fill_alpha=0.25, legend_label=case.labels()[number],
                 )  # fmt: skip
                 made.line(
                     "turns", f"{part}{number}", source=chosen.drawn, line_color=colour, line_dash=dash, line_width=2,
-                    legend_label=shown(case.names()[number]),
+                    legend_label=case.labels()[number],
                 )  # fmt: skip
             legend_above(made)
             figures.append(made)
@@ -129,22 +133,24 @@ def shape_figures(case: Case, chosen: Chosen) -> list[Figure]:
 
 def coefficients_figure(case: Case, chosen: Chosen) -> Figure:
     """The magnitudes of the coefficients over their deviations; those kept are filled."""
-    from bokeh.models import Span
+    from bokeh.models import BasicTicker, Span
 
     told = case.analysis.model.unselected is not None
     label = "|B| / standard deviation [-]" if told else "|B| [units of the channels]"
     made = new_figure("harmonic m [-]", label, name="coefficients", y_axis_type="log", height=360)
-    for number, (name, unit) in enumerate(zip(case.names(), case.units(), strict=True)):
+    for number, name in enumerate(case.labels()):
         colour = CURVES[number]
         mark = made.scatter(
             f"x{number}", f"ratio{number}", source=chosen.drawn, marker=MARKERS[number], size=9, line_color=colour,
-            fill_color=colour, fill_alpha="alpha", legend_label=shown(name),
+            fill_color=colour, fill_alpha="alpha", legend_label=name,
         )  # fmt: skip
-        tips = [("channel", name), ("m", "@harmonic"), ("|B|", f"@size{number}{{0.000e+0}} {unit}")]
-        tips += [("deviation", f"@floor{number}{{0.0e+0}} {unit}")] if told else []
+        # Through columns: a name written into the text would be read as a template.
+        tips = [("channel", f"@channel{number}"), ("m", "@harmonic"), ("|B|", f"@size{number}{{%.4g}} @unit{number}")]
+        tips += [("deviation", f"@floor{number}{{%.2g}} @unit{number}")] if told else []
         hover(made, [*tips, ("kept", "@kept")], [mark])
     if told:
         made.add_layout(Span(location=1.0, dimension="width", line_color=BLACK, line_dash="dashed"))
-    made.xaxis.ticker.desired_num_ticks = 13
+    made.xaxis.ticker = BasicTicker(min_interval=1, num_minor_ticks=0, desired_num_ticks=13)
+    made.x_range.min_interval = 3
     legend_above(made)
     return made

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 Figure = Any
@@ -83,12 +84,8 @@ def legend_above(made: Figure, *, columns: int = 2) -> None:
 
 
 def hover(made: Figure, tooltips: list[tuple[str, str]], renderers: list[Any], **options: Any) -> None:
-    """Tell the numbers under the pointer."""
+    """Tell the numbers under the pointer; `@name{%.3g}` is a number as C prints it."""
     from bokeh.models import HoverTool
 
-    made.add_tools(HoverTool(tooltips=tooltips, renderers=renderers, **options))
-
-
-def shown(text: str, longest: int = 28) -> str:
-    """`text`, or its beginning: a long name would push the curves out of the figure."""
-    return text if len(text) <= longest else f"{text[: longest - 1]}…"
+    printed: Any = {f"@{name}": "printf" for _, text in tooltips for name in re.findall(r"@(\w+)\{%", text)}
+    made.add_tools(HoverTool(tooltips=tooltips, renderers=renderers, formatters=printed, **options))

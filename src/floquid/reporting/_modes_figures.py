@@ -53,6 +53,7 @@ def mode_source(case: Case) -> ColumnDataSource:
         "number": np.arange(1, len(at) + 1),
         "decay": value.real,
         "frequency": np.abs(value.imag) * case.turn,
+        "folded": np.abs(model.principal()[at].imag) * case.turn,
         "damping": 100.0 * model.damping_ratios[at],
         "real": model.multipliers[at].real,
         "imag": np.abs(model.multipliers[at].imag),
@@ -62,9 +63,9 @@ def mode_source(case: Case) -> ColumnDataSource:
 
 TOOLTIP = [
     ("mode", "@number"),
-    ("Im λ/2π", "@frequency{0.00000} Hz"),
-    ("Re λ", "@decay{0.00000} 1/s"),
-    ("ζ", "@damping{0.0000} %"),
+    ("Im λ/2π", "@frequency{%.7g} Hz"),
+    ("Re λ", "@decay{%.4g} 1/s"),
+    ("ζ", "@damping{%.4g} %"),
 ]
 
 
@@ -90,12 +91,20 @@ def _ellipses(made: Figure, curves: NDArray[np.complex128] | None, turn: float =
     )
 
 
+def _upper(curves: NDArray[np.complex128] | None, case: Case) -> NDArray[np.complex128] | None:
+    """The curves of the modes shown, mirrored where they lie below the real axis: there the conjugate is drawn."""
+    if curves is None:
+        return None
+    own = curves[list(case.modes)]
+    below = np.mean(own.imag, axis=1, keepdims=True) < 0.0
+    return np.asarray(np.where(below, own.conj(), own), np.complex128)
+
+
 def exponents_figure(case: Case, source: ColumnDataSource) -> Figure:
     """The exponents in the complex plane, conjugates left out."""
     made = new_figure("Re λ [1/s]", "Im λ/2π [Hz]", name="exponents")
     made.x_range.range_padding = made.y_range.range_padding = 0.15
-    whole = exponent_ellipses(case.analysis.model)
-    _ellipses(made, None if whole is None else whole[list(case.modes)], case.turn)
+    _ellipses(made, _upper(exponent_ellipses(case.analysis.model), case), case.turn)
     _modes(made, source, "decay", "frequency")
     made.ray(x=0, y=0, angle=np.pi / 2, length=0, line_color=GREY, line_dash="dashed")
     made.ray(x=0, y=0, angle=-np.pi / 2, length=0, line_color=GREY, line_dash="dashed")
@@ -115,8 +124,7 @@ def multipliers_figure(case: Case, source: ColumnDataSource) -> Figure:
     )  # fmt: skip
     angle = np.linspace(0.0, np.pi, 181)
     made.line(np.cos(angle), np.sin(angle), line_color=GREY, line_dash="dashed", legend_label="unit circle: no decay")
-    whole = multiplier_ellipses(model)
-    _ellipses(made, None if whole is None else whole[list(case.modes)])
+    _ellipses(made, _upper(multiplier_ellipses(model), case))
     _modes(made, source, "real", "imag")
     legend_above(made)
     return made
@@ -124,14 +132,14 @@ def multipliers_figure(case: Case, source: ColumnDataSource) -> Figure:
 
 def stabilisation_figure(case: Case, source: ColumnDataSource) -> Figure:
     """The poles of each order; a pole that belongs to a mode chooses it."""
-    from bokeh.models import ColumnDataSource, CustomJS, DataRange1d, LogAxis, LogScale, Range1d, TapTool
+    from bokeh.models import ColumnDataSource, CustomJS, LogAxis, LogScale, Range1d, TapTool
 
     scan, model = case.scan, case.analysis.model
     assert scan is not None
     made = new_figure("frequency in the lifted band, 0 to ω/2 [Hz]", "order", name="stabilisation", height=420)
     angles, level = envelope(scan.indicators.angles, scan.indicators.cmif[:, 0], POINTS)
-    made.y_range = Range1d(start=0.0, end=1.06 * max(scan.orders))
-    made.extra_y_ranges = {"cmif": DataRange1d(only_visible=True)}
+    made.y_range = Range1d(start=0.0, end=1.1 * max(scan.orders))
+    made.extra_y_ranges = {"cmif": Range1d(start=0.5 * level[level > 0].min(initial=1.0), end=2.0 * level.max())}
     made.extra_y_scales = {"cmif": LogScale()}
     made.add_layout(
         LogAxis(
@@ -141,10 +149,12 @@ def stabilisation_figure(case: Case, source: ColumnDataSource) -> Figure:
         "right",
     )  # fmt: skip
     made.line(angles * case.turn / scan.indicators.dt, level, y_range_name="cmif", line_color=SKY, line_alpha=0.8)
-    folded = np.abs(model.principal()[list(case.modes)].imag) * case.turn
+    _mode_lines(made, source, 1.05 * max(scan.orders))
+    principal = model.principal()[list(case.modes)]
+    principal = principal.real + 1j * np.abs(principal.imag)
     marks = []
     for stability, (name, marker, colour, size) in LEVELS.items():
-        poles = _poles(case, stability, folded)
+        poles = _poles(case, stability, principal)
         own = ColumnDataSource(poles)
         drawn = made.scatter(
             "frequency", "order", source=own, marker=marker, size=size, line_color=colour, legend_label=name,
@@ -165,13 +175,25 @@ def stabilisation_figure(case: Case, source: ColumnDataSource) -> Figure:
         )
         marks.append(drawn)
     made.add_tools(TapTool(renderers=marks))
-    hover(made, [("order", "@order"), ("folded", "@frequency{0.00000} Hz"), ("Re λ", "@decay{0.0000} 1/s"),
+    hover(made, [("order", "@order"), ("folded", "@frequency{%.7g} Hz"), ("Re λ", "@decay{%.4g} 1/s"),
                  ("mode", "@mode")], marks)  # fmt: skip
     legend_above(made)
     return made
 
 
-def _poles(case: Case, stability: Stability, folded: NDArray[np.float64]) -> dict[str, Any]:
+def _mode_lines(made: Figure, source: ColumnDataSource, top: float) -> None:
+    """Where the modes of the model lie, with their numbers; the one chosen stands out."""
+    made.vspan(
+        x="folded", source=source, line_color=VERMILION, line_width=2.5, nonselection_line_color=GREY,
+        nonselection_line_width=1.0, nonselection_line_alpha=1.0, legend_label="modes of the table",
+    )  # fmt: skip
+    made.text(
+        x="folded", y=top, text="number", source=source, text_font_size="12px", text_align="center",
+        text_baseline="middle", nonselection_text_alpha=1.0,
+    )  # fmt: skip
+
+
+def _poles(case: Case, stability: Stability, principal: NDArray[np.complex128]) -> dict[str, Any]:
     """The poles of one level, each with the mode that it belongs to."""
     scan, fundamental = case.scan, case.analysis.model.fundamental
     assert scan is not None
@@ -180,11 +202,10 @@ def _poles(case: Case, stability: Stability, folded: NDArray[np.float64]) -> dic
         for pole, own in zip(model.poles, stable, strict=True):
             if own != stability or pole.imag < -1e-9 * fundamental:
                 continue
-            frequency = abs(pole.imag) * case.turn
-            off = np.abs(folded - frequency)
-            near = len(off) > 0 and float(off.min()) < NEAR * fundamental * case.turn
+            off = np.abs(principal - (pole.real + 1j * abs(pole.imag)))
+            near = len(off) > 0 and float(off.min()) < NEAR * fundamental
             row = int(np.argmin(off)) if near else -1
-            columns["frequency"].append(frequency)
+            columns["frequency"].append(abs(pole.imag) * case.turn)
             columns["order"].append(int(order))
             columns["decay"].append(float(pole.real))
             columns["row"].append(row)

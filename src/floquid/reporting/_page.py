@@ -31,7 +31,7 @@ from floquid.reporting._record_figures import (
 )
 from floquid.reporting._synchronisation_figure import slip_words, slips, synchronisation_figure
 from floquid.reporting._system_figures import Truth, element_figures
-from floquid.views import Synchronisation
+from floquid.views import Synchronisation, has_angle
 
 LONGEST = 60
 """The longest name of a source that fits a heading, in characters."""
@@ -65,7 +65,7 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
         loader=PackageLoader("floquid.reporting", "page"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    analysis = case.analysis
+    analysis, rows = case.analysis, words.mode_rows(case)
     mark, sentence = words.verdict(analysis)
     return environment.get_template("page.html.jinja").render(
         title=title or _title(case),
@@ -79,17 +79,24 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
         mark=mark,
         sentence=sentence,
         summary=words.summary_line(case),
+        under=words.under_verdict(analysis),
+        bands=analysis.model.exponent_std is not None,
+        told=analysis.model.unselected is not None,
+        given=analysis.settings.harmonics is not None,
         reasons=[] if analysis.validation is None else analysis.validation.reasons,
         checks=words.checks(analysis),
         warnings=analysis.warnings,
         evidence=words.evidence(analysis),
-        rows=words.mode_rows(case),
+        rows=rows,
+        meanings=words.meanings(rows),
         responses=[response_name(case, *one) for one in responses(case)],
+        responses_left=len(analysis.model.channels) * len(analysis.records) - len(responses(case)),
         left_out=len(analysis.model.channels) - len(case.channels),
         hits=[hit + 1 for hit in case.hits] if len(analysis.records) > 1 else [],
         state=analysis.state,
         refinement=analysis.refinement,
         parameters=[] if analysis.refinement is None else words.parameters(analysis.refinement),
+        angle=has_angle(analysis),
         synchronisation=slip_words(found),
         steps=words.steps(analysis),
         sources=words.sources(analysis),

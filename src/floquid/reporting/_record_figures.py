@@ -10,7 +10,7 @@ from floquid.lti import WHITE, composites
 from floquid.reporting._case import POINTS, Case
 from floquid.reporting._chosen_figures import Chosen
 from floquid.reporting._look import BLACK, BLUE, GREY, ORANGE, VERMILION, Figure, hover, legend_above, new_figure
-from floquid.views import envelope, record_spectrum, synthesis
+from floquid.views import envelope, has_angle, lifted_points, record_spectrum, synthesis
 
 CLOSE = 4
 """Periods of the close-up."""
@@ -24,7 +24,7 @@ PARTS = ("record", "points", "left", "near", "spectrum", "noise")
 def responses(case: Case) -> list[tuple[int, int]]:
     """The channel and the hit of each response that can be looked at."""
     hits = len(case.analysis.records)
-    return [(channel, hit) for channel in case.channels for hit in range(hits)][:MOST_RESPONSES]
+    return [(channel, hit) for hit in range(hits) for channel in case.channels][:MOST_RESPONSES]
 
 
 def response_name(case: Case, channel: int, hit: int) -> str:
@@ -58,16 +58,15 @@ def response_sources(case: Case) -> dict[str, Chosen]:
 def _curves(case: Case, channel: int, hit: int) -> dict[str, dict[str, Any]]:
     """The curves of one response."""
     found = synthesis(case.analysis, channel, hit)
-    cycles = case.analysis.cycles[hit]
     near = found.times < found.times[0] + CLOSE * case.analysis.model.period
+    near &= np.arange(len(near)) < POINTS  # of a record with thousands of samples a period, the beginning
     spectrum = record_spectrum(case.analysis, channel, hit)
-    start = found.times[0]
-    instants = start + case.analysis.model.period * np.arange(cycles.n_cycles)
-    first = cycles.values[channel, 0]
+    # Without the angle of the shaft the model's response is at another phase.
+    known = 1.0 if has_angle(case.analysis) else np.nan
     curves = {
         "record": envelope(found.times, found.measured, POINTS),
-        "points": envelope(instants, first, POINTS // 4),
-        "left": envelope(found.times, found.residual, POINTS),
+        "points": envelope(*lifted_points(case.analysis, channel, hit), POINTS // 4),
+        "left": envelope(found.times, known * found.residual, POINTS),
         "spectrum": envelope(spectrum.omega * case.turn, spectrum.values, POINTS),
         "noise": envelope(spectrum.omega * case.turn, spectrum.noise, POINTS // 10),
     }
@@ -75,7 +74,7 @@ def _curves(case: Case, channel: int, hit: int) -> dict[str, dict[str, Any]]:
     made["near"] = {
         "x": found.times[near],
         "y": found.measured[near].astype(np.float32),
-        "model": found.predicted[near].astype(np.float32),
+        "model": (known * found.predicted[near]).astype(np.float32),
     }
     return made
 
@@ -87,7 +86,7 @@ def record_figures(case: Case, sources: dict[str, Chosen]) -> list[Figure]:
     whole.line("x", "y", source=sources["left"].drawn, line_color=VERMILION, legend_label="measured − model")
     marks = whole.scatter(
         "x", "y", source=sources["points"].drawn, marker="circle", size=5, fill_color=None, line_color=BLACK,
-        legend_label="one sample a period: a lifted response",
+        legend_label="one sample a period",
     )  # fmt: skip
     hover(whole, [("time", "@x s"), ("value", "@y")], [marks])
     legend_above(whole)

@@ -57,6 +57,10 @@ def _relative(found: Synchronisation) -> str:
     return f"{value:+.{digits}f} ± {std:.{digits}f}".replace("-", "−")
 
 
+def _plain(value: float) -> str:
+    return f"{value:.1f}" if value < 100.0 else f"{value:.0f}"
+
+
 def slip_words(found: list[Synchronisation]) -> list[str]:
     """What the slips say of the period, a sentence a hit."""
     sentences = []
@@ -67,6 +71,6 @@ def slip_words(found: list[Synchronisation]) -> list[str]:
         off = abs(one.relative) / one.relative_std if one.relative_std > 0 else 0.0
         sentences.append(
             f"{who} response's own period is {_relative(one)} parts in a "
-            f"million from the one used, {off:.2g} standard deviations."
+            f"million from the one used, {_plain(off)} standard deviations."
         )
     return sentences

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from floquid.core import PeriodicModel
 from floquid.reconstruction import StateModel
 from floquid.reporting._chosen_figures import BAND
-from floquid.reporting._look import BLUE, VERMILION, Figure, legend_above, new_figure, shown
+from floquid.reporting._look import BLUE, VERMILION, Figure, legend_above, new_figure
 from floquid.views import element_unit
 
 MOST = 12
@@ -50,7 +50,7 @@ def _element_figure(state: StateModel, model: PeriodicModel, place: tuple[int, i
     i, j = place
     label = f"{element_name(i, j)} [{element_unit(state, i, j, model.channels)}]"
     made = new_figure("phase [periods]", label, name=f"system-{i}-{j}", height=240)
-    made.title.text = f"{element_name(i, j)}: d/dt {shown(state.states[i])} by {shown(state.states[j])}"
+    made.title.text = element_name(i, j)
     order, turns = _closed(state.times / model.period)
     values = state.system[order, i, j]
     if state.system_std is not None:

@@ -11,7 +11,7 @@ from floquid.periodic import participation
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.reporting._case import Case
-from floquid.views import MODE_NOTES, is_real, mode_notes, with_error
+from floquid.views import MODE_NOTES, is_real, mode_notes, passed_words, raw_noise, whitening_words, with_error
 
 CRITERIA = {
     "fit": ("share of the response predicted in cycles left out", "%"),
@@ -66,6 +66,17 @@ def verdict(analysis: Analysis) -> tuple[str, str]:
     return "failed", "The model does not pass its checks."
 
 
+def under_verdict(analysis: Analysis) -> str:
+    """What the verdict means for a reader."""
+    found = analysis.validation
+    if found is None:
+        return "Identify with validation to know whether it can be believed."
+    if found.passed:
+        words = passed_words(found)
+        return f"{words[0].upper()}{words[1:]}"
+    return "Do not use the numbers below before this is mended:"
+
+
 def checks(analysis: Analysis) -> list[Row]:
     """The numbers of the validation with their limits."""
     found = analysis.validation
@@ -84,7 +95,7 @@ def checks(analysis: Analysis) -> list[Row]:
 
 def mode_rows(case: Case) -> list[ModeRow]:
     """The table of modes, a conjugate pair a row."""
-    model = case.analysis.model
+    analysis, model = case.analysis, case.analysis.model
     std = model.exponent_std
     hertz, damping = model.frequency_std_hz, model.damping_ratio_std
     principal = np.abs(model.principal().imag) / model.fundamental
@@ -97,7 +108,6 @@ def mode_rows(case: Case) -> list[ModeRow]:
         d_std = np.nan if damping is None else 100.0 * float(damping[mode])
         ratio = 100.0 * float(model.damping_ratios[mode])
         frequency = with_error(float(model.frequencies_hz[mode]), f_std)
-        words = [f"{word}: {MODE_NOTES[word]}" for word in mode_notes(model, mode)]
         rows.append(
             ModeRow(
                 number=number,
@@ -108,11 +118,17 @@ def mode_rows(case: Case) -> list[ModeRow]:
                 multiplier=f"{abs(model.multipliers[mode]):.4f}",
                 folded=f"{principal[mode]:.4f}",
                 harmonics=minus(f"{kept[0]} … {kept[-1]}" if len(kept) > 1 else "".join(str(m) for m in kept)),
-                notes="; ".join(words),
+                notes=" ".join(mode_notes(analysis, mode)),
                 name=f"mode {number}, {frequency} Hz",
             )
         )
     return rows
+
+
+def meanings(rows: list[ModeRow]) -> list[str]:
+    """What the words in the notes of the table mean."""
+    used = {word for row in rows for word in row.notes.split()}
+    return [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]
 
 
 def minus(text: str) -> str:
@@ -123,13 +139,15 @@ def minus(text: str) -> str:
 def summary_line(case: Case) -> str:
     """The record and the result in one sentence."""
     analysis, model = case.analysis, case.analysis.model
-    hits = ", ".join(str(cycles.n_cycles) for cycles in analysis.cycles)
+    counts = [str(cycles.n_cycles) for cycles in analysis.cycles]
+    hits = " and ".join([", ".join(counts[:-1]), counts[-1]] if len(counts) > 1 else counts)
+    first = (analysis.measured or analysis.records)[0]
     records = "1 record" if len(analysis.records) == 1 else f"{len(analysis.records)} records"
     modes = "1 mode" if len(case.modes) == 1 else f"{len(case.modes)} modes"
     channels = "1 channel" if len(model.channels) == 1 else f"{len(model.channels)} channels"
     return (
         f"{modes} (order {model.order}) found in {records} of {channels}, {hits} periods of {period_text(analysis)} s "
-        f"(ω/2π = {1.0 / model.period:.6g} Hz)."
+        f"(ω/2π = {1.0 / model.period:.6g} Hz), {first.sample_rate * model.period:.4g} samples a period."
     )
 
 
@@ -160,6 +178,8 @@ def steps(analysis: Analysis) -> list[str]:
     records = analysis.measured or analysis.records
     done = [step for record in records for step in record.provenance.steps]
     done += analysis.synchronisation
+    if analysis.fit is None and (words := whitening_words(analysis.lifted)):
+        done.append(words)
     done += [step for step in analysis.model.provenance.steps if step not in done]
     return list(dict.fromkeys(_sentence(step) for step in done))
 
@@ -177,11 +197,11 @@ def sources(analysis: Analysis) -> list[str]:
 
 def noise_rows(analysis: Analysis) -> list[tuple[str, str, list[str]]]:
     """Of each channel its name, its unit, and the noise found in each hit with its share of the peak."""
-    rows = []
+    rows, noise = [], raw_noise(analysis)
     for number, channel in enumerate(analysis.model.channels):
         cells = []
         for hit, cycles in enumerate(analysis.cycles):
-            own = float(analysis.noise[number, hit])
+            own = float(noise[number, hit])
             peak = float(np.abs(cycles.values[number]).max())
             cells.append(f"{own:.3g} ({100.0 * own / peak:.2g} %)" if peak > 0 else f"{own:.3g}")
         rows.append((channel.name, channel.unit, cells))

@@ -158,8 +158,9 @@ def _peaks(case: Case, left: list[NDArray[np.float64]], found: Findings) -> NDAr
             for place in strongest(size)
         ]
         remedy = (
-            "It is no harmonic of the revolution or of a mode: a mode that is missing (`order`), a period that is not "
-            "the response's own, or interference."
+            "It is no harmonic of the revolution, and none of those looked at of a mode: a mode that is missing "
+            "(`order`, `--order`), harmonics beyond those kept (`harmonics`, `--harmonics`), a period that is not the "
+            "response's own, or interference."
         )
         found.reasons.append(sentence(listed(parts), remedy))
     return size > 0

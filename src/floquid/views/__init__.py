@@ -7,14 +7,16 @@ from floquid.views._ellipses import ellipse, exponent_ellipses, multiplier_ellip
 from floquid.views._envelope import envelope
 from floquid.views._expansion import Expansion, expansion, identified_residue
 from floquid.views._families import Family, families
-from floquid.views._modes import is_real, upper_modes
+from floquid.views._modes import grows, is_real, upper_modes
+from floquid.views._names import shortened
+from floquid.views._noise import raw_noise
 from floquid.views._shapes import ShapeCurves, shape_curves
 from floquid.views._spectra import Spectrum, lifted_spectrum, record_spectrum
 from floquid.views._synchronisation import Synchronisation, synchronisation
-from floquid.views._synthesis import Synthesis, synthesis
+from floquid.views._synthesis import Synthesis, has_angle, lifted_points, synthesis
 from floquid.views._unfolded import unfolded
 from floquid.views._units import element_unit
-from floquid.views._words import MODE_NOTES, mode_notes, with_error
+from floquid.views._words import MODE_NOTES, mode_notes, passed_words, whitening_words, with_error
 
 __all__ = [
     "MODE_NOTES",
@@ -30,16 +32,23 @@ __all__ = [
     "expansion",
     "exponent_ellipses",
     "families",
+    "grows",
+    "has_angle",
     "identified_residue",
     "is_real",
+    "lifted_points",
     "lifted_spectrum",
     "mode_notes",
     "multiplier_ellipses",
+    "passed_words",
+    "raw_noise",
     "record_spectrum",
     "shape_curves",
+    "shortened",
     "synchronisation",
     "synthesis",
     "unfolded",
     "upper_modes",
+    "whitening_words",
     "with_error",
 ]

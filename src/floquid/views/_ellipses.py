@@ -10,6 +10,9 @@ from floquid.core import PeriodicModel
 
 POINTS = 73
 
+SINGULAR = 1e-12
+"""The ratio of the variances across and along a region up to which it is a line."""
+
 
 def ellipse(
     centre: complex, covariance: ArrayLike, level: float = 0.95, points: int = POINTS
@@ -18,7 +21,8 @@ def ellipse(
 
     .. math:: (z - \hat z)^T C^{-1} (z - \hat z) = -2 \ln(1 - p)
 
-    for an estimate of normal errors. Where a part has no error, the region is a line.
+    for an estimate of normal errors. Where a part has no error, the region is a line, and one normal number decides:
+    to each side it is the quantile of (1 + p)/2 times the deviation.
 
     Parameters
     ----------
@@ -41,6 +45,8 @@ def ellipse(
     InputError
         The covariance is none, or the level no probability.
     """
+    from scipy.special import ndtri
+
     of = "ellipse"
     matrix = frozen_array(covariance, "covariance", of, axes=(2, 2))
     if not 0.0 < finite(level, "level", of) < 1.0:
@@ -49,7 +55,9 @@ def ellipse(
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     if values[0] < -1e-9 * max(values[1], 0.0):
         raise input_error("covariance", of, "have no negative variance", f"has {values[0]:g} along one direction")
-    root = vectors * np.sqrt(np.maximum(values, 0.0) * -2.0 * np.log1p(-level))
+    line = values[0] <= SINGULAR * values[1]
+    squared = float(ndtri(0.5 + 0.5 * level)) ** 2 if line else -2.0 * np.log1p(-level)
+    root = vectors * np.sqrt(np.maximum(values, 0.0) * squared)
     real, imag = root @ np.array([np.cos(turn), np.sin(turn)])
     return np.asarray(centre + real + 1j * imag, dtype=np.complex128)
 

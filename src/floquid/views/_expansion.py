@@ -12,7 +12,7 @@ from floquid.core import PeriodicModel
 from floquid.lti import ModalModel
 from floquid.periodic import assemble
 from floquid.pipeline import Analysis
-from floquid.views._modes import below, checked, frozen, periods_later
+from floquid.views._modes import below, checked, frozen, paired, periods_later
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -26,7 +26,8 @@ class Expansion:
     values
         The coefficients of the residue as identified, phase by phase (harmonics,) [unit of the channel].
     std
-        The deviation of each, kept or not: the floor of noise (harmonics,) [unit of the channel]; NaN where it is not
+        The deviation of each, kept or not: the floor of noise, the root of the sum of the squares of those of the real
+        and the imaginary part (harmonics,) [unit of the channel]; NaN where it is not
         known. None without deviations.
     kept
         Whether the model keeps it (harmonics,).
@@ -119,7 +120,7 @@ def identified_residue(analysis: Analysis, mode: int, channel: int, hit: int = 0
     checked(analysis, of, channel=channel, hit=hit)
     model, modal, lifted = analysis.model, analysis.modal, analysis.lifted
     below(mode, model.order, "mode", of)
-    own = int(np.argmin(np.abs(modal.multipliers - model.multipliers[mode])))
+    own = int(paired(model.multipliers, modal.multipliers)[mode])
     delayed = lifted.by_channel(modal.residues[own])[channel, :, hit]
     passed = lifted.phase_times + periods_later(analysis, hit) * model.period
     found = delayed * np.exp(-model.exponents[mode] * passed)
@@ -148,7 +149,7 @@ def _floor(
     whole = assemble(modal, analysis.lifted, harmonics=(analysis.lifted.n_phases - 1) // 2)
     assert whole.coefficient_std is not None
     # The branch may be another where two harmonics are nearly as strong.
-    own = int(np.argmin(np.abs(whole.multipliers - model.multipliers[mode])))
+    own = int(paired(model.multipliers, whole.multipliers)[mode])
     moved = round((whole.exponents[own].imag - model.exponents[mode].imag) / model.fundamental)
     deviations = np.abs(whole.coefficient_std[own, channel, hit])
     deviations = deviations * np.exp(-model.exponents[mode].real * periods_later(analysis, hit) * model.period)
@@ -165,6 +166,6 @@ def _with_covariance(analysis: Analysis) -> ModalModel | None:
         return modal
     if model.covariance is None:
         return None
-    own = np.argmin(np.abs(np.subtract.outer(modal.multipliers, model.multipliers)), axis=1)
+    own = paired(modal.multipliers, model.multipliers)
     both = np.concatenate([own, own + model.order])
     return replace(modal, covariance=model.covariance[np.ix_(both, both)])

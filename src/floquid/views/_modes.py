@@ -9,6 +9,12 @@ from floquid._checks import input_error, integer
 from floquid.core import PeriodicModel
 from floquid.pipeline import Analysis
 
+EVIDENT = 4.0
+"""Standard deviations from which on a growth is one."""
+
+LARGEST = 300.0
+"""The exponent of a growth up to which the squares of its steps are still numbers."""
+
 
 def upper_modes(model: PeriodicModel) -> tuple[int, ...]:
     """The modes of a model, one of each conjugate pair: the one of positive imaginary part, or a real one.
@@ -47,6 +53,29 @@ def is_real(model: PeriodicModel, mode: int) -> bool:
     return abs(half_turns - np.rint(half_turns)) < 1e-9
 
 
+def grows(model: PeriodicModel, mode: int) -> bool:
+    r"""Whether a mode grows beyond doubt, or as far as is known.
+
+    .. math:: \Re\lambda > 4\,\sigma_{\Re\lambda}
+
+    Without a deviation, :math:`\Re\lambda > 0`.
+
+    Parameters
+    ----------
+    model
+        The model.
+    mode
+        Which of its modes.
+
+    Returns
+    -------
+    bool
+        Whether it does.
+    """
+    std = 0.0 if model.exponent_std is None else float(model.exponent_std[mode].real)
+    return bool(model.exponents[mode].real > EVIDENT * (std if np.isfinite(std) else 0.0))
+
+
 def below(value: int, end: int, argument: str, of: str) -> int:
     """An index of something of which there are `end`.
 
@@ -69,6 +98,21 @@ def checked(analysis: Analysis, of: str, *, channel: int | None = None, hit: int
         below(channel, len(analysis.model.channels), "channel", of)
 
 
+def paired(one: NDArray[np.complex128], other: NDArray[np.complex128]) -> NDArray[np.int64]:
+    """Which of `other` each of `one` is (modes of `one`,): each taken once, so that the differences are least.
+
+    Two modes that have one multiplier would both find the same one otherwise. Where `other` has too few, those left
+    over take the nearest.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    off = np.abs(np.subtract.outer(one, other))
+    found = np.argmin(off, axis=1)
+    rows, columns = linear_sum_assignment(off)
+    found[rows] = columns
+    return found.astype(np.int64)
+
+
 def periods_later(analysis: Analysis, hit: int) -> int:
     r"""The whole periods from the model's phase zero to the first cycle of a hit.
 
@@ -82,14 +126,15 @@ def periods_later(analysis: Analysis, hit: int) -> int:
     if analysis.fit is None:
         return 0
     most = 2 * int(lifted.responses.lengths[hit]) + 64
-    own = np.argmin(np.abs(np.subtract.outer(model.multipliers, modal.multipliers)), axis=1)
+    fastest = float(model.exponents.real.max()) * model.period
+    most = min(most, int(LARGEST / fastest) + 1) if fastest > 0.0 else most
+    own = paired(model.multipliers, modal.multipliers)
     weight = 1.0 / analysis.noise[:, hit, None]
     seen = lifted.by_channel(modal.residues[own])[..., hit] * weight
     turned = np.exp(np.multiply.outer(model.exponents, lifted.phase_times))[:, None]
     given = model.shapes(lifted.phase_times)[:, :, hit] * turned * weight
     cross, size = np.sum(given.conj() * seen, axis=(1, 2)), np.sum(np.abs(given) ** 2, axis=(1, 2))
-    steps = np.exp(np.multiply.outer(np.arange(most), np.minimum(model.exponents.real, 0.0) * model.period))
-    steps = steps * np.exp(1j * np.multiply.outer(np.arange(most), model.exponents.imag * model.period))
+    steps = np.exp(np.multiply.outer(np.arange(most), model.exponents * model.period))
     cost = np.sum(np.abs(steps) ** 2 * size - 2.0 * (steps.conj() * cross).real, axis=1)
     return int(np.argmin(cost))
 

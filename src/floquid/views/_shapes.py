@@ -71,9 +71,9 @@ def shape_curves(model: PeriodicModel, mode: int, hit: int = 0, points: int = 91
     below(hit, model.n_hits, "hit", of)
     turns = np.linspace(0.0, 1.0, integer(points, "points", of, at_least=2))
     times = turns * model.period
-    std = model.shape_std(times)
+    std = model.shape_std(times, [mode])
     return ShapeCurves(
         turns=turns,
         values=model.shapes(times)[mode, :, hit],
-        std=None if std is None else std[mode, :, hit],
+        std=None if std is None else std[0, :, hit],
     )

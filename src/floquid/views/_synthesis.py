@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 
 from floquid._checks import frozen_array, positive
 from floquid.core import ConstantPeriod, PeriodicModel, Record
-from floquid.lifting import Lifted
-from floquid.periodic import unexplained
+from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
 from floquid.sync import ShaftAngle, rejoin
 from floquid.views._modes import checked, frozen, periods_later
+from floquid.views._noise import colour
+
+SHAFT = "a shaft angle that is measured"
+"""What `identify` says of a record that has a tachometer or an azimuth, whatever the settings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,11 +79,11 @@ def response_of(analysis: Analysis, hit: int, channels: list[int]) -> Response:
         # Rejoined, the record begins where the model's time zero is, or whole periods after it.
         passed = periods_later(analysis, hit) * whole.period
         coefficients = coefficients * np.exp(whole.exponents * passed)[:, None, None, None]
-        later = _begin(analysis, hit) - record.start
+        later = _begin(analysis, hit) - record.start + passed
         if analysis.fit is not None:  # interpolated samples have less noise than those measured
             noise = analysis.lifted.noise[channels, hit]
         elif analysis.lifted.whitening is not None:
-            noise = noise * _colour(analysis.lifted)[channels]
+            noise = noise * colour(analysis.lifted)[channels]
     names = [record.channels[row].name for row in channels]
     model = PeriodicModel(
         exponents=whole.exponents,
@@ -92,6 +95,68 @@ def response_of(analysis: Analysis, hit: int, channels: list[int]) -> Response:
     return Response(record=record.select(names), clock=clock, model=model, later=later, noise=noise)
 
 
+def has_angle(analysis: Analysis) -> bool:
+    """Whether the phase of every sample of the records is known.
+
+    A result file does not hold the angle of the shaft: of a record with a tachometer or an azimuth that was read from
+    one, the phase is known only up to what the speed wandered.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found, or what `load` read.
+
+    Returns
+    -------
+    bool
+        Whether it is.
+
+    Raises
+    ------
+    InputError
+        `analysis` is none.
+    """
+    checked(analysis, "has_angle")
+    own = analysis.settings
+    shaft = own.tach is not None or own.azimuth is not None or any(SHAFT in said for said in analysis.synchronisation)
+    return analysis.fit is None or bool(analysis.shafts) or not shaft
+
+
+def lifted_points(analysis: Analysis, channel: int, hit: int = 0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    r"""The first sample of each cycle, at its own instant: what one of the lifted responses is made of.
+
+    .. math:: t_k = t_0 + (k + j)\,T
+
+    (Allen 2009, eq. 7.) Of a record that was lifted they are samples of the record. One that was fitted as it was
+    sampled is resampled afterwards, at equal times: its first cycle begins j whole periods after phase zero.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found.
+    channel, hit
+        Which, from 0.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        The instants (cycles,) [s], on the time axis of `synthesis`, and the values (cycles,) [unit of the channel].
+
+    Raises
+    ------
+    InputError
+        There is no such channel or hit.
+    """
+    checked(analysis, "lifted_points", channel=channel, hit=hit)
+    cycles, own = analysis.cycles[hit], response_of(analysis, hit, [channel])
+    values = np.array(cycles.values[channel, 0])
+    if analysis.fit is None or not analysis.measured:
+        return frozen(own.record.times[:: cycles.n_phases] + own.later), frozen(values)
+    after, _ = instants(own.record, own.clock, own.model.fundamental)
+    passed = (periods_later(analysis, hit) + np.arange(len(values))) * own.model.period
+    return frozen(own.record.start - after[0] + passed), frozen(values)
+
+
 def _begin(analysis: Analysis, hit: int) -> float:
     """The time of the first sample of the first cycle [s]."""
     record, cycles = analysis.records[hit], analysis.cycles[hit]
@@ -101,12 +166,6 @@ def _begin(analysis: Analysis, hit: int) -> float:
     return record.start + samples / record.sample_rate
 
 
-def _colour(lifted: Lifted) -> NDArray[np.float64]:
-    """How much more noise there is before the whitening filter of each channel (channels,) [-]."""
-    omega = 2.0 * np.pi * np.arange(512) / 512 * lifted.n_phases / lifted.period
-    return np.sqrt(np.mean(np.abs(lifted.gain(1j * omega)) ** -2.0, axis=1))
-
-
 def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
     r"""A channel of a record, the response of the model at its samples, and what is left.
 
@@ -114,7 +173,8 @@ def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
 
     (Allen 2009, eq. 12.) The record is the one identified from: whole periods, and without a forced response that was
     fitted beside the modes. A record that was fitted as it was sampled is the measured one, at its own times; read from
-    a result file, it is that record resampled to whole samples a period.
+    a result file, it is that record resampled to whole samples a period, in time from phase zero on; of a measured
+    shaft angle, which is not in the file (`has_angle`), the response is then that of a constant speed.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from floquid.lti import fit_residues
 from floquid.order import OrderScan
 from floquid.periodic import physical_exponents
 from floquid.pipeline import Analysis
-from floquid.views._modes import checked, frozen
+from floquid.views._modes import checked, frozen, paired
 
 
 def unfolded(scan: OrderScan, analysis: Analysis) -> tuple[NDArray[np.complex128], ...]:
@@ -64,6 +64,5 @@ def _exponents(multipliers: NDArray[np.complex128], analysis: Analysis) -> NDArr
     except FloquidError:
         return found
     physical = physical_exponents(modal, analysis.lifted)
-    own = np.argmin(np.abs(np.subtract.outer(multipliers[there], modal.multipliers)), axis=1)
-    found[there] = physical[own]
+    found[there] = physical[paired(multipliers[there], modal.multipliers)]
     return found

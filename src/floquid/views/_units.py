@@ -10,6 +10,9 @@ from floquid.reconstruction import StateModel
 VELOCITY = "d/dt "
 """What the name of a state that is the derivative of another begins with."""
 
+LATER = "(t + "
+"""What comes between the name of a channel and the delay of a delayed state."""
+
 _TIME_POWER = {"velocity": 1, "acceleration": 2}
 _POWERS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
 
@@ -27,7 +30,7 @@ def element_unit(state: StateModel, i: int, j: int, channels: Sequence[Channel])
     i, j
         Row and column, from 0.
     channels
-        The channels of the model; without that of a state, its unit is left out.
+        The channels of the model; without that of a state, there is the unit of time alone.
 
     Returns
     -------
@@ -36,16 +39,16 @@ def element_unit(state: StateModel, i: int, j: int, channels: Sequence[Channel])
     """
     by_name = {channel.name: channel for channel in channels}
     second = any(name.startswith(VELOCITY) for name in state.states)
-    power, units = -1, []
+    power, units = -1, list[str | None]()
     for name, sign in ((state.states[i], 1), (state.states[j], -1)):
         own = name.removeprefix(VELOCITY)
-        channel = by_name.get(own) or by_name.get(own.split("+")[0])
+        channel = by_name.get(own) or by_name.get(own.split(LATER)[0]) or by_name.get(own.split("+")[0])
         if second:
             power += sign * (_TIME_POWER.get(str(channel.quantity), 0) if channel else 0)
             power -= sign * name.startswith(VELOCITY)
-        units.append(channel.unit if channel else "-")
+        units.append(channel.unit if channel else None)
     above, below = units
-    ratio = "" if above == below else f"{_factor(above)}/{_factor(below)}"
+    ratio = "" if above is None or below is None or above == below else f"{_factor(above)}/{_factor(below)}"
     return " · ".join(part for part in (ratio, _time(power)) if part) or "-"
 
 

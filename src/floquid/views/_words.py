@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from floquid.core import PeriodicModel
-from floquid.periodic import CONFIDENT
-from floquid.views._modes import is_real
+from floquid.lifting import Lifted
+from floquid.periodic import CONFIDENT, participation
+from floquid.pipeline import Analysis
+from floquid.validation import Validation
+from floquid.views._modes import grows, is_real
 
 MODE_NOTES = {
     "weak": "weakly determined",
     "μ<0": "a negative real multiplier, no pair",
     "μ>0": "a positive real multiplier, no pair",
     "grows": "unstable",
+    "f?": "another of its lines is more than half as strong, so that another test may give the f and ζ of that line",
 }
 """The words that a mode may deserve and what they mean; they are short, for a table has to fit 80 columns."""
+
+RIVAL = 0.5
+"""What a line needs of the energy of the strongest for the branch to be told as a choice."""
 
 MOST_DIGITS = 10
 """After the point; beyond them a deviation says nothing that a reader could use."""
@@ -41,13 +47,13 @@ def with_error(value: float, std: float) -> str:
     return f"{value:.{digits}f}({round(std * 10**digits)})" if digits <= MOST_DIGITS else f"{value:.10g}"
 
 
-def mode_notes(model: PeriodicModel, mode: int) -> list[str]:
+def mode_notes(analysis: Analysis, mode: int) -> list[str]:
     """The words of `MODE_NOTES` that a mode deserves.
 
     Parameters
     ----------
-    model
-        The model.
+    analysis
+        What `identify` found.
     mode
         Which of its modes.
 
@@ -56,12 +62,60 @@ def mode_notes(model: PeriodicModel, mode: int) -> list[str]:
     list of str
         The words; none for an ordinary mode.
     """
+    model = analysis.model
     error = complex(np.nan, np.nan) if model.exponent_std is None else model.exponent_std[mode]
     real, multiplier = is_real(model, mode), model.multipliers[mode]
+    _, shares = participation(model, mode, 1.0 / analysis.noise)
+    strongest = np.sort(shares)[::-1]
     deserved = {
         "weak": max(error.real, error.imag) > CONFIDENT * model.fundamental,
         "μ<0": real and multiplier.real < 0,
         "μ>0": real and multiplier.real >= 0,
-        "grows": model.exponents[mode].real > 4 * error.real,
+        "grows": grows(model, mode),
+        "f?": not real and len(strongest) > 1 and strongest[1] > RIVAL * strongest[0],
     }
     return [word for word in MODE_NOTES if deserved[word]]
+
+
+def passed_words(validation: Validation) -> str:
+    """What a model that passed its checks can do, in a sentence without its beginning.
+
+    Parameters
+    ----------
+    validation
+        A verdict that is in favour of the model.
+
+    Returns
+    -------
+    str
+        The words.
+    """
+    fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
+    return (
+        f"{fit:.1%} of the response is predicted in cycles left out, with an error of {error:.3g} times the noise at "
+        "most, and nothing else is left that noise does not explain."
+    )
+
+
+def whitening_words(lifted: Lifted) -> str:
+    """What was done about noise that is coloured along the record, in a sentence.
+
+    Parameters
+    ----------
+    lifted
+        The lifted responses.
+
+    Returns
+    -------
+    str
+        The words; empty where nothing was done.
+    """
+    if lifted.whitening is None:
+        return ""
+    taps = lifted.whitening.shape[1] - 1
+    those = [c.name for c, own in zip(lifted.channels, lifted.whitening, strict=True) if own[1:].any()]
+    where = "all channels" if len(those) == lifted.n_channels else ", ".join(those)
+    return (
+        f"The noise is coloured along the record in {where}: a filter of {taps} tap{'s' if taps != 1 else ''} makes it "
+        "white, and poles are found after it."
+    )

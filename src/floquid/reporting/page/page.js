@@ -2,7 +2,12 @@
 // One mode is chosen on the whole page. bokeh's source «modes» knows which; buttons, table and figures follow it.
 (() => {
   const { documents, items } = JSON.parse(document.getElementById("figures").textContent);
-  Bokeh.embed.embed_items(documents, items);
+  // A figure has several buttons, none of them needed to read the page: the keyboard goes past them.
+  const pass = (root) => root.querySelectorAll("*").forEach((one) => {
+    if (one.tabIndex >= 0) one.tabIndex = -1;
+    if (one.shadowRoot) pass(one.shadowRoot);
+  });
+  Bokeh.embed.embed_items(documents, items).then(() => setTimeout(() => document.querySelectorAll(".plot").forEach(pass), 300));
 
   const buttons = [...document.querySelectorAll(".chooser button")];
   const rows = [...document.querySelectorAll(".modes tbody tr")];
@@ -19,7 +24,7 @@
     rows.forEach((one, k) => one.classList.toggle("chosen", k === row));
     const cells = rows[row].cells;
     document.getElementById("told").textContent =
-      `Mode ${cells[0].textContent}: f = ${cells[3].textContent} Hz, ζ = ${cells[4].textContent} %, harmonics ${cells[7].textContent}.`;
+      `Mode ${cells[0].textContent}: f = ${cells[1].textContent} Hz, ζ = ${cells[2].textContent} %, harmonics ${cells[7].textContent}.`;
     const hit = document.getElementById("hit");
     if (hit) hit.textContent = String(HITS[row]);
   };

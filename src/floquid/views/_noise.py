@@ -1,0 +1,33 @@
+"""The noise of the record itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.lifting import Lifted
+from floquid.pipeline import Analysis
+
+
+def colour(lifted: Lifted) -> NDArray[np.float64]:
+    """How much more noise there is before the whitening filter of each channel (channels,) [-]."""
+    turns = 2j * np.pi * np.arange(512) / 512 * lifted.n_phases / lifted.period
+    return np.asarray(np.sqrt(np.mean(np.abs(lifted.gain(turns)) ** -2.0, axis=-1)), np.float64)
+
+
+def raw_noise(analysis: Analysis) -> NDArray[np.float64]:
+    """The deviation of the noise of the records, before any whitening filter.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found.
+
+    Returns
+    -------
+    numpy.ndarray
+        The deviations (channels, hits) [units of the channels]; where the noise is coloured, of all of it together.
+    """
+    if analysis.fit is not None or analysis.lifted.whitening is None:
+        return analysis.noise
+    return analysis.noise * colour(analysis.lifted)[:, None]
