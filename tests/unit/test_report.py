@@ -13,9 +13,10 @@ from floquid.lti import ERA
 from floquid.order import Stability
 from floquid.order import scan as scan_orders
 from floquid.reporting._case import MOST_CHANNELS, POINTS, case_of
-from floquid.reporting._modes_figures import _poles, _upper
+from floquid.reporting._modes_figures import _upper
 from floquid.reporting._page import page
 from floquid.reporting._record_figures import response_sources
+from floquid.reporting._stabilisation_figures import _poles
 from floquid.reporting._system_figures import MOST, elements_shown
 from floquid.reporting._words import CRITERIA, checks, mode_rows, noise_rows, steps
 from floquid.systems import Run
@@ -219,7 +220,7 @@ def test_a_pole_belongs_to_the_mode_of_its_decay():
     shown = case_of(found, scan)
     principal = found.model.principal()[list(shown.modes)]
     for stability in Stability:
-        poles = _poles(shown, stability, principal)
+        poles = _poles(shown, stability, tuple(np.abs(model.poles.imag) for model in scan.models))
         for decay, row in zip(poles["decay"], poles["row"], strict=True):
             if row >= 0:
                 assert row == np.argmin(np.abs(principal.real - decay))

@@ -18,7 +18,7 @@ from floquid.reporting._chosen_figures import (
 )
 from floquid.reporting._linking import link_modes, link_responses
 from floquid.reporting._look import Figure
-from floquid.reporting._modes_figures import exponents_figure, mode_source, multipliers_figure, stabilisation_figure
+from floquid.reporting._modes_figures import exponents_figure, mode_source, multipliers_figure
 from floquid.reporting._record_figures import (
     composite_figure,
     record_figures,
@@ -29,7 +29,8 @@ from floquid.reporting._record_figures import (
     spectrum_figure,
     spectrum_label,
 )
-from floquid.reporting._synchronisation_figure import slip_words, slips, synchronisation_figure
+from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
+from floquid.reporting._synchronisation_figure import slip_words, slips, speed_figure, synchronisation_figure
 from floquid.reporting._system_figures import Truth, element_figures
 from floquid.views import Synchronisation, has_angle
 
@@ -115,13 +116,19 @@ def _figures(case: Case, found: list[Synchronisation], truth: Truth | None) -> d
         "shape": shape_figures(case, shape),
         "coefficients": [coefficients_figure(case, coefficients)],
         "plane": [exponents_figure(case, modes), multipliers_figure(case, modes)],
-        "stabilisation": [] if case.scan is None else [stabilisation_figure(case, modes)],
+        "stabilisation": [],
+        "unfolded": [],
+        "indicators": [],
+        "speed": [speed_figure(shaft) for shaft in analysis.shafts[:1]],
         "record": record_figures(case, curves),
         "spectrum": [spectrum_figure(case, curves, family)],
         "composite": [composite_figure(case)],
         "synchronisation": [made for made in (synchronisation_figure(found),) if made is not None],
         "system": [],
     }
+    if case.scan is not None:
+        folded, unfolded = stabilisation_figures(case, modes)
+        figures |= {"stabilisation": [folded], "unfolded": [unfolded], "indicators": indicator_figures(case)}
     if analysis.state is not None:
         second = analysis.settings.form == "second-order"
         figures["system"] = element_figures(analysis.state, model, second_order=second, truth=truth)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.reporting._case import Case
+from floquid.reporting._case import POINTS, Case
 from floquid.reporting._chosen_figures import BAND
-from floquid.reporting._look import BLACK, CURVES, MARKERS, Figure, legend_above, new_figure
+from floquid.reporting._look import BLACK, BLUE, CURVES, MARKERS, Figure, legend_above, new_figure
+from floquid.sync import ShaftAngle
 from floquid.views import Synchronisation, synchronisation
 
 FAR = 4.0
@@ -33,6 +34,19 @@ def synchronisation_figure(found: list[Synchronisation]) -> Figure | None:
         name = f"hit {number + 1}, bars of 95 %" if len(found) > 1 else "stretches of the record, bars of 95 %"
         made.segment(one.times[own], slip - width, one.times[own], slip + width, line_color=CURVES[number])
         made.scatter(one.times[own], slip, marker=MARKERS[number], size=7, color=CURVES[number], legend_label=name)
+    legend_above(made)
+    return made
+
+
+def speed_figure(shaft: ShaftAngle) -> Figure:
+    """The speed of the shaft with its band, as the tachometer or the azimuth tells it."""
+    times = np.linspace(shaft.first, shaft.last, POINTS // 3)
+    speed, width = shaft.speed(times) / (2.0 * np.pi), BAND * shaft.speed_std(times) / (2.0 * np.pi)
+    made = new_figure("time [s]", "speed of the shaft [Hz]", name="speed", height=260)
+    made.varea(times, speed - width, speed + width, fill_color=BLUE, fill_alpha=0.25, legend_label="interval of 95 %")
+    made.line(times, speed, line_color=BLUE, line_width=1.5, legend_label="speed")
+    mean = shaft.mean_speed / (2.0 * np.pi)
+    made.line([times[0], times[-1]], [mean, mean], line_color=BLACK, line_dash="dashed", legend_label="mean")
     legend_above(made)
     return made
 
