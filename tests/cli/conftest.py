@@ -51,6 +51,16 @@ def quick_pictures(monkeypatch):
     exec(PICTURES, {})
 
 
+DRAWN = ("test_commands", "test_paper_command", "test_report_command")
+"""Modules that look at pictures and at the report; in the others these would take most of the time."""
+
+
+@pytest.fixture(autouse=True)
+def no_pictures_but_where_they_are_looked_at(request):
+    if request.module.__name__.rpartition(".")[2] not in DRAWN:
+        request.getfixturevalue("quick_pictures")
+
+
 @functools.cache
 def simulated(periods=40, samples=8):
     """A record of the example rotor: 4 channels, 2 % noise."""

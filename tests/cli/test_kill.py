@@ -66,7 +66,7 @@ sys.exit(run(sys.argv[1:]))
 
 
 @pytest.fixture
-def results(here, quick_pictures):
+def results(here):
     """The files of the old and of the new result; the old one is at its place."""
     for words, name in ((NEW, "new"), (OLD, "old")):
         assert run(words) == 0

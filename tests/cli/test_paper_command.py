@@ -72,7 +72,7 @@ def test_the_table_is_printed_whole(shown):
     assert str(folder / "paper.md") in text
 
 
-def test_json_is_the_summary_alone_and_the_seed_counts(here):
+def test_json_is_the_summary_alone_and_the_seed_counts(quick_pictures, here):
     text = typed("demo --paper --periods 150 --draws 1 --seed 3 --format json --out one")
     assert text == (here / "one" / "summary.json").read_text()
     assert typed("demo --periods 150 --seed 3 --format json --out two") == text
