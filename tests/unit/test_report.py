@@ -218,12 +218,14 @@ def test_a_pole_belongs_to_the_mode_of_its_decay():
     assert found.model.order == 2
     scan = scan_orders(found.lifted.responses, orders=[2, 3, 4])
     shown = case_of(found, scan)
-    principal = found.model.principal()[list(shown.modes)]
+    principal, seen = found.model.principal()[list(shown.modes)], set()
     for stability in Stability:
         poles = _poles(shown, stability, tuple(np.abs(model.poles.imag) for model in scan.models))
         for decay, row in zip(poles["decay"], poles["row"], strict=True):
             if row >= 0:
                 assert row == np.argmin(np.abs(principal.real - decay))
+                seen.add(row)
+    assert seen == {0, 1}
 
 
 def test_with_a_tachometer_what_is_left_is_noise_and_from_a_file_it_is_not_drawn(tmp_path):

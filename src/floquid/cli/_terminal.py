@@ -15,7 +15,16 @@ from floquid.periodic import participation
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.validation import Validation
-from floquid.views import MODE_NOTES, is_real, mode_notes, passed_words, upper_modes, whitening_words, with_error
+from floquid.views import (
+    MODE_NOTES,
+    is_real,
+    mode_notes,
+    passed_words,
+    period_words,
+    upper_modes,
+    whitening_words,
+    with_error,
+)
 
 LEGEND = (
     "λ: Floquet exponent, known up to multiples of iω and given where the line is strongest in these channels and "
@@ -87,7 +96,7 @@ def _print_record(console: Console, analysis: Analysis) -> None:
         samples = f"{first.sample_rate * analysis.model.period:.6g} samples a period, over {hits} whole periods"
     console.print(
         f"{counted(len(cycles), 'record')}, {counted(first.n_channels, 'channel')} at {first.sample_rate:.8g} Hz; "
-        f"period {_period(analysis)} s (ω = {analysis.model.fundamental:.6g} rad/s): {samples}."
+        f"period {period_words(analysis)} s (ω = {analysis.model.fundamental:.6g} rad/s): {samples}."
     )
     records = analysis.measured or analysis.records
     for step in dict.fromkeys(step for record in records for step in record.provenance.steps):
@@ -105,15 +114,6 @@ def _print_record(console: Console, analysis: Analysis) -> None:
             "The noise above is what is left after the filter, less than that of the record; shapes are the record's."
         )
         console.print(words, style="dim")
-
-
-def _period(analysis: Analysis) -> str:
-    """The period, with its deviation where it was estimated."""
-    std = None if analysis.fit is None else analysis.fit.period_std
-    if std is None and analysis.shafts:
-        std = analysis.shafts[0].period_std
-    period = analysis.model.period
-    return f"{period:.8g}" if std is None else with_error(period, std)
 
 
 def print_whitening(console: Console, lifted: Lifted) -> None:

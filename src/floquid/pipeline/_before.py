@@ -119,7 +119,8 @@ def responses_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple
     if len(names) == records[0].n_channels or not set(names) - keep:
         return records, ()
     said = [
-        f"Channel {c.name} is a {c.quantity}, and no response: it was left out."
+        f"Channel {c.name} is a {c.quantity}, taken for no response and left out: if it is one, name all channels to "
+        "use (`channels`, `--channels`)."
         for c in records[0].channels
         if c.name not in names
     ]

@@ -26,7 +26,9 @@ class Case:
 
     analysis: Analysis
     scan: OrderScan | None
-    """The poles of several orders; None where the record is too short for any."""
+    """The poles of several orders; None where there are none."""
+    why: str
+    """Why there are none."""
     modes: tuple[int, ...]
     """One mode of each pair."""
     channels: tuple[int, ...]
@@ -53,7 +55,7 @@ class Case:
         return [self.analysis.model.channels[row].unit for row in self.channels]
 
 
-def case_of(analysis: Analysis, scan: OrderScan | None) -> Case:
+def case_of(analysis: Analysis, scan: OrderScan | None, why: str = "") -> Case:
     """Choose what is shown."""
     model = analysis.model
     modes = tuple(upper_modes(model))
@@ -65,6 +67,7 @@ def case_of(analysis: Analysis, scan: OrderScan | None) -> Case:
     return Case(
         analysis=analysis,
         scan=scan,
+        why=why,
         modes=modes,
         channels=tuple(sorted(int(row) for row in strongest)),
         hits=tuple(int(np.argmax(energy[mode].sum(axis=0))) for mode in modes),

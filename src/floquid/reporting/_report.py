@@ -73,7 +73,8 @@ def report(
     if title is not None and not isinstance(title, str):
         raise input_error("title", of, "be a text", f"is a {type(title).__name__}")
     progress("scanning the order")
-    case = case_of(analysis, _scan(analysis))
+    scan, why = _scan(analysis)
+    case = case_of(analysis, scan, why)
     progress("drawing the report")
     text = page(case, title=title, truth=known)
     with atomic_path(place, of=of) as temporary:
@@ -81,8 +82,8 @@ def report(
     return place
 
 
-def _scan(analysis: Analysis) -> OrderScan | None:
-    """The poles of several orders; None where the record is too short for two of them."""
+def _scan(analysis: Analysis) -> tuple[OrderScan | None, str]:
+    """The poles of several orders, or why there are none: a record may be too short for them."""
     from threadpoolctl import threadpool_limits
 
     responses = analysis.lifted.responses
@@ -90,9 +91,9 @@ def _scan(analysis: Analysis) -> OrderScan | None:
     few = responses.values.size < LARGE
     try:
         with threadpool_limits(limits=1 if few else None, user_api="blas"):
-            return scan_orders(responses)
-    except (InputError, IdentificationError):
-        return None
+            return scan_orders(responses), ""
+    except (InputError, IdentificationError) as error:
+        return None, str(error)
 
 
 def _truth(truth: tuple[ArrayLike, ArrayLike] | None, analysis: Analysis, of: str) -> Truth | None:

@@ -11,7 +11,16 @@ from floquid.periodic import participation
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.reporting._case import Case
-from floquid.views import MODE_NOTES, is_real, mode_notes, passed_words, raw_noise, whitening_words, with_error
+from floquid.views import (
+    MODE_NOTES,
+    is_real,
+    mode_notes,
+    passed_words,
+    period_words,
+    raw_noise,
+    whitening_words,
+    with_error,
+)
 
 CRITERIA = {
     "fit": ("share of the response predicted in cycles left out", "%"),
@@ -146,18 +155,9 @@ def summary_line(case: Case) -> str:
     modes = "1 mode" if len(case.modes) == 1 else f"{len(case.modes)} modes"
     channels = "1 channel" if len(model.channels) == 1 else f"{len(model.channels)} channels"
     return (
-        f"{modes} (order {model.order}) found in {records} of {channels}, {hits} periods of {period_text(analysis)} s "
+        f"{modes} (order {model.order}) found in {records} of {channels}, {hits} periods of {period_words(analysis)} s "
         f"(ω/2π = {1.0 / model.period:.6g} Hz), {first.sample_rate * model.period:.4g} samples a period."
     )
-
-
-def period_text(analysis: Analysis) -> str:
-    """The period, with its deviation where it was estimated."""
-    std = None if analysis.fit is None else analysis.fit.period_std
-    if std is None and analysis.shafts:
-        std = analysis.shafts[0].period_std
-    period = analysis.model.period
-    return f"{period:.8g}" if std is None else with_error(period, std)
 
 
 def evidence(analysis: Analysis) -> list[tuple[str, list[str]]]:

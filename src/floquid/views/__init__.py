@@ -16,7 +16,7 @@ from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, has_angle, lifted_points, synthesis
 from floquid.views._unfolded import unfolded
 from floquid.views._units import element_unit
-from floquid.views._words import MODE_NOTES, mode_notes, passed_words, whitening_words, with_error
+from floquid.views._words import MODE_NOTES, mode_notes, passed_words, period_words, whitening_words, with_error
 
 __all__ = [
     "MODE_NOTES",
@@ -41,6 +41,7 @@ __all__ = [
     "mode_notes",
     "multiplier_ellipses",
     "passed_words",
+    "period_words",
     "raw_noise",
     "record_spectrum",
     "shape_curves",

@@ -119,3 +119,23 @@ def whitening_words(lifted: Lifted) -> str:
         f"The noise is coloured along the record in {where}: a filter of {taps} tap{'s' if taps != 1 else ''} makes it "
         "white, and poles are found after it."
     )
+
+
+def period_words(analysis: Analysis) -> str:
+    """The period [s], with its deviation where it was estimated.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found.
+
+    Returns
+    -------
+    str
+        The number.
+    """
+    std = None if analysis.fit is None else analysis.fit.period_std
+    if std is None and analysis.shafts:
+        std = analysis.shafts[0].period_std
+    period = analysis.model.period
+    return f"{period:.8g}" if std is None else with_error(period, std)
