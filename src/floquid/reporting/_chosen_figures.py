@@ -46,13 +46,9 @@ def coefficient_source(case: Case) -> Chosen:
 
 
 def family_source(case: Case) -> Chosen:
-    """The frequencies at which the mode shows in the record, and its share of energy there."""
+    """The frequencies at which the mode shows in the record [Hz]."""
     by_mode = {family.mode: family for family in families(case.analysis)}
-    rows = []
-    for mode in case.modes:
-        own = by_mode[mode]
-        rows.append({"frequency": own.omega * case.turn, "harmonic": own.harmonics, "share": 100.0 * own.share})
-    return _chosen("family", rows)
+    return _chosen("family", [{"frequency": by_mode[mode].omega * case.turn} for mode in case.modes])
 
 
 def _chosen(name: str, rows: list[dict[str, Any]]) -> Chosen:

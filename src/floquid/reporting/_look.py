@@ -29,9 +29,7 @@ SIZE = "13px"
 HEIGHT = 320
 
 
-def new_figure(
-    x: str, y: str, *, name: str, tools: tuple[str, ...] = (), height: int = HEIGHT, **options: Any
-) -> Figure:
+def new_figure(x: str, y: str, *, name: str, height: int = HEIGHT, **options: Any) -> Figure:
     """An empty figure as wide as the page lets it be, with its axes labelled.
 
     Wheels scroll the page and do not zoom before the reader asks for it.
@@ -42,7 +40,7 @@ def new_figure(
     made: Figure = figure(
         height=height,
         sizing_mode="stretch_width",
-        tools=",".join(("box_zoom", "pan", "xwheel_zoom", "reset", "save", *tools)),
+        tools="box_zoom,pan,xwheel_zoom,reset,save",
         active_drag="box_zoom",
         active_scroll=None,
         toolbar_location="above",
