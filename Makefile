@@ -10,7 +10,7 @@ INSTALLED := $(VENV)/.installed
 UV_PIN = $(shell sed -n 's/^\(uv==[^ ;]*\).*/\1/p' requirements.txt)
 UV := VIRTUAL_ENV="$(CURDIR)/$(VENV)" $(BIN)/uv
 COMPILE = pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --no-header --no-annotate \
-	--no-emit-index-url --no-emit-find-links --group dev --group peers --group docs pyproject.toml
+	--no-emit-index-url --no-emit-find-links --all-extras --group dev --group peers --group docs pyproject.toml
 
 # The arrays are small, and pytest runs one process a core: threads inside BLAS would only get in each other's way.
 test slow docs: export OPENBLAS_NUM_THREADS ?= 1

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from floquid.core import Channel, ConstantPeriod, Record
+from floquid.core._time_axis import TimeColumn, repair
 from floquid.readers import FORMATS, read, write
-from floquid.readers._table import Source, TimeColumn
-from floquid.readers._time_axis import repair
+from floquid.readers._table import Source
 
 WORDS = st.text(st.characters(exclude_categories=["Cc", "Cs"]), max_size=12)
 UNITS = st.sampled_from(["-", "m", "µm", "rad", "V", "m/s^2", "°", "a]b", "[x", "s", 'in"', "a,b", "; "])

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from floquid.core._nominal import fit_line
+from floquid.core._time_axis import TimeColumn, repair
 from floquid.errors import InputError
-from floquid.readers._nominal import fit_line
-from floquid.readers._table import Source, TimeColumn
-from floquid.readers._time_axis import repair
+from floquid.readers._table import Source
 
 SOURCE = Source(path=Path("run.csv"), of="read")
 

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from floquid._checks import describe
 from floquid.core import channels_named
+from floquid.core._time_axis import SECONDS, TimeColumn
 from floquid.readers._npz import _KEYS, _WORDS, _scalar, _time
-from floquid.readers._table import SECONDS, Source, Table, TimeColumn, checked_orbit, make_channels
+from floquid.readers._table import Source, Table, checked_orbit, make_channels
 from floquid.readers._variables import Variable, VariableFile, numbers, printable, require_numbers
 
 

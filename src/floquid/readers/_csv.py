@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import Record, channels_named
+from floquid.core._time_axis import TimeColumn
 from floquid.readers._csv_header import (
     Header,
     find_delimiter,
@@ -21,7 +22,7 @@ from floquid.readers._csv_header import (
     record_line,
     split_cells,
 )
-from floquid.readers._table import Source, Table, TimeColumn
+from floquid.readers._table import Source, Table
 
 _BLOCK = 1 << 16
 

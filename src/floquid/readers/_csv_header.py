@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 from typing import Any, get_args
 
 from floquid.core import Channel, ConstantPeriod, Quantity, Record
+from floquid.core._time_axis import SECONDS
 from floquid.errors import InputError
-from floquid.readers._table import SECONDS, Source, check_distinct
+from floquid.readers._table import Source, check_distinct
 
 RECORD_LINE = "# floquid record: "
 """A comment of ours, one line of JSON: what a table cannot say (the exact rate, the period, odd quantities)."""

@@ -13,17 +13,9 @@ from numpy.typing import NDArray
 
 from floquid._checks import describe
 from floquid.core import Record, channels_named
+from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
-from floquid.readers._table import (
-    Source,
-    Table,
-    TimeColumn,
-    checked_orbit,
-    make_channels,
-    numbers_of,
-    orbit_of,
-    texts_of,
-)
+from floquid.readers._table import Source, Table, checked_orbit, make_channels, numbers_of, orbit_of, texts_of
 
 _WORDS = ("units", "quantities", "locations", "directions")
 _KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period", "origin", "orbit")

@@ -11,9 +11,9 @@ import numpy as np
 from floquid._checks import describe, finite, input_error, positive
 from floquid._files import as_path, atomic_path, readable_file
 from floquid.core import ConstantPeriod, Provenance, Record
+from floquid.core._time_axis import TimeAxis, repair
 from floquid.readers._formats import Format, format_of
 from floquid.readers._table import Source, Table
-from floquid.readers._time_axis import TimeAxis, repair
 
 
 def read(

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Channel, Quantity
+from floquid.core._time_axis import TimeAxis
 from floquid.errors import InputError
 from floquid.readers._read import load_table, settle_axis
-from floquid.readers._time_axis import TimeAxis
 
 _CLOCK_NAME = re.compile(
     r"(?<![a-z])(tacho?s?|tachometer|pulses?|key ?phas\w*|encoder|azimuth|trigger|revs?|revolutions?"

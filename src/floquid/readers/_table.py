@@ -11,17 +11,8 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import Channel, ConstantPeriod, Record
+from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
-
-SECONDS = {
-    **dict.fromkeys(["s", "sec", "secs", "second", "seconds"], 1.0),
-    **dict.fromkeys(["ms", "msec", "millisecond", "milliseconds"], 1e-3),
-    **dict.fromkeys(["us", "µs", "μs", "usec", "microsecond", "microseconds"], 1e-6),
-    **dict.fromkeys(["ns", "nsec", "nanosecond", "nanoseconds"], 1e-9),
-    **dict.fromkeys(["min", "minute", "minutes"], 60.0),
-    **dict.fromkeys(["h", "hr", "hour", "hours"], 3600.0),
-}
-"""The units of time by their names, and no others."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,15 +29,6 @@ class Source:
     def wrapped(self, error: InputError) -> InputError:
         """An error of a type that knows no file, with the file named before it."""
         return self.error("hold a valid record", f"does not: {error}".removesuffix("."))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TimeColumn:
-    """The times as the file has them: `values` (samples,) in a unit of `scale` seconds."""
-
-    values: NDArray[np.floating]
-    scale: float
-    label: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Channel, Record, channels_named
-from floquid.readers._table import Source, Table, TimeColumn
+from floquid.core._time_axis import TimeColumn
+from floquid.readers._table import Source, Table
 from floquid.readers._uff_axis import Axis, shared_axis
 from floquid.readers._uff_blocks import Dataset, find_datasets
 from floquid.readers._uff_channels import check_names, make_channel, name_functions

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from floquid.core._nominal import Printed, nominal_rate_of_step
+from floquid.core._time_axis import SECONDS
 from floquid.errors import InputError
-from floquid.readers._nominal import Printed, nominal_rate_of_step
-from floquid.readers._table import SECONDS, Source
+from floquid.readers._table import Source
 from floquid.readers._uff_header import FunctionHeader
 from floquid.readers._uff_ids import OwnLines
 

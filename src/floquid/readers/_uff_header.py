@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from floquid.readers._nominal import Printed, printed
+from floquid.core._nominal import Printed, printed
 from floquid.readers._table import Source
 
 N_LINES = 11

@@ -8,13 +8,23 @@ through all times; see `_nominal` for when it is replaced by a round number.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.core._nominal import LineFit, Rounding, fit_line, nominal_rate, rounding
 from floquid.errors import InputError
-from floquid.readers._nominal import LineFit, Rounding, fit_line, nominal_rate, rounding
-from floquid.readers._table import Source, TimeColumn
+
+SECONDS = {
+    **dict.fromkeys(["s", "sec", "secs", "second", "seconds"], 1.0),
+    **dict.fromkeys(["ms", "msec", "millisecond", "milliseconds"], 1e-3),
+    **dict.fromkeys(["us", "µs", "μs", "usec", "microsecond", "microseconds"], 1e-6),
+    **dict.fromkeys(["ns", "nsec", "nanosecond", "nanoseconds"], 1e-9),
+    **dict.fromkeys(["min", "minute", "minutes"], 60.0),
+    **dict.fromkeys(["h", "hr", "hour", "hours"], 3600.0),
+}
+"""The units of time by their names, and no others."""
 
 JITTER = 0.01
 """Scatter of the times about their line, in steps, that is passed over beside the rounding: at 40 samples a period a
@@ -30,6 +40,23 @@ _FARTHEST, _SHORTEST = 1e13, 1e-15
 """Bounds on a time and on a step [s]; beyond them the numbers are not times, and their squares overflow."""
 
 _RESAMPLE = "Resample onto even times first, or pass `rate` (`--rate`) [Hz] to ignore the times."
+
+
+class Source(Protocol):
+    """Where times come from, a file or an object in memory: it words what is wrong with them."""
+
+    def error(self, must: str, got: str, remedy: str = "") -> InputError:
+        """The message «Argument `path` of `read` must …, but run.csv …»."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimeColumn:
+    """The times as the file has them: `values` (samples,) in a unit of `scale` seconds."""
+
+    values: NDArray[np.floating]
+    scale: float
+    label: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
