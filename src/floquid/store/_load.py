@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import fields
 from os import PathLike
 from pathlib import Path
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid._files import readable_file
-from floquid.core import Channel, ConstantPeriod, Estimates, PeriodicModel, Provenance, Record
+from floquid.core import Estimates, PeriodicModel, Record
 from floquid.errors import FloquidError, InputError
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import Composites, ModalModel, Outcome
@@ -22,8 +21,10 @@ from floquid.periodic import Fit, ForcedResponse, PartialTests, Periodicity
 from floquid.pipeline import Analysis, Settings
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
 from floquid.store import _layout as layout
+from floquid.store._get import DamagedError, dataset_in, get, get_fields, group_in
 from floquid.store._identifiers import from_text
 from floquid.store._layout import Item
+from floquid.store._load_records import get_channels, get_provenance, get_record
 from floquid.sync import segment
 from floquid.validation import Criterion, Validation
 
@@ -32,10 +33,6 @@ if TYPE_CHECKING:
 
 MUST = "be a result file that `save` wrote"
 AGAIN = "Write it again: `floquid identify ... --out DIR`, or `save(analysis, path)`."
-
-
-class _DamagedError(Exception):
-    """What is wrong with the content, in words."""
 
 
 def load(path: str | PathLike[str]) -> Analysis:
@@ -67,7 +64,7 @@ def load(path: str | PathLike[str]) -> Analysis:
         with h5py.File(file, "r") as opened:
             _check_format(opened, file)
             return _read(opened)
-    except _DamagedError as error:
+    except DamagedError as error:
         detail = str(error)
     except FloquidError as error:
         if isinstance(error, InputError) and str(error).startswith("Argument `path` of `load`"):
@@ -84,7 +81,7 @@ def _check_format(file: h5py.File, path: Path) -> None:
     if not isinstance(kind, str) or kind != layout.FORMAT:
         raise input_error("path", "load", MUST, f"{path} has no attribute `format` of {layout.FORMAT!r}", AGAIN)
     if not isinstance(version, (int, np.integer)) or version < 1:
-        raise _DamagedError(f"its version is {version!r}")
+        raise DamagedError(f"its version is {version!r}")
     if version > layout.VERSION:
         raise input_error(
             "path",
@@ -96,16 +93,16 @@ def _check_format(file: h5py.File, path: Path) -> None:
 
 
 def _read(file: h5py.File) -> Analysis:
-    settings = _get_settings(_group(file, "settings"))
-    lifting = _get_fields(_group(file, "lifted"), layout.LIFTED)
-    records = tuple(_get_record(_group(file, f"records/hit{n + 1}")) for n in range(len(lifting["lengths"])))
+    settings = _get_settings(group_in(file, "settings"))
+    lifting = get_fields(group_in(file, "lifted"), layout.LIFTED)
+    records = tuple(get_record(group_in(file, f"records/hit{n + 1}")) for n in range(len(lifting["lengths"])))
     cycles = segment(records)
     lifted = lift(cycles, floor=settings.noise_floor)
-    if layout.WHITENING.name in _group(file, "lifted"):
-        lifted = whitened(lifted, _filters(_group(file, "lifted"), lifted))
+    if layout.WHITENING.name in group_in(file, "lifted"):
+        lifted = whitened(lifted, _filters(group_in(file, "lifted"), lifted))
     lifted = lifted.with_noise(lifting["noise"])
-    modal = _get_modal(_group(file, "modal"))
-    model = _get_model(_group(file, "model"))
+    modal = _get_modal(group_in(file, "modal"))
+    model = _get_model(group_in(file, "model"))
     _check_together(lifting, lifted, modal, model)
     state = _get_state(file)
     return Analysis(
@@ -120,80 +117,80 @@ def _read(file: h5py.File) -> Analysis:
         choice=_get_choice(file, modal),
         fit=_get_fit(file, model, records),
         periodicity=_get_periodicity(file),
-        held=layout.HELD.name in file and _get(file, layout.HELD) == 1,
-        synchronisation=_get(file, layout.SYNCHRONISATION) if layout.SYNCHRONISATION.name in file else (),
+        held=layout.HELD.name in file and get(file, layout.HELD) == 1,
+        synchronisation=get(file, layout.SYNCHRONISATION) if layout.SYNCHRONISATION.name in file else (),
         validation=_get_validation(file, model),
-        warnings=_get(file, layout.WARNINGS),
+        warnings=get(file, layout.WARNINGS),
     )
 
 
 def _filters(group: h5py.Group, lifted: Lifted) -> NDArray[np.float64]:
     """The whitening filters, if they can be those of these responses."""
-    taps = _get(group, layout.WHITENING)
+    taps = get(group, layout.WHITENING)
     if taps.shape[0] != lifted.n_channels or not 1 < taps.shape[1] <= lifted.n_phases or not np.isfinite(taps).all():
-        raise _DamagedError(f"whitening is no filter of {lifted.n_channels} channels")
+        raise DamagedError(f"whitening is no filter of {lifted.n_channels} channels")
     return taps
 
 
 def _get_model(group: h5py.Group) -> PeriodicModel:
     return PeriodicModel(
-        **_get_fields(group, layout.MODEL),
+        **get_fields(group, layout.MODEL),
         estimates=_get_estimates(group, "estimates"),
         unselected=_get_estimates(group, "unselected"),
-        channels=_get_channels(group),
-        provenance=_get_provenance(group),
+        channels=get_channels(group),
+        provenance=get_provenance(group),
     )
 
 
 def _get_estimates(model: h5py.Group, name: str) -> Estimates | None:
     if name not in model:
         return None
-    values = _get_fields(_group(model, name), layout.ESTIMATES)
+    values = get_fields(group_in(model, name), layout.ESTIMATES)
     return Estimates(**values | {"real": values["real"] == 1})
 
 
 def _get_refinement(file: h5py.File, state: StateModel | None) -> Refinement | None:
     if "refinement" not in file:
         return None
-    group = _group(file, "refinement")
-    own = _state_in(_group(group, "state")) if "state" in group else state
-    structure = structure_of(_get(group, layout.STRUCTURE))
+    group = group_in(file, "refinement")
+    own = _state_in(group_in(group, "state")) if "state" in group else state
+    structure = structure_of(get(group, layout.STRUCTURE))
     if own is None or not isinstance(structure, AbstractStructure):
-        raise _DamagedError("it has a refinement without " + ("a structure" if own is not None else "a state"))
-    return Refinement(**_get_fields(group, layout.REFINEMENT), structure=structure, state=own)
+        raise DamagedError("it has a refinement without " + ("a structure" if own is not None else "a state"))
+    return Refinement(**get_fields(group, layout.REFINEMENT), structure=structure, state=own)
 
 
 def _get_choice(file: h5py.File, modal: ModalModel) -> Choice | None:
     if "choice" not in file:
         return None
-    return Choice(order=modal.order, model=modal, **_get_fields(_group(file, "choice"), layout.CHOICE))
+    return Choice(order=modal.order, model=modal, **get_fields(group_in(file, "choice"), layout.CHOICE))
 
 
 def _get_periodicity(file: h5py.File) -> Periodicity | None:
     if "periodicity" not in file:
         return None
-    group = _group(file, "periodicity")
+    group = group_in(file, "periodicity")
     parts: dict[str, Any] = {
-        name: PartialTests(**_get_fields(_group(group, name), layout.PARTIAL_TESTS))
+        name: PartialTests(**get_fields(group_in(group, name), layout.PARTIAL_TESTS))
         for name in ("by_harmonic", "by_mode", "by_channel")
     }
-    return Periodicity(**_get_fields(group, layout.PERIODICITY), **parts)
+    return Periodicity(**get_fields(group, layout.PERIODICITY), **parts)
 
 
 def _get_fit(file: h5py.File, model: PeriodicModel, records: tuple[Record, ...]) -> Fit | None:
     if "fit" not in file:
         return None
-    group, forced = _group(file, "fit"), None
+    group, forced = group_in(file, "fit"), None
     if "forced" in group:
-        found = _get_fields(_group(group, "forced"), layout.FORCED)
+        found = get_fields(group_in(group, "forced"), layout.FORCED)
         follows = found.pop("speed_dependent") == 1
         forced = ForcedResponse(**found, channels=model.channels, speed_dependent=follows)
-    values = _get_fields(group, layout.FIT)
+    values = get_fields(group, layout.FIT)
     if values["noise"].shape != model.coefficients.shape[1:3]:
-        raise _DamagedError(f"fit/noise has the shape {values['noise'].shape}")
+        raise DamagedError(f"fit/noise has the shape {values['noise'].shape}")
     if forced is not None and forced.coefficients.shape[:2] != model.coefficients.shape[1:3]:
-        raise _DamagedError(f"fit/forced/coefficients has the shape {forced.coefficients.shape}")
-    words = _get_fields(_group(file, "choice"), layout.CHOICE) if "choice" in file else {"reasons": (), "doubts": ()}
+        raise DamagedError(f"fit/forced/coefficients has the shape {forced.coefficients.shape}")
+    words = get_fields(group_in(file, "choice"), layout.CHOICE) if "choice" in file else {"reasons": (), "doubts": ()}
     return Fit(
         model=model,
         forced=forced,
@@ -209,14 +206,14 @@ def _get_fit(file: h5py.File, model: PeriodicModel, records: tuple[Record, ...])
 def _get_validation(file: h5py.File, model: PeriodicModel) -> Validation | None:
     if "validation" not in file:
         return None
-    group = _group(file, "validation")
-    values, least = _get_fields(group, layout.VALIDATION), _get(group, layout.AT_LEAST)
+    group = group_in(file, "validation")
+    values, least = get_fields(group, layout.VALIDATION), get(group, layout.AT_LEAST)
     metrics, limits = (
-        {str(name): _get(part, Item(str(name))) for name in part}
-        for part in (_group(group, "metrics"), _group(group, "limits"))
+        {str(name): get(part, Item(str(name))) for name in part}
+        for part in (group_in(group, "metrics"), group_in(group, "limits"))
     )
     if values["fit"].shape != model.coefficients.shape[1:3]:
-        raise _DamagedError(f"validation/fit has the shape {values['fit'].shape}")
+        raise DamagedError(f"validation/fit has the shape {values['fit'].shape}")
     criteria = {name: Criterion(limit=limit, at_least=name in least) for name, limit in limits.items()}
     return Validation(**values | {"metrics": metrics, "criteria": criteria, "passed": values["passed"] == 1})
 
@@ -234,16 +231,16 @@ def _check_together(lifting: dict[str, Any], lifted: Lifted, modal: ModalModel, 
     }
     for name, (stored, needed) in pairs.items():
         if stored != needed:
-            raise _DamagedError(f"{name} is {stored}, but the records give {needed}")
+            raise DamagedError(f"{name} is {stored}, but the records give {needed}")
     if abs(lifting["first_phase"] - lifted.first_phase) > 1e-9:
-        raise _DamagedError(f"first_phase is {lifting['first_phase']}, but the records give {lifted.first_phase}")
+        raise DamagedError(f"first_phase is {lifting['first_phase']}, but the records give {lifted.first_phase}")
 
 
 def _get_settings(group: h5py.Group) -> Settings:
     known = [field.name for field in fields(Settings)]
     for name in group:
         if name not in known:
-            raise _DamagedError(f"it has the setting {name!r}, which this floquid does not know (update floquid)")
+            raise DamagedError(f"it has the setting {name!r}, which this floquid does not know (update floquid)")
     found = {name: _get_any(group, name) for name in known if name in group or name in layout.SETTINGS_OF_VERSION_1}
     if isinstance(found.get("identifier"), str):
         found["identifier"] = from_text(found["identifier"])
@@ -255,34 +252,24 @@ def _get_any(group: h5py.Group, name: str) -> Any:
     """One setting: its form in the file says its type."""
     import h5py
 
-    dataset = _dataset(group, name)
+    dataset = dataset_in(group, name)
     if dataset.shape is None:
         return None
     if h5py.check_string_dtype(dataset.dtype) is not None:
-        return _get(group, Item(name, "text", ("entries",) if dataset.ndim else ()))
-    return _get(group, Item(name, "integer" if dataset.dtype.kind == "i" else "real"))
-
-
-def _get_record(group: h5py.Group) -> Record:
-    clock = {item.name: _get(group, item) for item in layout.CLOCK}
-    return Record(
-        **_get_fields(group, layout.RECORD),
-        channels=_get_channels(group),
-        clock=None if clock["period"] is None else ConstantPeriod(**clock),
-        provenance=_get_provenance(group),
-    )
+        return get(group, Item(name, "text", ("entries",) if dataset.ndim else ()))
+    return get(group, Item(name, "integer" if dataset.dtype.kind == "i" else "real"))
 
 
 def _get_modal(group: h5py.Group) -> ModalModel:
-    outcome = _get(group, layout.OUTCOME)
+    outcome = get(group, layout.OUTCOME)
     if outcome not in Outcome.__members__:
-        raise _DamagedError(f"{group.name}/outcome is {outcome!r}")
-    stats = _group(group, "stats")
+        raise DamagedError(f"{group.name}/outcome is {outcome!r}")
+    stats = group_in(group, "stats")
     return ModalModel(
-        **_get_fields(group, layout.MODAL),
+        **get_fields(group, layout.MODAL),
         outcome=Outcome[outcome],
-        stats={str(name): _get(stats, Item(str(name))) for name in stats},
-        composites=Composites(**_get_fields(_group(group, "composites"), layout.COMPOSITES))
+        stats={str(name): get(stats, Item(str(name))) for name in stats},
+        composites=Composites(**get_fields(group_in(group, "composites"), layout.COMPOSITES))
         if "composites" in group
         else None,
     )
@@ -294,70 +281,9 @@ def _get_state(file: h5py.File) -> StateModel | None:
     state = file.get("state")
     if isinstance(state, h5py.Dataset) and state.shape is None:
         return None
-    return _state_in(_group(file, "state"))
+    return _state_in(group_in(file, "state"))
 
 
 def _state_in(group: h5py.Group) -> StateModel:
-    later = _get_fields(group, [item for item in layout.STATE_LATER if item.name in group])
-    return StateModel(**_get_fields(group, layout.STATE), **later, provenance=_get_provenance(group))
-
-
-def _get_channels(group: h5py.Group) -> tuple[Channel, ...]:
-    columns = _get_fields(_group(group, "channels"), layout.CHANNELS)
-    if len({len(column) for column in columns.values()}) > 1:
-        raise _DamagedError(f"the columns of {group.name}/channels differ in length")
-    return tuple(Channel(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
-
-
-def _get_provenance(group: h5py.Group) -> Provenance:
-    return Provenance(**_get_fields(_group(group, "provenance"), layout.PROVENANCE))
-
-
-def _get_fields(group: h5py.Group, items: Sequence[Item]) -> dict[str, Any]:
-    return {item.name: _get(group, item) for item in items}
-
-
-def _get(group: h5py.Group, item: Item) -> Any:
-    """What one dataset holds: None, a number, a text, a tuple of texts, or a read-only array."""
-    import h5py
-
-    dataset = _dataset(group, item.name)
-    if dataset.shape is None and item.optional:
-        return None
-    text = h5py.check_string_dtype(dataset.dtype) is not None
-    fits = text if item.kind == "text" else dataset.dtype == layout.DTYPES[item.kind]
-    if not fits or dataset.shape is None or len(dataset.shape) != len(item.axes):
-        words = f"({', '.join(item.axes)})" if item.axes else "a single value"
-        raise _DamagedError(
-            f"{dataset.name} must be {item.kind}, {words}, but is {dataset.dtype} of shape {dataset.shape}"
-        )
-    if item.kind == "text":
-        texts = np.asarray(dataset.asstr()[()]).tolist()
-        return tuple(texts) if item.axes else texts
-    value = dataset[()]
-    if not item.axes:
-        return value.item()
-    value.flags.writeable = False
-    return value
-
-
-def _dataset(group: h5py.Group, name: str) -> h5py.Dataset:
-    import h5py
-
-    found = group.get(name)
-    if not isinstance(found, h5py.Dataset):
-        raise _DamagedError(f"it has no dataset {_joined(group, name)}")
-    return found
-
-
-def _group(parent: h5py.Group, name: str) -> h5py.Group:
-    import h5py
-
-    found = parent.get(name)
-    if not isinstance(found, h5py.Group):
-        raise _DamagedError(f"it has no group {_joined(parent, name)}")
-    return found
-
-
-def _joined(group: h5py.Group, name: str) -> str:
-    return f"{str(group.name).rstrip('/')}/{name}"
+    later = get_fields(group, [item for item in layout.STATE_LATER if item.name in group])
+    return StateModel(**get_fields(group, layout.STATE), **later, provenance=get_provenance(group))
