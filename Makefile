@@ -18,7 +18,7 @@ test slow docs: export OMP_NUM_THREADS ?= 1
 test slow docs: export MKL_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test slow bench peers order lint format docs requirements upgrade clean
+.PHONY: help install demo test slow bench peers order fuzz platform lint format docs requirements upgrade clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
@@ -40,6 +40,12 @@ order: $(INSTALLED) ## how often the order is right, over random systems (into b
 
 peers: $(INSTALLED) ## our identifiers beside other people's (into docs/peers/; a quarter of an hour)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.peers --out docs/peers
+
+fuzz: $(INSTALLED) ## a minute of fuzzing for each reader (what it finds goes to build/fuzz/)
+	$(BIN)/python -m tests.fuzz --seconds 60 --findings build/fuzz
+
+platform: $(INSTALLED) ## the package as users install it: without extras, each Python here, the lowest versions allowed
+	.ci/platform full
 
 lint: $(INSTALLED) ## style, import contracts and types
 	$(BIN)/ruff check

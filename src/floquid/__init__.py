@@ -13,7 +13,7 @@ from floquid.pipeline import Analysis, Bootstrap, Settings, bootstrap, identify
 from floquid.readers import read, write
 from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
 from floquid.reporting import report
-from floquid.store import load, save
+from floquid.store import export_modes, load, save
 
 __version__ = "0.1.0"
 
@@ -34,6 +34,7 @@ __all__ = [
     "StateModel",
     "TachometerSignal",
     "bootstrap",
+    "export_modes",
     "floquet",
     "identify",
     "load",

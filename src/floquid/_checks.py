@@ -13,11 +13,31 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from floquid.errors import InputError
 
+_LONGEST_NAME, _LONGEST_PART = 200, 4000
+
 
 def input_error(argument: str, of: str, must: str, got: str, remedy: str = "") -> InputError:
     """The message «Argument `a` of `f` must …, but …», with the way out on a line of its own."""
-    message = f"Argument `{argument}` of `{of}` must {must}, but {got}."
-    return InputError(message + (f"\n  {remedy}" if remedy else ""))
+    message = f"Argument `{argument}` of `{of}` must {_short(must)}, but {_short(got)}."
+    return InputError(_plain(message + (f"\n  {_short(remedy)}" if remedy else "")))
+
+
+def printable(text: str) -> str:
+    """A name from a file, without what would act on a terminal and of a length that fits one."""
+    return _plain(text.replace("\n", "?"))[:_LONGEST_NAME]
+
+
+def _short(text: str) -> str:
+    """A text, possibly with words from a file in it, cut in the middle where nobody would read on."""
+    half = _LONGEST_PART // 2
+    return text if len(text) <= _LONGEST_PART else f"{text[:half]} ... {text[-half:]}"
+
+
+def _plain(text: str) -> str:
+    """A text, possibly with words from a file in it, without what would act on a terminal."""
+    if text.isprintable():
+        return text
+    return "".join(letter if letter.isprintable() or letter in "\n\u00a0" else "?" for letter in text)
 
 
 def frozen_array(

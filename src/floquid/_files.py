@@ -84,10 +84,10 @@ def atomic_path(path: object, *, of: str = "write", argument: str = "path") -> I
         if target.exists():
             temporary.chmod(target.stat().st_mode & 0o777)
         yield temporary
-        _flush(temporary)
+        flush(temporary)
         temporary.replace(target)
         temporary = None
-        _flush_folder(target.parent)
+        flush_folder(target.parent)
     except InputError:
         raise
     except (OSError, RuntimeError) as error:
@@ -104,12 +104,13 @@ def _reason(error: Exception) -> str:
     return getattr(error, "strerror", None) or str(error) or type(error).__name__
 
 
-def _flush(file: Path) -> None:
+def flush(file: Path) -> None:
+    """Wait until the content of a file is on the disk."""
     with file.open("r+b") as stream:
         os.fsync(stream.fileno())
 
 
-def _flush_folder(folder: Path) -> None:
+def flush_folder(folder: Path) -> None:
     """Make the new name itself durable; some systems cannot open a folder, and the file is whole all the same."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)

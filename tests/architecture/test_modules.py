@@ -13,7 +13,10 @@ ROOT = Path(floquid.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 EVERY_MODULE = pytest.mark.parametrize("path", MODULES, ids=[str(path.relative_to(ROOT)) for path in MODULES])
 
-SLOW_TO_LOAD = ["scipy.signal", "scipy.optimize", "scipy.integrate", "matplotlib", "h5py", "rich", "cyclopts"]
+SLOW_TO_LOAD = [
+    *("scipy.signal", "scipy.optimize", "scipy.integrate", "matplotlib", "h5py", "rich", "cyclopts"),
+    *("control", "pandas", "xarray"),
+]
 
 
 @EVERY_MODULE

@@ -150,12 +150,12 @@ SAMPLES = [
     ("pickle in units", npz(units=objects(Payload())), THIS, 2, r"`units`.*\n?.*never unpickled"),
     ("pickle named npz", file(pickle.dumps(Payload())), THIS, 2, r"must be a NumPy archive"),
     ("two channels of one name", npz(channels=["X", "X", "Y", "Z"]), THIS, 2, r"'X' twice"),
-    ("constant channel", npz(with_row(3.0)), THIS, 2, r"channel 'Y' of hit 1 is constant \(3\)\.\n.*--channels"),
-    ("channel of zeros", npz(with_row(0.0)), THIS, 2, r"channel 'Y' of hit 1 is constant \(0\)"),
-    ("all zeros", npz(0.0 * VALUES), THIS, 2, r"channel 'X' of hit 1 is constant \(0\)"),
+    ("constant channel", npz(with_row(3.0)), THIS, 2, r"channel 'Y' of record 1 is constant \(3\)\.\n.*--channels"),
+    ("channel of zeros", npz(with_row(0.0)), THIS, 2, r"channel 'Y' of record 1 is constant \(0\)"),
+    ("all zeros", npz(0.0 * VALUES), THIS, 2, r"channel 'X' of record 1 is constant \(0\)"),
     ("channel twice", npz(with_row(VALUES[0])), THIS, 2, r"channel 'Y' is a copy of channel 'X'"),
     ("pure noise", npz(NOISE), THIS, 1, r"no mode rises above the noise"),
-    ("huge values", npz(1e300 * VALUES), THIS, 2, r"channel 'X' of hit 1 reaches \d(\.\d+)?e\+(300|299)"),
+    ("huge values", npz(1e300 * VALUES), THIS, 2, r"channel 'X' of record 1 reaches \d(\.\d+)?e\+(300|299)"),
     ("large values", npz(1e80 * VALUES), THIS, 2, r"reaches \d(\.\d+)?e\+(80|79)"),
     ("tiny values", npz(1e-300 * VALUES), THIS, 2, r"reaches \d(\.\d+)?e-30[01]"),
     ("denormal values", npz(1e-320 * VALUES), THIS, 2, r"reaches \d(\.\d+)?e-32[01]"),
@@ -358,7 +358,7 @@ def test_a_mistake_of_ours_is_owned_up_to(here, capsys, monkeypatch):
         (KeyboardInterrupt(), 130, "Interrupted before the end"),
     ],
 )
-@pytest.mark.parametrize("stage", ["_identify.identify_records", "_output.save", "_output.ResultFolder._publish"])
+@pytest.mark.parametrize("stage", ["_identify.identify_records", "_output.save", "_folder.ResultFolder.publish"])
 def test_the_machine_gives_out(here, capsys, monkeypatch, stage, error, code, pattern):
     def broken(*_, **__):
         raise error

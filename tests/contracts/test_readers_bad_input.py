@@ -56,6 +56,7 @@ CSV = {  # name: the bytes of the file, what the message must hold, in order
     "binary": (bytes(range(1, 256)) * 9, "has a byte 0x80", "CSV UTF-8"),
     "UTF-16": ("time,x\n0,1\n1,2\n".encode("utf-16"), "UTF-16", "CSV UTF-8"),
     "Latin-1": ("time,x [µm]\n0,1\n1,2\n".encode("latin-1"), "has a byte 0xb5 at 8", "CSV UTF-8"),
+    "half a letter": ("time,x\n0,1\n1,2µ".encode()[:-1], "has a byte 0xc2 at 14", "CSV UTF-8"),
     "JSON line": (b"# floquid record: {\ntime,x\n0,1\n1,2\n", "as floquid wrote it", "Delete that line"),
     "JSON list": (b"# floquid record: []\ntime,x\n0,1\n1,2\n", "as floquid wrote it", "Delete that line"),
     "JSON rate": (b'# floquid record: {"sample_rate": "1"}\ntime,x\n0,1\n1,2\n', "as floquid wrote it", "Delete"),
@@ -214,7 +215,7 @@ def test_nothing_is_unpickled(tmp_path):
 def test_a_declared_size_beyond_all_packing_is_refused(tmp_path, monkeypatch):
     from floquid.readers import _npz
 
-    monkeypatch.setattr(_npz, "_LARGE", 1000)
+    monkeypatch.setattr(_npz, "LARGE", 1000)
     path = tmp_path / "run.npz"
     path.write_bytes(packed(values=npy(SHAPE.format("(2, 100000)"), bytes(1600000))))
     assert_refused(path, ["hold `values` whole", "cannot be"])
@@ -244,7 +245,7 @@ def test_an_unknown_suffix_lists_the_formats(tmp_path):
     listing = ", ".join(f"{kind.suffix} ({kind.name})" for kind in FORMATS)
     assert listing.startswith(".npz (NumPy archive), .csv (text table)")
     with pytest.raises(InputError, match=re.escape(f"formats are: {listing}.") + "$"):
-        read(tmp_path / "run.tdms")
+        read(tmp_path / "run.xyz")
 
 
 @pytest.mark.parametrize("path", [None, 3, "", "a\0b.csv", b"a.csv"])

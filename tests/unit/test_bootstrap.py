@@ -583,10 +583,12 @@ def test_what_is_no_analysis_is_refused():
         bootstrap(np.zeros(3))
 
 
-def test_a_file_does_not_hold_records_as_they_were_sampled(tmp_path):
-    floquid.save(analysis("gaps"), tmp_path / "result.h5")
-    with pytest.raises(InputError, match=r"must have its records as they were sampled"):
-        bootstrap(floquid.load(tmp_path / "result.h5"), draws=20, workers=1)
+@pytest.mark.parametrize("name", ["gaps", "own period"])
+def test_a_result_that_was_read_gives_the_same_draws(name, tmp_path):
+    """A record that was fitted as it was sampled is in the file as it was sampled."""
+    floquid.save(analysis(name), tmp_path / "result.h5")
+    one, other = (bootstrap(of, draws=20, workers=1) for of in (analysis(name), floquid.load(tmp_path / "result.h5")))
+    assert_allclose(one.exponents.draws, other.exponents.draws, rtol=1e-12)
 
 
 def test_a_period_that_was_found_is_fitted_anew():

@@ -140,6 +140,71 @@ def test_labels_say_phase_and_name():
     assert model.state_labels[:3] == ["x[1]", "v[1]", "x[2]"]
 
 
+@pytest.mark.parametrize(
+    ("n_phases", "n", "n_inputs", "n_outputs", "first_phase"),
+    [(5, 3, 2, 2, 0), (5, 3, 2, 1, 3), (1, 2, 1, 3, 0), (4, 1, 3, 2, 1), (2, 4, 1, 1, 1)],
+)
+def test_there_and_back_by_python_control(n_phases, n, n_inputs, n_outputs, first_phase):
+    """In other coordinates, of the same multipliers and responses, from every phase on."""
+    control = pytest.importorskip("control", reason="it is in the dependency group `peers`")
+    system, generator = random_discrete(2, n_phases, n, n_inputs, n_outputs), np.random.default_rng(3)
+    lifted = system.lifted(first_phase=first_phase).to_control()
+    turn = generator.normal(size=(n, n))
+    turned = control.ss(
+        np.linalg.solve(turn, lifted.A @ turn), np.linalg.solve(turn, lifted.B), lifted.C @ turn, lifted.D, lifted.dt
+    )
+    found = DiscretePeriodicSystem.from_control(turned, n_phases, first_phase=first_phase)
+    assert (found.n_states, found.n_phases, found.dt) == (n, n_phases, pytest.approx(system.dt))
+    assert_same_set(found.multipliers(), system.multipliers(), 1e-10)
+    inputs = generator.normal(size=(n_inputs, 4 * n_phases))
+    for phase in range(n_phases):
+        expected = system.simulate(inputs, first_phase=phase)
+        assert found.simulate(inputs, first_phase=phase) == pytest.approx(expected, abs=1e-10)
+    initial = generator.normal(size=n)
+    expected = system.simulate(inputs, initial=turn @ initial, first_phase=first_phase)
+    assert found.simulate(inputs, initial=initial, first_phase=first_phase) == pytest.approx(expected, abs=1e-10)
+    kept = DiscretePeriodicSystem.from_control(lifted, n_phases, first_phase=first_phase)
+    assert (kept.inputs, kept.outputs) == (system.inputs, system.outputs)
+
+
+def test_a_controller_designed_on_the_lifted_system_is_periodic_again():
+    """A static gain on the lifted state is more than one on the state at each phase: it needs states of its own."""
+    control = pytest.importorskip("control", reason="it is in the dependency group `peers`")
+    generator = np.random.default_rng(5)
+    D = np.kron(np.tril(np.ones((3, 3)), -1), np.ones((1, 1))) * generator.normal(size=(3, 3))
+    lifted = control.ss([[0.5]], generator.normal(size=(1, 3)), generator.normal(size=(3, 1)), D, 0.3)
+    found = DiscretePeriodicSystem.from_control(lifted, 3)
+    assert found.n_states == 2
+    inputs = generator.normal(size=(3, 5))
+    response = control.forced_response(lifted, inputs=inputs, squeeze=False)
+    assert found.simulate(inputs.T.reshape(1, -1)) == pytest.approx(response.outputs.T.reshape(1, -1), abs=1e-12)
+
+
+def test_what_is_no_lifted_system_is_refused():
+    control = pytest.importorskip("control", reason="it is in the dependency group `peers`")
+    lifted = random_discrete(2).lifted().to_control()
+    matrices = (lifted.A, lifted.B, lifted.C, lifted.D)
+    swapped = control.ss(lifted.A, lifted.B[:, ::-1], lifted.C, lifted.D[:, ::-1], 0.1)
+    for system, n_phases, words in (
+        (control.ss(*matrices), 5, "in steps of the period"),
+        (control.ss(*matrices, True), 5, "in steps of the period"),
+        (lifted, 3, "as many inputs and outputs at each phase"),
+        (lifted, 0, "`n_phases` .* at least 1"),
+        (swapped, 5, "be causal within a period"),
+        (matrices, 5, "be a control.StateSpace"),
+    ):
+        with pytest.raises(InputError, match=words):
+            DiscretePeriodicSystem.from_control(system, n_phases)
+
+
+def test_python_control_takes_names_with_a_full_stop():
+    """Which it forbids itself."""
+    pytest.importorskip("control", reason="it is in the dependency group `peers`")
+    system = random_discrete(2)
+    named = DiscretePeriodicSystem(A=system.A, dt=system.dt, outputs=["ED.1", "b", "c"])
+    assert named.lifted().to_control().output_labels[:2] == ["ED·1[0]", "b[0]"]
+
+
 def test_python_control_is_asked_for(monkeypatch):
     monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(InputError, match=r"`to_control` works with the package control.*\n.*pip install control"):

@@ -1,11 +1,11 @@
-"""Clipped tops, dropouts and gaps in records made with them, and records made to look as if they had some."""
+"""Clipped tops, dropouts, gaps and wrapped counts in records made with them, and records that seem to have some."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from floquid.core import Channel, Record, TachometerSignal
-from floquid.sync import clipped, dropouts, gaps
+from floquid.sync import clipped, dropouts, gaps, wrapped
 
 RATE = 1000.0
 TIMES = np.arange(8000) / RATE
@@ -135,3 +135,29 @@ def test_missing_samples_do_not_hide_a_flat_top():
     assert found.levels == whole.levels
     assert 0.8 * whole.samples < found.samples < whole.samples
     assert clipped(record(np.full_like(TIMES, np.nan), decay())) == ()
+
+
+@pytest.mark.parametrize(("bits", "scale"), [(8, 1.0), (12, 3.7), (16, 1.0), (16, 0.00123), (24, 1.0), (32, 1.0)])
+@pytest.mark.parametrize("offset", [0, 1])
+def test_counts_that_wrapped_round_are_told(bits, scale, offset):
+    """Signed, and unsigned with the zero in the middle; of other units too."""
+    half = 2 ** (bits - 1)
+    counts = np.round(decay(size=1.2 * half)) + offset * half
+    lowest = (offset - 1) * half
+    round_ = (counts - lowest) % (2 * half) + lowest
+    jumps = int((np.abs(np.diff(round_)) > half).sum())
+    (found,) = wrapped(record(decay(), round_ * scale))
+    assert (found.channel, found.bits, found.jumps) == ("c1", bits, jumps)
+    assert f"jumps by {2**bits} counts, its whole range, {jumps} times" in found.sentence
+
+
+def test_what_fills_its_range_has_not_wrapped_round():
+    """A converter that is well used, one that clips, noise over all of the range, a square wave, and floats."""
+    generator = np.random.default_rng(0)
+    noise = generator.integers(-128, 128, len(TIMES)).astype(float)
+    square = 255.0 * (np.sin(2 * np.pi * 20 * TIMES) > 0) - 128.0
+    square[:256] = np.arange(-128, 128)
+    rows = [np.round(127.49 * decay()), np.clip(np.round(200 * decay()), -128, 127), noise, square, decay(noise=0.1)]
+    assert wrapped(record(*rows)) == ()
+    pulses = record(np.round(300 * decay()).astype(np.int8), clock=TachometerSignal(channel="c0"))
+    assert wrapped(pulses) == ()

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, IdentificationError, InputError, Record
 from floquid.lifting import lift
-from floquid.periodic import fit
+from floquid.periodic import EndlessError, fit
 from floquid.periodic._bands import Entries
 from floquid.periodic._constrained import evaluated
 from floquid.periodic._lifted_block import LiftedBlock
@@ -203,6 +203,23 @@ def test_a_search_that_ends_but_for_its_limit_says_so(monkeypatch):
     assert any("ended at 3, a pair counted once" in doubt for doubt in found.doubts)
     right = fit([coloured(record(n=500), 0.0, seed=0)], [CLOCK], forced="none")
     assert not any("ended at" in doubt for doubt in right.doubts)
+
+
+def test_a_search_of_a_few_modes_is_given_up_at_more():
+    noisy = coloured(record(n=500), 0.9, seed=0)
+    with pytest.raises(EndlessError, match="given up at 2"):
+        fit([noisy], [CLOCK], forced="none", few=2)
+    right = record(n=500, noise=1e-3)
+    assert fit([right], [CLOCK], forced="none", few=3).model.order == 4
+    assert fit([right], [CLOCK], forced="none", few=2, order=4).model.order == 4
+
+
+def test_times_far_from_zero_lose_no_digits():
+    """Where time itself is known to 0.1 ms only, samples are as far apart as ever."""
+    here = record(n=500, noise=1e-3)
+    far = replace(here, start=1e12 * PERIOD)
+    one, other = (fit([own], [CLOCK], forced="none").model for own in (here, far))
+    assert_allclose(other.exponents, one.exponents, atol=1e-9)
 
 
 def test_the_two_kinds_of_blocks_have_the_same_sums():

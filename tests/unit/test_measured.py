@@ -149,7 +149,9 @@ def test_modes_that_look_torn_are_overruled_by_the_response_alone(monkeypatch):
     monkeypatch.setattr(_doubts, "_period_alone", vague)
     assert _doubts.wrong_measured_period(right, lifted, records) == ""
     monkeypatch.setattr(_doubts, "_period_alone", lambda _: None)
-    assert "its own is another" in _doubts.wrong_measured_period(right, lifted, records)
+    words = _doubts.wrong_measured_period(right, lifted, records)
+    assert "does not repeat with the period given" in words
+    assert "its own is" not in words
     monkeypatch.setattr(_doubts, "_period_alone", lambda _: (6.4, 0.01))
     assert "its own is 6.4 " in _doubts.wrong_measured_period(right, lifted, records)
 

@@ -422,13 +422,13 @@ def packed_values(file, path):
 
 
 def test_a_chunk_that_unpacks_into_more_than_a_chunk(tmp_path, monkeypatch):
-    from floquid.readers import _hdf5_limits
+    from floquid.core import _hdf5_limits
 
     path = saved(tmp_path, values=packed_values)
-    monkeypatch.setattr(_hdf5_limits, "_LARGE", 10**6)  # a chunk of a kilobyte may be a bomb
+    monkeypatch.setattr(_hdf5_limits, "LARGE", 10**6)  # a chunk of a kilobyte may be a bomb
     bomb(path, 10**7)
     refused(path, "hold `values` whole", "chunks of 640 bytes")
-    monkeypatch.setattr(_hdf5_limits, "_LARGE", 0)
+    monkeypatch.setattr(_hdf5_limits, "LARGE", 0)
     assert read(saved(tmp_path, values=packed_values)).n_samples == 40
 
 

@@ -453,7 +453,7 @@ def test_other_files_of_that_name(tmp_path, data, words):
 def test_a_bomb_beside_what_is_read_is_never_unpacked(tmp_path, monkeypatch):
     from floquid.readers import _mat5
 
-    monkeypatch.setattr(_mat5, "_LARGE", 10**6)
+    monkeypatch.setattr(_mat5, "LARGE", 10**6)
     bomb = packed(array(DOUBLE, (1, 10**6), "bomb", element(9, bytes(8 * 10**6))))
     refused(raw(tmp_path, *GOOD_RAW, bomb), "declare to unpack into")
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import floquid
-from floquid.core import Channel, Provenance, Record
+from floquid.core import AzimuthSignal, Channel, Provenance, PulseTimes, Record
 from floquid.errors import InputError
 from floquid.pipeline import Settings, identify
 from floquid.reconstruction import Block
 from floquid.store import _layout, _save, load, save, summary
-from floquid.systems import JeffcottRotor
+from floquid.systems import JeffcottRotor, Run
 
 ROTOR = JeffcottRotor(damping=0.02)
 
@@ -311,8 +311,8 @@ DAMAGE = {
     "no channels": (drop("model/channels"), "it has no group /model/channels"),
     "no provenance": (drop("state/provenance"), "it has no group /state/provenance"),
     "a setting of the future": (add_setting, "the setting 'telepathy'"),
-    "a group for a dataset": (swap("model/exponents", h5py.SoftLink("/modal")), "it has no dataset /model/exponents"),
-    "a link to nowhere": (swap("model", h5py.SoftLink("/nowhere")), "it has no group /model"),
+    "a group for a dataset": (swap("model/exponents", h5py.SoftLink("/modal")), "/model/exponents is a link"),
+    "a link to nowhere": (swap("model", h5py.SoftLink("/nowhere")), "/model is a link"),
     "real exponents": (swap("model/exponents", np.ones(4)), "/model/exponents must be complex, (modes)"),
     "single precision": (swap("model/period", np.float32(1)), "/model/period must be real, a single value"),
     "texts for numbers": (swap("lifted/noise", ["loud"]), "/lifted/noise must be real, (channels, hits)"),
@@ -432,7 +432,7 @@ def test_a_failure_while_packing_leaves_what_was_there(full, bare, tmp_path, mon
         raise error("midway")
 
     with monkeypatch.context() as patch:
-        patch.setattr(_save, "_put_channels", fail)
+        patch.setattr(_save, "put_channels", fail)
         with pytest.raises(error, match="midway"):
             save(full, path)
     assert (path.read_bytes() if path.exists() else None) == before
@@ -481,3 +481,60 @@ def test_an_existing_result_is_replaced(full, bare, tmp_path):
     assert list(differences(full, load(path))) == []
     shutil.copy(path, tmp_path / "copy.h5")
     assert list(differences(full, load(tmp_path / "copy.h5"))) == []
+
+
+@pytest.fixture(scope="module")
+def rig():
+    """A tachometer, and a forced response beside the free one: fitted as it was sampled."""
+    return identify(Run(n_periods=60, seed=1).record(), validate=False)
+
+
+def test_what_was_measured_comes_back(rig, tmp_path):
+    """Cycles and lifted responses are made again, from records whose resampling is in their history by then."""
+    save(rig, tmp_path / "r.h5")
+    back = load(tmp_path / "r.h5")
+    assert back.lifted.responses.dt == pytest.approx(rig.lifted.responses.dt, rel=1e-14)
+    same = replace(back, cycles=rig.cycles, lifted=rig.lifted, fit=replace(back.fit, model=rig.fit.model))
+    assert list(differences(rig, same)) == []
+    assert list(differences(back.model, back.fit.model)) == []
+
+
+@pytest.mark.parametrize(
+    "clock",
+    [
+        AzimuthSignal(channel="tach", periods_per_revolution=0.5),
+        PulseTimes(times=np.arange(80) * 6.0, pulses_per_revolution=3, periods_per_revolution=2.0),
+    ],
+    ids=["azimuth", "pulse times"],
+)
+def test_every_kind_of_clock_comes_back_and_an_orbit(rig, clock, tmp_path):
+    orbit = np.random.default_rng(0).standard_normal((rig.measured[0].n_channels, 7))
+    record = replace(rig.measured[0], clock=clock, orbit=orbit)
+    changed = replace(rig, measured=(record,))
+    save(changed, tmp_path / "r.h5")
+    back = load(tmp_path / "r.h5").measured[0]
+    assert list(differences(record, back)) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("fit/measured/hit1/clock/kind", "Pendulum", "clock/kind is 'Pendulum'"),
+        ("fit/measured/hit1/clock/channel", 3.0, "must be text"),
+        ("fit/shafts/hit1/spline/knots", np.array([0.0, 1.0]), "is no spline of an angle"),
+        ("fit/shafts/hit1/spline/coefficients", np.full(4, np.nan), "is no spline of an angle"),
+        ("fit/shafts/hit1/times", np.array([0.0, 1.0]), "differ in length"),
+        ("fit/free/hit1/values", np.zeros((4, 7)), "not the response that fit/measured/hit1 holds"),
+        ("fit/measured", None, "an early floquid, which did not keep the record"),
+        ("fit/shafts", None, "no clock that goes with the angle of a shaft"),
+        ("fit/own_period", np.zeros(3), "fit/own_period has the shape"),
+    ],
+)
+def test_a_damaged_measured_record_is_refused_in_words(rig, tmp_path, name, value, words):
+    save(rig, tmp_path / "r.h5")
+    with h5py.File(tmp_path / "r.h5", "r+") as file:
+        del file[name]
+        if value is not None:
+            file[name] = value
+    with pytest.raises(InputError, match=words):
+        load(tmp_path / "r.h5")

@@ -12,6 +12,7 @@ from importlib.metadata import version
 from cyclopts import App, CycloptsError
 
 from floquid.cli._bootstrap import bootstrap
+from floquid.cli._convert import convert
 from floquid.cli._demo import demo
 from floquid.cli._errors import (
     BAD_INPUT,
@@ -40,7 +41,8 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 app.command(demo, usage="Usage: floquid demo [SYSTEM] [OPTIONS]")
-app.command(info, usage="Usage: floquid info FILE")
+app.command(info, usage="Usage: floquid info FILE [OPTIONS]")
+app.command(convert, usage="Usage: floquid convert FILE OUT [OPTIONS]")
 app.command(identify, usage="Usage: floquid identify FILES... [OPTIONS]")
 app.command(scan, usage="Usage: floquid scan FILES... [OPTIONS]")
 app.command(report, usage="Usage: floquid report RESULT [OPTIONS]")

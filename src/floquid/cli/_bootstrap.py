@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from contextlib import nullcontext
+from importlib.metadata import version
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -11,13 +14,17 @@ from cyclopts import Parameter
 
 from floquid._checks import input_error
 from floquid.cli._bootstrap_output import FILES, bootstrap_text, print_bootstrap
+from floquid.cli._folder import ResultFolder, result_file, result_folder
 from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, Place, Whole
-from floquid.cli._output import ResultFolder, result_folder
+from floquid.cli._terminal import terminal
 from floquid.pipeline import Bootstrap
 from floquid.pipeline import bootstrap as bootstrap_analysis
-from floquid.store import load
+from floquid.store import DrawFile, load
 
 OF = "floquid bootstrap"
+
+KEPT = ".floquid-draws.npz"
+"""The draws of a run that was cut short: the next one goes on from them, and removes them in the end."""
 
 
 def bootstrap(
@@ -46,7 +53,7 @@ def bootstrap(
     whole
         Identify each record from the beginning, the order too, instead of fitting the same modes again.
     out
-        A folder for bootstrap.json and bootstrap.npz, which holds every draw.
+        A folder for bootstrap.json and bootstrap.npz, which holds every draw. A run that was cut short goes on there.
     format
         text prints tables; json prints bootstrap.json alone.
     debug
@@ -54,17 +61,30 @@ def bootstrap(
     """
     del debug
     _check(draws, seed, workers)
-    file = result / "result.h5" if result.is_dir() else result
+    file = result_file(result)
     with nullcontext() if out is None else result_folder(out, FILES) as folder:
         analysis = load(file)
-        found = bootstrap_analysis(analysis, draws=draws, seed=seed, workers=workers, whole=whole, progress=True)
+        kept = None if out is None else DrawFile(path=out / KEPT, key=_key(file, seed, whole=whole))
+        if kept is not None and (done := len(kept.read())):
+            words = f"{min(done, draws)} of {draws} draws were done by a run that was cut short: going on from there."
+            terminal(stderr=True).print(words)
+        found = bootstrap_analysis(
+            analysis, draws=draws, seed=seed, workers=workers, whole=whole, kept=kept, progress=True
+        )
         text = bootstrap_text(found)
         if folder is not None:
             _write(folder, found, text)
+            (folder.path / KEPT).unlink(missing_ok=True)
     if format == "json":
         sys.stdout.write(text)
         return
     print_bootstrap(analysis, found, out)
+
+
+def _key(file: Path, seed: int, *, whole: bool) -> str:
+    """What the draws depend on: the result, the seed, what is fitted, and the code."""
+    content = hashlib.sha256(file.read_bytes()).hexdigest()
+    return f"floquid {version('floquid')}, {content}, seed {seed}, {'whole' if whole else 'held'}"
 
 
 def _check(draws: int, seed: int, workers: int | None) -> None:
@@ -75,10 +95,9 @@ def _check(draws: int, seed: int, workers: int | None) -> None:
 
 
 def _write(folder: ResultFolder, found: Bootstrap, text: str) -> None:
-    """Write the files beside what is there, then move them to their names together."""
+    """Write the files into the folder, where they take their names together."""
     (folder.unfinished / FILES[0]).write_text(text, encoding="utf-8")
     arrays: dict[str, Any] = {spread.name: spread.draws for spread in found.quantities}
     arrays["orders"] = found.orders
     np.savez_compressed(folder.unfinished / FILES[1], allow_pickle=False, **arrays)
-    for name in FILES:
-        (folder.unfinished / name).replace(folder.path / name)
+    folder.publish()

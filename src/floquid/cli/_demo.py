@@ -12,9 +12,10 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from floquid._checks import input_error
+from floquid.cli._folder import result_folder
 from floquid.cli._identify import STAGES
 from floquid.cli._options import Debug, Place, Whole
-from floquid.cli._output import print_json, result_folder
+from floquid.cli._output import NAMES, print_json, write_result
 from floquid.cli._progress import progress
 from floquid.cli._settings import Choices
 from floquid.cli._simulate import system_named
@@ -79,14 +80,14 @@ def demo(
     if paper:
         _demo_of_paper(out, periods, noise, seed, draws, format)
         return
-    with result_folder(out) as folder, progress(STAGES + 6) as report:
+    with result_folder(out, NAMES) as folder, progress(STAGES + 6) as report:
         report("simulating")
         record = rotor.simulate(n_periods=periods, noise=noise, seed=seed)
         analysis = _identify(rotor, record, report)
         comparison = compare(rotor, analysis)
         dense = np.linspace(0.0, rotor.period, 361)
         settings = Choices(settings=analysis.settings).text()
-        folder.write(analysis, settings, report, record=record, truth=(dense, rotor.system(dense)))
+        write_result(folder, analysis, settings, report, record=record, truth=(dense, rotor.system(dense)))
     if format == "json":
         print_json(analysis)
         return
@@ -102,7 +103,7 @@ def _demo_of_paper(out: Path, periods: int, noise: float, seed: int, draws: int,
 
     if draws < 1:
         raise input_error("--draws", "floquid demo", "be at least 1", f"is {draws}")
-    with result_folder(out, PAPER_FILES) as folder, progress(draws + 8) as report:
+    with result_folder(out, (*NAMES, *PAPER_FILES)) as folder, progress(draws + 8) as report:
         done = reproduce(seed=seed, draws=draws, n_periods=periods, noise=noise, report=report)
         report("collecting the numbers")
         rows = numbers(done)
@@ -111,7 +112,7 @@ def _demo_of_paper(out: Path, periods: int, noise: float, seed: int, draws: int,
         analysis, rotor = done.maximum_likelihood, done.rotor
         dense = np.linspace(0.0, rotor.period, 361)
         settings, truth = Choices(settings=analysis.settings).text(), (dense, rotor.system(dense))
-        folder.write(analysis, settings, report, record=done.record, truth=truth, others=files)
+        write_result(folder, analysis, settings, report, record=done.record, truth=truth, others=files)
     if format == "json":
         print_json(analysis)
         return

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error, positive
 from floquid.cli._floquet_output import AGREE, FILES, Examined, hill_claims, print_examined, save_modes, summary_text
+from floquid.cli._folder import ResultFolder, result_folder
 from floquid.cli._options import Debug, OptionalPlace, Place
-from floquid.cli._output import ResultFolder, result_folder
 from floquid.cli._progress import progress
 from floquid.errors import IdentificationError, InputError
 from floquid.floquet import (
@@ -194,7 +194,7 @@ def _period(period: float | None, frequency: float | None) -> float | None:
 
 
 def _write(folder: ResultFolder, found: Examined, text: str, report: Callable[[str], None]) -> None:
-    """Write the files beside what is there, then move them to their names together."""
+    """Write the files into the folder, where they take their names together."""
     from floquid import plot
 
     report("writing the result")
@@ -205,6 +205,4 @@ def _write(folder: ResultFolder, found: Examined, text: str, report: Callable[[s
     plot.save_figure(plot.exponents(found.modes), folder.unfinished / "figures" / "exponents.png")
     shapes = plot.periodic_shapes(found.modes, found.file.states)
     plot.save_figure(shapes, folder.unfinished / "figures" / "shapes.png")
-    (folder.path / "figures").mkdir(exist_ok=True)
-    for name in FILES:
-        (folder.unfinished / name).replace(folder.path / name)
+    folder.publish()

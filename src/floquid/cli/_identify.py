@@ -9,8 +9,9 @@ from cyclopts import Parameter
 
 from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
-from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, Place, split
-from floquid.cli._output import print_json, result_folder
+from floquid.cli._folder import result_folder
+from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, RecordFiles, split
+from floquid.cli._output import NAMES, print_json, write_result
 from floquid.cli._progress import progress
 from floquid.cli._records import check_files, period_of, read_records
 from floquid.cli._settings import Choices, IdentifierName, load_choices
@@ -23,7 +24,7 @@ STAGES = 10
 
 
 def identify(
-    *files: Place,
+    *files: RecordFiles,
     period: float | None = None,
     frequency: float | None = None,
     tach: str | None = None,
@@ -60,8 +61,7 @@ def identify(
     Parameters
     ----------
     files
-        Records of free responses: .npz, .csv, .mat, .h5, .hdf5, .uff, .unv. Several files are several hits on one
-        system.
+        Records of free responses, of any format that is read. Several files are several hits on one system.
     period
         The period of the system [s]: half a revolution for a two-fold symmetric shaft seen from the ground.
     frequency
@@ -172,13 +172,13 @@ def identify(
             "--enforce", OF, must, got, "Leave out --no-validate, and `validate = false` in the settings."
         )
     with (
-        nullcontext() if out is None else result_folder(out) as folder,
+        nullcontext() if out is None else result_folder(out, NAMES) as folder,
         progress(STAGES + (5 if out else 0) + (3 if choices.settings.structure else 0)) as report,
     ):
         records, choices = read_records(files, choices, OF, report)
         analysis = identify_records(records, choices.resolved(), report=report)
         if folder is not None:
-            folder.write(analysis, choices.text(), report)
+            write_result(folder, analysis, choices.text(), report)
     if format == "json":
         print_json(analysis)
     else:

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
+from floquid.readers import SUFFIXES
+
 
 def _whole_number(_type: Any, tokens: Sequence[Token]) -> int:
     """The parser's own would round 2.5 down to 2 without a word."""
@@ -32,6 +34,17 @@ def _path(_type: Any, tokens: Sequence[Token]) -> Path:
 Whole = Annotated[int, Parameter(converter=_whole_number)]
 OptionalWhole = Annotated[int | None, Parameter(converter=_whole_number)]
 Place = Annotated[Path, Parameter(converter=_path)]
+RecordFile = Annotated[Path, Parameter(converter=_path, help=f"The record: {SUFFIXES}.")]
+RecordFiles = Annotated[
+    Path,
+    Parameter(
+        converter=_path,
+        help=f"Records of free responses: {SUFFIXES}. Several files are several hits on one system.",
+    ),
+]
+NewRecordFile = Annotated[
+    Path, Parameter(converter=_path, help=f"The file to write; its suffix chooses the format: {SUFFIXES}.")
+]
 OptionalPlace = Annotated[Path | None, Parameter(converter=_path)]
 Debug = Annotated[bool, Parameter(negative="", show_default=False)]
 

@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from floquid._checks import input_error, positive
+from floquid.cli._info import best_option
 from floquid.cli._settings import Choices
 from floquid.core import Record
-from floquid.readers import read
+from floquid.readers import describe_file, read
 
 
 def check_files(files: Sequence[Path], of: str) -> None:
@@ -62,9 +63,16 @@ def read_records(
                 "be given",
                 f"neither it nor --frequency is, and {file} does not state one",
                 "Give the period of the system [s], as in --period 0.02, its frequency [Hz], as in --frequency 50, or "
-                "the channel of a tachometer, as in --tach tach; --estimate-period finds it from the response.",
+                "the channel of a tachometer, as in --tach tach; --estimate-period finds it from the response."
+                f"{_likely(file, choices.rate)}",
             )
         records.append(record)
     if chosen.channels:  # a path may stand for all rows of a matrix: from here on each has its name
         choices = choices.with_given(channels=tuple(c.name for c in records[0].channels if c.name not in signals))
     return records, choices
+
+
+def _likely(file: Path, rate: float | None) -> str:
+    """The option for the clock that the file seems to hold, in a sentence; empty if there is none."""
+    option = best_option(describe_file(file, rate=rate).clock_candidates)
+    return f"\n  This file seems to have one: {option}" if option else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from floquid.cli._folder import result_file
 from floquid.cli._options import Debug, OptionalPlace, Place
 from floquid.cli._progress import progress
 from floquid.cli._terminal import terminal
@@ -34,7 +35,7 @@ def report(
         Show the traceback of an error.
     """
     del debug
-    file = result / "result.h5" if result.is_dir() else result
+    file = result_file(result)
     page: Path = file.parent / "report.html" if out is None else out
     with progress(STAGES) as stage:
         stage("reading the result")

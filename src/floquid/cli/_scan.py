@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Literal
 
 from floquid._checks import input_error
-from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, Place, split
-from floquid.cli._output import ResultFolder, result_folder
+from floquid.cli._folder import ResultFolder, result_folder
+from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, RecordFiles, split
 from floquid.cli._progress import progress
 from floquid.cli._records import check_files, period_of, read_records
 from floquid.cli._scan_output import FILES, print_scan, scan_text
@@ -28,7 +28,7 @@ HIGHEST = 10_000
 
 
 def scan(
-    *files: Place,
+    *files: RecordFiles,
     period: float | None = None,
     frequency: float | None = None,
     origin: float | None = None,
@@ -153,7 +153,7 @@ def _no_orders(got: str) -> Exception:
 
 
 def _write(folder: ResultFolder, found: OrderScan, text: str, report: Callable[[str], None]) -> None:
-    """Write the files beside what is there, then move them to their names together."""
+    """Write the files into the folder, where they take their names together."""
     from floquid.plot import indicators, save_figure, stabilisation
 
     report("writing the scan")
@@ -162,6 +162,4 @@ def _write(folder: ResultFolder, found: OrderScan, text: str, report: Callable[[
     report("drawing the figures")
     save_figure(stabilisation(found), folder.unfinished / "figures" / "stabilisation.png")
     save_figure(indicators(found.indicators), folder.unfinished / "figures" / "indicators.png")
-    (folder.path / "figures").mkdir(exist_ok=True)
-    for name in FILES:
-        (folder.unfinished / name).replace(folder.path / name)
+    folder.publish()

@@ -104,7 +104,7 @@ def load_choices(file: Path) -> Choices:
         if "origin" in content:
             reading["origin"] = finite(content.pop("origin"), "origin", "Settings", unit="s")
         identifier = content.pop("identifier", None)
-        if identifier is not None and identifier not in IDENTIFIERS:
+        if identifier not in (None, *IDENTIFIERS):
             raise input_error("identifier", "Settings", f"be one of {', '.join(IDENTIFIERS)}", f"is {identifier!r}")
         return Choices(settings=Settings(**content), identifier=identifier, **reading)
     except InputError as error:

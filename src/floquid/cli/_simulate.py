@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from floquid._checks import input_error
-from floquid.cli._options import Debug, Place, Whole
+from floquid.cli._options import Debug, NewRecordFile, Whole
 from floquid.cli._progress import progress
 from floquid.cli._terminal import terminal
 from floquid.readers import write
@@ -23,7 +23,7 @@ def simulate(
     system: str = "jeffcott",
     /,
     *,
-    out: Place = Path("record.npz"),
+    out: NewRecordFile = Path("record.npz"),
     periods: Whole = 1024,
     samples_per_period: Whole = 50,
     noise: float = 0.02,
@@ -39,7 +39,7 @@ def simulate(
     system
         The system: jeffcott, the rotor of Allen's paper.
     out
-        The file: .npz, .csv, .mat, .h5, .hdf5, .uff or .unv.
+        The file; its suffix chooses the format.
     periods
         The length of the record, in periods of the system.
     samples_per_period

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _EPS = float(np.finfo(np.float64).eps)
+_BLOCK = 1 << 16
 
 _EVIDENCE = 0.02
 """Largest chance that a rate picked at random agrees with a candidate: the width of what the column allows over the
@@ -48,14 +49,17 @@ class LineFit:
 def fit_line(positions: NDArray[np.float64], times: NDArray[np.float64]) -> LineFit:
     """The least squares line through `times` (rows,) [s] at the sample numbers `positions` (rows,)."""
     first = (times[-1] - times[0]) / (positions[-1] - positions[0])
-    rest = times - times[0] - first * positions  # small numbers, so that the sums below lose no digits
+    rest = times - times[0]
+    rest -= first * positions  # small numbers, so that the sums below lose no digits
     centred = positions - positions.mean()
     spread = float(centred @ centred)
     change = float(centred @ rest) / spread
     mean = float(rest.mean())
-    residuals = rest - mean - change * centred
+    rest -= mean
+    centred *= change
+    rest -= centred
     start = float(times[0]) + mean - change * float(positions.mean())
-    return LineFit(start=start, step=float(first) + change, residuals=residuals, spread=spread)
+    return LineFit(start=start, step=float(first) + change, residuals=rest, spread=spread)
 
 
 def _slow_scatter(residuals: NDArray[np.float64]) -> float:
@@ -94,17 +98,22 @@ def rounding(times: NDArray[np.floating], scale: float) -> Rounding:
     decades of ten times or more show it, as a few may end in zeros by chance. Never finer than the floating-point
     type, nor than what summing a step up sample by sample loses.
     """
-    values = times.astype(np.float64)
+    values = times.astype(np.float64, copy=False)
     size = np.abs(values)
-    decade = np.floor(np.log10(size, out=np.zeros_like(size), where=size > 0))
-    decimals = _decimals(size)
-    digits = np.where(size > 0, decimals + decade + 1.0, 1.0)
-    _, inverse, counts = np.unique(decade, return_inverse=True, return_counts=True)
-    enough = (counts[inverse] >= 10) & (size > 0)
+    decade, decimals = _decades_and_decimals(size)
+    largest = float(size.max())
+    positive = size > 0
+    del size
+    digits = np.where(positive, decimals + decade + 1, 1)
+    index = decade - decade.min()
+    counts = np.bincount(index)
+    enough = (counts >= 10)[index] & positive
     most = float(np.max(digits[enough], initial=0.0))
     fixed = 10.0 ** -float(decimals.max())
-    floating = np.where(size > 0, np.maximum(fixed, 10.0 ** (decade + 1.0 - most)), fixed)
-    printed = floating if (floating[enough] > fixed).any() else np.full(len(size), fixed)
+    quanta = np.maximum(fixed, 10.0 ** (np.arange(len(counts)) + float(decade.min()) + 1.0 - most))
+    is_floating = bool((quanta > fixed)[index][enough].any())
+    # Where all are alike it is one number, not a column of them: a record of one channel is mostly its times.
+    printed = np.where(positive, quanta[index], fixed) if is_floating else np.array([fixed])
     with np.errstate(over="ignore"):
         single = values.astype(np.float32)
     if (single == values).all() and digits.max() > 9 and fixed < 1.0:
@@ -115,8 +124,19 @@ def rounding(times: NDArray[np.floating], scale: float) -> Rounding:
         quantum, words = printed, f"rounded to {fixed * scale:.2g} s"
     else:
         quantum, words = printed, f"rounded to {most:.0f} significant digits"
-    summed = 0.5 * len(values) * _EPS * float(size.max())
-    return Rounding(quantum=np.maximum(quantum, summed) * scale, words=words)
+    np.maximum(quantum, 0.5 * len(values) * _EPS * largest, out=quantum)
+    quantum *= scale
+    return Rounding(quantum=np.broadcast_to(quantum, len(values)), words=words)
+
+
+def _decades_and_decimals(size: NDArray[np.float64]) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+    """Of each non-negative number the decade (0 of zero), and how many decimals it needs (rows,)."""
+    decade, decimals = np.zeros(len(size), np.int16), np.zeros(len(size), np.int16)
+    for first in range(0, len(size), _BLOCK):  # block by block: a long column is held once, not ten times
+        part = size[first : first + _BLOCK]
+        decade[first : first + _BLOCK] = np.floor(np.log10(part, out=np.zeros_like(part), where=part > 0))
+        decimals[first : first + _BLOCK] = _decimals(part)
+    return decade, decimals
 
 
 def _decimals(size: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -96,7 +96,8 @@ def repair(column: TimeColumn, source: Source) -> TimeAxis:
         whole number of steps or would more than double the record.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # refused below
-        times = column.values.astype(np.float64) * column.scale
+        times = column.values.astype(np.float64, copy=False)
+        times = times if column.scale == 1.0 else times * column.scale
     _check_order(times, column.label, source)
     rounded = rounding(column.values, column.scale)
     positions = np.arange(len(times), dtype=np.float64)
@@ -176,7 +177,9 @@ def _whole_steps(times: NDArray[np.float64], rounded: Rounding) -> float | None:
         return None
     multiples = np.rint(steps / step)
     odd = np.flatnonzero(multiples != 1.0)
-    exact = np.abs(steps - multiples * step) <= 1e-3 * rounded.coarsest
+    off = multiples * step
+    off -= steps
+    exact = np.abs(off, out=off) <= 1e-3 * rounded.coarsest
     if not exact.all() or not 0 < odd.size <= max(0.1 * len(steps), 1.0) or odd.size > 0.5 * len(steps):
         return None
     between = np.diff(odd)

@@ -8,6 +8,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import input_error
+
 
 def line_weights(n_samples: int) -> NDArray[np.float64]:
     """What the lines of `rfft` of `n_samples` count for in the real series through the samples (lines,)."""
@@ -19,14 +21,36 @@ def line_weights(n_samples: int) -> NDArray[np.float64]:
 
 
 def interpolant(
+    values: NDArray[np.float64],
+    times: NDArray[np.float64],
+    period: float,
+    kind: str,
+    argument: tuple[str, str] = ("values", "SampledMatrix"),
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process.
+
+    Raises
+    ------
+    InputError
+        The values, the `argument` of a callable, are so large, or so near in time, that what is between them overflows.
+    """
+    if values.shape[2] == 1:
+        return partial(_constant, values[..., 0])
+    try:
+        with np.errstate(over="raise", invalid="raise"):
+            return _interpolant(values, times, period, kind)
+    except (FloatingPointError, ValueError):  # scipy refuses differences that have overflowed
+        shortest = float(np.diff(times, append=times[0] + period).min())
+        got = f"reach {np.abs(values).max():.3g} at steps down to {shortest:.3g} s, where that overflows"
+        remedy = "Leave out one of two times that are nearly one, or choose other units."
+        raise input_error(*argument, "be such that what is between them can be worked out", got, remedy) from None
+
+
+def _interpolant(
     values: NDArray[np.float64], times: NDArray[np.float64], period: float, kind: str
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process."""
-    n_samples = values.shape[2]
-    if n_samples == 1:
-        return partial(_constant, values[..., 0])
     if kind == "fourier":
-        return partial(_series, np.fft.rfft(values, axis=2) * line_weights(n_samples), times[0], period)
+        return partial(_series, np.fft.rfft(values, axis=2) * line_weights(values.shape[2]), times[0], period)
     from scipy.interpolate import CubicSpline, make_interp_spline
 
     knots = np.append(times, times[0] + period)

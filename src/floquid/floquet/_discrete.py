@@ -20,6 +20,8 @@ from floquid.floquet._system_matrix import Prepared
 from floquid.floquet._transition import TOLERANCE, checked, factors
 
 if TYPE_CHECKING:
+    from control import StateSpace
+
     from floquid.floquet._lifted_system import LiftedSystem
 
 
@@ -91,6 +93,40 @@ class DiscretePeriodicSystem:
         put(self, "states", named(states, n, "x", "states", of))
         put(self, "inputs", named(inputs, self.n_inputs, "u", "inputs", of))
         put(self, "outputs", named(outputs, self.n_outputs, "y", "outputs", of))
+
+    @classmethod
+    def from_control(cls, system: StateSpace, n_phases: int, *, first_phase: int = 0) -> DiscretePeriodicSystem:
+        r"""The periodic system whose lifted form by "time" is a system of python-control.
+
+        .. math:: \begin{bmatrix} y_k, \ldots, y_{P-1}, x_P \end{bmatrix}^T = O_k\, x_k, \qquad
+                  x_k = R_k \begin{bmatrix} x_0, u_0, \ldots, u_{k-1} \end{bmatrix}^T
+
+        The state at each phase is had by factors of low rank, so its coordinates are those of `system` at the first
+        phase and others between. All responses are the same: it is the inverse of `lifted().to_control()` but for
+        coordinates.
+
+        Parameters
+        ----------
+        system
+            A discrete-time system whose step is the period, its inputs and outputs by phase, then by name.
+        n_phases
+            Steps a period, P.
+        first_phase
+            The phase with which a step of `system` begins, 0 to P - 1.
+
+        Returns
+        -------
+        DiscretePeriodicSystem
+            The periodic system; as many states as are needed at the phase that needs most.
+
+        Raises
+        ------
+        InputError
+            python-control is not installed, the system is of continuous time, or is not causal within a period.
+        """
+        from floquid.floquet._realisation import realise
+
+        return realise(system, n_phases, first_phase)
 
     @property
     def n_phases(self) -> int:

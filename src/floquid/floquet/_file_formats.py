@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from math import prod
 from pathlib import Path
@@ -14,7 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
+from floquid._checks import input_error, printable
+from floquid.core._hdf5_limits import check_found, check_size
+from floquid.core._hdf5_texts import HeapTexts
+from floquid.core._npy import read_array, read_head
 from floquid.errors import InputError
 from floquid.floquet._mat_file import DamagedError, read_variables
 
@@ -24,7 +27,8 @@ NAMES = ("A", "coefficients", "harmonics", "period", "times", "edges", "states")
 _LARGEST = 1 << 30
 """Bytes of a file or of an array in it: A(t) of 1000 states at 128 instants."""
 
-_LISTED, _LETTERS = 40, 200
+_LISTED = 40
+_MOST_TEXTS, _MOST_LETTERS = 10_000, 1 << 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,11 +89,6 @@ _KINDS = {
 _LESS = "Save A(t) alone, at as many instants as it takes to resolve it."
 
 
-def printable(text: str) -> str:
-    """A text from a file without what would act on a terminal."""
-    return "".join(letter if letter.isprintable() else "?" for letter in text)[:_LETTERS]
-
-
 def _bounded(name: str, n_bytes: int) -> None:
     if n_bytes > _LARGEST:
         raise DamagedError(f"`{name}` declares {n_bytes / _LARGEST:.3g} GiB, more than the 1 GiB that is read")
@@ -102,10 +101,13 @@ def _npz(path: Path) -> Contents:
         for name in NAMES:
             if name in members:
                 _bounded(name, members[name].file_size)
-                data = archive.read(members[name])
-                if data[:6] != b"\x93NUMPY":
+                data = BytesIO(archive.read(members[name]))
+                if data.read(6) != b"\x93NUMPY":
                     raise DamagedError(f"`{name}` in it is no array")
-                arrays[name] = np.lib.format.read_array(BytesIO(data), allow_pickle=False)
+                data.seek(0)
+                read_head(data)
+                data.seek(0)
+                arrays[name] = read_array(data)
     return Contents(path=path, arrays=arrays, names=tuple(members))
 
 
@@ -137,55 +139,107 @@ def _hdf5(path: Path) -> Contents:
         raise DamagedError("it has not the mark of one")
     with h5py.File(path, "r") as file:
         names = tuple(name for name in map(str, file) if not name.startswith("#"))
-        if "format" in file.attrs and str(file.attrs["format"]) == "floquid-result":
-            return _result(path, file, names)
-        return Contents(path=path, arrays={n: _dataset(file, n) for n in NAMES if n in names}, names=names)
+        held = _Hdf5(
+            of=Contents(path=path, arrays={}, names=names), file=file, heap=HeapTexts(path, file.userblock_size)
+        )
+        if held.heap.attribute(file, "format") == "floquid-result":
+            return _result(held)
+        return replace(held.of, arrays={name: held.array(name) for name in NAMES if name in names})
 
 
-def _result(path: Path, file: Any, names: tuple[str, ...]) -> Contents:
+def _result(held: _Hdf5) -> Contents:
     """A(t) in the `result.h5` of `floquid identify`."""
-    import h5py
-
-    if not isinstance(file["state"], h5py.Group):  # a dataset without content stands for None
-        raise _no_system(Contents(path=path, arrays={}, names=names), "result")
+    if not held.is_group("state"):  # a dataset without content stands for None
+        raise _no_system(held.of, "result")
     places = {"A": "state/system", "times": "state/times", "states": "state/states", "period": "model/period"}
-    arrays = {name: _dataset(file, place) for name, place in places.items()}
-    return Contents(path=path, arrays=arrays, names=names, result=True)
+    return replace(held.of, arrays={name: held.array(place) for name, place in places.items()}, result=True)
 
 
-def _dataset(file: Any, name: str) -> Any:
-    """An array of numbers or texts; that of a MATLAB file turned round, as it is kept."""
-    import h5py
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Hdf5:
+    """An open HDF5 file, of which no link is followed and nothing is read that it declares and has not."""
 
-    if not isinstance(file.get(name, getlink=True), h5py.HardLink):
-        raise DamagedError(f"`{name}` in it is a link, which is not followed")
-    dataset = file[name]
-    if not isinstance(dataset, h5py.Dataset) or dataset.shape is None:
-        raise DamagedError(f"`{name}` in it is no array")
-    if dataset.is_virtual or dataset.external:
-        raise DamagedError(f"`{name}` is kept in another file")
-    _bounded(name, prod(dataset.shape) * dataset.dtype.itemsize)
-    if dataset.size and not dataset.id.get_storage_size():
-        raise DamagedError(f"nothing was written to `{name}`")
-    if h5py.check_string_dtype(dataset.dtype) is not None:
-        return dataset.asstr()[()]
-    values = np.asarray(dataset[()])
-    if "MATLAB_class" not in dataset.attrs:
-        return values
-    if h5py.check_ref_dtype(dataset.dtype) is not None:
-        return [_codes(file[reference]) for reference in values.T.ravel(order="F")]
-    if values.dtype == np.uint16 and dataset.attrs["MATLAB_class"] in (b"char", "char"):
-        return [_text(row) for row in np.atleast_2d(values.T)]
-    if values.dtype.names == ("real", "imag"):
-        values = values["real"] + 1j * values["imag"]
-    return values.T
+    of: Contents
+    file: Any
+    heap: HeapTexts
 
+    def thing(self, name: str) -> Any:
+        """What is at a path, by hard links alone."""
+        import h5py
 
-def _codes(cell: Any) -> str:
-    """The text in a cell, which is kept as codes of UTF-16."""
-    if cell.dtype != np.uint16 or cell.size > _LARGEST >> 10:
-        raise DamagedError("a cell array in it holds other things than texts")
-    return "" if "MATLAB_empty" in cell.attrs else _text(np.asarray(cell[()]).ravel())
+        found = self.file
+        for word in name.split("/"):
+            if not isinstance(found, h5py.Group) or word not in found:
+                raise DamagedError(f"it has no `{name}`")
+            if not isinstance(found.get(word, getlink=True), h5py.HardLink):
+                raise DamagedError(f"`{name}` in it is a link, which is not followed")
+            if self.heap.is_virtual(found, word):
+                raise DamagedError(f"`{name}` is kept in another file")
+            found = found[word]
+        return found
+
+    def is_group(self, name: str) -> bool:
+        """Whether there is a group of that name."""
+        import h5py
+
+        return isinstance(self.thing(name), h5py.Group)
+
+    def array(self, name: str) -> Any:
+        """An array of numbers or texts; that of a MATLAB file turned round, as it is kept."""
+        import h5py
+
+        dataset = self.thing(name)
+        if not isinstance(dataset, h5py.Dataset) or dataset.shape is None:
+            raise DamagedError(f"`{name}` in it is no array")
+        self.check(dataset, name)
+        if h5py.check_string_dtype(dataset.dtype) is not None:
+            return self.texts(dataset, name)
+        kind = self.heap.attribute(dataset, "MATLAB_class")
+        if h5py.check_ref_dtype(dataset.dtype) is not None and kind:
+            if prod(dataset.shape) > _MOST_TEXTS:
+                raise DamagedError(f"`{name}` has more texts than names ever are")
+            if self.heap.refer_to_virtual(dataset):
+                raise DamagedError("a cell array in it holds other things than texts")
+            return [self.codes(self.file[one], name) for one in np.asarray(dataset[()]).T.ravel(order="F")]
+        if dataset.dtype.kind not in "biufc" and dataset.dtype.names != ("real", "imag"):
+            raise DamagedError(f"`{name}` in it is neither numbers nor text")
+        values = np.asarray(dataset[()])
+        check_found(self.of, dataset, name, values)
+        if not kind:
+            return values
+        if values.dtype == np.uint16 and kind == "char":
+            return [_text(row) for row in np.atleast_2d(values.T)]
+        if values.dtype.names == ("real", "imag"):
+            values = values["real"] + 1j * values["imag"]
+        return values.T
+
+    def texts(self, dataset: Any, name: str) -> list[str]:
+        """The texts of a dataset of strings."""
+        import h5py
+
+        if dataset.size > _MOST_TEXTS or dataset.id.get_storage_size() > _MOST_LETTERS:
+            raise DamagedError(f"`{name}` has more text than names ever are")
+        fixed = h5py.check_string_dtype(dataset.dtype).length is not None
+        found = np.asarray(dataset[()]).ravel().tolist() if fixed else self.heap.of_dataset(dataset)
+        return [text.decode() for text in found]
+
+    def codes(self, cell: Any, name: str) -> str:
+        """The text in a cell, which is kept as codes of UTF-16."""
+        import h5py
+
+        if not isinstance(cell, h5py.Dataset) or cell.dtype != np.uint16 or prod(cell.shape) > _MOST_LETTERS:
+            raise DamagedError("a cell array in it holds other things than texts")
+        self.check(cell, name)
+        return "" if "MATLAB_empty" in cell.attrs else _text(np.asarray(cell[()]).ravel())
+
+    def check(self, dataset: Any, name: str) -> None:
+        """Refuse what is kept elsewhere, is larger than is read, or declares more than there is of it."""
+        if dataset.external:
+            raise DamagedError(f"`{name}` is kept in another file")
+        _bounded(name, prod(dataset.shape) * dataset.dtype.itemsize)
+        if dataset.size and not dataset.id.get_storage_size():
+            raise DamagedError(f"nothing was written to `{name}`")
+        check_size(self.of, dataset, name, self.of.path.stat().st_size)
 
 
 def _text(codes: NDArray[np.uint16]) -> str:

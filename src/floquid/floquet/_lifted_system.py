@@ -151,7 +151,7 @@ class LiftedSystem:
         return np.concatenate([given, np.zeros(len(self.states) - count)])
 
     def to_control(self) -> Any:
-        """The system as that of python-control, every signal named "name[phase]".
+        """The system as that of python-control, every signal named "name[phase]", a full stop in it as a middle dot.
 
         Returns
         -------
@@ -256,4 +256,5 @@ def _labels(phases: list[int], names: tuple[str, ...]) -> tuple[Label, ...]:
 
 
 def _words(labels: tuple[Label, ...]) -> list[str]:
-    return [f"{name}[{phase}]" for phase, name in labels]
+    """The labels as python-control takes them, which keeps the full stop for itself."""
+    return [f"{name.replace('.', '·')}[{phase}]" for phase, name in labels]

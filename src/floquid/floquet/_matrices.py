@@ -234,7 +234,8 @@ class SampledMatrix(AbstractPeriodicMatrix):
     Raises
     ------
     InputError
-        The times do not ascend within one period, or "fourier" is asked of unequal steps.
+        The times do not ascend within one period, "fourier" is asked of unequal steps, or what is between the samples
+        overflows.
     """
 
     values: ArrayLike
@@ -277,7 +278,7 @@ class SampledMatrix(AbstractPeriodicMatrix):
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "interpolation", kind)
-        object.__setattr__(self, "_interpolant", interpolant(values, times, self.period, kind))
+        object.__setattr__(self, "_interpolant", interpolant(values, times, self.period, kind, self.argument))
 
     @property
     def shape(self) -> tuple[int, int]:

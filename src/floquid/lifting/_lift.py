@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,9 @@ SHORT = 24
 
 SINGLE = 2.0**-24
 """The same for samples that were stored in single precision."""
+
+CONSTANT = 1e-13
+"""The range of a channel over its largest value below which it is rounding."""
 
 SMALLEST, LARGEST = 1e-75, 1e75
 """Bounds on a channel's largest value: sums of fourth powers of what lies beyond leave the range of floating point."""
@@ -174,7 +177,7 @@ def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING) -> Lifte
         n_phases=first.n_phases,
         first_phase=first.first_phase,
         provenance=Provenance.merge(tuple(hit.provenance for hit in hits)),
-        floor=max(floor, SINGLE) if _single(values) else floor,
+        floor=floor_of(values, floor),
     )
     return lifted.with_noise(noise)
 
@@ -222,22 +225,58 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
         )
     if np.isnan(hit.values).any():
         raise input_error("cycles", "lift", "have no missing samples", f"hit {number} has NaN", "Cut the gap out.")
-    for channel, block in zip(hit.channels, hit.values, strict=True):
-        largest = max(block.max(), -block.min())
+    refuse_values(hit.channels, hit.values, f"hit {number}", argument="cycles", of="lift")
+
+
+def refuse_values(
+    channels: Sequence[Channel],
+    values: Iterable[NDArray[np.float64]],
+    where: str,
+    *,
+    argument: str = "records",
+    of: str = "identify",
+) -> None:
+    """Refuse channels without samples, that do not vary, or whose squares leave the range of floating point.
+
+    Parameters
+    ----------
+    channels
+        The channels.
+    values
+        The samples of each, of any shape; NaN marks a missing one.
+    where
+        The name of the record, for the message.
+    argument, of
+        The argument that they came in, and the callable, for the message.
+
+    Raises
+    ------
+    InputError
+        A channel is refused.
+    """
+    for channel, samples in zip(channels, values, strict=True):
+        name, there = f"channel {channel.name!r} of {where}", samples
+        if np.isnan(samples).any():
+            there = samples[~np.isnan(samples)]
+        if there.size < 2:
+            must, got = "have samples in each channel", f"{name} has {'none' if not there.size else 'one'}"
+            raise input_error(argument, of, must, got, "Leave it out with `--channels`.")
+        lowest, highest = float(there.min()), float(there.max())
+        largest = max(highest, -lowest)
         if largest > LARGEST or 0.0 < largest < SMALLEST:
             raise input_error(
-                "cycles",
-                "lift",
+                argument,
+                of,
                 f"have values whose squares can be computed with, between {SMALLEST:g} and {LARGEST:g}",
-                f"channel {channel.name!r} of hit {number} reaches {largest:.3g}",
+                f"{name} reaches {largest:.3g}",
                 "Give it in another unit, or leave it out with `--channels`.",
             )
-        if np.ptp(block) <= 1e-13 * largest:
+        if highest - lowest <= CONSTANT * largest:
             raise input_error(
-                "cycles",
-                "lift",
+                argument,
+                of,
                 "have channels that vary",
-                f"channel {channel.name!r} of hit {number} is constant ({block.flat[0]:g})",
+                f"{name} is constant ({there.flat[0]:g})",
                 "Leave it out with `--channels`, or check its sensor.",
             )
 
@@ -262,7 +301,21 @@ def largest_values(values: NDArray[np.float64], n_channels: int) -> NDArray[np.f
     return largest.reshape(n_channels, outputs // n_channels, inputs).max(axis=1)
 
 
-def _single(values: NDArray[np.float64]) -> bool:
-    """Whether all samples were stored in single precision; looked at one output after another, to hold no copy."""
+def floor_of(values: Iterable[NDArray[np.float64]], floor: float) -> float:
+    """The floor, not below 2⁻²⁴ where all samples were stored in single precision.
+
+    Parameters
+    ----------
+    values
+        The samples, in parts: each is looked at alone, to hold no copy of all. NaN marks a missing one.
+    floor
+        The share of the largest value that the noise is taken to be at least.
+
+    Returns
+    -------
+    float
+        The floor.
+    """
     with np.errstate(over="ignore"):
-        return all(np.array_equal(output, output.astype(np.float32)) for output in values)
+        single = all(np.array_equal(part, part.astype(np.float32), equal_nan=True) for part in values)
+    return max(floor, SINGLE) if single else floor

@@ -1,14 +1,16 @@
 """A modal model of lifted responses → the `PeriodicModel`: delay, branch, harmonics and their uncertainty.
 
-`constrain` finishes it with residues held to their harmonics.
+`constrain` finishes it with residues held to their harmonics; `to_control` and `from_control` take it to python-control
+and back.
 """
 
 from floquid.periodic._assemble import assemble, physical_exponents
 from floquid.periodic._constrain import Constrained, constrain
+from floquid.periodic._control import from_control, to_control
 from floquid.periodic._estimate_at import estimate_at
 from floquid.periodic._evidence import combinations_of
 from floquid.periodic._finish import CONFIDENT, MISFIT, Finished, finish
-from floquid.periodic._fit import Fit, fit
+from floquid.periodic._fit import EndlessError, Fit, fit
 from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._fse import FSE, Family, fse
 from floquid.periodic._harmonics import participation, select_bands
@@ -24,6 +26,7 @@ __all__ = [
     "NEGLIGIBLE_SLIP",
     "SIGNIFICANT",
     "Constrained",
+    "EndlessError",
     "Family",
     "Finished",
     "Fit",
@@ -41,6 +44,7 @@ __all__ = [
     "estimate_period",
     "finish",
     "fit",
+    "from_control",
     "fse",
     "instants",
     "own_period",
@@ -51,5 +55,6 @@ __all__ = [
     "select_bands",
     "spacing",
     "synchrony",
+    "to_control",
     "unexplained",
 ]

@@ -9,19 +9,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
+from floquid._checks import frozen_array, input_error
 from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import PLAIN, SPEED, SPEED_RATE, SPEED_SQUARED, TREND, complex_of
-from floquid.periodic._constrain import noise_left
 from floquid.periodic._constrained import evaluated, settled
 from floquid.periodic._evidence import coloured, evidence
 from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._held import model_of, shapes
 from floquid.periodic._record_block import RecordBlock
 from floquid.periodic._record_blocks import record_blocks
-from floquid.periodic._search import Searched, forced_entries, searched
+from floquid.periodic._search import Searched, forced_entries, noise_of, searched
 from floquid.periodic._trial import Limits
 from floquid.sync import ShaftAngle
 
@@ -36,6 +35,10 @@ KEPT = 1e-6
 
 MOST_ENTRIES = 24
 """Modes, a pair counted once, that are looked for at most."""
+
+
+class EndlessError(IdentificationError):
+    """There are more modes than were to be looked for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,6 +73,10 @@ class Fit:
     reasons: tuple[str, ...]
     doubts: tuple[str, ...]
 
+    def __post_init__(self) -> None:
+        noise = frozen_array(self.noise, "noise", "Fit", axes=("channels", "hits"))
+        object.__setattr__(self, "noise", noise)
+
 
 def fit(
     records: Sequence[Record],
@@ -83,6 +90,7 @@ def fit(
     noise_floor: float = 1e-10,
     mode_false_alarm: float = 1e-9,
     harmonic_false_alarm: float = 1e-6,
+    few: int | None = None,
     report: Callable[[str], None] = lambda _: None,
 ) -> Fit:
     r"""Modes and forced response of records at the times at which they were sampled.
@@ -117,6 +125,9 @@ def fit(
         The share of the largest free response that the noise is taken to be at least.
     mode_false_alarm, harmonic_false_alarm
         The probabilities that noise passes for a mode, and for a harmonic of any mode.
+    few
+        Modes, a pair counted once, at which a search without `order` is given up; None searches on, to
+        `MOST_ENTRIES`.
     report
         Is told of each stage.
 
@@ -131,6 +142,8 @@ def fit(
         Records or clocks do not belong together, or the forced response cannot be what is asked for.
     IdentificationError
         No mode rises above the noise.
+    EndlessError
+        There are `few` modes or more.
     """
     blocks, fundamental, nu = record_blocks(records, clocks, periods_per_revolution)
     if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
@@ -142,7 +155,7 @@ def fit(
     base = _base(listed, nu, fundamental, wanders=wanders)
     limits = Limits(
         most=most,
-        modes=MOST_ENTRIES if order is None else (order + 1) // 2,
+        modes=(few or MOST_ENTRIES) if order is None else (order + 1) // 2,
         mode_alarm=mode_false_alarm,
         harmonic_alarm=harmonic_false_alarm,
         forced=np.arange(1, int(min(HIGHEST, most * nu)) + 1) / nu if auto else np.zeros(0),
@@ -152,8 +165,15 @@ def fit(
     )
     report("searching for modes")
     found = searched(blocks, base, limits, report)
-    if not (~found.held.entries.fixed).any():
-        raise IdentificationError("Identification ended without a result: no mode rises above the noise.")
+    count = int((~found.held.entries.fixed).sum())
+    if not count:
+        beside = ", beside a forced response, an offset and a drift" if found.held.entries.fixed.any() else ""
+        raise IdentificationError(
+            f"Identification ended without a result: no mode rises above the noise{beside}. Use a record with a clear "
+            "free decay, or start it closer to the blow."
+        )
+    if order is None and count == few:
+        raise EndlessError(f"Identification ended without a result: the search for modes was given up at {few}.")
     if auto:
         found = _without_noise(found)
     if free_period:
@@ -188,7 +208,7 @@ def fit(
     return Fit(
         model=model,
         forced=_forced(found, nu, names, wanders=wanders),
-        noise=noise_left(found.blocks, found.held),
+        noise=noise_of(found.blocks, found.held, noise_floor),
         free=_free(records, found),
         period_std=period_std,
         own_period=None if free_period or isinstance(clocks[0], ShaftAngle) else _own_period(found),

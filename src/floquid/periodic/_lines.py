@@ -261,7 +261,7 @@ def _lines_of(blocks: Sequence[Block], held: Held) -> Lines:
     covariance = np.zeros((2 * n, 2 * n))
     covariance[np.ix_(place, place)] = held.covariance()
     span = max(block.last for block in blocks)
-    std = np.sqrt(np.diag(covariance)[:n])
+    std = np.sqrt(np.maximum(np.diag(covariance)[:n], 0.0))
     # A line below the axis is the conjugate of one above it.
     flip = np.where(values.imag < 0, -1.0, 1.0)
     signs = np.concatenate([np.ones(n), flip])

@@ -11,6 +11,9 @@ from floquid.periodic._bands import Entries
 from floquid.periodic._constrained import evaluated
 from floquid.periodic._lifted_block import LiftedBlock
 
+NOWHERE = 1e-200
+"""The information on a line, over that on the best known, below which there is none."""
+
 
 def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp]) -> float:
     r"""The probability of the responses if harmonics lie whole numbers of fundamentals from their modes.
@@ -59,5 +62,7 @@ def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp
 
 
 def _gain(gradient: NDArray[np.float64], matrix: NDArray[np.float64]) -> float:
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    sizes = np.diag(matrix)
+    # A line that is nowhere to be seen takes nothing.
+    scale = np.where(sizes > NOWHERE * sizes.max(), sizes, np.inf) ** -0.5
     return float(gradient * scale @ np.linalg.lstsq(matrix * np.outer(scale, scale), gradient * scale, rcond=1e-12)[0])

@@ -38,8 +38,8 @@ def record_blocks(
             times = times - float(clock.time_at(np.array([whole / nu]))[0])
             speeds = _speeds(clock, record.times)
         else:
-            begin = record.start - clock.phase(record.start) * clock.period
-            times = times - begin
+            # Not from `record.times`: far from time zero, those have lost digits.
+            times = np.arange(record.n_samples) / record.sample_rate + clock.phase(record.start) * clock.period
         missing = np.isnan(record.values)
         _, first, which = np.unique(np.packbits(missing, axis=1), axis=0, return_index=True, return_inverse=True)
         for kind, absent in enumerate(missing[first]):

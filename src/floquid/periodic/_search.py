@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
-from floquid.periodic._blocks import PLAIN, Block, complex_of
+from floquid.periodic._blocks import PLAIN, Block, Columns, complex_of
 from floquid.periodic._constrain import PADDING, noise_left, with_bands
 from floquid.periodic._constrained import Held, evaluated, settled
 from floquid.periodic._peaks import Peak, Rest, strongest
@@ -55,6 +55,12 @@ TRIED = 4
 
 ROUNDS = 3
 """How often the search may go on after the bands were chosen for good."""
+
+ROUNDING = 1e-13
+"""The share of a channel's largest value below which what is left of it is rounding."""
+
+NO_COLUMNS = Columns(np.zeros(0, complex), np.zeros(0), *np.zeros((3, 0), np.int64), fundamental=1.0)
+"""No column at all: what they leave is the samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,23 +259,38 @@ def _finished(
         except (IdentificationError, np.linalg.LinAlgError):
             # A weak mode ran away where it was given more harmonics than it can be told to have.
             continue
-    noise = noise_left(blocks, held)
+    noise = noise_of(blocks, held, limits.floor)
     blocks = tuple(block.with_noise(noise[block.rows, block.hit]) for block in blocks)
     held = evaluated(blocks, held.entries)
     return blocks, held, bands
 
 
 def rests_of(blocks: Sequence[Block], held: Held, floor: float = FLOOR) -> list[Rest]:
-    """What a fit leaves of each block; the noise is at least the share `floor` of the largest free response."""
+    """What a fit leaves of each block, its noise at least `least_noise`."""
     columns = held.entries.columns()
+    return [
+        Rest.of(*block.rest(columns, complex_of(linear.coefficients)), least)
+        for block, linear, least in zip(blocks, held.linear, least_noise(blocks, held, floor), strict=True)
+    ]
+
+
+def least_noise(blocks: Sequence[Block], held: Held, floor: float) -> list[NDArray[np.float64]]:
+    """What the noise of each block is at least (rows,): a share of the largest free response, and rounding."""
+    columns, least = held.entries.columns(), []
     fixed = held.entries.fixed[columns.modes][:, None]
-    rests = []
     for block, linear in zip(blocks, held.linear, strict=True):
-        coefficients = complex_of(linear.coefficients)
-        times, left = block.rest(columns, coefficients)
-        _, free = block.rest(columns, coefficients * fixed)
-        rests.append(Rest.of(times, left, floor * np.abs(free).max(axis=1)))
-    return rests
+        _, free = block.rest(columns, complex_of(linear.coefficients) * fixed)
+        _, whole = block.rest(NO_COLUMNS, np.zeros((0, len(block.rows)), complex))
+        least.append(np.maximum(floor * np.abs(free).max(axis=1), ROUNDING * np.abs(whole).max(axis=1)))
+    return least
+
+
+def noise_of(blocks: Sequence[Block], held: Held, floor: float) -> NDArray[np.float64]:
+    """The deviation of what is left (channels, hits), at least `least_noise`."""
+    noise = noise_left(blocks, held)
+    for block, least in zip(blocks, least_noise(blocks, held, floor), strict=True):
+        noise[block.rows, block.hit] = np.maximum(noise[block.rows, block.hit], least)
+    return noise
 
 
 def forced_entries(turns: Sequence[float], fundamental: float, *, factor: int = 0) -> Entries:

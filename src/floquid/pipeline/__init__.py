@@ -7,7 +7,8 @@
 
 from floquid.periodic import CONFIDENT
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._bootstrap import Bootstrap, bootstrap
+from floquid.pipeline._bootstrap import AbstractDraws, Bootstrap, bootstrap
+from floquid.pipeline._draws import Draw
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
 from floquid.pipeline._lifted import lifted
@@ -17,8 +18,10 @@ from floquid.pipeline._validated import validated
 
 __all__ = [
     "CONFIDENT",
+    "AbstractDraws",
     "Analysis",
     "Bootstrap",
+    "Draw",
     "Settings",
     "Spread",
     "bootstrap",

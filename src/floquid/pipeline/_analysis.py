@@ -41,9 +41,9 @@ class Analysis:
         The fit of the records as they were sampled, with the forced response; None where lifting was enough. Then
         `records` are the free response alone, resampled to whole samples a period.
     measured
-        The records as they were read, where `fit` is; not kept in a result file.
+        The records as they were read, where `fit` is.
     shafts
-        The angle of the shaft in each record that has a tachometer or an azimuth; not kept in a result file.
+        The angle of the shaft in each record that has a tachometer or an azimuth.
     held
         Whether the residues were held to their harmonics in the end.
     periodicity

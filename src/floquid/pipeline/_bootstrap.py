@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +19,7 @@ from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._draws import Draw, drawn
-from floquid.pipeline._plan import plan_of
+from floquid.pipeline._plan import Plan, plan_of
 from floquid.pipeline._spread import MATERIAL, Spread
 
 OF = "bootstrap"
@@ -40,6 +41,34 @@ WORDS = {
     "transition": "Φ(t, t0)",
 }
 """What a person calls the quantities."""
+
+
+class AbstractDraws(ABC):
+    """Where the draws of a bootstrap are kept."""
+
+    @abstractmethod
+    def read(self) -> list[Draw]:
+        """The draws that are done, in the order of their seeds."""
+
+    @abstractmethod
+    def keep(self, draws: Sequence[Draw]) -> None:
+        """Keep these, or pass over them if that was done a moment ago.
+
+        Parameters
+        ----------
+        draws
+            All that are done, in the order of their seeds.
+        """
+
+    @abstractmethod
+    def write(self, draws: Sequence[Draw]) -> None:
+        """Keep these.
+
+        Parameters
+        ----------
+        draws
+            All that are done, in the order of their seeds.
+        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -199,6 +228,7 @@ def bootstrap(
     seed: int = 0,
     whole: bool = False,
     workers: int | None = None,
+    kept: AbstractDraws | None = None,
     progress: bool = False,
     report: Callable[[str], None] = lambda _: None,
 ) -> Bootstrap:
@@ -206,8 +236,8 @@ def bootstrap(
 
     .. math:: y^{(b)}_{c,h}(t_n) = \hat y_{c,h}(t_n) + \hat\sigma_{c,h}\, e^{(b)}_{c,h,n}, \qquad b = 1 \dots B
 
-    with ŷ the response as it was fitted (harmonics that the model does not keep included; a result file has
-    none of these) at the samples of the record, and e white noise of unit variance, or coloured by the inverse of the
+    with ŷ the response as it was fitted (harmonics that the model does not keep included) at the samples of the record,
+    and e white noise of unit variance, or coloured by the inverse of the
     filter that whitened the record (Efron and Tibshirani 1993, "An Introduction to the Bootstrap",
     section 6.5). In each draw the same modes with the same bands of harmonics are fitted anew, from the model on, and
     A(t) is built from that fit as the analysis built it, with the structure that it has. What the draws show of the
@@ -228,6 +258,8 @@ def bootstrap(
         have the same order; how often that is, is said.
     workers
         How many processes share the draws; None for one a processor. The result does not depend on it.
+    kept
+        Where draws that are done are kept (`store.DrawFile`), so that a run that is cut short is gone on with.
     progress
         Whether a progress bar is drawn on stderr, if that is a terminal.
     report
@@ -241,8 +273,7 @@ def bootstrap(
     Raises
     ------
     InputError
-        An argument is not possible, the processes cannot be started or die, or the records as they were sampled are not
-        there: a result file does not hold them.
+        An argument is not possible, the processes cannot be started or die, or the draws cannot be kept.
     IdentificationError
         Fewer than two draws give the order drawn from.
     """
@@ -256,13 +287,38 @@ def bootstrap(
     several = _processors() if workers is None else integer(workers, "workers", OF, at_least=1)
     plan = plan_of(analysis, bool(whole))
     seeds = SeedSequence(first).spawn(count)
-    found: list[Draw] = []
+    # Each draw has its own stream, whatever the number of draws: those of a shorter run are the first of a longer one.
+    found = [] if kept is None else _fitting(kept.read(), plan)[:count]
     with bar(progress, report) as told:
-        told(f"drawing: 0 of {count}")
-        for one in drawn(plan, seeds, min(several, count)):
-            found.append(one)
-            told(f"drawing: {len(found)} of {count}")
+        told(f"drawing: {len(found)} of {count}")
+        try:
+            for one in drawn(plan, seeds[len(found) :], min(several, count)):
+                found.append(one)
+                told(f"drawing: {len(found)} of {count}")
+                if kept is not None:
+                    kept.keep(found)
+        except BaseException:
+            if kept is not None and found:
+                kept.write(found)
+            raise
     return _gathered(analysis, found, first, plan.whole)
+
+
+def _fitting(draws: list[Draw], plan: Plan) -> list[Draw]:
+    """The draws, if they can be of this plan."""
+    shapes = (plan.model.exponents.shape, plan.model.coefficients.shape, bool(plan.states), bool(plan.states))
+    for one in draws:
+        if one.exponents is None:
+            continue
+        own = (
+            one.exponents.shape,
+            None if one.coefficients is None else one.coefficients.shape,
+            one.system is not None,
+            one.transition is not None,
+        )
+        if own != shapes:
+            return []
+    return draws
 
 
 def _processors() -> int:

@@ -11,10 +11,10 @@ from floquid.lti import ERA, ModalModel
 GENEROUS = 64
 """Poles that take any response with them and leave nothing but noise; at most one in three periods."""
 
-SLOW = 2.0 * np.pi
+SLOW = 10.0
 """The decay over the record, as a logarithm, below which a mode may be noise."""
 
-PEAK = 0.03
+PEAK = 0.05
 """The gain of a filter, over its root sum of squares, below which the noise has a peak."""
 
 PEAKED = "A mode that hardly decays over the record lies where the noise has a peak: it may be noise."
@@ -27,23 +27,30 @@ def first_filter(lifted: Lifted) -> NDArray[np.float64] | None:
     return whitening_filter(lifted, era.extract(era.prepare(lifted.responses), order))
 
 
-def under_a_peak(lifted: Lifted, modal: ModalModel) -> bool:
-    """Whether a mode that hardly decays over the record lies where the noise that was whitened has a peak.
+ALL_PEAKED = (
+    "Identification ended without a result: no mode rises above the noise. What was found hardly decays over the "
+    "record and lies where the noise is loudest: noise with a peak, or a drift, looks so. Use a record with a clear "
+    "free decay, or start it closer to the blow; to have it fitted all the same, give the `order` (`--order`)."
+)
+
+
+def under_a_peak(lifted: Lifted, modal: ModalModel) -> NDArray[np.bool_]:
+    """Which modes hardly decay over the record and lie where the noise that was whitened has a peak (modes,).
 
     What a filter leaves of a narrow peak, or of a drift, looks like such a mode. Looked at is the harmonic that is
     largest after the filter, in the channel where it is.
     """
+    found = np.zeros(modal.order, bool)
     if lifted.whitening is None:
-        return False
+        return found
     half = lifted.n_phases // 2
     turns = 2j * np.pi / lifted.period * np.arange(-half, half + 1)
     size = np.linalg.norm(lifted.whitening, axis=1)
-    for pole, residues in zip(modal.poles, modal.residues, strict=True):
+    for mode, (pole, residues) in enumerate(zip(modal.poles, modal.residues, strict=True)):
         if abs(pole.real) * lifted.period * int(lifted.responses.lengths.max()) >= SLOW:
             continue
         shapes = lifted.by_channel(residues) / lifted.noise[:, None, :]
-        found = np.einsum("mk,ckh->cm", np.exp(-np.multiply.outer(pole + turns, lifted.phase_times)), shapes)
-        channel, harmonic = np.unravel_index(int(np.argmax(np.abs(found))), found.shape)
-        if np.abs(lifted.gain(pole + turns)[channel, harmonic]) < PEAK * size[channel]:
-            return True
-    return False
+        parts = np.einsum("mk,ckh->cm", np.exp(-np.multiply.outer(pole + turns, lifted.phase_times)), shapes)
+        channel, harmonic = np.unravel_index(int(np.argmax(np.abs(parts))), parts.shape)
+        found[mode] = np.abs(lifted.gain(pole + turns)[channel, harmonic]) < PEAK * size[channel]
+    return found

@@ -72,25 +72,26 @@ def wrong_measured_period(found: Fit, lifted: Lifted, records: Sequence[Record])
     broken = torn is not None and torn.broken
     single = not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any()
     asked = drifted or broken or found.doubts or single or _folded(model)
-    estimate, own = _period_alone(records) if asked else None, "another"
+    estimate, own = _period_alone(records) if asked else None, ""
     if estimate is not None:
         period, deviation = estimate
         share = max(period, model.period) / min(period, model.period)
         broken = abs(share / round(share) - 1.0) > SIGNIFICANT * deviation / period
-        own = f"{period:.10g} ± {deviation:.1g} s"
+        own = f" its own is {period:.10g} ± {deviation:.1g} s."
         alive = min(cycles, 1.0 / max(np.abs(model.exponents.real).min() * model.period, 1e-300))
         # A step beyond that is none of the fit's: modes were torn apart, or are none.
         drifted = drifted and 2.0 * np.pi * abs(relative) * alive < TURNED
         if drifted and not broken:
             # So near that the response alone does not tell the two apart.
-            own = f"{model.period * (1.0 + relative):.10g} ± {model.period * std:.1g} s"
+            own = f" its own is {model.period * (1.0 + relative):.10g} ± {model.period * std:.1g} s."
     if not (drifted or broken):
         return ""
+    given = f"{model.period:.10g} s{':' if own else '.'}{own}"
     return (
-        f"The response does not repeat with the period given, {model.period:.10g} s: its own is {own}. Exponents and "
-        "shapes would look right and be wrong.\n  Correct the period, the sampling rate or the time column; "
-        "`estimate_period=True` (`--estimate-period`) finds the period from the response. If you know the period to be "
-        "right, pass `trust_period=True` (`--trust-period`)."
+        f"The response does not repeat with the period given, {given} Exponents and shapes would look right and be "
+        "wrong.\n  Correct the period, the sampling rate or the time column; `estimate_period=True` "
+        "(`--estimate-period`) finds the period from the response. If you know the period to be right, pass "
+        "`trust_period=True` (`--trust-period`)."
     )
 
 

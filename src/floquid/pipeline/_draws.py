@@ -34,7 +34,21 @@ FADED = 1e-8
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """What was found in one draw, in the order of the modes drawn from; nothing but the order where that is another."""
+    """What was found in one draw, in the order of the modes drawn from; nothing but the order where that is another.
+
+    Parameters
+    ----------
+    order
+        The order that was found; zero where the draw failed.
+    exponents, coefficients
+        λ (modes,) [1/s] and B (modes, channels, hits, harmonics) [units of the channels].
+    period
+        The period [s].
+    system, transition
+        A(t) and Φ(t, t0) (times, n, n); None where no states were asked for.
+    failure
+        Why the draw failed; empty where it did not.
+    """
 
     order: int
     exponents: NDArray[np.complex128] | None = None

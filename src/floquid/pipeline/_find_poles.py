@@ -12,7 +12,7 @@ from floquid.errors import IdentificationError
 from floquid.lifting import Lifted, whitened, whitening_filter
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
 from floquid.order import Choice, judge
-from floquid.pipeline._colour import PEAKED, first_filter, under_a_peak
+from floquid.pipeline._colour import ALL_PEAKED, PEAKED, first_filter, under_a_peak
 from floquid.pipeline._settings import Settings
 
 ENOUGH_CYCLES = 3
@@ -86,7 +86,10 @@ def find_poles(
         return lifted, modal, None
     report("weighing the order")
     choice = judge(lifted.responses, modal)
-    if under_a_peak(lifted, modal):
+    peaked = under_a_peak(lifted, modal)
+    if peaked.all() and settings.identifier is None:
+        raise IdentificationError(ALL_PEAKED)
+    if peaked.any():
         choice = replace(choice, doubts=(*choice.doubts, PEAKED))
     return lifted, modal, choice
 

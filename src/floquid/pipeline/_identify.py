@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields, replace
-from hashlib import sha256
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +27,7 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._before import faults_of, hits_of, later, missing_of, responses_of, without_orbit
 from floquid.pipeline._doubts import ambiguity, below_modes, driven, misfit, quiet, too_low, warnings, wrong_period
 from floquid.pipeline._find_poles import UnsettledError, find_poles
+from floquid.pipeline._independent import NO_NEWS, refuse_copies, refuse_unusable, sum_of_others
 from floquid.pipeline._measured import NOT_WHOLE, measured, why_measured
 from floquid.pipeline._rounded import rounded
 from floquid.pipeline._settings import Settings
@@ -98,10 +98,26 @@ def identify(
     # The matrices are many and small: threads inside BLAS would wait for each other, on a busy machine for seconds.
     few = sum(record.values.size for record in used) < LARGE
     with threadpool_limits(limits=1 if few else None, user_api="blas"):
-        found = _identified(used, chosen, report, said)
-        if chosen.validate:
-            found = validated(found, report=report)
-        return replace(found, warnings=(*faults, *found.warnings)) if faults else found
+        try:
+            found = _identified(used, chosen, report, said)
+        except IdentificationError as error:
+            raise IdentificationError("\n  ".join([str(error), *faults])) from None
+        found = replace(found, warnings=(*faults, *_of_sums(found), *found.warnings))
+        return validated(found, report=report) if chosen.validate else found
+
+
+def _of_sums(found: Analysis) -> tuple[str, ...]:
+    """What is said of a channel that is made of others where the order was given; else it is refused.
+
+    Too low an order leaves modes in what is taken for noise, which are alike in channels that are independent.
+    """
+    words = sum_of_others(found)
+    if not words:
+        return ()
+    if found.settings.order is None:
+        must, remedy = "be independent measurements", f"Leave it out with `channels` (`--channels`): {NO_NEWS}"
+        raise input_error("records", "identify", must, words, remedy)
+    return (f"{words[0].upper()}{words[1:]}: deviations are too small. Leave it out.",)
 
 
 def _identified(
@@ -109,7 +125,8 @@ def _identified(
 ) -> Analysis:
     """The chain from records with their clock on."""
     why = why_measured(used, chosen)
-    _refuse_copies(used)
+    refuse_unusable(used)
+    refuse_copies(used)
     if why:
         _refuse_far(used, chosen)
         if why == NOT_WHOLE and not chosen.trust_period and (words := rounded(used, chosen, report)):
@@ -205,7 +222,7 @@ def _settings(settings: Settings | None, options: dict[str, object]) -> Settings
 
 def _prepare(records: Record | Sequence[Record], settings: Settings) -> tuple[Record, ...]:
     """The records with the channels and the clock of the settings."""
-    several = (records,) if isinstance(records, Record) else tuple(records)
+    several = (records,) if isinstance(records, Record) else tuple(records) if isinstance(records, Iterable) else ()
     if not several or not all(isinstance(r, Record) for r in several):
         raise input_error(
             "records", "identify", "be a Record or a list of them", f"is {records!r:.60}", "Read files with `read`."
@@ -267,20 +284,3 @@ def _refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:
     if settings.harmonics is not None and 2 * settings.harmonics >= phases:
         must = f"be less than half the {phases} samples a period"
         raise input_error("harmonics", of, must, f"is {settings.harmonics}", "Ask for fewer, or sample faster.")
-
-
-def _refuse_copies(records: Sequence[Record]) -> None:
-    """Refuse a channel or a hit that is a copy of another: its noise would count as independent of the other's."""
-    seen: dict[bytes, str] = {}
-    for hit, record in enumerate(records, start=1):
-        for channel, values in zip(record.channels, record.values, strict=True):
-            name = f"channel {channel.name!r}" + (f" of record {hit}" if len(records) > 1 else "")
-            found = seen.setdefault(sha256(values.tobytes()).digest(), name)
-            if found != name and np.ptp(values) > 0.0:
-                raise input_error(
-                    "records",
-                    "identify",
-                    "be independent measurements",
-                    f"{name} is a copy of {found}, sample by sample",
-                    "Leave one of them out: a copy adds no knowledge, but would make the deviations too small.",
-                )

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from floquid.core import Record
 from floquid.lifting import Lifted, lift, whitened
 from floquid.pipeline._colour import first_filter
-from floquid.pipeline._identify import LARGE, _prepare, _refuse_copies, _refuse_impossible, _settings
+from floquid.pipeline._identify import LARGE, _prepare, _refuse_impossible, _settings
+from floquid.pipeline._independent import refuse_copies, refuse_unusable
 from floquid.pipeline._settings import Settings
 from floquid.sync import segment
 
@@ -52,10 +53,11 @@ def lifted(
     used = _prepare(records, chosen)
     few = sum(record.values.size for record in used) < LARGE
     with threadpool_limits(limits=1 if few else None, user_api="blas"):
+        refuse_unusable(used)
+        refuse_copies(used)
         report("cutting into periods")
         cycles = segment(used)
         _refuse_impossible(chosen, cycles)
-        _refuse_copies(used)
         report("estimating the noise")
         found = lift(cycles, floor=chosen.noise_floor)
         taps = first_filter(found)

@@ -6,21 +6,23 @@ the period is to be found, or a forced response lies beside the free one.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, ConstantPeriod, Estimates, PulseTimes, Record, TachometerSignal
-from floquid.errors import IdentificationError, NotSynchronousError
-from floquid.lifting import lift
+from floquid.errors import IdentificationError, InputError, NotSynchronousError
+from floquid.lifting import floor_of, lift
 from floquid.lti import fit_residues
 from floquid.order import Choice
-from floquid.periodic import Fit, estimate_at, estimate_period, fit, periodicity
+from floquid.periodic import EndlessError, Fit, estimate_at, estimate_period, fit, periodicity
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._doubts import ambiguity, warnings, wrong_angles, wrong_measured_period
+from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import state_of
 from floquid.sync import ShaftAngle, rejoin, resample, samples_per_period, segment, shaft_angle
@@ -33,6 +35,14 @@ UNCUT = {
     "rates": "records sampled at different rates",
 }
 """Why records cannot be cut into whole samples a period, by what `NotSynchronousError` says."""
+
+FEW = 8
+"""Modes, a pair counted once, at which it is looked whether the record holds any."""
+
+NOT_MODES = (
+    "As it was sampled, it falls into ever more lines of a spectrum, as noise that is not white does, an impulse or a "
+    "step."
+)
 
 NEAR = 1.5
 """How far from a first value the period may be, as a factor."""
@@ -96,19 +106,7 @@ def measured(
     unsteady = tuple(_unsteady(shaft) for shaft in shafts if not shaft.steady)
     if unsteady and not settings.trust_period:
         raise IdentificationError(unsteady[0])
-    found = fit(
-        responses,
-        clocks,
-        forced=settings.forced_harmonics,
-        periods_per_revolution=settings.periods_per_revolution,
-        order=settings.order,
-        harmonics=settings.harmonics,
-        free_period=settings.estimate_period,
-        noise_floor=settings.noise_floor,
-        mode_false_alarm=settings.mode_false_alarm,
-        harmonic_false_alarm=settings.harmonic_false_alarm,
-        report=report,
-    )
+    found = _fitted(responses, clocks, settings, report)
     report("resampling the free response")
     period = found.model.period
     steady = [_steady(clock, record, period) for clock, record in zip(clocks, responses, strict=True)]
@@ -129,13 +127,10 @@ def measured(
     blurred = wrong_angles(found, shafts, responses) if shafts else ""
     modal = fit_residues(found.model.multipliers, lifted.responses)
     model = replace(found.model, provenance=lifted.provenance)
-    # Where the record has hardly any noise, it is believed down to the floor alone, as in the fit.
-    peaks = np.array([np.abs(hit.values).max(axis=(1, 2)) for hit in cycles]).T
-    noise = np.maximum(found.noise, settings.noise_floor * peaks)
 
     def again(exponents: NDArray[np.complex128]) -> Estimates:
         free, forced = found.free, found.forced
-        return estimate_at(model, exponents, records=free, clocks=clocks, noise=noise, forced=forced)
+        return estimate_at(model, exponents, records=free, clocks=clocks, noise=found.noise, forced=forced)
 
     state, refinement = state_of(model, settings, again, report)
     choice = Choice(order=model.order, model=modal, reasons=found.reasons, doubts=found.doubts)
@@ -161,6 +156,44 @@ def measured(
         + (ambiguity(choice) if settings.order is None else ())
         + warnings(model),
     )
+
+
+def _fitted(
+    records: Sequence[Record],
+    clocks: Sequence[ConstantPeriod | ShaftAngle],
+    settings: Settings,
+    report: Callable[[str], None],
+) -> Fit:
+    """The fit; where it finds many modes, only if the records, lifted and whitened, hold a mode at all.
+
+    As it was sampled, a record is not whitened: of coloured noise, of an impulse or of a step, the search would make
+    modes without end.
+    """
+    fitted = partial(
+        fit,
+        records,
+        clocks,
+        forced=settings.forced_harmonics,
+        periods_per_revolution=settings.periods_per_revolution,
+        order=settings.order,
+        harmonics=settings.harmonics,
+        free_period=settings.estimate_period,
+        noise_floor=floor_of((row for record in records for row in record.values), settings.noise_floor),
+        mode_false_alarm=settings.mode_false_alarm,
+        harmonic_false_alarm=settings.harmonic_false_alarm,
+        report=report,
+    )
+    try:
+        return fitted(few=FEW)
+    except EndlessError:
+        report("looking whether there is a mode at all")
+    try:
+        find_poles(lift(resample(records, clocks), floor=settings.noise_floor), settings)
+    except InputError:
+        pass  # samples are missing, or too few: that tells nothing
+    except IdentificationError as error:
+        raise IdentificationError(f"{error}\n  {NOT_MODES}") from None
+    return fitted()
 
 
 def _with_own_period(

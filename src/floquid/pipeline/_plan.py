@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
 from floquid.core import ConstantPeriod, PeriodicModel, PulseTimes, Record
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
@@ -19,8 +18,6 @@ from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import states_of
 from floquid.reconstruction import choices, text_of
 from floquid.sync import ShaftAngle
-
-OF = "bootstrap"
 
 CHUNK = 4096
 """Samples of the response that are made at a time."""
@@ -97,14 +94,6 @@ def _as_sampled(analysis: Analysis, common: dict[str, Any]) -> Plan:
     """The plan for records that were fitted as they were sampled."""
     model, whole, fit = analysis.model, common["whole"], analysis.fit
     assert fit is not None
-    if not analysis.measured:
-        raise input_error(
-            "analysis",
-            OF,
-            "have its records as they were sampled",
-            "they are not in a result file, and this one was fitted to them",
-            "Call `floquid.bootstrap` on what `floquid.identify` gives, in the same Python session.",
-        )
     responses, clocks, _ = _clocks(analysis.measured, lambda _: None)
     clean = []
     for hit, (record, clock) in enumerate(zip(responses, clocks, strict=True)):

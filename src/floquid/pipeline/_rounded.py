@@ -43,6 +43,8 @@ def rounded(records: tuple[Record, ...], settings: Settings, report: Callable[[s
     # Of a response that is torn apart, or tells nothing, no period can be said.
     if found is None or found.broken or abs(off) < SIGNIFICANT * found.std:
         return ""
+    if abs(off - found.relative) < abs(found.relative):
+        return ""  # nearer to the period given
     slip = abs(off) * record.n_samples
     if slip < NEGLIGIBLE_SLIP:
         return ""

@@ -31,7 +31,7 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
     Analysis
         With its `validation`.
     """
-    records, clocks = _responses(analysis)
+    records, clocks = responses_of_model(analysis)
     try:
         verdict = validate(
             analysis.model,
@@ -59,8 +59,8 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
     return replace(analysis, validation=verdict)
 
 
-def _responses(analysis: Analysis) -> tuple[tuple[Record, ...], list[ConstantPeriod | ShaftAngle]]:
-    """The free responses, and what ties each to the phase."""
+def responses_of_model(analysis: Analysis) -> tuple[tuple[Record, ...], list[ConstantPeriod | ShaftAngle]]:
+    """The free responses that the model is one of, and what ties each to the phase."""
     if analysis.fit is not None and analysis.measured:
         clocks = [record.clock for record in analysis.measured if isinstance(record.clock, ConstantPeriod)]
         return analysis.fit.free, list(analysis.shafts) or list(clocks)

@@ -26,7 +26,7 @@ from floquid.plot._synchronisation import synchronisation
 from floquid.plot._synthesis import synthesis
 from floquid.plot._system_elements import system_elements
 from floquid.plot._time_record import time_record
-from floquid.views import has_angle, upper_modes
+from floquid.views import upper_modes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,8 +67,7 @@ def save_figures(
     """Write every figure that the analysis allows, each under the name of its function (`FIGURES`).
 
     `residues`, `coefficients` and `synthesis` are of the mode, the channel and the hit that rise highest above the
-    noise. `synthesis` and `synchronisation` need the angle of the shaft where there is one (`views.has_angle`),
-    `system_elements` an A(t), and `speed` a tachometer. A scan over orders is not in an analysis: for its
+    noise. `system_elements` needs an A(t), and `speed` a tachometer. A scan over orders is not in an analysis: for its
     figure there is `stabilisation`. Each file appears whole or not at all.
 
     Parameters
@@ -127,10 +126,9 @@ def _drawings(analysis: Analysis, truth: tuple[ArrayLike, ArrayLike] | None) -> 
         "periodic_shapes": lambda: periodic_shapes(model, hit=hit, weights=1.0 / analysis.noise),
         "residues": lambda: residues(analysis, mode, channels, hit=hit),
         "coefficients": lambda: coefficients(analysis, mode, model.channels[row].name, hit=hit),
+        "synthesis": lambda: synthesis(analysis, model.channels[row].name, hit=hit),
+        "synchronisation": lambda: synchronisation(analysis, hit=hit),
     }
-    if has_angle(analysis):
-        drawings["synthesis"] = lambda: synthesis(analysis, model.channels[row].name, hit=hit)
-        drawings["synchronisation"] = lambda: synchronisation(analysis, hit=hit)
     if (state := analysis.state) is not None:
         drawings["system_elements"] = lambda: system_elements(
             state, truth=truth, period=model.period, channels=model.channels

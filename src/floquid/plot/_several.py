@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from floquid._checks import input_error, integer
-from floquid.pipeline import Analysis
 from floquid.plot._style import BLUE, GREEN, PURPLE, VERMILION, plain
-from floquid.views import has_angle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,19 +66,6 @@ def several(things: Thing | Mapping[str, Thing], kind: type[Thing], argument: st
         must = f"be {'an' if word[0] in 'AEIO' else 'a'} {word}, or up to {len(LOOKS)} of them by name"
         raise input_error(argument, of, must, f"is {things!r:.60}", f'Pass e.g. {{"one": {word.lower()}}}.')
     return {str(name): thing for name, thing in things.items()}
-
-
-def need_angle(analysis: Analysis, of: str) -> None:
-    """Refuse an analysis of which the angle of the shaft is not known any more.
-
-    Raises
-    ------
-    InputError
-        It is not.
-    """
-    if not has_angle(analysis):
-        remedy = "The angle of the shaft is not in a result file: draw it from the analysis itself."
-        raise input_error("analysis", of, "know the angle of the shaft", "was read from a result file", remedy)
 
 
 def entitled(name: str, words: str) -> str:

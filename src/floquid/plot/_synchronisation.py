@@ -8,7 +8,7 @@ import numpy as np
 
 from floquid._checks import input_error, integer
 from floquid.pipeline import Analysis
-from floquid.plot._several import legend_of_all, need_angle
+from floquid.plot._several import legend_of_all
 from floquid.plot._style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SIZE, SKY, VERMILION, new_figure, style
 from floquid.views import Synchronisation, upper_modes
 from floquid.views import synchronisation as synchronisation_of
@@ -54,14 +54,13 @@ def synchronisation(analysis: Analysis, *, hit: int = 0) -> Figure:
     Raises
     ------
     InputError
-        There is no such hit, or the analysis was read from a file that lacks the angle of its shaft.
+        There is no such hit.
     """
     of = "synchronisation"
     if not isinstance(analysis, Analysis):
         raise input_error("analysis", of, "be an Analysis", f"is {analysis!r:.60}", "Pass what `identify` gives.")
     if integer(hit, "hit", of, at_least=0) >= analysis.model.n_hits:
         raise input_error("hit", of, f"be less than {analysis.model.n_hits}", f"is {hit}", "Counting starts at 0.")
-    need_angle(analysis, of)
     found = synchronisation_of(analysis, hit)
     with style():
         figure = new_figure(7.0, 5.2)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from floquid._checks import input_error, integer
 from floquid.core import channels_named
 from floquid.pipeline import Analysis
-from floquid.plot._several import legend_of_all, need_angle
+from floquid.plot._several import legend_of_all
 from floquid.plot._style import BLACK, BLUE, GREY, ORANGE, SIZE, VERMILION, label_values, new_figure, plain, style
 from floquid.views import Synthesis, envelope
 from floquid.views import synthesis as synthesis_of
@@ -71,7 +71,6 @@ def synthesis(
         raise input_error("analysis", of, "be an Analysis", f"is {analysis!r:.60}", "Pass what `identify` gives.")
     if integer(hit, "hit", of, at_least=0) >= analysis.model.n_hits:
         raise input_error("hit", of, f"be less than {analysis.model.n_hits}", f"is {hit}", "Counting starts at 0.")
-    need_angle(analysis, of)
     integer(close_cycles, "close_cycles", of, at_least=1)
     integer(points, "points", of, at_least=2)
     shown = analysis.model.channels

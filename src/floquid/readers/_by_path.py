@@ -151,6 +151,8 @@ def _rows(source: Source, beside: Mapping[str, list[Variable]], choice: _Row) ->
         yield replace(choice, turned=False, row=None)
         return
     _check_direction(source, beside, choice, shape)
+    if choice.row is None and shape[0] > _MOST_CHANNELS:
+        raise _too_many(source, shape[0])
     stem = choice.name if choice.row is None else choice.name[: choice.name.rindex("[")]
     for row in range(shape[0]) if choice.row is None else (choice.row,):
         yield replace(choice, name=f"{stem}[{row}]", row=row)
@@ -179,8 +181,7 @@ def _check_direction(
 def _check_rows(source: Source, rows: Sequence[_Row]) -> None:
     """Refuse channels that are one, that are too many, or that differ in length."""
     if len(rows) > _MOST_CHANNELS:
-        got = f"names {len(rows)} of {source.path}"
-        raise _refused(source, f"name at most {_MOST_CHANNELS} channels", got, "Name rows, as in data[0].")
+        raise _too_many(source, len(rows))
     seen: dict[object, str] = {}
     for row in rows:
         for key in (row.name, (row.variable.path, row.turned, row.row)):
@@ -201,6 +202,11 @@ def _check_rows(source: Source, rows: Sequence[_Row]) -> None:
             )
 
 
+def _too_many(source: Source, count: int) -> InputError:
+    got = f"names {count} of {source.path}"
+    return _refused(source, f"name at most {_MOST_CHANNELS} channels", got, "Name rows, as in data[0].")
+
+
 def _length(row: _Row) -> int:
     if row.row is None:
         return row.variable.size
@@ -209,13 +215,15 @@ def _length(row: _Row) -> int:
 
 def _values(source: Source, file: VariableFile, rows: Sequence[_Row]) -> NDArray[np.float64]:
     """The samples (channels, samples), each variable read once."""
-    values = np.empty((len(rows), _length(rows[0])))
+    values = np.empty((0, 0))
     places: dict[str, list[int]] = {}
     for place, row in enumerate(rows):
         places.setdefault(row.variable.path, []).append(place)
     with np.errstate(over="ignore"):  # a long double too large becomes infinite, and is refused as such
         for path, wanted in places.items():
             array = numbers(source, file, path)
+            if not values.size:  # not before: that there is so much of it has now been checked
+                values = np.empty((len(rows), _length(rows[0])))
             for place in wanted:
                 row = rows[place]
                 matrix = array.T if row.turned else array

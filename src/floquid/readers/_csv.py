@@ -2,44 +2,46 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
 from floquid.core import Record, channels_named
 from floquid.core._time_axis import TimeColumn
-from floquid.readers._csv_header import (
-    Header,
-    find_delimiter,
-    parse_header,
-    parse_record_line,
-    record_line,
-    split_cells,
-)
-from floquid.readers._table import Source, Table
+from floquid.readers._csv_header import Header, find_delimiter, parse_header, parse_record_line, split_cells
+from floquid.readers._stated import RECORD_LINE, own_orbit, stated_text
+from floquid.readers._table import Source, Table, refuse_blurred_times
 
 _BLOCK = 1 << 16
+_BLANK = ' \t,;"\n'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Body:
-    """The lines under the header; the first of them is line `first` of the file (from 1)."""
+    """The rows under the header: the lines `first` to `last` of the file (from 1), of which `count` hold numbers.
 
-    lines: list[str]
+    They are read from the file each time that they are gone through, so that no text of them is kept.
+    """
+
+    path: Path
     first: int
+    last: int
+    count: int
     delimiter: str
+    decimal_comma: bool
 
     def rows(self) -> Iterator[tuple[int, str]]:
         """The line number and the text of each line that is a row of numbers."""
-        for number, line in enumerate(self.lines, self.first):
+        for number, line in _lines(self.path, self.first, self.last):
             if not _is_skipped(line):
-                yield number, line
+                yield number, line.replace(",", ".") if self.decimal_comma else line
 
 
 def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
@@ -50,20 +52,12 @@ def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     InputError
         The file is not text in UTF-8, has no header or no samples, a row is ragged, a cell is not a number.
     """
-    lines = _lines(source)
-    top = next((index for index, line in enumerate(lines) if not _is_skipped(line)), None)
-    if top is None:
-        raise source.error("hold a header row and samples", "holds nothing but comments", "Export it again.")
-    stated = parse_record_line(source, lines[:top])
-    while not lines[-1].strip(' \t,;"'):
-        lines.pop()  # blank lines, and the rows of bare delimiters that spreadsheets leave at the end
-    first_row = next((line for line in lines[top + 1 :] if not _is_skipped(line)), None)
-    if first_row is None:
-        raise source.error("hold samples", "holds a header and no rows", "Export the samples too.")
-    delimiter = find_delimiter(lines[top], first_row)
-    cells = split_cells(lines[top], delimiter)
-    header = parse_header(source, cells[:-1] if cells[-1] == "" else cells, top + 1, stated)
-    body = _Body(lines=lines[top + 1 :], first=top + 2, delimiter=delimiter)
+    _refuse_other_than_text(source)
+    comments, (top, head) = _head(source)
+    stated = parse_record_line(source, comments)
+    body = _body(source, top, head)
+    cells = split_cells(head, body.delimiter)
+    header = parse_header(source, cells[:-1] if cells[-1] == "" else cells, top, stated)
     chosen = (
         list(range(len(header.channels)))
         if channels is None
@@ -73,42 +67,90 @@ def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     columns = [header.columns[index] for index in chosen] + ([header.time_column] if use_time else [])
     if not use_time:
         _refuse_blank_rows(source, body)
-    table = _numbers(source, header, body, [column for column in columns if column is not None])
-    values = np.ascontiguousarray(table[: len(chosen)])
+    values = _numbers(source, header, body, [column for column in columns if column is not None])
     time = None
     if use_time and header.time_column is not None:
-        time = TimeColumn(values=table[-1], scale=header.time_scale, label=header.cells[header.time_column])
+        time = TimeColumn(values=values[-1], scale=header.time_scale, label=header.cells[header.time_column])
     ignored = (
         (f"The time column `{header.cells[header.time_column]}` was ignored.",)
         if (header.time_column is not None and ignore_time)
         else ()
     )
     return Table(
-        values=values,
+        values=values[: len(chosen)],
         channels=tuple(header.channels[index] for index in chosen),
         time=time,
         sample_rate=stated.sample_rate,
         period=stated.period,
         origin=stated.origin,
+        orbit=own_orbit(stated, [header.channels[index] for index in chosen]),
         notes=ignored,
     )
 
 
-def _lines(source: Source) -> list[str]:
-    data = source.path.read_bytes()
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise source.error("be text in UTF-8", "is text in UTF-16", "Save it as CSV UTF-8.")
-    if b"\0" in data:
-        raise source.error("be text", f"is binary (a NUL byte at {data.index(0)})", "Export it as text.")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise source.error(
-            "be text in UTF-8",
-            f"has a byte 0x{data[error.start]:02x} at {error.start} that is not",
-            "Save it as CSV UTF-8; if it is not a text table at all, name it by its format.",
-        ) from None
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+def _refuse_other_than_text(source: Source) -> None:
+    decoder, place = codecs.getincrementaldecoder("utf-8")(), 0
+    with source.path.open("rb") as stream:
+        while True:
+            block = stream.read(1 << 20)
+            if place == 0 and block.startswith((b"\xff\xfe", b"\xfe\xff")):
+                raise source.error("be text in UTF-8", "is text in UTF-16", "Save it as CSV UTF-8.")
+            if b"\0" in block:
+                got = f"is binary (a NUL byte at {place + block.index(0)})"
+                raise source.error("be text", got, "Export it as text.")
+            pending = len(decoder.getstate()[0])
+            try:
+                decoder.decode(block, final=not block)
+            except UnicodeDecodeError as error:
+                raise source.error(
+                    "be text in UTF-8",
+                    f"has a byte 0x{error.object[error.start]:02x} at {place - pending + error.start} that is not",
+                    "Save it as CSV UTF-8; if it is not a text table at all, name it by its format.",
+                ) from None
+            if not block:
+                return
+            place += len(block)
+
+
+def _lines(path: Path, first: int = 1, last: int | None = None) -> Iterator[tuple[int, str]]:
+    """The lines `first` to `last` with their numbers."""
+    with path.open(encoding="utf-8-sig", errors="replace") as stream:
+        yield from islice(enumerate(stream, 1), first - 1, last)
+
+
+def _head(source: Source) -> tuple[list[str], tuple[int, str]]:
+    """The comments above the header, and the header with its line number."""
+    comments = []
+    for number, line in _lines(source.path):
+        if not _is_skipped(line):
+            return comments, (number, line.rstrip("\n"))
+        comments.append(line.rstrip("\n"))
+    raise source.error("hold a header row and samples", "holds nothing but comments", "Export it again.")
+
+
+def _body(source: Source, top: int, head: str) -> _Body:
+    """What is under the header; blank lines and rows of bare delimiters at its end, as spreadsheets leave them, not."""
+    last, count, first_row = 0, 0, ""
+    waiting, commas, points = 0, False, False
+    for number, line in _lines(source.path, top + 1):
+        is_row = not _is_skipped(line)
+        waiting += is_row
+        if line.strip(_BLANK):
+            last, count, waiting = number, count + waiting, 0
+            first_row = first_row or (line if is_row else "")
+        commas = commas or "," in line
+        points = points or (is_row and "." in line)
+    if not count:
+        raise source.error("hold samples", "holds a header and no rows", "Export the samples too.")
+    delimiter = find_delimiter(head, first_row.rstrip("\n"))
+    return _Body(
+        path=source.path,
+        first=top + 1,
+        last=last,
+        count=count,
+        delimiter=delimiter,
+        decimal_comma=delimiter != "," and commas and not points,
+    )
 
 
 def _is_skipped(line: str) -> bool:
@@ -117,7 +159,7 @@ def _is_skipped(line: str) -> bool:
 
 def _refuse_blank_rows(source: Source, body: _Body) -> None:
     """Without times a blank line may be a missing sample, and skipping it would move all that follow."""
-    for number, line in enumerate(body.lines, body.first):
+    for number, line in _lines(body.path, body.first, body.last):
         if not line.strip():
             raise source.error(
                 "have no blank line between its rows when the times are not read",
@@ -128,20 +170,16 @@ def _refuse_blank_rows(source: Source, body: _Body) -> None:
 
 def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]) -> NDArray[np.float64]:
     """The numbers of the chosen columns (columns, rows): in one go, or cell by cell if something is odd."""
-    if (
-        body.delimiter != ","
-        and any("," in line for line in body.lines)
-        and not any("." in row for _, row in body.rows())
-    ):
-        body = _Body(lines=[line.replace(",", ".") for line in body.lines], first=body.first, delimiter=body.delimiter)
-    lines = [line for line in body.lines if not _is_skipped(line)]
+    values = np.empty((len(columns), body.count))
     try:
-        table = np.loadtxt(lines, delimiter=body.delimiter, comments=None, quotechar='"', ndmin=2)
-        if table.shape == (len(lines), len(header.cells)) and not np.isinf(table[:, columns]).any():
-            return table.T[columns]
+        rows = (line for _, line in body.rows())
+        table = np.loadtxt(rows, delimiter=body.delimiter, comments=None, quotechar='"', ndmin=2)
+        if table.shape == (body.count, len(header.cells)) and not np.isinf(table[:, columns]).any():
+            for place, column in enumerate(columns):
+                values[place] = table[:, column]
+            return values
     except ValueError:
         pass  # empty cells, or something to be named: the way below is slower and knows the line
-    table = np.empty((len(lines), len(columns)))
     order = sorted((column, place) for place, column in enumerate(columns))  # the first odd cell of a line is named
     for row, (number, line) in enumerate(body.rows()):
         cells = split_cells(line, body.delimiter)
@@ -154,8 +192,8 @@ def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]
                 "Mend that line; a missing sample is an empty cell or `nan`.",
             )
         for column, place in order:
-            table[row, place] = _number(source, cells[column], number, header.cells[column])
-    return table.T
+            values[place, row] = _number(source, cells[column], number, header.cells[column])
+    return values
 
 
 def _number(source: Source, cell: str, line: int, column: str) -> float:
@@ -187,19 +225,12 @@ def save_csv(record: Record, path: Path) -> None:
     InputError
         The record starts so late that its times cannot be told apart.
     """
+    refuse_blurred_times(record)
     times = record.times
-    if np.spacing(np.abs(times).max()) * record.sample_rate > 0.01:
-        raise input_error(
-            "record",
-            "write",
-            "have times that a table of numbers can tell apart",
-            f"starts at {record.start:.6g} s with steps of {1.0 / record.sample_rate:.3g} s",
-            "Write it as .npz, or count its time from a nearer start.",
-        )
     head = io.StringIO()
     csv.writer(head, lineterminator="\n").writerow(["time [s]", *(channel.label for channel in record.channels)])
     with path.open("w", encoding="utf-8", newline="") as stream:
-        stream.write(f"{record_line(record)}\n{head.getvalue()}")
+        stream.write(f"{RECORD_LINE}{stated_text(record, ascii_only=False)}\n{head.getvalue()}")
         for first in range(0, record.n_samples, _BLOCK):
             part = slice(first, first + _BLOCK)
             block = np.vstack([times[part], record.values[:, part]]).T.tolist()

@@ -13,8 +13,13 @@ from floquid.readers._csv import load_csv, save_csv
 from floquid.readers._hdf5 import load_hdf5, save_hdf5
 from floquid.readers._mat import load_mat, save_mat
 from floquid.readers._npz import load_npz, save_npz
+from floquid.readers._out import load_out, save_out
+from floquid.readers._outb import load_outb, save_outb
+from floquid.readers._parquet import load_parquet, save_parquet
 from floquid.readers._table import Source, Table
+from floquid.readers._tdms import load_tdms, save_tdms
 from floquid.readers._uff import load_uff, save_uff
+from floquid.readers._wav import load_wav, save_wav
 
 
 class Load(Protocol):
@@ -42,12 +47,15 @@ class Format:
         The suffix that chooses it, in lower case with its dot.
     load, save
         From a file to its table, and from a record to a file.
+    needs
+        The extra that it needs, as in `pip install "floquid[tdms]"`; empty where a plain installation has all.
     """
 
     name: str
     suffix: str
     load: Load
     save: Save
+    needs: str = ""
 
 
 FORMATS: tuple[Format, ...] = (
@@ -58,7 +66,15 @@ FORMATS: tuple[Format, ...] = (
     Format(name="data file in HDF5", suffix=".hdf5", load=load_hdf5, save=save_hdf5),
     Format(name="universal file", suffix=".uff", load=load_uff, save=save_uff),
     Format(name="universal file", suffix=".unv", load=load_uff, save=save_uff),
+    Format(name="text output of OpenFAST", suffix=".out", load=load_out, save=save_out),
+    Format(name="binary output of OpenFAST", suffix=".outb", load=load_outb, save=save_outb),
+    Format(name="TDMS file", suffix=".tdms", load=load_tdms, save=save_tdms, needs="tdms"),
+    Format(name="Parquet file", suffix=".parquet", load=load_parquet, save=save_parquet, needs="parquet"),
+    Format(name="WAV file", suffix=".wav", load=load_wav, save=save_wav),
 )
+
+SUFFIXES = ", ".join(kind.suffix for kind in FORMATS)
+"""The suffixes in one line, for messages and help."""
 
 
 def format_of(path: Path, *, of: str) -> Format:
@@ -74,6 +90,4 @@ def format_of(path: Path, *, of: str) -> Format:
             return known
     listing = ", ".join(f"{known.suffix} ({known.name})" for known in FORMATS)
     got = f"{path} ends in {path.suffix!r}" if path.suffix else f"{path} has no suffix"
-    raise input_error(
-        "path", of, f"end in one of {', '.join(k.suffix for k in FORMATS)}", got, f"The formats are: {listing}."
-    )
+    raise input_error("path", of, f"end in one of {SUFFIXES}", got, f"The formats are: {listing}.")

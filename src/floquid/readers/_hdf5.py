@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Record
+from floquid.core._hdf5_limits import check_found, check_size
+from floquid.core._hdf5_texts import HeapTexts
 from floquid.errors import InputError
 from floquid.readers._by_path import table_of_variables
-from floquid.readers._hdf5_limits import check_found, check_size
-from floquid.readers._hdf5_texts import HeapTexts
 from floquid.readers._table import Source, Table, numbers_of, orbit_of, texts_of
 from floquid.readers._variables import HDF5, MATLAB, Dialect, Kind, Variable, printable
 
@@ -32,6 +32,7 @@ _MOST_OBJECTS, _DEEPEST, _MOST_TEXTS, _MOST_LETTERS = 20_000, 30, 10_000, 1 << 2
 _BLOCK = 1 << 16
 _MATLAB_S_OWN = ("#refs#", "#subsystem#")
 _TEXT_CLASS = "char"
+_ELSEWHERE = "a virtual dataset"
 
 
 def is_hdf5(path: Path) -> bool:
@@ -91,7 +92,7 @@ class Hdf5File:
         for path, thing in self._walk():
             variable = self._variable(path, thing)
             self.variables[path] = variable
-            matlab = matlab or (thing is not None and self._heap.attribute(thing, "MATLAB_class") != "")
+            matlab = matlab or (thing not in (None, _ELSEWHERE) and self._heap.attribute(thing, "MATLAB_class") != "")
         self.dialect: Dialect = MATLAB if matlab else HDF5
 
     def numbers(self, path: str) -> NDArray[Any]:
@@ -116,11 +117,13 @@ class Hdf5File:
             return self._strings(dataset, path)
         if self._heap.attribute(dataset, "MATLAB_class") == _TEXT_CLASS:
             return [row.rstrip(" ") for row in self._rows(dataset, path)]
+        if self._heap.refer_to_virtual(dataset):
+            return None
         cells = [self._file[reference] if reference else None for reference in dataset[()].ravel()]
         return self._cells(cells, path)
 
     def _walk(self) -> Iterator[tuple[str, Any]]:
-        """Every dataset with its path, a group that MATLAB makes of one thing, and None for what is not followed.
+        """Every dataset with its path, and a group that MATLAB makes of one thing; of a link None, and `_ELSEWHERE`.
 
         Groups are entered by hard links alone, and each but once.
         """
@@ -144,6 +147,9 @@ class Hdf5File:
                 if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                     yield where, None
                     continue
+                if self._heap.is_virtual(group, name):
+                    yield where, _ELSEWHERE
+                    continue
                 thing = group[name]
                 if isinstance(thing, h5py.Dataset) or (isinstance(thing, h5py.Group) and self._is_one_thing(thing)):
                     yield where, thing
@@ -154,8 +160,8 @@ class Hdf5File:
     def _variable(self, path: str, thing: Any) -> Variable:
         import h5py
 
-        if thing is None:
-            return Variable(path=path, shape=(), kind="a link")
+        if thing is None or thing is _ELSEWHERE:
+            return Variable(path=path, shape=(), kind="a link" if thing is None else "data of another file")
         if isinstance(thing, h5py.Group):
             sparse = thing.attrs.get_id("MATLAB_sparse") if "MATLAB_sparse" in thing.attrs else None
             return Variable(path=path, shape=(), kind="a function handle" if sparse is None else "a sparse matrix")
@@ -175,7 +181,7 @@ class Hdf5File:
         matlab, dtype = self._heap.attribute(dataset, "MATLAB_class"), dataset.dtype
         names = set(dtype.names or ())
         kinds: list[tuple[object, Kind]] = [
-            (dataset.is_virtual or bool(dataset.external), "data of another file"),
+            (bool(dataset.external), "data of another file"),
             ("MATLAB_object_decode" in dataset.attrs, "a MATLAB object"),
             (matlab == "cell", "a cell array"),
             (matlab == "function_handle", "a function handle"),

@@ -21,8 +21,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.core._limits import LARGE, PACKED
 from floquid.errors import InputError
-from floquid.readers._npz import _LARGE, _PACKED
 from floquid.readers._table import Source
 from floquid.readers._variables import MATLAB, Dialect, Kind, Variable, printable
 
@@ -165,7 +165,7 @@ class Mat5File:
             if len(inner) < 8:
                 raise DamagedError(f"the variable at byte {top.start} cannot be unpacked")
             sizes.append(self._words(inner, 0)[1])
-        if sum(sizes) > _LARGE and sum(sizes) > _PACKED * len(self._data):
+        if sum(sizes) > LARGE and sum(sizes) > PACKED * len(self._data):
             raise DamagedError(f"its {len(self._data)} bytes declare to unpack into {sum(sizes)}")
 
     def _content(self, top: _Element, limit: int | None = None) -> memoryview:

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from floquid._checks import describe
 from floquid.core import Record, channels_named
+from floquid.core._limits import LARGE, PACKED, impossible
+from floquid.core._npy import read_array, read_head
 from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
 from floquid.readers._table import Source, Table, checked_orbit, make_channels, numbers_of, orbit_of, texts_of
 
 _WORDS = ("units", "quantities", "locations", "directions")
 _KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period", "origin", "orbit")
-_LARGE, _PACKED = 1 << 30, 200
 _KEYS_REMEDY = "Save it with np.savez(file, values=values, sample_rate=rate, channels=names, units=units)."
 
 
@@ -79,17 +80,14 @@ def _array(source: Source, archive: zipfile.ZipFile, info: zipfile.ZipInfo, key:
     """One array, its header checked against the size of its entry before memory is taken for it."""
     try:
         with archive.open(info) as stream:
-            version = np.lib.format.read_magic(stream)
-            first = version == (1, 0)
-            read_header = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
-            shape, _, dtype = read_header(stream)
+            shape, dtype = read_head(stream)
             size = prod(shape) * dtype.itemsize + stream.tell()
         if dtype.hasobject:
             raise _objects(source, key)
-        if size != info.file_size or (info.file_size > _LARGE and info.file_size > _PACKED * info.compress_size):
-            raise _impossible(source, key, f"shape {shape} of {dtype}", info.compress_size)
+        if size != info.file_size or (info.file_size > LARGE and info.file_size > PACKED * info.compress_size):
+            raise impossible(source, key, f"shape {shape} of {dtype}", info.compress_size)
         with archive.open(info) as stream:
-            return np.lib.format.read_array(stream, allow_pickle=False)
+            return read_array(stream)
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001  # damage raises anything: zlib.error, struct.error, TokenError, ...
@@ -105,12 +103,6 @@ def _objects(source: Source, key: str) -> InputError:
         f"hold plain numbers or text in `{key}`",
         "holds Python objects there, which are never unpickled",
         f"Convert them first, as in np.asarray({key}, dtype=float) or dtype=str, and save it again.",
-    )
-
-
-def _impossible(source: Source, key: str, declared: str, size: int) -> InputError:
-    return source.error(
-        f"hold `{key}` whole", f"declares {declared}, which its {size} bytes cannot be", "Copy or save the file again."
     )
 
 

@@ -33,7 +33,10 @@ def read(
     to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these without `values` is read by the paths of its
     variables in `channels`: `run/acc/x` is a vector of samples, `data[2]` row 2 of a matrix (channels, samples),
     counted from 0, `data.T[2]` column 2 of one (samples, channels), and `data` or `data.T` all of them. A vector `time`
-    or `t` [s] beside them gives the rate, or a number `sample_rate` [Hz].
+    or `t` [s] beside them gives the rate, or a number `sample_rate` [Hz]. `.uff` and `.unv`: the time responses of a
+    universal file. `.out` and `.outb`: output of OpenFAST. `.tdms` (needs npTDMS): channels of numbers, by their names,
+    or as `group/channel`. `.parquet` (needs pyarrow): columns headed as in `.csv`, or dates for the times. `.wav`:
+    whole numbers over full scale, others as they are.
 
     A time column is repaired, not trusted: the rate is fitted to the whole column and snapped to a nominal value where
     the evidence is clear, gaps of whole steps become missing samples, and `provenance` says so.

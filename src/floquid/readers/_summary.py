@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import positive
 from floquid.core import Channel, Quantity
 from floquid.core._time_axis import TimeAxis
 from floquid.errors import InputError
+from floquid.readers._angles import CLOCK_NAME, TURNS, is_shaft_angle
 from floquid.readers._read import load_table, settle_axis
 
-_CLOCK_NAME = re.compile(
-    r"(?<![a-z])(tacho?s?|tachometer|pulses?|key ?phas\w*|encoder|azimuth|trigger|revs?|revolutions?"
-    r"|(?:shaft|rotor|crank|phase) ?(?:angle|position|phase)|theta|psi|rpm)(?![a-z])",
-    re.IGNORECASE,
-)
-_TURNS = {"deg": 360.0, "rad": 2.0 * np.pi}
+ClockKind: TypeAlias = Literal["period", "pulses", "azimuth", "speed"]
+"""What a candidate for the clock may be: `identify` takes all but a speed, which is only a hint."""
+
+_SPEEDS = ("rpm", "RPM", "Hz", "rad/s", "deg/s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +30,7 @@ class ChannelSummary:
     Parameters
     ----------
     name, quantity, unit
-        As in `Channel`.
+        As in `Channel`; what a name and a unit together say to be the angle of the shaft is an angle.
     minimum, maximum, std
         Extremes and standard deviation of the samples that are there [unit]; None if all are missing.
     n_missing
@@ -60,10 +61,16 @@ class ClockCandidate:
         The name of a channel, or "period" for the period that the file states.
     why
         The reasons for thinking so, in words.
+    kind
+        What it is: a "period", a channel of "pulses" (a tachometer), an "azimuth", or a "speed", which is no clock.
+    is_sure
+        Whether the samples or the quantity say so, not the name alone.
     """
 
     name: str
     why: str
+    kind: ClockKind = "pulses"
+    is_sure: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,13 +114,19 @@ class FileSummary:
         return any(channel.n_missing for channel in self.channels)
 
 
-def describe_file(path: str | PathLike[str]) -> FileSummary:
+def describe_file(
+    path: str | PathLike[str], *, rate: float | None = None, channels: Sequence[str] | None = None
+) -> FileSummary:
     """What is in a file: channels, units, rate, candidates for the clock.
 
     Parameters
     ----------
     path
         The file.
+    rate
+        The sampling rate [Hz], overriding what the file says.
+    channels
+        The channels to describe, in that order; None describes all.
 
     Returns
     -------
@@ -124,18 +137,20 @@ def describe_file(path: str | PathLike[str]) -> FileSummary:
     Raises
     ------
     InputError
-        The file cannot be read, or is not what its format must be.
+        The file cannot be read, or is not what its format must be; an argument is not possible.
     """
-    source, kind, table = load_table(path, of="describe_file", channels=None, ignore_time=False)
+    if rate is not None:
+        rate = positive(rate, "rate", "describe_file", unit="Hz", remedy="Pass the number of samples a second.")
+    source, kind, table = load_table(path, of="describe_file", channels=channels, ignore_time=rate is not None)
     notes: tuple[str, ...]
     try:
-        axis = settle_axis(table, source)
+        axis = settle_axis(table, source, rate)
         notes = axis.notes if axis else ("No sampling rate in the file: pass `rate` (`--rate`) [Hz] to read it.",)
     except InputError as error:
         axis, notes = None, (" ".join(str(error).split()),)
     values = table.values if axis is None else axis.place(table.values)
-    channels = tuple(_summary(channel, row) for channel, row in zip(table.channels, values, strict=True))
-    for channel in channels:
+    found = tuple(_summary(channel, row) for channel, row in zip(table.channels, values, strict=True))
+    for channel in found:
         if channel.minimum is None:
             notes += (f"Channel {channel.name!r} has no sample at all.",)
         elif channel.is_constant:
@@ -145,7 +160,7 @@ def describe_file(path: str | PathLike[str]) -> FileSummary:
     return FileSummary(
         path=str(source.path),
         format=f"{kind.name} ({kind.suffix})",
-        channels=channels,
+        channels=found,
         n_samples=values.shape[1],
         sample_rate=axis.sample_rate if axis else None,
         duration=values.shape[1] / axis.sample_rate if axis else None,
@@ -160,12 +175,19 @@ def _summary(channel: Channel, row: NDArray[np.float64]) -> ChannelSummary:
     there = row[np.isfinite(row)]
     return ChannelSummary(
         name=channel.name,
-        quantity=channel.quantity,
+        quantity="angle" if _is_angle(channel) else channel.quantity,
         unit=channel.unit,
         minimum=float(there.min()) if there.size else None,
         maximum=float(there.max()) if there.size else None,
         std=_std(there) if there.size else None,
         n_missing=len(row) - len(there),
+    )
+
+
+def _is_angle(channel: Channel) -> bool:
+    """Whether it is one by its quantity, or by its name and unit where a file has no more to say."""
+    return channel.quantity == "angle" or (
+        channel.quantity == "displacement" and is_shaft_angle(channel.name, channel.unit)
     )
 
 
@@ -182,26 +204,31 @@ def _candidates(
     found = []
     if period is not None:
         phases = f", {period * axis.sample_rate:.9g} samples" if axis else ""
-        found.append(ClockCandidate(name="period", why=f"the file states a period of {period:.9g} s{phases}"))
+        why = f"the file states a period of {period:.9g} s{phases}"
+        found.append(ClockCandidate(name="period", why=why, kind="period", is_sure=True))
     for channel, row in zip(channels, values, strict=True):
         row = np.where(np.abs(row) < 1e300, row, np.nan)  # damage; its differences would overflow
         reasons = []
         if channel.quantity in ("pulse", "angle"):
             reasons.append(f"its quantity is {channel.quantity}")
-        name = _CLOCK_NAME.search(channel.name.replace("_", " "))
+        name = CLOCK_NAME.search(channel.name.replace("_", " "))
         if name:
             reasons.append(f"its name has the word {name[0]!r}")
-        signal = _wraps(channel, row) or _pulses(row, axis)
+        wraps = _wraps(channel, row)
+        signal = wraps or _pulses(row, axis)
         if signal:
             reasons.append(signal)
         if reasons:
-            found.append(ClockCandidate(name=channel.name, why="; ".join(reasons)))
+            turns = bool(wraps) or _is_angle(channel) or (channel.unit in TURNS and name is not None)
+            kind: ClockKind = "azimuth" if turns else "speed" if channel.unit in _SPEEDS else "pulses"
+            is_sure = bool(signal) or channel.quantity in ("pulse", "angle")
+            found.append(ClockCandidate(name=channel.name, why="; ".join(reasons), kind=kind, is_sure=is_sure))
     return tuple(found)
 
 
 def _wraps(channel: Channel, row: NDArray[np.float64]) -> str:
     """Whether an angle runs round and jumps back by a turn, as an encoder's does."""
-    turn = _TURNS.get(channel.unit)
+    turn = TURNS.get(channel.unit)
     there = row[np.isfinite(row)]
     if turn is None or there.size < 3 or not 0.5 * turn < np.ptp(there) <= 1.02 * turn:
         return ""

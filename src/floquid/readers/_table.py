@@ -131,3 +131,21 @@ def check_distinct(source: Source, names: Iterable[str]) -> None:
         if name in seen:
             raise source.error("name each channel once", f"has {name!r} twice", "Rename one of them in the file.")
         seen.add(name)
+
+
+def refuse_blurred_times(record: Record) -> None:
+    """Refuse to write times of which neighbours are one number.
+
+    Raises
+    ------
+    InputError
+        The record starts so late that its times cannot be told apart.
+    """
+    if np.spacing(np.abs(record.times).max()) * record.sample_rate > 0.01:
+        raise input_error(
+            "record",
+            "write",
+            "have times that a table of numbers can tell apart",
+            f"starts at {record.start:.6g} s with steps of {1.0 / record.sample_rate:.3g} s",
+            "Write it as .npz, or count its time from a nearer start.",
+        )

@@ -9,6 +9,7 @@ from typing import Any, Literal, Protocol
 
 from numpy.typing import NDArray
 
+from floquid._checks import printable
 from floquid.readers._table import Source
 
 Kind = Literal[
@@ -178,8 +179,3 @@ def example(file: VariableFile) -> str:
 
 def _is_time(variable: Variable) -> bool:
     return variable.name in TIME_NAMES
-
-
-def printable(text: str) -> str:
-    """A name from a file without what would act on a terminal."""
-    return "".join(letter if letter.isprintable() else "?" for letter in text)[:200]

@@ -32,7 +32,7 @@ from floquid.reporting._record_figures import (
 from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
 from floquid.reporting._synchronisation_figure import slip_words, slips, speed_figure, synchronisation_figure
 from floquid.reporting._system_figures import Truth, element_figures
-from floquid.views import Synchronisation, has_angle
+from floquid.views import Synchronisation
 
 LONGEST = 60
 """The longest name of a source that fits a heading, in characters."""
@@ -97,7 +97,6 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
         state=analysis.state,
         refinement=analysis.refinement,
         parameters=[] if analysis.refinement is None else words.parameters(analysis.refinement),
-        angle=has_angle(analysis),
         synchronisation=slip_words(found),
         steps=words.steps(analysis),
         sources=words.sources(analysis),

@@ -10,7 +10,7 @@ from floquid.lti import WHITE, composites
 from floquid.reporting._case import POINTS, Case
 from floquid.reporting._chosen_figures import Chosen
 from floquid.reporting._look import BLACK, BLUE, GREY, ORANGE, VERMILION, Figure, hover, legend_above, new_figure
-from floquid.views import envelope, has_angle, lifted_points, record_spectrum, synthesis
+from floquid.views import envelope, lifted_points, record_spectrum, synthesis
 
 CLOSE = 4
 """Periods of the close-up."""
@@ -61,12 +61,10 @@ def _curves(case: Case, channel: int, hit: int) -> dict[str, dict[str, Any]]:
     near = found.times < found.times[0] + CLOSE * case.analysis.model.period
     near &= np.arange(len(near)) < POINTS  # of a record with thousands of samples a period, the beginning
     spectrum = record_spectrum(case.analysis, channel, hit)
-    # Without the angle of the shaft the model's response is at another phase.
-    known = 1.0 if has_angle(case.analysis) else np.nan
     curves = {
         "record": envelope(found.times, found.measured, POINTS),
         "points": envelope(*lifted_points(case.analysis, channel, hit), POINTS // 4),
-        "left": envelope(found.times, known * found.residual, POINTS),
+        "left": envelope(found.times, found.residual, POINTS),
         "spectrum": envelope(spectrum.omega * case.turn, spectrum.values, POINTS),
         "noise": envelope(spectrum.omega * case.turn, spectrum.noise, POINTS // 10),
     }
@@ -74,7 +72,7 @@ def _curves(case: Case, channel: int, hit: int) -> dict[str, dict[str, Any]]:
     made["near"] = {
         "x": found.times[near],
         "y": found.measured[near].astype(np.float32),
-        "model": (known * found.predicted[near]).astype(np.float32),
+        "model": found.predicted[near].astype(np.float32),
     }
     return made
 

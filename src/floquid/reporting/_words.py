@@ -27,6 +27,7 @@ CRITERIA = {
     "held_out_error": ("error of that prediction over the noise, worst response", "-"),
     "held_out_stretch": ("the same over a stretch of the record", "-"),
     "period": ("own period against the period used, in standard deviations", "-"),
+    "mode": ("power of the weakest mode over the most that a fit makes of noise", "-"),
     "tone": ("largest amplitude left at a harmonic of the revolution, over the noise", "-"),
     "harmonic": ("largest share of the response left in a harmonic beside a mode's band", "%"),
     "line": ("largest amplitude left at any other line, over the noise", "-"),

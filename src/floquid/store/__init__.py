@@ -1,4 +1,4 @@
-"""Results on the disk: `result.h5`, read back whole by `load`, and `summary.json` for other programs.
+"""Results on the disk: `result.h5`, read back whole by `load`; `summary.json` and modes for other programs.
 
 `result.h5` is an HDF5 file, so MATLAB, Julia and others read it too. Nothing in it is code: loading runs nothing.
 
@@ -9,16 +9,23 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
 
     /warnings                       texts
     /held, synchronisation          1 where residues were held to their harmonics; sentences on the records
-    /fit/                           of records fitted as they were sampled: noise (channels, hits), period_std, and
-                                    forced/, the forced response: harmonics of the revolution, coefficients,
-                                    coefficient_std, offset, offset_std, drift, drift_std, revolution, speed_dependent
+    /fit/                           of records fitted as they were sampled: noise (channels, hits), period_std,
+                                    own_period; measured/hit1, ... and free/hit1, ..., records as they were read and
+                                    without the forced response, each as in records/, `clock/` in place of a constant
+                                    period: kind, channel or times, pulses and periods per revolution; shafts/hit1, ...,
+                                    the angle of the shaft where it was measured: the pulses' times, residuals, lines
+                                    and kept, jitter, geometry, counts, wander, steady, reasons, and spline/ (first,
+                                    last, slope, knots, coefficients, degree, covariance); forced/, the forced
+                                    response: harmonics of the revolution, coefficients, coefficient_std, offset,
+                                    offset_std, drift, drift_std, revolution, speed_dependent
     /periodicity/                   of a model whose periodicity was tested: statistic, degrees, p_value, level, power,
                                     spacing_p, harmonics, exponents (modes,), channels, sizes and limits (modes,
                                     harmonics), untested (cases, 2), locked; by_harmonic/, by_mode/ and by_channel/,
                                     each of statistics, degrees, p_values, adjusted (parts,)
     /settings/                      period, channels, order, harmonics, ...: one dataset a field of `Settings`
     /records/hit1, hit2, .../       the records as used: values (channels, samples), sample_rate, start,
-                                    period and origin of the clock, channels/, provenance/
+                                    period and origin of the clock, orbit where there is one, channels/,
+                                    provenance/
     /lifted/                        n_phases, first_phase, lengths (hits,), noise (channels, hits)
     /modal/                         multipliers (modes,), residues (modes, outputs, inputs), dt, covariance,
                                     residue_spread, residue_slope, residual_std, outcome (a name), stats/
@@ -33,9 +40,9 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
     /validation/                    passed (1 or 0), reasons, fit, held_out_error, colour (channels, hits), tones
                                     (channels, hits, tones) left at turns, lines (channels, hits, lines) left at
                                     harmonics of modes; metrics/ and limits/, both of fit, held_out_error,
-                                    held_out_stretch, period, tone, harmonic, line, colour, multipliers, liouville,
-                                    composition; at_least: those of the limits that are the least allowed; absent where
-                                    nothing was validated
+                                    held_out_stretch, period, tone, harmonic, line, colour, mode, multipliers,
+                                    liouville, composition; at_least: those of the limits that are the least allowed;
+                                    absent where nothing was validated
     /state/                         times, transition (times, n, n), system (times, n, n), condition, states,
                                     system_std, transition_std, coordinates (what the states are, in words),
                                     provenance/; a null dataset when no A(t) was asked for
@@ -49,8 +56,10 @@ The cycles and the lifted responses are not in the file: they are cut from the r
 that of the file. A field of `Settings` younger than the file has its default.
 """
 
+from floquid.store._draws import DrawFile
 from floquid.store._load import load
+from floquid.store._modes import MODE_FORMATS, export_modes
 from floquid.store._save import save
 from floquid.store._summary import summary
 
-__all__ = ["load", "save", "summary"]
+__all__ = ["MODE_FORMATS", "DrawFile", "export_modes", "load", "save", "summary"]

@@ -46,6 +46,20 @@ RECORD = (
     Item("start", unit="s"),
 )
 
+KIND = Item("kind", "text")
+
+_SHAFT_TURNS = (Item("periods_per_revolution"),)
+
+SIGNALS = {
+    "TachometerSignal": (Item("channel", "text"), Item("pulses_per_revolution", "integer"), *_SHAFT_TURNS),
+    "AzimuthSignal": (Item("channel", "text"), *_SHAFT_TURNS),
+    "PulseTimes": (Item("times", axes=("pulses",), unit="s"), Item("pulses_per_revolution", "integer"), *_SHAFT_TURNS),
+}
+"""Of the group `clock` of a record, by its `kind`; absent where the period is constant."""
+
+ORBIT = Item("orbit", axes=("channels", "phases"), unit="that of the channel")
+"""Of a record about a periodic orbit that is known; absent otherwise."""
+
 LIFTED = (
     Item("n_phases", "integer"),
     Item("first_phase", unit="periods"),
@@ -120,6 +134,33 @@ FIT = (
     Item("period_std", unit="s", optional=True),
 )
 """Of records that were fitted as they were sampled; absent otherwise. The records in the file are the free response."""
+
+OWN_PERIOD = Item("own_period", axes=("difference and deviation",), optional=True)
+"""Of the fit too."""
+
+SHAFT = (
+    Item("periods_per_revolution"),
+    *(Item(name, axes=("pulses",), unit=unit) for name, unit in (("times", "s"), ("residuals", "rad"))),
+    *(Item(name, "integer", ("pulses",)) for name in ("lines", "kept")),
+    Item("jitter", unit="that of jitter_unit"),
+    Item("jitter_unit", "text"),
+    *(Item(name, axes=("lines",), unit="rad", optional=True) for name in ("geometry", "geometry_std")),
+    *(Item(name, "integer") for name in ("n_pulses", "missing", "doubled", "rejected")),
+    Item("wander"),
+    Item("steady", "integer"),
+    Item("reasons", "text", ("reasons",)),
+)
+"""The angle of the shaft in each record that was measured; absent where the period is constant."""
+
+SPLINE = (
+    *(Item(name, unit="s") for name in ("first", "last")),
+    Item("slope", unit="rad/s"),
+    Item("knots", axes=("knots",)),
+    Item("coefficients", axes=("coefficients",), unit="rad"),
+    Item("degree", "integer"),
+    Item("covariance", axes=("coefficients", "coefficients"), unit="rad^2"),
+)
+"""Of its group `spline`."""
 
 FORCED = (
     Item("harmonics", "integer", ("harmonics",)),

@@ -12,18 +12,20 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid._files import readable_file
-from floquid.core import Estimates, PeriodicModel, Record
+from floquid.core import Estimates, PeriodicModel
 from floquid.errors import FloquidError, InputError
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import Composites, ModalModel, Outcome
 from floquid.order import Choice
-from floquid.periodic import Fit, ForcedResponse, PartialTests, Periodicity
+from floquid.periodic import PartialTests, Periodicity
 from floquid.pipeline import Analysis, Settings
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
 from floquid.store import _layout as layout
+from floquid.store._check import check_attributes, check_content, check_padding
 from floquid.store._get import DamagedError, dataset_in, get, get_fields, group_in
 from floquid.store._identifiers import from_text
 from floquid.store._layout import Item
+from floquid.store._load_fit import get_fit
 from floquid.store._load_records import get_channels, get_provenance, get_record
 from floquid.sync import segment
 from floquid.validation import Criterion, Validation
@@ -55,14 +57,40 @@ def load(path: str | PathLike[str]) -> Analysis:
     InputError
         There is no such file, it is no result file, it is of a later version of floquid, or it is damaged.
     """
+    file = readable_file(path, of="load")
+    while True:
+        before = _identity(file)
+        try:
+            found = _loaded(file)
+        except InputError:
+            if _identity(file) == before:
+                raise
+        else:
+            if _identity(file) == before:
+                return found
+        # Another program has put a new result in its place meanwhile: what was read may be of both.
+
+
+def _identity(file: Path) -> tuple[int, ...]:
+    """What changes when a file is replaced or written to."""
+    try:
+        now = file.stat()
+    except OSError:
+        return ()
+    return now.st_dev, now.st_ino, now.st_size, now.st_mtime_ns
+
+
+def _loaded(file: Path) -> Analysis:
+    """The analysis in a file that stays as it is."""
     import h5py
 
-    file = readable_file(path, of="load")
     try:
         if not h5py.is_hdf5(file):
             raise input_error("path", "load", MUST, f"{file} is no HDF5 file", AGAIN)
         with h5py.File(file, "r") as opened:
+            check_attributes(opened, file)
             _check_format(opened, file)
+            check_content(opened, file)
             return _read(opened)
     except DamagedError as error:
         detail = str(error)
@@ -70,7 +98,7 @@ def load(path: str | PathLike[str]) -> Analysis:
         if isinstance(error, InputError) and str(error).startswith("Argument `path` of `load`"):
             raise
         detail = str(error).splitlines()[0].rstrip(".")
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError) as error:  # h5py, on damaged content
+    except Exception as error:  # noqa: BLE001  # damage raises anything: OSError, KeyError, OverflowError, ...
         detail = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
     raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {detail}", AGAIN)
 
@@ -97,6 +125,7 @@ def _read(file: h5py.File) -> Analysis:
     lifting = get_fields(group_in(file, "lifted"), layout.LIFTED)
     records = tuple(get_record(group_in(file, f"records/hit{n + 1}")) for n in range(len(lifting["lengths"])))
     cycles = segment(records)
+    check_padding(file, cycles)
     lifted = lift(cycles, floor=settings.noise_floor)
     if layout.WHITENING.name in group_in(file, "lifted"):
         lifted = whitened(lifted, _filters(group_in(file, "lifted"), lifted))
@@ -105,6 +134,7 @@ def _read(file: h5py.File) -> Analysis:
     model = _get_model(group_in(file, "model"))
     _check_together(lifting, lifted, modal, model)
     state = _get_state(file)
+    fit, measured, shafts = get_fit(file, model)
     return Analysis(
         settings=settings,
         records=records,
@@ -115,7 +145,9 @@ def _read(file: h5py.File) -> Analysis:
         state=state,
         refinement=_get_refinement(file, state),
         choice=_get_choice(file, modal),
-        fit=_get_fit(file, model, records),
+        fit=fit,
+        measured=measured,
+        shafts=shafts,
         periodicity=_get_periodicity(file),
         held=layout.HELD.name in file and get(file, layout.HELD) == 1,
         synchronisation=get(file, layout.SYNCHRONISATION) if layout.SYNCHRONISATION.name in file else (),
@@ -175,32 +207,6 @@ def _get_periodicity(file: h5py.File) -> Periodicity | None:
         for name in ("by_harmonic", "by_mode", "by_channel")
     }
     return Periodicity(**get_fields(group, layout.PERIODICITY), **parts)
-
-
-def _get_fit(file: h5py.File, model: PeriodicModel, records: tuple[Record, ...]) -> Fit | None:
-    if "fit" not in file:
-        return None
-    group, forced = group_in(file, "fit"), None
-    if "forced" in group:
-        found = get_fields(group_in(group, "forced"), layout.FORCED)
-        follows = found.pop("speed_dependent") == 1
-        forced = ForcedResponse(**found, channels=model.channels, speed_dependent=follows)
-    values = get_fields(group, layout.FIT)
-    if values["noise"].shape != model.coefficients.shape[1:3]:
-        raise DamagedError(f"fit/noise has the shape {values['noise'].shape}")
-    if forced is not None and forced.coefficients.shape[:2] != model.coefficients.shape[1:3]:
-        raise DamagedError(f"fit/forced/coefficients has the shape {forced.coefficients.shape}")
-    words = get_fields(group_in(file, "choice"), layout.CHOICE) if "choice" in file else {"reasons": (), "doubts": ()}
-    return Fit(
-        model=model,
-        forced=forced,
-        noise=values["noise"],
-        free=records,
-        period_std=values["period_std"],
-        own_period=None,
-        reasons=words["reasons"],
-        doubts=words["doubts"],
-    )
 
 
 def _get_validation(file: h5py.File, model: PeriodicModel) -> Validation | None:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from importlib import import_module
 from io import BytesIO
 from numbers import Integral, Real
 from os import PathLike
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from floquid._checks import describe, input_error
 from floquid._files import atomic_path
-from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
+from floquid.core import PeriodicModel, Record
 from floquid.lti import AbstractIdentifier
 from floquid.periodic import Fit, Periodicity
 from floquid.pipeline import Analysis, Settings
@@ -22,6 +19,9 @@ from floquid.reconstruction import Refinement, StateModel, text_of
 from floquid.store import _layout as layout
 from floquid.store._identifiers import to_text
 from floquid.store._layout import Item
+from floquid.store._put import put, put_fields, put_numbers
+from floquid.store._save_records import put_channels, put_provenance, put_record, put_shaft
+from floquid.sync import ShaftAngle
 from floquid.validation import Validation
 
 if TYPE_CHECKING:
@@ -67,36 +67,36 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
         file.attrs["format"] = layout.FORMAT
         file.attrs["version"] = layout.VERSION
         file.attrs["floquid"] = version
-        _put(file, layout.WARNINGS, analysis.warnings)
-        _put(file, layout.HELD, int(analysis.held))
-        _put(file, layout.SYNCHRONISATION, analysis.synchronisation)
+        put(file, layout.WARNINGS, analysis.warnings)
+        put(file, layout.HELD, int(analysis.held))
+        put(file, layout.SYNCHRONISATION, analysis.synchronisation)
         if analysis.periodicity is not None:
             _put_periodicity(file.create_group("periodicity"), analysis.periodicity)
         if analysis.fit is not None:
-            _put_fit(file.create_group("fit"), analysis.fit)
+            _put_fit(file.create_group("fit"), analysis.fit, analysis.measured, analysis.shafts)
         _put_settings(file.create_group("settings"), analysis.settings)
         for number, record in enumerate(analysis.records, start=1):
-            _put_record(file.create_group(f"records/hit{number}"), record)
+            put_record(file.create_group(f"records/hit{number}"), record)
         lifted = analysis.lifted
         group = file.create_group("lifted")
         values = (lifted.n_phases, lifted.first_phase, lifted.responses.lengths, lifted.noise)
         for item, value in zip(layout.LIFTED, values, strict=True):
-            _put(group, item, value)
+            put(group, item, value)
         if lifted.whitening is not None:
-            _put(group, layout.WHITENING, lifted.whitening)
+            put(group, layout.WHITENING, lifted.whitening)
         group = file.create_group("modal")
-        _put_fields(group, layout.MODAL, analysis.modal)
-        _put(group, layout.OUTCOME, analysis.modal.outcome.name)
+        put_fields(group, layout.MODAL, analysis.modal)
+        put(group, layout.OUTCOME, analysis.modal.outcome.name)
         if analysis.choice is not None:
-            _put_fields(file.create_group("choice"), layout.CHOICE, analysis.choice)
+            put_fields(file.create_group("choice"), layout.CHOICE, analysis.choice)
         if analysis.modal.composites is not None:
-            _put_fields(group.create_group("composites"), layout.COMPOSITES, analysis.modal.composites)
-        _put_numbers(group.create_group("stats"), analysis.modal.stats)
+            put_fields(group.create_group("composites"), layout.COMPOSITES, analysis.modal.composites)
+        put_numbers(group.create_group("stats"), analysis.modal.stats)
         _put_model(file.create_group("model"), analysis.model)
         if analysis.validation is not None:
             _put_validation(file.create_group("validation"), analysis.validation)
         if analysis.state is None:
-            _put(file, Item("state", optional=True), None)
+            put(file, Item("state", optional=True), None)
         else:
             _put_state(file.create_group("state"), analysis.state)
         if analysis.refinement is not None:
@@ -104,46 +104,52 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
 
 
 def _put_model(group: h5py.Group, model: PeriodicModel) -> None:
-    _put_fields(group, layout.MODEL, model)
+    put_fields(group, layout.MODEL, model)
     for name in ("estimates", "unselected"):
         estimates = getattr(model, name)
         if estimates is not None:
-            _put_fields(group.create_group(name), layout.ESTIMATES, estimates)
-    _put_channels(group, model.channels)
-    _put_provenance(group, model.provenance)
+            put_fields(group.create_group(name), layout.ESTIMATES, estimates)
+    put_channels(group, model.channels)
+    put_provenance(group, model.provenance)
 
 
 def _put_state(group: h5py.Group, state: StateModel) -> None:
-    _put_fields(group, (*layout.STATE, *layout.STATE_LATER), state)
-    _put_provenance(group, state.provenance)
+    put_fields(group, (*layout.STATE, *layout.STATE_LATER), state)
+    put_provenance(group, state.provenance)
 
 
 def _put_refinement(group: h5py.Group, found: Refinement, state: StateModel | None) -> None:
-    _put_fields(group, layout.REFINEMENT, found)
-    _put(group, layout.STRUCTURE, text_of(found.structure))
+    put_fields(group, layout.REFINEMENT, found)
+    put(group, layout.STRUCTURE, text_of(found.structure))
     if found.state is not state:
         _put_state(group.create_group("state"), found.state)
 
 
-def _put_fit(group: h5py.Group, fit: Fit) -> None:
-    _put_fields(group, layout.FIT, fit)
+def _put_fit(group: h5py.Group, fit: Fit, measured: tuple[Record, ...], shafts: tuple[ShaftAngle, ...]) -> None:
+    put_fields(group, layout.FIT, fit)
+    put(group, layout.OWN_PERIOD, fit.own_period)
     if fit.forced is not None:
-        _put_fields(group.create_group("forced"), layout.FORCED, fit.forced)
+        put_fields(group.create_group("forced"), layout.FORCED, fit.forced)
+    for name, records in (("measured", measured), ("free", fit.free)):
+        for number, record in enumerate(records, start=1):
+            put_record(group.create_group(f"{name}/hit{number}"), record)
+    for number, shaft in enumerate(shafts, start=1):
+        put_shaft(group.create_group(f"shafts/hit{number}"), shaft)
 
 
 def _put_validation(group: h5py.Group, validation: Validation) -> None:
-    _put_fields(group, layout.VALIDATION, validation)
+    put_fields(group, layout.VALIDATION, validation)
     # By name, as they come back: the same analysis gives the same bytes.
     criteria = dict(sorted(validation.criteria.items()))
-    _put_numbers(group.create_group("metrics"), dict(sorted(validation.metrics.items())))
-    _put_numbers(group.create_group("limits"), {name: own.limit for name, own in criteria.items()})
-    _put(group, layout.AT_LEAST, [name for name, own in criteria.items() if own.at_least])
+    put_numbers(group.create_group("metrics"), dict(sorted(validation.metrics.items())))
+    put_numbers(group.create_group("limits"), {name: own.limit for name, own in criteria.items()})
+    put(group, layout.AT_LEAST, [name for name, own in criteria.items() if own.at_least])
 
 
 def _put_periodicity(group: h5py.Group, found: Periodicity) -> None:
-    _put_fields(group, layout.PERIODICITY, found)
+    put_fields(group, layout.PERIODICITY, found)
     for name in ("by_harmonic", "by_mode", "by_channel"):
-        _put_fields(group.create_group(name), layout.PARTIAL_TESTS, getattr(found, name))
+        put_fields(group.create_group(name), layout.PARTIAL_TESTS, getattr(found, name))
 
 
 def _put_settings(group: h5py.Group, settings: Settings) -> None:
@@ -163,60 +169,4 @@ def _put_settings(group: h5py.Group, settings: Settings) -> None:
             item = Item(field.name, "text", ("entries",))
         else:
             raise TypeError(f"Settings.{field.name} holds {value!r}: a result file has no form for that yet.")
-        _put(group, item, value)
-
-
-def _put_record(group: h5py.Group, record: Record) -> None:
-    _put_fields(group, layout.RECORD, record)
-    for item in layout.CLOCK:
-        _put(group, item, getattr(record.clock, item.name) if isinstance(record.clock, ConstantPeriod) else None)
-    _put_channels(group, record.channels)
-    _put_provenance(group, record.provenance)
-
-
-def _put_channels(group: h5py.Group, channels: Sequence[Channel]) -> None:
-    inner = group.create_group("channels")
-    for item in layout.CHANNELS:
-        _put(inner, item, [getattr(channel, item.name) for channel in channels])
-
-
-def _put_provenance(group: h5py.Group, provenance: Provenance) -> None:
-    _put_fields(group.create_group("provenance"), layout.PROVENANCE, provenance)
-
-
-def _put_numbers(group: h5py.Group, numbers: Mapping[str, float]) -> None:
-    for name, value in numbers.items():
-        _put(group, Item(name), value)
-
-
-def _put_fields(group: h5py.Group, items: Sequence[Item], thing: object) -> None:
-    for item in items:
-        _put(group, item, getattr(thing, item.name))
-
-
-def _put(group: h5py.Group, item: Item, value: Any) -> None:
-    """One dataset. Arrays are compressed and carry checksums, so that damage is seen."""
-    import h5py
-
-    dtype = h5py.string_dtype() if item.kind == "text" else np.dtype(layout.DTYPES[item.kind])
-    if value is None:
-        assert item.optional, item
-        dataset = group.create_dataset(item.name, data=h5py.Empty(dtype))
-    elif item.kind == "text":
-        data = np.array([_storable(text) for text in value], dtype=object) if item.axes else _storable(value)
-        dataset = group.create_dataset(item.name, data=data, dtype=dtype)
-    else:
-        array = np.asarray(value, dtype=dtype)
-        assert array.ndim == len(item.axes), item
-        # Noise does not compress: more than the lowest level takes time and saves nothing.
-        packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
-        dataset = group.create_dataset(item.name, data=array, **(packed if array.ndim and array.size else {}))
-    if item.axes:
-        dataset.attrs["axes"] = ", ".join(item.axes)
-    if item.unit:
-        dataset.attrs["unit"] = item.unit
-
-
-def _storable(text: str) -> str:
-    """`text` with what HDF5 cannot hold written as an escape: undecodable bytes of a file name, a NUL."""
-    return text.encode("utf-8", "backslashreplace").decode("utf-8").replace("\0", "\\x00")
+        put(group, item, value)

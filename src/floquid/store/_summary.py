@@ -48,7 +48,7 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         "n_cycles": max(c.n_cycles for c in analysis.cycles),
         "n_phases": analysis.cycles[0].n_phases,
         "noise_whitening": None if analysis.lifted.whitening is None else analysis.lifted.whitening.tolist(),
-        "modes": _modes(model, weights),
+        "modes": mode_entries(model, weights),
         "periodicity": None if analysis.periodicity is None else _periodicity(analysis.periodicity),
         "forced": None if analysis.fit is None or analysis.fit.forced is None else _forced(analysis.fit.forced),
         "synchronisation": list(analysis.synchronisation),
@@ -120,7 +120,8 @@ def _choice(choice: Choice) -> dict[str, Any]:
     return {"ambiguous": choice.ambiguous, "reasons": list(choice.reasons), "doubts": list(choice.doubts)}
 
 
-def _modes(model: PeriodicModel, weights: NDArray[np.float64]) -> list[dict[str, Any]]:
+def mode_entries(model: PeriodicModel, weights: NDArray[np.float64]) -> list[dict[str, Any]]:
+    """The modes as `summary` has them; `weights` (channels, hits) are one over the noise."""
     nothing = [None] * model.order
     exponent, multiplier = (
         nothing if std is None else _pairs(std) for std in (model.exponent_std, model.multiplier_std)

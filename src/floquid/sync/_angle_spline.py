@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import frozen_array
+
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
     from scipy.sparse import csr_array
@@ -51,6 +53,12 @@ class AngleSpline:
     coefficients: Values
     degree: int
     covariance: Values
+
+    def __post_init__(self) -> None:
+        of, put, n = "AngleSpline", object.__setattr__, len(self.coefficients)
+        put(self, "knots", frozen_array(self.knots, "knots", of, axes=(n + self.degree + 1,)))
+        put(self, "coefficients", frozen_array(self.coefficients, "coefficients", of, axes=("coefficients",)))
+        put(self, "covariance", frozen_array(self.covariance, "covariance", of, axes=(n, n)))
 
     def angle(self, times: Values) -> Values:
         """The angle at `times` [rad]."""

@@ -142,7 +142,7 @@ def clipped(record: Record) -> tuple[Clipping, ...]:
         One a clipped channel, in the order of the record.
     """
     found: list[Clipping] = []
-    for row, values, quantum in _judged(record):
+    for row, values, quantum in measuring(record):
         channel = record.channels[row]
         rest = float(np.nanmedian(values))
         levels: list[float] = []
@@ -181,7 +181,7 @@ def dropouts(record: Record, *, least: int = STUCK) -> tuple[Dropout, ...]:
         In the order of channels, then of time.
     """
     found: list[Dropout] = []
-    for row, values, quantum in _judged(record):
+    for row, values, quantum in measuring(record):
         channel = record.channels[row]
         if channel.quantity == "force":
             continue
@@ -237,7 +237,7 @@ def gaps(record: Record) -> tuple[Gap, ...]:
     )
 
 
-def _judged(record: Record) -> list[tuple[int, NDArray[np.float64], float]]:
+def measuring(record: Record) -> list[tuple[int, NDArray[np.float64], float]]:
     """Row, samples and quantum of the channels that measure something that moves smoothly."""
     clock = record.clock.channel if isinstance(record.clock, TachometerSignal | AzimuthSignal) else None
     judged: list[tuple[int, NDArray[np.float64], float]] = []

@@ -22,6 +22,9 @@ ABOVE = 8.0
 COLOUR = 0.01
 """The sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter."""
 
+ROUNDING = 0.5
+"""What is left, over the noise, below which the noise is no estimate but what the record is believed down to."""
+
 LEFT_OUT = 1e-8
 """The probability at which noise passes for a harmonic where it is let be none: weaker ones are left out on purpose."""
 
@@ -179,7 +182,8 @@ def _colour(
         rate = case.records[hit].sample_rate
         squares, numbers, lags = colour(rest, 1.0 / rate, rates, int(2.0 * case.highest) - 1)
         size = np.maximum(numbers - 2 * len(rates), 1)
-        excess[:, hit] = squares - lags / size
+        rounding = np.sqrt(np.nanmean(rest**2, axis=1)) < ROUNDING * case.noise[:, hit]
+        excess[:, hit] = np.where(rounding, 0.0, squares - lags / size)
         limit[:, hit] = np.maximum((chdtri(lags, case.false_alarm / case.responses) - lags) / size, COLOUR)
     place = np.unravel_index(int(np.argmax(excess / limit)), excess.shape)
     found.add("colour", float(excess[place]), float(limit[place]))

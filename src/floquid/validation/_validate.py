@@ -18,6 +18,7 @@ from floquid.validation._case import Case, Findings, case_of
 from floquid.validation._consistency import consistency
 from floquid.validation._held_out import held_out
 from floquid.validation._residual import left_by
+from floquid.validation._strength import strength
 from floquid.validation._types import Validation
 from floquid.validation._verdict import Names, sentence, strongest
 
@@ -54,7 +55,8 @@ def validate(
     with e the error of prediction and r what the fit to all cycles leaves: Σ e r is the error with the prediction's own
     variance taken off, and all of it that noise explains counts as none. What the model leaves of the record is
     searched for tones at harmonics of the revolution, for harmonics of each mode beside its band, for other lines, and
-    for colour (Ljung and Box 1978). A(t) is integrated over two periods and held against the model's multipliers.
+    for colour (Ljung and Box 1978). Each mode is held against what a fit makes of noise alone. A(t) is integrated over
+    two periods and held against the model's multipliers.
 
     Parameters
     ----------
@@ -94,6 +96,7 @@ def validate(
     report("checking the model on cycles left out")
     found = Findings()
     _period(case, found)
+    strength(case, found)
     # What names a cause comes before what shows the effect.
     arrays = left_by(case, found)
     fit, error = _held_out(case, folds, found)

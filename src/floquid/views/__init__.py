@@ -13,7 +13,7 @@ from floquid.views._noise import raw_noise
 from floquid.views._shapes import ShapeCurves, shape_curves
 from floquid.views._spectra import Spectrum, lifted_spectrum, record_spectrum
 from floquid.views._synchronisation import Synchronisation, synchronisation
-from floquid.views._synthesis import Synthesis, has_angle, lifted_points, synthesis
+from floquid.views._synthesis import Synthesis, lifted_points, synthesis
 from floquid.views._unfolded import unfolded
 from floquid.views._units import element_unit
 from floquid.views._words import MODE_NOTES, mode_notes, passed_words, period_words, whitening_words, with_error
@@ -33,7 +33,6 @@ __all__ = [
     "exponent_ellipses",
     "families",
     "grows",
-    "has_angle",
     "identified_residue",
     "is_real",
     "lifted_points",

@@ -14,7 +14,7 @@ from floquid.pipeline import Analysis
 from floquid.views._families import families
 from floquid.views._modes import checked
 from floquid.views._stretch import Stretch
-from floquid.views._synthesis import Response, has_angle, response_of
+from floquid.views._synthesis import Response, response_of
 
 STRETCHES, FEWEST = 12, 4
 """Stretches that a record is cut into at most, and cycles that each has at least."""
@@ -100,8 +100,7 @@ def synchronisation(analysis: Analysis, hit: int = 0) -> Synchronisation:
               \Re \sum_r a_r \sum_m B_{r,c,m}\, e^{\lambda_r t_k + i m (\theta(t_k) + \delta)} \Big)^2
 
     so that an error of an exponent, which turns all lines of a mode alike, is none of the slip. Only a mode of two
-    harmonics or more tells it. Where the response has died there are no stretches, and none at all where the angle of
-    the shaft is not known any more (`has_angle`).
+    harmonics or more tells it. Where the response has died there are no stretches.
 
     Parameters
     ----------
@@ -123,8 +122,7 @@ def synchronisation(analysis: Analysis, hit: int = 0) -> Synchronisation:
     checked(analysis, "synchronisation", hit=hit)
     own = response_of(analysis, hit, list(range(len(analysis.model.channels))))
     times, angles = instants(own.record, own.clock, own.model.fundamental)
-    # Without the angle of the shaft, what its speed wanders by would seem to be slip.
-    pieces, lines = (_stretches(own, angles), _strongest(analysis)) if has_angle(analysis) else ([], [])
+    pieces, lines = _stretches(own, angles), _strongest(analysis)
     values, gain, noise = _filtered(analysis, own, hit)
     slip, slip_std = np.full((2, len(pieces)), np.nan)
     phases, phases_std = np.full((2, len(lines), len(pieces)), np.nan)

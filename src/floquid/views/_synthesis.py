@@ -15,9 +15,6 @@ from floquid.sync import ShaftAngle, rejoin
 from floquid.views._modes import checked, frozen, periods_later
 from floquid.views._noise import colour
 
-SHAFT = "a shaft angle that is measured"
-"""What `identify` says of a record that has a tachometer or an azimuth, whatever the settings."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Synthesis:
@@ -68,7 +65,7 @@ def response_of(analysis: Analysis, hit: int, channels: list[int]) -> Response:
     """The free response of some channels of one hit, with the model that counts from its phase zero."""
     whole, later, noise = analysis.model, 0.0, analysis.noise[channels, hit]
     coefficients = whole.coefficients[:, channels][:, :, [hit]]
-    if analysis.fit is not None and analysis.measured:
+    if analysis.fit is not None:
         record, own = analysis.fit.free[hit], analysis.measured[hit].clock
         clock = analysis.shafts[hit] if analysis.shafts else own
         assert isinstance(clock, (ConstantPeriod, ShaftAngle))
@@ -80,9 +77,7 @@ def response_of(analysis: Analysis, hit: int, channels: list[int]) -> Response:
         passed = periods_later(analysis, hit) * whole.period
         coefficients = coefficients * np.exp(whole.exponents * passed)[:, None, None, None]
         later = _begin(analysis, hit) - record.start + passed
-        if analysis.fit is not None:  # interpolated samples have less noise than those measured
-            noise = analysis.lifted.noise[channels, hit]
-        elif analysis.lifted.whitening is not None:
+        if analysis.lifted.whitening is not None:
             noise = noise * colour(analysis.lifted)[channels]
     names = [record.channels[row].name for row in channels]
     model = PeriodicModel(
@@ -93,33 +88,6 @@ def response_of(analysis: Analysis, hit: int, channels: list[int]) -> Response:
         channels=[whole.channels[row] for row in channels],
     )
     return Response(record=record.select(names), clock=clock, model=model, later=later, noise=noise)
-
-
-def has_angle(analysis: Analysis) -> bool:
-    """Whether the phase of every sample of the records is known.
-
-    A result file does not hold the angle of the shaft: of a record with a tachometer or an azimuth that was read from
-    one, the phase is known only up to what the speed wandered.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found, or what `load` read.
-
-    Returns
-    -------
-    bool
-        Whether it is.
-
-    Raises
-    ------
-    InputError
-        `analysis` is none.
-    """
-    checked(analysis, "has_angle")
-    own = analysis.settings
-    shaft = own.tach is not None or own.azimuth is not None or any(SHAFT in said for said in analysis.synchronisation)
-    return analysis.fit is None or bool(analysis.shafts) or not shaft
 
 
 def lifted_points(analysis: Analysis, channel: int, hit: int = 0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -150,7 +118,7 @@ def lifted_points(analysis: Analysis, channel: int, hit: int = 0) -> tuple[NDArr
     checked(analysis, "lifted_points", channel=channel, hit=hit)
     cycles, own = analysis.cycles[hit], response_of(analysis, hit, [channel])
     values = np.array(cycles.values[channel, 0])
-    if analysis.fit is None or not analysis.measured:
+    if analysis.fit is None:
         return frozen(own.record.times[:: cycles.n_phases] + own.later), frozen(values)
     after, _ = instants(own.record, own.clock, own.model.fundamental)
     passed = (periods_later(analysis, hit) + np.arange(len(values))) * own.model.period
@@ -172,9 +140,7 @@ def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
     .. math:: \hat y(t) = \sum_{r,m} B_{r,m}\, e^{(\lambda_r + i m\omega) t}
 
     (Allen 2009, eq. 12.) The record is the one identified from: whole periods, and without a forced response that was
-    fitted beside the modes. A record that was fitted as it was sampled is the measured one, at its own times; read from
-    a result file, it is that record resampled to whole samples a period, in time from phase zero on; of a measured
-    shaft angle, which is not in the file (`has_angle`), the response is then that of a constant speed.
+    fitted beside the modes. A record that was fitted as it was sampled is the measured one, at its own times.
 
     Parameters
     ----------

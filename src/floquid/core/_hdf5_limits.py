@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import printable
+from floquid.core._limits import LARGE, PACKED, impossible
+from floquid.core._time_axis import Source
 from floquid.errors import InputError
-from floquid.readers._npz import _LARGE, _PACKED, _impossible
-from floquid.readers._table import Source
-from floquid.readers._variables import printable
 
 _MOST_PER_BYTE = 1032
 """What zlib makes of one byte at most."""
@@ -41,9 +41,9 @@ def check_size(source: Source, dataset: Any, path: str, n_bytes: int) -> None:
     size = dataset.size * dataset.dtype.itemsize
     part = dataset.dtype.itemsize * prod(dataset.chunks or (1,))
     largest = max(size, part)
-    if (size and not stored) or stored > n_bytes or (largest > _LARGE and largest > _PACKED * stored):
+    if (size and not stored) or stored > n_bytes or (largest > LARGE and largest > PACKED * stored):
         declared = f"shape {dataset.shape} of {dataset.dtype}"
-        raise _impossible(source, printable(path), declared, min(stored, n_bytes))
+        raise impossible(source, printable(path), declared, min(stored, n_bytes))
     if dataset.chunks is not None and size:
         _check_number(source, dataset, path, part)
         _check_packing(source, dataset, path, part)
@@ -119,8 +119,8 @@ def _check_packing(source: Source, dataset: Any, path: str, part: int) -> None:
     dataset.id.chunk_iter(lambda chunk: chunks.append((chunk.chunk_offset, chunk.size)))
     for offset, size in chunks:
         bad = size <= least
-        if packed and size * _MOST_PER_BYTE > _LARGE:
+        if packed and size * _MOST_PER_BYTE > LARGE:
             _, raw = dataset.id.read_direct_chunk(offset)
             bad = len(zlib.decompressobj().decompress(raw, part + 1024)) > part + 512
         if bad:
-            raise _impossible(source, printable(path), f"chunks of {part} bytes", size)
+            raise impossible(source, printable(path), f"chunks of {part} bytes", size)

@@ -1,7 +1,8 @@
 """Texts of variable length in an HDF5 file, which lie in its global heap, read without the library's own conversion.
 
 On a damaged heap or a damaged length that conversion writes past its memory or never ends (HDF5 2.0). So the heap is
-read here, where each length is held against the next. Texts of fixed length go through the library.
+read here, where each length is held against the next. Texts of fixed length go through the library. Nor does opening a
+virtual dataset end when what it is made of is damaged: whether one is virtual is read here, too, before it is opened.
 
 Source: The HDF Group, "HDF5 File Format Specification", version 3.0: III.E (global heap), IV.A (object headers).
 """
@@ -15,10 +16,13 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 _REFERENCE = struct.Struct("<IQI")
 """What stands for a text: its length, the address of the heap collection that it is in, and its number there."""
 
-_ATTRIBUTE, _CONTINUATION = 0x0C, 0x10
+_LAYOUT, _ATTRIBUTE, _CONTINUATION = 0x08, 0x0C, 0x10
+_VIRTUAL = 3
 _LARGEST, _MOST_MESSAGES, _LONGEST_ATTRIBUTE = 1 << 26, 10_000, 4096
 _UNPACKED, _GZIP = [], [1]
 
@@ -67,6 +71,24 @@ class HeapTexts:
         value = self._of_attribute(thing, name) if kind.is_variable_str() else thing.attrs[name]
         text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
         return text.strip() if isinstance(text, str) and text.isprintable() and len(text) < _LONGEST_ATTRIBUTE else ""
+
+    def is_virtual(self, group: Any, name: str) -> bool:
+        """Whether a hard link of a group leads to a dataset that is made of others."""
+        return self._is_virtual(group.id.links.get_info(name.encode("utf-8", "surrogateescape")).u)
+
+    def refer_to_virtual(self, dataset: Any) -> bool:
+        """Whether one of the references in a dataset is to a dataset that is made of others."""
+        import h5py
+
+        library: Any = h5py
+        raw = np.zeros(dataset.shape, "V8")
+        dataset.id.read(library.h5s.ALL, library.h5s.ALL, raw, library.h5t.STD_REF_OBJ)
+        return any(map(self._is_virtual, np.frombuffer(raw.tobytes(), "<u8").tolist()))
+
+    def _is_virtual(self, address: int) -> bool:
+        """By the message on the layout, whose second byte is its class since version 3."""
+        layouts = (message for kind, message in self._messages(address) if kind == _LAYOUT and address)
+        return any(len(one) > 1 and one[0] >= 3 and one[1] == _VIRTUAL for one in layouts)
 
     def _of_attribute(self, thing: Any, name: str) -> bytes:
         """The single text of an attribute in the object's header; "?" where it has so many that they are elsewhere."""

@@ -1,0 +1,212 @@
+"""A folder of results: what belongs together takes its names together, whatever ends the program, whoever else writes.
+
+A result is put together in a hidden folder inside. Then, under a lock,
+
+1. the hidden folder is flushed to the disk and named `READY`: from here on the new result is the one that there is;
+2. figures of an earlier result that this one lacks are deleted, and `READY` is named `MOVING`;
+3. its files are moved to their names, and `MOVING` is removed.
+
+A kill before 1 leaves the earlier result. After it, the next command that is given the folder does the rest (`settle`):
+2 and 3 may be done twice. Every single file is at all times that of the one result or that of the other.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import mkdtemp
+
+from floquid._checks import input_error
+from floquid._files import flush, flush_folder
+from floquid.plot import FIGURES as DRAWN
+
+FIGURES = tuple(f"{name}.png" for name in DRAWN)
+"""The figures that there may be: some need an A(t), or a tachometer."""
+
+RESULT = "result.h5"
+"""The file of an identification: figures beside it are of it."""
+
+LOCK = ".floquid-lock"
+"""Held while files take their names."""
+
+READY, MOVING = ".floquid-ready", ".floquid-moving"
+
+UNFINISHED = ".floquid-unfinished-"
+"""What the folder is called in which a result is put together. One left behind by a kill is removed by the next run."""
+
+_OWNED = ".lock"
+"""In an unfinished folder: held by the program that fills it, so that no other takes it for left behind."""
+
+WAIT = 60.0
+"""How long another program's moves are waited for [s]; they take milliseconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResultFolder:
+    """A folder that can be written to, and a hidden folder in it in which the next result is put together."""
+
+    path: Path
+    unfinished: Path
+    owned: ExitStack
+
+    def publish(self) -> None:
+        """Give all that is in the hidden folder its names, together."""
+        for folder, _, names in os.walk(self.unfinished, topdown=False):
+            for name in names:
+                flush(Path(folder, name))
+            flush_folder(Path(folder))
+        with _locked(self.path):
+            _settle(self.path)
+            self.owned.close()
+            (self.unfinished / _OWNED).unlink(missing_ok=True)
+            self.unfinished.rename(self.path / READY)
+            flush_folder(self.path)
+            _settle(self.path)
+
+
+def settle(path: Path) -> None:
+    """Finish the moves that a killed program had begun in the folder `path`, if there are any.
+
+    Raises
+    ------
+    InputError
+        There are, and the folder cannot be written to.
+    """
+    if not any((path / name).is_dir() for name in (READY, MOVING)):
+        return
+    try:
+        with _locked(path):
+            _settle(path)
+    except OSError as error:
+        raise _unusable(path, f"{path} holds a result that could not be moved to its place ({_words(error)})") from None
+
+
+def result_file(path: Path) -> Path:
+    """The result in a folder, or the file itself; moves that a killed program had begun there are finished first."""
+    folder = path if path.is_dir() else path.parent
+    settle(folder)
+    return folder / RESULT if path.is_dir() else path
+
+
+@contextmanager
+def result_folder(path: Path, names: Sequence[str]) -> Iterator[ResultFolder]:
+    """The folder `path`, made if need be and tried before any long work; without a result it is left as it was.
+
+    `names` are those that files are to have in it.
+
+    Raises
+    ------
+    InputError
+        It cannot be made or written to, or something in it stands in the way of a result.
+    """
+    made: list[Path] = []
+    unfinished: Path | None = None
+    with ExitStack() as owned:
+        try:
+            try:
+                made = [folder for folder in (path, *path.parents) if not folder.exists()]
+                if path.exists() and not path.is_dir():
+                    raise _unusable(path, f"{path} is a file")
+                path.mkdir(parents=True, exist_ok=True)
+                _refuse_obstacles(path, names)
+                with _locked(path):
+                    _settle(path)
+                    _sweep(path)
+                    unfinished = Path(mkdtemp(prefix=UNFINISHED, dir=path))
+                    owned.enter_context(_lock(unfinished / _OWNED, 0.0))
+            except OSError as error:
+                raise _unusable(path, f"{path} is not: {_words(error)}") from None
+            yield ResultFolder(path, unfinished, owned)
+        finally:
+            owned.close()
+            if unfinished is not None:
+                shutil.rmtree(unfinished, ignore_errors=True)
+            for folder in made:
+                with suppress(OSError):
+                    folder.rmdir()  # which only takes what is empty
+
+
+def _settle(path: Path) -> None:
+    ready, moving = path / READY, path / MOVING
+    if moving.is_dir():
+        _move(moving, path)
+    if ready.is_dir():
+        if (ready / RESULT).exists():
+            for name in FIGURES:
+                if not (ready / "figures" / name).exists():
+                    (path / "figures" / name).unlink(missing_ok=True)
+        ready.rename(moving)
+        _move(moving, path)
+
+
+def _move(source: Path, target: Path) -> None:
+    """Every file of `source` to the same name under `target`; `source` is gone in the end."""
+    for entry in sorted(source.iterdir()):
+        if entry.is_dir() and not entry.is_symlink():
+            (target / entry.name).mkdir(exist_ok=True)
+            _move(entry, target / entry.name)
+        else:
+            entry.replace(target / entry.name)
+    flush_folder(target)
+    source.rmdir()
+
+
+def _sweep(path: Path) -> None:
+    """Remove what killed programs left behind: unfinished folders that nobody holds."""
+    from filelock import Timeout
+
+    for left in path.glob(f"{UNFINISHED}*"):
+        if not left.is_dir() or left.is_symlink():
+            continue
+        try:
+            with _lock(left / _OWNED, 0.0):
+                pass
+        except Timeout:
+            continue
+        shutil.rmtree(left, ignore_errors=True)
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    from filelock import Timeout
+
+    try:
+        with _lock(path / LOCK, WAIT):
+            try:
+                yield
+            finally:
+                with suppress(OSError):  # who waits for it sees that it is gone, and makes a new one
+                    (path / LOCK).unlink()
+    except Timeout:
+        got = f"another program has been writing to {path} for {WAIT:.0f} s"
+        raise _unusable(path, got) from None
+
+
+@contextmanager
+def _lock(file: Path, wait: float) -> Iterator[None]:
+    from filelock import FileLock
+
+    with FileLock(file, timeout=wait, poll_interval=0.01):
+        yield
+
+
+def _refuse_obstacles(path: Path, names: Sequence[str]) -> None:
+    figures = path / "figures"
+    if figures.exists() and not figures.is_dir():
+        raise _unusable(path, f"{figures} is a file")
+    for file in (path / name for name in names):
+        if file.is_dir():
+            raise _unusable(path, f"{file} is a folder")
+
+
+def _words(error: OSError) -> str:
+    return error.strerror or str(error)
+
+
+def _unusable(path: Path, got: str) -> Exception:
+    must = "be a folder that a result can be written to"
+    return input_error("--out", "floquid", must, got, f"Choose another folder than {path}.")

@@ -1,0 +1,256 @@
+"""Parquet files, as pandas, polars and others write them: a column a channel, and one of times.
+
+pyarrow reads them, with the checksums of pages where there are such. Columns are headed as those of a text table,
+`x [m]`; the unit may also be in the metadata of the field, as `unit`. What a record says beyond that is in the metadata
+of the schema, as `floquid` (see `_stated`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Channel, Record, channels_named
+from floquid.core._labels import find_time, name_and_unit
+from floquid.core._limits import LARGE, PACKED
+from floquid.core._time_axis import TimeColumn
+from floquid.errors import InputError
+from floquid.readers._extras import extra
+from floquid.readers._stated import DamagedLineError, Stated, own_orbit, parse_stated, stated_text
+from floquid.readers._table import Source, Table, check_distinct, make_channels, refuse_blurred_times
+
+_KEY = b"floquid"
+_BLOCK = 1 << 16
+_MOST_COLUMNS = 1 << 16
+_AGAIN = "Copy or write it again."
+_TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Columns:
+    """Which columns of the file are what: the channels at `places`, the times at `time` in units of `scale` seconds."""
+
+    names: tuple[str, ...]
+    channels: tuple[Channel, ...]
+    places: tuple[int, ...]
+    time: int | None
+    scale: float
+    is_date: bool
+    others: tuple[str, ...]
+
+
+def load_parquet(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
+    """The table in a Parquet file; a null is a missing sample.
+
+    Raises
+    ------
+    InputError
+        pyarrow is not installed; the file is damaged, holds no column of numbers, or declares what it cannot hold.
+    """
+    parquet = extra("pyarrow.parquet", package="pyarrow", name="parquet", suffix=".parquet", of=source.of)
+    with source.path.open("rb") as stream:
+        limits = {"thrift_string_size_limit": 1 << 26, "thrift_container_size_limit": 1 << 20}
+        file = _guarded(source, lambda: parquet.ParquetFile(stream, page_checksum_verification=True, **limits))
+        schema = _guarded(source, lambda: file.schema_arrow)
+        _check_size(source, file)
+        stated = _stated(source, schema)
+        columns = _columns(source, schema, stated)
+        rows = list(range(len(columns.channels)))
+        if channels is not None:
+            rows = channels_named(columns.channels, channels, argument="channels", of=source.of)
+        wanted = [columns.places[row] for row in rows]
+        use_time = columns.time is not None and not ignore_time
+        values, ticks = _guarded(source, lambda: _values(source, file, columns, wanted, use_time=use_time))
+    named = tuple(columns.channels[row] for row in rows)
+    notes = tuple(f"Column {name!r} is not of numbers, and is not used." for name in columns.others[:20])
+    if columns.time is not None and ignore_time:
+        notes += (f"The time column `{columns.names[columns.time]}` was ignored.",)
+    time, start_note = _time(columns, ticks)
+    return Table(
+        values=values,
+        channels=named,
+        time=time,
+        sample_rate=stated.sample_rate,
+        start=stated.start,
+        period=stated.period,
+        origin=stated.origin,
+        orbit=own_orbit(stated, named),
+        notes=notes + start_note,
+    )
+
+
+def _guarded(source: Source, call: Callable[[], Any]) -> Any:
+    """What `call` gives; damage makes pyarrow raise errors of many types."""
+    try:
+        return call()
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:  # noqa: BLE001  # ArrowInvalid, OSError, UnicodeDecodeError, KeyError, ...
+        words = " ".join(str(error).split())[:200].removesuffix(".")
+        raise source.error("be a readable Parquet file", f"is not ({words})", _AGAIN) from None
+
+
+def _check_size(source: Source, file: Any) -> None:
+    """Refuse what would unpack into far more than a measurement ever does, before any of it is unpacked."""
+    found, size = file.metadata, source.path.stat().st_size
+    n_rows, n_columns = found.num_rows, found.num_columns
+    in_groups = sum(found.row_group(at).num_rows for at in range(found.num_row_groups))
+    if n_columns > _MOST_COLUMNS or n_rows < 0 or in_groups != n_rows:
+        got = f"declares {n_columns} columns of {n_rows} rows, and {in_groups} rows in its groups"
+        raise source.error("hold the rows that it declares", got, _AGAIN)
+    declared = 8 * n_rows * n_columns
+    if declared > LARGE and declared > PACKED * size:
+        got = f"declares {n_columns} columns of {n_rows} rows, which its {size} bytes cannot be"
+        raise source.error("hold the rows that it declares", got, _AGAIN)
+
+
+def _stated(source: Source, schema: Any) -> Stated:
+    text = (schema.metadata or {}).get(_KEY)
+    if text is None:
+        return Stated()
+    try:
+        return parse_stated(text)
+    except DamagedLineError:
+        must, got = "have the metadata `floquid` as floquid wrote it", "has other ones"
+        raise source.error(must, got, "Delete them: the table can be read without them.") from None
+
+
+def _columns(source: Source, schema: Any, stated: Stated) -> _Columns:
+    """The channels among the columns, and the column of times."""
+    import pyarrow.types as kinds
+
+    names, kept, parts, dates, others = [], [], [], [], []
+    for place, field in enumerate(schema):
+        names.append(field.name)
+        is_date = kinds.is_timestamp(field.type) or kinds.is_duration(field.type)
+        index = field.name.startswith("__index_level_")  # of pandas: one without a name, dates or a mere count
+        if is_date:
+            dates.append(place)
+        elif index or not (
+            kinds.is_integer(field.type)
+            or kinds.is_floating(field.type)
+            or kinds.is_boolean(field.type)
+            or kinds.is_decimal(field.type)
+        ):
+            others.append(field.name)
+        else:
+            kept.append(place)
+            name, unit = name_and_unit(field.name)
+            parts.append((name, unit if unit is not None else _unit(field)))
+    time, scale = find_time(source, parts)
+    at = None if time is None else kept[time]
+    if at is None and dates:
+        at = dates[0]
+        scale = _TICKS[schema.field(at).type.unit]
+    others += [names[place] for place in dates if place != at]
+    places = tuple(place for place in kept if place != at)
+    if not places:
+        got = f"has the columns {', '.join(names[:20]) or 'none'}"
+        raise source.error("have a column of numbers for each channel", got, "Write the channels too.")
+    plain = [pair for place, pair in zip(kept, parts, strict=True) if place != at]
+    own = {channel.label: channel for channel in stated.channels}
+    check_distinct(source, names)
+    if all(names[place] in own for place in places):
+        channels = tuple(own[names[place]] for place in places)
+    else:
+        channels = make_channels(source, [name for name, _ in plain], [unit or "-" for _, unit in plain])
+    return _Columns(
+        names=tuple(names),
+        channels=channels,
+        places=places,
+        time=at,
+        scale=scale,
+        is_date=at in dates,
+        others=tuple(others),
+    )
+
+
+def _unit(field: Any) -> str | None:
+    """The unit in the metadata of a field."""
+    metadata = field.metadata or {}
+    text = metadata.get(b"unit") or metadata.get(b"units")
+    return None if text is None else text.decode().strip()
+
+
+def _values(
+    source: Source, file: Any, columns: _Columns, wanted: Sequence[int], *, use_time: bool
+) -> tuple[NDArray[np.float64], NDArray[Any] | None]:
+    """The samples (channels, samples) and the times or dates (samples,), read block by block."""
+    import pyarrow as pa
+
+    n_rows, time = file.metadata.num_rows, columns.time if use_time else None
+    places = [*wanted, *([] if time is None else [time])]
+    values, ticks, at = np.empty((len(wanted), n_rows)), None, 0
+    for batch in file.iter_batches(batch_size=_BLOCK, columns=[columns.names[place] for place in places]):
+        part = slice(at, at + batch.num_rows)
+        at += batch.num_rows
+        if at > n_rows:
+            break
+        for row, place in enumerate(wanted):
+            values[row, part] = _numbers(batch.column(columns.names[place]), pa)
+        if time is not None:
+            column = batch.column(columns.names[time])
+            block = _dates(source, column, pa) if columns.is_date else _numbers(column, pa, keep_single=True)
+            ticks = np.empty(n_rows, block.dtype) if ticks is None else ticks
+            ticks[part] = block
+    if at != n_rows:
+        raise source.error("hold the rows that it declares", f"declares {n_rows} and holds another number", _AGAIN)
+    return values, ticks
+
+
+def _numbers(column: Any, pa: Any, *, keep_single: bool = False) -> NDArray[Any]:
+    if keep_single and pa.types.is_float32(column.type) and not column.null_count:
+        return column.to_numpy(zero_copy_only=False)
+    if pa.types.is_boolean(column.type):
+        column = column.cast(pa.uint8())
+    whole = column.cast(pa.float64(), safe=False)
+    return whole.to_numpy(zero_copy_only=False)
+
+
+def _dates(source: Source, column: Any, pa: Any) -> NDArray[np.int64]:
+    """Dates or spans as the whole numbers that they are kept as."""
+    if column.null_count:
+        got = f"lacks {column.null_count} of its dates"
+        raise source.error("have a date for every sample", got, "Leave such rows out, or pass `rate` (`--rate`) [Hz].")
+    return column.cast(pa.int64()).to_numpy(zero_copy_only=False)
+
+
+def _time(columns: _Columns, ticks: NDArray[Any] | None) -> tuple[TimeColumn | None, tuple[str, ...]]:
+    """The times [s], of dates those since the first, and a note on that."""
+    if ticks is None or columns.time is None:
+        return None, ()
+    label = columns.names[columns.time]
+    if not columns.is_date:
+        return TimeColumn(values=ticks, scale=columns.scale, label=label), ()
+    with np.errstate(over="ignore"):
+        since = (ticks - ticks[:1]).astype(np.float64)
+    return TimeColumn(values=since, scale=columns.scale, label=label), (f"Times count from the first of `{label}`.",)
+
+
+def save_parquet(record: Record, path: Path) -> None:
+    """Write `record` with a column of times, so that every number is read back as it is.
+
+    Raises
+    ------
+    InputError
+        pyarrow is not installed, or the record starts so late that its times cannot be told apart.
+    """
+    parquet = extra("pyarrow.parquet", package="pyarrow", name="parquet", suffix=".parquet", of="write")
+    import pyarrow as pa
+
+    refuse_blurred_times(record)
+    times = record.times
+    fields = [pa.field("time [s]", pa.float64(), metadata={b"unit": b"s"})]
+    fields += [pa.field(c.label, pa.float64(), metadata={b"unit": c.unit.encode()}) for c in record.channels]
+    schema = pa.schema(fields, metadata={_KEY: stated_text(record).encode()})
+    options = {"compression": "zstd", "use_dictionary": False, "write_page_checksum": True}
+    with path.open("wb") as stream, parquet.ParquetWriter(stream, schema, **options) as writer:
+        for first in range(0, record.n_samples, _BLOCK):
+            part = slice(first, first + _BLOCK)
+            arrays = [pa.array(row) for row in (times[part], *record.values[:, part])]
+            writer.write_batch(pa.record_batch(arrays, schema=schema))

@@ -1,0 +1,270 @@
+"""TDMS files of National Instruments: groups of channels, each with its step of time and its unit.
+
+npTDMS reads them, after `_tdms_layout` has held what the file declares against its size; an index file beside it is
+not looked at. Values are scaled as the file says. What a record says beyond that is a property of the file, `floquid`
+(see `_stated`).
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Channel, Record, channels_named
+from floquid.core._labels import find_time, name_and_unit
+from floquid.core._time_axis import TimeColumn
+from floquid.errors import InputError
+from floquid.readers._angles import is_shaft_angle
+from floquid.readers._extras import extra
+from floquid.readers._openfast import rate_of_step
+from floquid.readers._stated import DamagedLineError, Stated, own_orbit, parse_stated, stated_text
+from floquid.readers._table import Source, Table, check_distinct
+from floquid.readers._tdms_layout import check_layout
+
+_KEY, _GROUP = "floquid", "record"
+_AGAIN = "Copy or export it again."
+_CHOOSE = "Choose channels that go together with `channels` (`--channels`), as in `group/channel`."
+
+_MOST_SCALES, _MOST_SUMS = 100, 8
+_COUNTS = {str(count) for count in range(_MOST_SCALES + 1)}
+_SCALE = re.compile(r"NI_Scale\[(\d+)\]")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Signal:
+    """A channel of numbers: `held` is npTDMS's own, `name` and `unit` are what the file calls it."""
+
+    held: Any
+    group: str
+    name: str
+    unit: str
+
+    @property
+    def path(self) -> str:
+        """As in «group/channel»."""
+        return f"{self.group}/{self.name}"
+
+    def get(self, key: str) -> Any:
+        """A property of the channel, None if it has none."""
+        return self.held.properties.get(key)
+
+
+def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
+    """The table in a TDMS file.
+
+    Where one group holds numbers its channels have their own names; where several do, all are called `group/channel`.
+
+    Raises
+    ------
+    InputError
+        npTDMS is not installed; the file is damaged or cut short; its channels do not go together.
+    """
+    nptdms = extra("nptdms", package="npTDMS", name="tdms", suffix=".tdms", of=source.of)
+    check_layout(source, source.path)
+    nptdms.log.log_manager.set_level(logging.CRITICAL)
+    with source.path.open("rb") as stream:  # given the path, npTDMS would trust an index file beside it
+        file = _guarded(source, lambda: nptdms.TdmsFile.open(stream))
+        stated = _stated(source, file)
+        _check_scales(source, file)
+        signals, others = _guarded(source, lambda: _signals(file))
+        if not signals:
+            got = f"holds {len(others)} channels of other kinds" if others else "holds no channel"
+            raise source.error("hold a channel of numbers", got, "Export the signals.")
+        is_own = [channel.name for channel in stated.channels] == [signal.held.name for signal in signals]
+        times, signals = ([], signals) if is_own else _split(source, signals)
+        named = stated.channels if is_own else _named(source, signals)
+        rows = list(range(len(named)))
+        if channels is not None:
+            rows = channels_named(named, _names(channels, named, signals), argument="channels", of=source.of)
+        chosen = [signals[row] for row in rows]
+        time = next((t for t in times if t.group == chosen[0].group), None)
+        _check_lengths(source, chosen, time)
+        rate, start, notes = _even(source, chosen, stated, ignore_time=ignore_time)
+        values = _values(source, chosen)
+        column = None if time is None or ignore_time else _guarded(source, lambda: _column(source, time))
+    notes += tuple(f"Channel {path!r} is not of numbers, and is not used." for path in others[:20])
+    return Table(
+        values=values,
+        channels=tuple(named[row] for row in rows),
+        time=column,
+        sample_rate=rate,
+        start=start,
+        period=stated.period,
+        origin=stated.origin,
+        orbit=own_orbit(stated, [named[row] for row in rows]),
+        notes=notes,
+    )
+
+
+def _guarded(source: Source, call: Callable[[], Any]) -> Any:
+    """What `call` gives; damage makes npTDMS raise errors of many types."""
+    try:
+        return call()
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:  # noqa: BLE001  # struct.error, KeyError, ValueError, UnicodeDecodeError, Exception, ...
+        words = " ".join(f"{type(error).__name__}: {error}".split())[:200].removesuffix(".")
+        raise source.error("be a readable TDMS file", f"is not ({words})", _AGAIN) from None
+
+
+def _stated(source: Source, file: Any) -> Stated:
+    text = file.properties.get(_KEY)
+    if not isinstance(text, str):
+        return Stated()
+    try:
+        return parse_stated(text)
+    except DamagedLineError:
+        must, got = "have the property `floquid` as floquid wrote it", "has another"
+        raise source.error(must, got, "Delete it: the channels can be read without it.") from None
+
+
+def _check_scales(source: Source, file: Any) -> None:
+    """Refuse more scales than any instrument has: npTDMS makes a list of as many, and goes through all sums of two."""
+    for held in (file, *file.groups(), *(channel for group in file.groups() for channel in group.channels())):
+        properties = held.properties
+        count = properties.get("NI_Number_Of_Scales", 0)
+        indices = [int(match[1][:20]) for key in properties if (match := _SCALE.match(str(key)))]
+        sums = sum("_Left_Operand_" in key for key in properties)
+        if str(count) not in _COUNTS or max(indices, default=0) >= _MOST_SCALES or sums > _MOST_SUMS:
+            got = f"has {count!r}, up to {max(indices, default=0)}, {sums} of them sums"
+            raise source.error(f"have at most {_MOST_SCALES} scales a channel", got, _AGAIN)
+
+
+def _signals(file: Any) -> tuple[list[_Signal], list[str]]:
+    """The channels of numbers, and the paths of the others."""
+    signals, others = [], []
+    for group in file.groups():
+        for channel in group.channels():
+            path = f"{group.name}/{channel.name}"
+            if len(channel) == 0:
+                continue
+            if channel.dtype.kind not in "biuf":
+                others.append(path)
+                continue
+            name, unit = name_and_unit(channel.name)
+            words = channel.properties.get("unit_string") or channel.properties.get("NI_UnitDescription")
+            if isinstance(words, str) and words.strip():
+                name, unit = channel.name, words.strip()
+            signals.append(_Signal(held=channel, group=group.name, name=name, unit=unit or "-"))
+    return signals, others
+
+
+def _split(source: Source, signals: Sequence[_Signal]) -> tuple[list[_Signal], list[_Signal]]:
+    """The channels of times, at most one a group, and the others."""
+    times = []
+    for group in dict.fromkeys(signal.group for signal in signals):
+        members = [signal for signal in signals if signal.group == group]
+        place, _ = find_time(source, [(member.name, None if member.unit == "-" else member.unit) for member in members])
+        if place is not None and len(members) > 1:
+            times.append(members[place])
+    return times, [signal for signal in signals if signal not in times]
+
+
+def _named(source: Source, signals: Sequence[_Signal]) -> tuple[Channel, ...]:
+    """The channels, by their names alone where all are of one group."""
+    several = len({signal.group for signal in signals}) > 1
+    names = [signal.path if several else signal.name for signal in signals]
+    check_distinct(source, names)
+    try:
+        return tuple(
+            Channel(name=name, unit=signal.unit, quantity="angle" if is_shaft_angle(name, signal.unit) else None)
+            for name, signal in zip(names, signals, strict=True)
+        )
+    except InputError as error:
+        raise source.wrapped(error) from None
+
+
+def _names(channels: Sequence[str], named: Sequence[Channel], signals: Sequence[_Signal]) -> list[str]:
+    """Names asked for, those as `group/channel` taken for the channels that they mean."""
+    paths = {signal.path: channel.name for signal, channel in zip(signals, named, strict=True)}
+    return [paths.get(name, name) for name in channels]
+
+
+def _check_lengths(source: Source, chosen: Sequence[_Signal], time: _Signal | None) -> None:
+    lengths = {signal.path: len(signal.held) for signal in (*chosen, *([] if time is None else [time]))}
+    if len(set(lengths.values())) > 1:
+        words = ", ".join(f"{path} has {length}" for path, length in list(lengths.items())[:10])
+        raise source.error("hold channels of one length", f"does not: {words} samples", _CHOOSE)
+
+
+def _even(
+    source: Source, chosen: Sequence[_Signal], stated: Stated, *, ignore_time: bool
+) -> tuple[float | None, float | None, tuple[str, ...]]:
+    """The rate [Hz] and the start [s] that the channels state, None if they state none, and notes.
+
+    Raises
+    ------
+    InputError
+        They differ from one another, are not possible, or contradict our own property.
+    """
+    steps = {signal.path: signal.get("wf_increment") for signal in chosen}
+    starts = {signal.path: (str(signal.get("wf_start_time")), signal.get("wf_start_offset")) for signal in chosen}
+    for what, found in (("step of time (`wf_increment`)", steps), ("start (`wf_start_time`)", starts)):
+        if len(set(map(str, found.values()))) > 1:
+            words = ", ".join(f"{path} has {value}" for path, value in list(found.items())[:10])
+            raise source.error(f"hold channels of one {what}", f"does not: {words}", _CHOOSE)
+    step, (date, offset) = next(iter(steps.values())), next(iter(starts.values()))
+    notes = () if date == "None" else (f"The first sample was taken at {date}.",)
+    if step is None:
+        return stated.sample_rate, stated.start, notes
+    if not isinstance(step, (int, float)) or not 0.0 < step < np.inf or not np.isfinite(1.0 / step):
+        if ignore_time:
+            return None, None, notes
+        must, got = "state a positive step of time (`wf_increment`) [s]", f"states {step!r}"
+        raise source.error(must, got, "Pass `rate` (`--rate`) [Hz] to say what it is.")
+    start = float(offset) if isinstance(offset, (int, float)) and np.isfinite(offset) else 0.0
+    if stated.sample_rate is None:
+        return rate_of_step(step), start, notes
+    if not (stated.sample_rate > 0.0 and (1.0 / stated.sample_rate, stated.start) == (step, start)) and not ignore_time:
+        raise source.error(
+            "have a property `floquid` that agrees with its channels",
+            f"states {stated.sample_rate} Hz from {stated.start} s there, and {step:.9g} s from {start:.9g} s in them",
+            "The samples were changed since. Pass `rate` (`--rate`) [Hz] to say what it is.",
+        )
+    return stated.sample_rate, stated.start, notes
+
+
+def _values(source: Source, chosen: Sequence[_Signal]) -> NDArray[np.float64]:
+    """The samples (channels, samples), scaled as the file says."""
+    values = np.empty((len(chosen), len(chosen[0].held)))
+    for row, signal in enumerate(chosen):
+        data = _guarded(source, signal.held.read_data)
+        if data.shape != values[row].shape or data.dtype.kind not in "biuf":
+            got = f"has {data.shape} of {data.dtype} for {signal.path!r}"
+            raise source.error("hold the samples that it declares", got, _AGAIN)
+        values[row] = data
+    return values
+
+
+def _column(source: Source, time: _Signal) -> TimeColumn:
+    _, scale = find_time(source, [(time.name, None if time.unit == "-" else time.unit)])
+    return TimeColumn(values=time.held.read_data(), scale=scale, label=time.path)
+
+
+def save_tdms(record: Record, path: Path) -> None:
+    """Write `record` as one group of waveforms.
+
+    Raises
+    ------
+    InputError
+        npTDMS is not installed.
+    """
+    nptdms = extra("nptdms", package="npTDMS", name="tdms", suffix=".tdms", of="write")
+    shared = {
+        "wf_increment": 1.0 / record.sample_rate,
+        "wf_start_offset": record.start,
+        "wf_samples": record.n_samples,
+    }
+    objects = [nptdms.RootObject({_KEY: stated_text(record)}), nptdms.GroupObject(_GROUP)]
+    for channel, row in zip(record.channels, record.values, strict=True):
+        unit = {} if channel.unit == "-" else {"unit_string": channel.unit}
+        objects.append(nptdms.ChannelObject(_GROUP, channel.name, np.array(row), {**shared, **unit}))
+    with path.open("wb") as stream, nptdms.TdmsWriter(stream) as writer:
+        writer.write_segment(objects)

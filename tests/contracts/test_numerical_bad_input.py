@@ -1,0 +1,130 @@
+"""Records that are not what they seem: right within the stated deviations, doubted, or refused, never wrong in silence.
+
+The table is that of `examples/bad_records`, which the guide shows. pytest makes errors of warnings, numpy's too.
+"""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from floquid.cli import run
+from floquid.readers import write
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "bad_records"
+sys.path.insert(0, str(EXAMPLE))
+from bad_records import MOST, NOISE, RECORDS, noise, record, response, told, worst  # noqa: E402
+
+import floquid as fq  # noqa: E402
+
+ROWS = [pytest.param(bad, id=bad.name, marks=[pytest.mark.slow] if bad.slow else []) for bad in RECORDS]
+OF = {name: next(bad for bad in RECORDS if bad.name == name) for name in (bad.name for bad in RECORDS)}
+
+TYPED = [
+    ("nothing is wrong", 0),
+    ("a channel again in other units", 2),
+    ("a channel of a constant, as sampled", 2),
+    ("a channel of 1e200, as sampled", 2),
+    ("a channel of subnormal numbers, as sampled", 2),
+    ("integers that wrapped round", 2),
+    ("one hit given twice, in other units", 2),
+    ("an orbit and no free response, as sampled", 1),
+    ("a random walk", 1),
+    ("three periods", 1),
+    ("more poles than modes", 3),
+]
+"""Rows that are typed as a command, and its exit code with --enforce."""
+
+
+def test_names_are_distinct():
+    assert len(OF) == len(RECORDS)
+
+
+@pytest.mark.parametrize("bad", ROWS)
+def test_right_doubted_or_refused(bad):
+    answer, words, deviations = told(bad)
+    assert answer == bad.answer, words
+    assert bad.words in words
+    if answer == "modes":
+        assert deviations < MOST
+
+
+@pytest.mark.parametrize(("name", "code"), TYPED, ids=[name for name, _ in TYPED])
+def test_typed_as_a_command(name, code, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    bad = OF[name]
+    made = bad.make()
+    for number, one in enumerate([made] if isinstance(made, fq.Record) else made):
+        write(one, f"{number}.npz")
+    files = sorted(path.name for path in tmp_path.iterdir())
+    options = [word for key, value in bad.settings.items() for word in (f"--{key}", str(value))]
+    assert run(["identify", *files, *options, "--enforce"]) == code
+    printed = capsys.readouterr()
+    assert not re.search("Traceback|Unexpected|Warning:", printed.err)
+    if code:
+        assert printed.err.startswith("floquid: ")
+        assert bad.words in printed.err.replace("`--", "").replace("\n", " ") or bad.words in printed.out
+
+
+@pytest.mark.parametrize("kind", ["white", "red", "peaked", "walk"])
+@pytest.mark.parametrize("channels", [1, 4])
+def test_noise_alone_is_no_mode_whatever_the_seed(kind, channels):
+    """Before: 11 of 20 random walks in one channel passed as slow modes."""
+    for seed in range(6):
+        with pytest.raises(fq.IdentificationError, match="no mode rises above the noise"):
+            fq.identify(noise(kind, channels, 16, seed=seed)())
+
+
+def pulls(change, draws=20):
+    """The errors of the decay in deviations (draws,), of records that are changed."""
+    found = []
+    for seed in range(draws):
+        model = fq.identify(record(change(response(seed=seed, exponents=(-0.03 + 0.7j,)))), validate=False).model
+        own = int(np.argmin(np.abs(model.exponents - (-0.03 + 0.7j))))
+        found.append((model.exponents[own].real + 0.03) / model.exponent_std[own].real)
+    return np.array(found)
+
+
+def test_what_is_refused_would_have_had_deviations_too_small(monkeypatch):
+    """A channel three more times, in other units: its errors are what they were, its deviations are not."""
+    monkeypatch.setattr("floquid.pipeline._identify.sum_of_others", lambda analysis: "")
+    copies = pulls(lambda v: np.concatenate([v, 2.0 * v[:1], 3.0 * v[:1], 4.0 * v[:1]]))
+    assert 0.6 < pulls(lambda v: v).std() < 1.4
+    assert copies.std() > 1.4
+
+
+def test_a_sum_in_a_given_order_is_a_warning():
+    """Too low an order leaves modes in the noise, alike in independent channels: then it is said, and not refused."""
+    copied = OF["the sum of two channels"].make()
+    analysis = fq.identify(copied, order=4)
+    assert any("deviations are too small. Leave it out" in word for word in analysis.warnings)
+
+
+def test_a_quantised_copy_is_refused_too():
+    """Two loggers at one sensor: what the second rounds differently is a hundredth of the noise."""
+    v = response()
+    step = 0.1 * NOISE * np.abs(v[0]).max()
+    with pytest.raises(fq.InputError, match="channel 'Z' is 1 times channel 'X', noise and all, but for"):
+        fq.identify(record(np.concatenate([v, step * np.round(v[:1] / step)])))
+
+
+def test_channels_that_share_half_of_their_noise_are_let_pass():
+    v = response()
+    own = NOISE * np.abs(v[0]).max() * np.random.default_rng(5).standard_normal(v.shape[1])
+    found = fq.identify(record(np.concatenate([v, v[:1] + own])))
+    assert worst(found.model, OF["nothing is wrong"].truth) < MOST
+
+
+@pytest.mark.parametrize("records", [None, 3, "run.npz", [], [1]])
+def test_no_record_at_all(records):
+    with pytest.raises(fq.InputError, match=r"`records` of `identify` must be a Record or a list of them"):
+        fq.identify(records)
+
+
+def test_what_is_wrong_with_the_samples_is_said_of_a_refusal_too():
+    """Clipped so hard that nothing is found: the clipping is said all the same."""
+    v = np.random.default_rng(0).standard_normal((2, 480)).clip(-0.5, 0.5)
+    with pytest.raises(fq.IdentificationError, match=r"(?s)no mode rises above .*'X' is clipped at -0.5 and 0.5"):
+        fq.identify(record(v))

@@ -1,0 +1,343 @@
+"""Damaged files of the binary formats, built byte by byte: each ends in one `InputError`, and no memory is taken."""
+
+import io
+import struct
+import tracemalloc
+
+import numpy as np
+import pytest
+from tests.contracts.test_readers_bad_input import assert_refused
+
+from floquid.core import Record
+from floquid.readers import read, write
+
+GOOD = Record(values=np.arange(12.0).reshape(2, 6), sample_rate=100.0, channels=["x", "y"])
+
+
+def written(suffix, folder):
+    path = folder / f"good{suffix}"
+    write(GOOD, path)
+    return path.read_bytes()
+
+
+def outb(kind=3, channels=2, samples=6, first=0.0, second=0.01, scales=(2.0, 3.0, 1.0, -1.0), text=b"", **changes):
+    """A binary output of OpenFAST, by the layout that its MATLAB reader states."""
+    letters = changes.get("letters", 10)
+    names = changes.get("names", ["Time", "x", "y"])
+    units = changes.get("units", ["(s)", "(m)", "(deg)"])
+    data = struct.pack("<h", kind) + (struct.pack("<h", letters) if kind == 4 else b"")
+    data += struct.pack("<iidd", channels, samples, first, second)
+    data += b"" if kind == 3 else struct.pack(f"<{len(scales)}f", *scales)
+    data += struct.pack("<i", changes.get("length", len(text))) + text
+    data += b"".join(word.encode().ljust(max(letters, 0)) for word in [*names, *units])
+    data += struct.pack(f"<{samples}i", *range(samples)) if kind == 1 else b""
+    return data + changes.get("body", np.arange(12, dtype="<f8" if kind == 3 else "<i2").tobytes())
+
+
+OUTB = {
+    "empty": (b"", "is empty", "Export"),
+    "one byte": (b"\3", "cut short in its head", "Run OpenFAST again"),
+    "a head cut short": (outb()[:9], "cut short in its head", "Run OpenFAST again"),
+    "an unknown kind": (outb(kind=7), "begins with 7", "text output is called .out"),
+    "a text output": (b"\nTime x\n(s) (m)\n0 1\n1 2\n", "numbers 1 to 4", "text output is called .out"),
+    "no channels": (outb(channels=0), "declares 0 channels of 6 samples", "Run"),
+    "fewer than no channels": (outb(channels=-2), "declares -2 channels", "Run"),
+    "fewer than no samples": (outb(samples=-6, kind=2), "declares 2 channels of -6 samples", "Run"),
+    "10^12 numbers": (outb(channels=1000, samples=10**9), "declares 1000 channels of 1000000000", "Run"),
+    "10^9 letters": (outb(length=10**9), "and no more", "a description of 1000000000 letters", "Run"),
+    "fewer than no letters": (outb(length=-5), "a description of -5 letters", "Run"),
+    "names of no letters": (outb(kind=4, letters=0), "names of 0 letters", "Run"),
+    "names of -1 letters": (outb(kind=4, letters=-1), "names of -1 letters", "Run"),
+    "cut short": (outb()[:-1], "declares 2 channels of 6 samples", "Run"),
+    "too long": (outb() + b"\0", "and no more", "declares 2 channels of 6 samples", "Run"),
+    "a step of NaN": (outb(second=np.nan), "a positive step", "nan", "`rate` (`--rate`)"),
+    "a step of zero": (outb(second=0.0), "a positive step", "0.0 s", "`rate` (`--rate`)"),
+    "a step of 1e-320": (outb(second=1e-320), "a positive step", "`rate` (`--rate`)"),
+    "a start of infinity": (outb(first=np.inf), "state a first time", "inf s", "`rate` (`--rate`)"),
+    "a scale of zero": (outb(kind=2, scales=(0.0, 3.0, 1.0, -1.0)), "scale that is not zero", "0.0 and 1.0 for 'x'"),
+    "a scale of NaN": (outb(kind=4, scales=(2.0, np.nan, 1.0, 0.0)), "scale that is not zero", "nan and 0.0 for 'y'"),
+    "times of no scale": (outb(kind=1, first=0.0, second=0.0), "a positive scale of its times", "0.0 and 0.0"),
+    "a name twice": (outb(names=["Time", "x", "x"]), "each channel once", "'x' twice", "Rename"),
+    "no name": (outb(names=["Time", "x", ""]), "be a word", "Give each channel a name"),
+    "a control character": (outb(names=["Time", "x", "\7y"]), "plain letters", "'\\x07y'"),
+    "one sample": (outb(samples=1, body=bytes(16)), "at least two samples", "holds 1"),
+    "no samples": (outb(samples=0, body=b""), "hold samples", "holds none"),
+    "an infinite sample": (outb(body=np.full(12, np.inf).tobytes()), "finite samples", "12 in `values`", "NaN"),
+    "a line that is none": (outb(text=b"# floquid record: {"), "as floquid wrote it", "Copy or write it again"),
+    "a line of another rate": (
+        outb(text=b'# floquid record: {"sample_rate": 99.0, "start": 0.0}'), "agrees with its head", "99.0 Hz",
+    ),
+}  # fmt: skip
+
+
+def wav(*chunks, head=b"RIFF", form=b"WAVE", size=None):
+    body = form + b"".join(
+        name + struct.pack("<I", len(data) if declared is None else declared) + data + b"\0" * (len(data) % 2)
+        for name, data, declared in chunks
+    )
+    return head + struct.pack("<I", len(body) if size is None else size) + body
+
+
+def fmt(tag=1, channels=2, rate=8000, bits=16, frame=None, declared=None):
+    frame = channels * -(-bits // 8) if frame is None else frame
+    return b"fmt ", struct.pack("<HHIIHH", tag, channels, rate, rate * frame % 2**32, frame, bits), declared
+
+
+DATA = (b"data", np.arange(12, dtype="<i2").tobytes(), None)
+WAV = {
+    "empty": (b"", "is empty", "Export"),
+    "the mark alone": (b"RIFF", "is not one, or is damaged", "Copy"),
+    "another mark": (wav(fmt(), DATA, head=b"RIFX"), "is not one, or is damaged", "RIFF and WAVE"),
+    "another form": (wav(fmt(), DATA, form=b"AVI "), "is not one, or is damaged", "RIFF and WAVE"),
+    "no chunks": (wav(), "has no chunk 'fmt'", "Copy"),
+    "no format": (wav(DATA), "has no chunk 'fmt'", "Copy"),
+    "no data": (wav(fmt()), "has no chunk 'data'", "Copy"),
+    "two formats": (wav(fmt(), fmt(), DATA), "one chunk of a kind", "'fmt ' twice", "Copy"),
+    "two data": (wav(fmt(), DATA, DATA), "one chunk of a kind", "'data' twice", "Copy"),
+    "a format cut short": (wav((b"fmt ", bytes(14), None), DATA), "a chunk 'fmt' of 14 bytes", "Copy"),
+    "data of 4 GB": (wav(fmt(), (*DATA[:2], 4_000_000_000)), "declares 4000000000 bytes, and 24 are left", "Copy"),
+    "data of a byte more": (wav(fmt(), (*DATA[:2], 25)), "declares 25 bytes, and 24 are left", "Copy"),
+    "letters that are none": (wav(fmt(), (b"\xff\0\1\2", b"", None), DATA), "has no chunk at byte 36", "Copy"),
+    "no channels": (wav(fmt(channels=0), DATA), "channels and a rate that are possible", "0 channels", "Copy"),
+    "no rate": (wav(fmt(rate=0), DATA), "channels and a rate that are possible", "0 Hz", "Copy"),
+    "another frame": (wav(fmt(frame=3), DATA), "channels and a rate that are possible", "3 bytes for a sample", "Copy"),
+    "no bits": (wav(fmt(bits=0), DATA), "8 to 64 bits", "0 bits a sample", "Copy"),
+    "40 bits": (wav(fmt(bits=40), DATA), "8 to 64 bits", "40 bits a sample", "Copy"),
+    "16-bit floats": (wav(fmt(tag=3), DATA), "8 to 64 bits", "16 bits a sample", "Copy"),
+    "A-law": (wav(fmt(tag=6, bits=8), DATA), "plain samples", "holds A-law", "PCM"),
+    "an unknown format": (wav(fmt(tag=0x1234), DATA), "plain samples", "format 0x1234", "PCM"),
+    "an unknown GUID": (
+        wav((b"fmt ", fmt(tag=0xFFFE)[1] + struct.pack("<HHI", 22, 16, 3) + bytes(16), None), DATA),
+        "plain samples", "format 0xfffe", "PCM",
+    ),
+    "half a sample": (wav(fmt(), (b"data", bytes(22), None)), "whole samples", "22 bytes of 4 each", "Copy"),
+    "no samples": (wav(fmt(), (b"data", b"", None)), "hold samples", "holds none", "Export"),
+    "one sample": (wav(fmt(), (b"data", bytes(4), None)), "at least two samples", "holds 1", "Export"),
+    "infinite": (
+        wav(fmt(tag=3, bits=32), (b"data", np.full(8, np.inf, "<f4").tobytes(), None)), "finite samples", "'ch1'",
+    ),
+    "own chunk of no JSON": (wav(fmt(), (b"flqd", b"{]", None), DATA), "'flqd' as floquid wrote it", "Copy"),
+    "own chunk of NaN": (wav(fmt(), (b"flqd", b'{"start": NaN}', None), DATA), "'flqd' as floquid wrote it", "Copy"),
+    "own chunk of another rate": (
+        wav(fmt(), (b"flqd", b'{"sample_rate": 7999.0, "channels": [["x","other","-","",""],["y","other","-","",""]]}',
+                    None), DATA),
+        "agrees with its header", "7999.0 Hz there and 8000 Hz", "`rate` (`--rate`)",
+    ),
+}  # fmt: skip
+
+
+def segment(*objects, contents=0x0E, data=b"", order="<", **changes):
+    """A segment of a TDMS file: objects as bytes, and raw data."""
+    meta = b"" if not contents & 2 else struct.pack(f"{order}I", changes.get("count", len(objects))) + b"".join(objects)
+    offset = changes.get("offset", len(meta))
+    length = changes.get("length", len(meta) + len(data))
+    return b"TDSm" + struct.pack("<I", contents) + struct.pack(f"{order}IQQ", 4713, length, offset) + meta + data
+
+
+def thing(path, index=b"\xff\xff\xff\xff", properties=()):
+    """An object: its path, the index of its data, and properties as bytes."""
+    text = path.encode()
+    return struct.pack("<I", len(text)) + text + index + struct.pack("<I", len(properties)) + b"".join(properties)
+
+
+def index(count, kind=10, dimension=1):
+    return struct.pack("<IIIQ", 20, kind, dimension, count)
+
+
+def number(name, value):
+    return struct.pack("<I", len(name)) + name.encode() + struct.pack("<Id", 10, value)
+
+
+def scale(name, value):
+    return struct.pack("<I", len(name)) + name.encode() + struct.pack("<II", 7, value)
+
+
+def word(name, value):
+    return struct.pack("<I", len(name)) + name.encode() + struct.pack("<II", 0x20, len(value)) + value.encode()
+
+
+def daqmx(count, width, buffer=0, n_widths=1):
+    return struct.pack("<IIIQI5II", 0x1269, 0xFFFFFFFF, 1, count, 1, 5, buffer, 0, 0, 0, n_widths) + struct.pack(
+        "<I", width
+    )
+
+
+ROOT, STEP = thing("/"), number("wf_increment", 0.01)
+VALUES = np.arange(6.0).tobytes()
+
+
+def channel(count=6, kind=10, step=STEP, name="x", index_of=None):
+    path = f"/'g'/'{name}'"
+    return thing(path, index(count, kind) if index_of is None else index_of, [] if step is None else [step])
+
+
+TDMS = {
+    "empty": (b"", "is empty", "Export"),
+    "another mark": (b"TDSh" + segment(ROOT, channel(), data=VALUES)[4:], "there is no segment at byte 0", "Copy"),
+    "a lead-in cut short": (segment(ROOT)[:20], "cut short", "Copy"),
+    "cut short": (segment(ROOT, channel(), data=VALUES)[:-1], "declares more than is there", "Copy"),
+    "10^12 values": (segment(ROOT, channel(10**12), data=VALUES), "whole chunks of 8000000000000", "Copy"),
+    "a segment of 10^12 bytes": (segment(ROOT, channel(), data=VALUES, length=10**12), "declares more", "Copy"),
+    "metadata of 10^12 bytes": (segment(ROOT, channel(), data=VALUES, offset=10**12), "declares more", "Copy"),
+    "4 billion objects": (segment(ROOT, channel(), data=VALUES, count=2**32 - 1), "the description of its", "Copy"),
+    "a name of 4 GB": (segment(struct.pack("<I", 2**32 - 1) + b"/", data=VALUES), "the description of its", "Copy"),
+    "4 billion properties": (
+        segment(ROOT, thing("/'g'/'x'", index(6))[:-4] + b"\xff\xff\xff\xff", data=VALUES), "the description", "Copy",
+    ),
+    "a property of no type": (
+        segment(ROOT, thing("/'g'/'x'", index(6), [struct.pack("<I1sI", 1, b"p", 99)]), data=VALUES), "type (0x63)",
+    ),
+    "values of no type": (segment(ROOT, channel(kind=0x77), data=VALUES), "unknown type (0x77)", "Copy"),
+    "two dimensions": (segment(ROOT, channel(index_of=index(6, dimension=2)), data=VALUES), "2 dimensions", "Copy"),
+    "data described nowhere": (segment(ROOT, channel(index_of=bytes(4)), data=VALUES), "described before", "Copy"),
+    "data of no object": (segment(ROOT, data=VALUES), "48 bytes of data are not whole chunks of 0", "Copy"),
+    "half a value": (segment(ROOT, channel(5), data=VALUES[:-4]), "44 bytes of data are not whole chunks of 40"),
+    "two million segments": (
+        segment(*(thing(f"/'{n}'") for n in range(3000)), contents=6) + 700 * segment(contents=0), "millions of pieces",
+    ),
+    "DAQmx: 10^12 values": (segment(ROOT, channel(index_of=daqmx(10**12, 4)), data=VALUES), "chunks of 4000000000000"),
+    "DAQmx: 10^12 values of no width": (
+        segment(ROOT, channel(index_of=daqmx(10**12, 0)), channel(name="y"), data=VALUES), "not whole chunks", "Copy",
+    ),
+    "DAQmx: no such buffer": (segment(ROOT, channel(index_of=daqmx(6, 4, buffer=3)), data=VALUES), "not there", "Copy"),
+    "DAQmx: 4 billion buffers": (
+        segment(ROOT, channel(index_of=daqmx(6, 4, n_widths=2**32 - 1)), data=VALUES), "the description of its",
+    ),
+    "4 billion scales": (
+        segment(ROOT, thing("/'g'/'x'", index(6), [scale("NI_Number_Of_Scales", 2**32 - 1)]), data=VALUES),
+        "at most 100 scales", "4294967295", "Copy",
+    ),
+    "scale 4 billion": (
+        segment(ROOT, thing("/'g'/'x'", index(6), [number("NI_Scale[4000000000]_Linear_Slope", 2.0)]), data=VALUES),
+        "at most 100 scales", "4000000000", "Copy",
+    ),
+    "a sum of itself": (
+        segment(ROOT, thing("/'g'/'x'", index(6), [
+            number("wf_increment", 0.01), scale("NI_Number_Of_Scales", 1), word("NI_Scale[0]_Scale_Type", "Add"),
+            scale("NI_Scale[0]_Add_Left_Operand_Input_Source", 0),
+            scale("NI_Scale[0]_Add_Right_Operand_Input_Source", 0),
+        ]), data=VALUES),
+        "a readable TDMS file", "RecursionError", "Copy",
+    ),
+    "no channel": (segment(ROOT, contents=6), "holds no channel", "Export"),
+    "text alone": (
+        segment(ROOT, thing("/'g'/'x'", struct.pack("<IIIQQ", 28, 0x20, 1, 2, 10)),
+                data=struct.pack("<II", 1, 2) + b"ab"), "1 channels of other kinds", "Export",
+    ),
+    "a step of NaN": (segment(ROOT, channel(step=number("wf_increment", np.nan)), data=VALUES), "positive step", "nan"),
+    "a step below zero": (segment(ROOT, channel(step=number("wf_increment", -1.0)), data=VALUES), "step", "-1"),
+    "no step": (segment(ROOT, channel(step=None), data=VALUES), "neither a rate nor a column of times", "`rate`"),
+    "one sample": (segment(ROOT, channel(1), data=VALUES[:8]), "at least two samples", "holds 1"),
+    "two rates": (
+        segment(ROOT, channel(3), channel(3, name="y", step=number("wf_increment", 0.02)), data=VALUES),
+        "one step of time", "g/x has 0.01, g/y has 0.02", "`group/channel`",
+    ),
+    "two lengths": (segment(ROOT, channel(4), channel(2, name="y"), data=VALUES), "one length", "g/x has 4, g/y has 2"),
+    "infinite": (segment(ROOT, channel(), data=np.full(6, np.inf).tobytes()), "finite samples", "channel 'x'", "NaN"),
+    "own property of no JSON": (
+        segment(thing("/", properties=[word("floquid", "{]")]), channel(), data=VALUES),
+        "`floquid` as floquid wrote it", "Delete it",
+    ),
+}  # fmt: skip
+
+
+def table(**columns):
+    """A Parquet file of these columns."""
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    stream = io.BytesIO()
+    found = columns.pop("table", None) or pa.table(columns)
+    parquet.write_table(found, stream)
+    return stream.getvalue()
+
+
+def many_rows():
+    pa = pytest.importorskip("pyarrow")
+    return table(table=pa.table({"time": np.arange(6.0), "x": np.ones(6)}).replace_schema_metadata({"floquid": "{]"}))
+
+
+TIME = np.arange(6.0)
+PARQUET = {
+    "empty": (lambda: b"", "is empty", "Export"),
+    "the mark alone": (lambda: b"PAR1", "readable Parquet file", "Copy"),
+    "another mark": (lambda: b"PARE" + table(time=TIME, x=TIME)[4:-4] + b"PARE", "readable Parquet file", "Copy"),
+    "the first half": (lambda: table(time=TIME, x=TIME)[:300], "readable Parquet file", "Copy"),
+    "a footer of 4 GB": (lambda: table(time=TIME, x=TIME)[:-8] + b"\xff\xff\xff\x7fPAR1", "readable Parquet", "Copy"),
+    "a footer of zeros": (lambda: b"PAR1" + bytes(40) + struct.pack("<I", 40) + b"PAR1", "readable Parquet", "Copy"),
+    "a footer of no end": (lambda: b"PAR1" + b"\x19\x9c" * 40 + struct.pack("<I", 80) + b"PAR1", "readable", "Copy"),
+    "no columns": (table, "a column of numbers for each channel", "none", "Write"),
+    "text alone": (lambda: table(x=["a", "b"]), "a column of numbers for each channel", "columns x", "Write"),
+    "the time alone": (lambda: table(time=TIME), "a column of numbers for each channel", "columns time", "Write"),
+    "nested": (lambda: table(time=TIME, x=[[1.0]] * 6), "a column of numbers for each channel", "columns time, x"),
+    "no rows": (lambda: table(time=TIME[:0], x=TIME[:0]), "hold samples", "holds none"),
+    "one row": (lambda: table(time=TIME[:1], x=TIME[:1]), "at least two samples", "holds one"),
+    "no times": (lambda: table(x=TIME), "neither a rate nor a column of times", "`rate` (`--rate`)"),
+    "a time of nothing": (lambda: table(time=[0.0, None, 2.0], x=[1.0, 2.0, 3.0]), "a finite time", "`rate`"),
+    "a date of nothing": (
+        lambda: table(t=np.array(["2026-01-01", "NaT", "2026-01-03"], "M8[ns]"), x=[1.0, 2.0, 3.0]),
+        "a date for every sample", "lacks 1",
+    ),
+    "times that fall": (lambda: table(time=TIME[::-1], x=TIME), "times that increase", "Sort"),
+    "an infinite sample": (lambda: table(time=TIME, x=np.full(6, -np.inf)), "finite samples", "channel 'x'", "NaN"),
+    "an unknown unit of time": (lambda: table(**{"time [parsec]": TIME, "x": TIME}), "one of s, ms", "'parsec'"),
+    "own metadata of no JSON": (many_rows, "`floquid` as floquid wrote it", "Delete them"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("data", "words"), [(v[0], v[1:]) for v in OUTB.values()], ids=OUTB)
+def test_bad_binary_output_of_openfast(data, words, tmp_path):
+    refused(tmp_path / "run.outb", data, words)
+
+
+@pytest.mark.parametrize(("data", "words"), [(v[0], v[1:]) for v in WAV.values()], ids=WAV)
+def test_bad_wav(data, words, tmp_path):
+    refused(tmp_path / "run.wav", data, words)
+
+
+@pytest.mark.parametrize(("data", "words"), [(v[0], v[1:]) for v in TDMS.values()], ids=TDMS)
+def test_bad_tdms(data, words, tmp_path):
+    pytest.importorskip("nptdms")
+    refused(tmp_path / "run.tdms", data, words)
+
+
+@pytest.mark.parametrize(("data", "words"), [(v[0], v[1:]) for v in PARQUET.values()], ids=PARQUET)
+def test_bad_parquet(data, words, tmp_path):
+    refused(tmp_path / "run.parquet", data(), words)
+
+
+def refused(path, data, words):
+    """One message with all its parts, and no memory to speak of for whatever was declared."""
+    path.write_bytes(data)
+    tracemalloc.start()
+    try:
+        assert_refused(path, words)
+        assert tracemalloc.get_traced_memory()[1] < 50_000_000
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("run.outb", outb()),
+        ("run.outb", outb(kind=2)),
+        ("run.outb", outb(kind=1, first=100.0, second=0.0)),
+        ("run.outb", outb(kind=4)),
+        ("run.wav", wav(fmt(), DATA)),
+        ("run.tdms", segment(ROOT, channel(), data=VALUES)),
+    ],
+)
+def test_the_tables_start_from_good_files(name, data, tmp_path):
+    if name.endswith("tdms"):
+        pytest.importorskip("nptdms")
+    (tmp_path / name).write_bytes(data)
+    assert read(tmp_path / name).n_samples == 6
+
+
+def test_a_group_that_unpacks_into_far_too_much_is_refused(tmp_path, monkeypatch):
+    pytest.importorskip("pyarrow")
+    from floquid.readers import _parquet
+
+    monkeypatch.setattr(_parquet, "LARGE", 1000)
+    path = tmp_path / "run.parquet"
+    path.write_bytes(table(time=np.zeros(1_000_000), x=np.zeros(1_000_000)))
+    assert_refused(path, ["hold the rows that it declares", "2 columns of 1000000 rows"])
