@@ -95,10 +95,22 @@ def test_draws_come_back(result):
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"not an archive"], ids=["empty", "cut", "text"])
-def test_a_damaged_file_is_passed_over(result, content):
+def test_what_is_no_archive_is_passed_over(result, content):
     path = result / "draws.npz"
     path.write_bytes(content)
     assert DrawFile(path=path, key="k").read() == []
+
+
+def test_a_damaged_archive_is_passed_over(result):
+    log = DrawFile(path=result / "draws.npz", key="k")
+    log.write([Draw(0, failure="x")] * 3)
+    whole, rest = log.path.read_bytes(), np.random.default_rng(0)
+    for _ in range(300):
+        changed = bytearray(whole)
+        for place in rest.integers(0, len(whole), 3):
+            changed[place] = rest.integers(0, 256)
+        log.path.write_bytes(changed)
+        assert len(log.read()) in (0, 3)
 
 
 def test_draws_of_something_else_are_passed_over(result):

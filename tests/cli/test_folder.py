@@ -1,13 +1,14 @@
 """A folder of results under kill -9 and under several writers: it holds one whole result, the old or the new."""
 
 import os
+import shutil
 import subprocess
 import sys
 
 import pytest
 from tests.cli.conftest import PICTURES, contents
 
-from floquid.cli._folder import FIGURES, LOCK, MOVING, READY, RESULT, UNFINISHED, result_folder, settle
+from floquid.cli._folder import FIGURES, LOCK, MOVING, READY, RESULT, UNFINISHED, _sweep, result_folder, settle
 from floquid.errors import InputError
 from floquid.store import load
 
@@ -253,6 +254,25 @@ def test_an_unfinished_folder_of_a_living_program_stays(here):
     abandoned.mkdir()
     with result_folder(here, ()):
         assert not abandoned.exists()
+
+
+def test_a_link_is_refused_before_any_work(here):
+    (here / "elsewhere.h5").write_text("theirs")
+    (here / RESULT).symlink_to(here / "elsewhere.h5")
+    with pytest.raises(InputError, match="is a symbolic link"), result_folder(here, (RESULT,)):
+        pass
+    assert (here / "elsewhere.h5").read_text() == "theirs"
+
+
+def test_a_folder_that_another_user_left_is_passed_over(here, monkeypatch):
+    (here / f"{UNFINISHED}left").mkdir()
+
+    def denied(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("floquid.cli._folder._lock", denied)
+    monkeypatch.setattr(shutil, "rmtree", lambda *_, **__: pytest.fail("it is not ours"))
+    _sweep(here)
 
 
 def test_a_lock_that_is_never_given_back_is_told_of(here, monkeypatch):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from floquid.cli import run
 from floquid.readers import write
@@ -89,7 +90,7 @@ def pulls(change, draws=20):
 
 def test_what_is_refused_would_have_had_deviations_too_small(monkeypatch):
     """A channel three more times, in other units: its errors are what they were, its deviations are not."""
-    monkeypatch.setattr("floquid.pipeline._identify.sum_of_others", lambda analysis: "")
+    monkeypatch.setattr("floquid.pipeline._identify.sum_of_others", lambda analysis: ("", 1.0))
     copies = pulls(lambda v: np.concatenate([v, 2.0 * v[:1], 3.0 * v[:1], 4.0 * v[:1]]))
     assert 0.6 < pulls(lambda v: v).std() < 1.4
     assert copies.std() > 1.4
@@ -128,3 +129,30 @@ def test_what_is_wrong_with_the_samples_is_said_of_a_refusal_too():
     v = np.random.default_rng(0).standard_normal((2, 480)).clip(-0.5, 0.5)
     with pytest.raises(fq.IdentificationError, match=r"(?s)no mode rises above .*'X' is clipped at -0.5 and 0.5"):
         fq.identify(record(v))
+
+
+def struck(*, ambient, own, common=0.0, second=0.5, seed=0):
+    """A mode of 3.1 Hz seen by two sensors: struck, shaken a little by its surroundings, and measured with noise."""
+    rate, n, rest = 64.0, 1024, np.random.default_rng(seed)
+    pole = np.exp((-0.01 + 1j) * 2.0 * np.pi * 3.1 / rate)
+    force = ambient * np.sqrt(1.0 - abs(pole) ** 2) * rest.standard_normal(n)
+    force[0] = 1.0
+    motion = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], force)
+    motion /= np.abs(motion).max()
+    values = np.array([motion, second * motion]) + common * rest.standard_normal(n)
+    values += own * rest.standard_normal((2, n))
+    return fq.Record(values=values, sample_rate=rate, channels=["a", "b"], clock=fq.ConstantPeriod(period=0.25))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_decay_in_noise_that_the_structure_makes_itself_is_no_noise(seed):
+    """There the noise has its peak where the mode is. It is said, and not taken for the mode."""
+    found = fq.identify(struck(ambient=0.02, own=5e-4, seed=seed))
+    assert np.abs(np.abs(found.model.exponents.imag) / (2.0 * np.pi) - 3.1).min() < 0.05
+
+
+def test_sensors_that_share_most_of_their_noise_are_warned_of_and_not_refused():
+    found = fq.identify(struck(ambient=0.0, own=5e-4, common=0.01, second=1.0))
+    assert any("deviations are too small" in words for words in found.warnings)
+    with pytest.raises(fq.InputError, match="noise and all"):
+        fq.identify(struck(ambient=0.0, own=5e-5, common=0.01, second=1.0))

@@ -51,6 +51,20 @@ def test_segments_follow_one_another(tmp_path):
     np.testing.assert_array_equal(read(path).values, [np.tile(X, 5), np.tile(-X, 5)])
 
 
+def test_a_segment_of_properties_alone(tmp_path):
+    """As LabVIEW writes those that are set when the samples are there: the list of objects goes on."""
+    path = tmp_path / "run.tdms"
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([nptdms.RootObject({}), nptdms.ChannelObject("g", "x", X, WAVE)])
+        writer.write_segment([nptdms.RootObject({"operator": "me"})])
+    data = bytearray(path.read_bytes())
+    first = data.index(b"TDSm", 4)
+    data[first + 4 : first + 8] = (0x2).to_bytes(4, "little")
+    path.write_bytes(data)
+    assert len(nptdms.TdmsFile.read(path)["g"]["x"]) == 60
+    np.testing.assert_array_equal(read(path).values, [X])
+
+
 def test_groups_of_unlike_rates(tmp_path):
     slow = {"wf_increment": 0.1}
     path = saved(tmp_path, ("fast", "x", X, WAVE), ("slow", "x", X[:9], slow), ("slow", "y", -X[:9], slow))

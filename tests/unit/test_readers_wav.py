@@ -107,6 +107,28 @@ def test_own_chunk_against_the_header(tmp_path):
     assert any("other channels, and is passed over" in step for step in found.provenance.steps)
 
 
+def test_samples_that_were_converted_have_no_unit_any_more(tmp_path):
+    """By a program that normalises them and keeps chunks that it does not know."""
+    path = tmp_path / "run.wav"
+    write(record(sample_rate=2533.0), path)
+    data = path.read_bytes()
+    own = data[data.index(b"flqd") :][8 : data.index(b"data") - data.index(b"flqd")]
+    samples = struct.pack("<4h", 32767, -32768, 100, 0)
+    path.write_bytes(wav(fmt(channels=2, rate=2533, bits=16), (b"flqd", own, None), (b"data", samples, None)))
+    found = read(path)
+    assert {channel.unit for channel in found.channels} == {"FS"}
+    assert any("were converted since" in step for step in found.provenance.steps)
+    assert any("full scale is 1" in step for step in found.provenance.steps)
+
+
+def test_what_fills_the_last_sector_up_is_passed_over(tmp_path):
+    path = tmp_path / "run.wav"
+    write(record(), path)
+    with path.open("ab") as stream:
+        stream.write(bytes(512))
+    np.testing.assert_array_equal(read(path).values, record().values)
+
+
 @pytest.mark.parametrize("rate", [1e-3, 0.4, 5e9, 44100.49])
 def test_rates_that_a_header_cannot_state(rate, tmp_path):
     path = tmp_path / "run.wav"

@@ -466,3 +466,13 @@ def test_a_library_that_is_not_installed_is_named(monkeypatch, package, call):
         InputError, match=rf'the package {package}, .*\n  Install it: pip install "floquid\[{package}\]"'
     ):
         call()
+
+
+def test_a_column_of_times_comes_before_rows_numbered_in_fractions():
+    """As a merge leaves them."""
+    times = np.arange(50) / 500.0
+    frame = pd.DataFrame({"time [s]": times, "x [m]": np.sin(times)}, index=np.arange(50.0))
+    found = Record.from_pandas(frame)
+    assert found.sample_rate == 500.0
+    assert [channel.name for channel in found.channels] == ["x"]
+    assert Record.from_pandas(frame.drop(columns="time [s]")).sample_rate == 1.0

@@ -499,6 +499,14 @@ def test_what_was_measured_comes_back(rig, tmp_path):
     assert list(differences(back.model, back.fit.model)) == []
 
 
+def test_the_reasons_of_a_fit_come_back_where_the_order_was_given(rig, tmp_path):
+    save(replace(rig, choice=None), tmp_path / "r.h5")
+    back = load(tmp_path / "r.h5")
+    assert back.choice is None
+    assert back.fit.reasons == rig.fit.reasons != ()
+    assert back.fit.doubts == rig.fit.doubts
+
+
 @pytest.mark.parametrize(
     "clock",
     [

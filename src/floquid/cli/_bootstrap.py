@@ -63,8 +63,10 @@ def bootstrap(
     _check(draws, seed, workers)
     file = result_file(result)
     with nullcontext() if out is None else result_folder(out, FILES) as folder:
-        analysis = load(file)
-        kept = None if out is None else DrawFile(path=out / KEPT, key=_key(file, seed, whole=whole))
+        key, analysis = _key(file, seed, whole=whole), load(file)
+        while key != (now := _key(file, seed, whole=whole)):  # another program has put a new result there meanwhile
+            key, analysis = now, load(file)
+        kept = None if out is None else DrawFile(path=out / KEPT, key=key)
         if kept is not None and (done := len(kept.read())):
             words = f"{min(done, draws)} of {draws} draws were done by a run that was cut short: going on from there."
             terminal(stderr=True).print(words)

@@ -13,12 +13,12 @@ A kill before 1 leaves the earlier result. After it, the next command that is gi
 from __future__ import annotations
 
 import os
+import secrets
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import mkdtemp
 
 from floquid._checks import input_error
 from floquid._files import flush, flush_folder
@@ -116,7 +116,8 @@ def result_folder(path: Path, names: Sequence[str]) -> Iterator[ResultFolder]:
                 with _locked(path):
                     _settle(path)
                     _sweep(path)
-                    unfinished = Path(mkdtemp(prefix=UNFINISHED, dir=path))
+                    unfinished = path / f"{UNFINISHED}{secrets.token_hex(6)}"
+                    unfinished.mkdir()
                     owned.enter_context(_lock(unfinished / _OWNED, 0.0))
             except OSError as error:
                 raise _unusable(path, f"{path} is not: {_words(error)}") from None
@@ -165,7 +166,7 @@ def _sweep(path: Path) -> None:
         try:
             with _lock(left / _OWNED, 0.0):
                 pass
-        except Timeout:
+        except (Timeout, OSError):  # it is alive, or another user's
             continue
         shutil.rmtree(left, ignore_errors=True)
 
@@ -201,6 +202,8 @@ def _refuse_obstacles(path: Path, names: Sequence[str]) -> None:
     for file in (path / name for name in names):
         if file.is_dir():
             raise _unusable(path, f"{file} is a folder")
+        if file.is_symlink():
+            raise _unusable(path, f"{file} is a symbolic link, and what it points to cannot be replaced with the rest")
 
 
 def _words(error: OSError) -> str:

@@ -74,7 +74,7 @@ def from_pandas(
     said = _own(frame.attrs, given)
     labels = [_label(column) for column in frame.columns]
     parts = [name_and_unit(label) for label in labels]
-    times, column = None if rate is not None else _index_times(frame.index, given), None
+    times, column = None if rate is not None else _index_times(frame.index, given, parts), None
     if times is None:
         column, scale = find_time(given, parts)
         if column is not None and rate is None:
@@ -130,8 +130,13 @@ def _plain(column: pd.Series) -> NDArray[Any]:
     return column.to_numpy()
 
 
-def _index_times(index: pd.Index, given: Given) -> tuple[TimeColumn, tuple[str, ...]] | None:
-    """The times in an index of dates or durations, of fractions without a name, or of numbers that is named so."""
+def _index_times(
+    index: pd.Index, given: Given, parts: Sequence[tuple[str, str | None]]
+) -> tuple[TimeColumn, tuple[str, ...]] | None:
+    """The times in an index of dates or durations, of numbers that is named so, or of fractions without a name.
+
+    Beside a column that is named as times (`parts`), fractions without a name are numbers of rows that a merge left.
+    """
     pandas = load_package("pandas", given.of)
     if isinstance(index, pandas.MultiIndex):
         return None
@@ -141,7 +146,9 @@ def _index_times(index: pd.Index, given: Given) -> tuple[TimeColumn, tuple[str, 
         return times_of(values, scale=1.0, label=label)
     name, unit = ("", None) if index.name is None else name_and_unit(_label(index.name))
     column, scale = find_time(given, [(name, unit)])
-    is_time = column is not None or (index.name is None and values.dtype.kind == "f")
+    is_time = column is not None or (
+        index.name is None and values.dtype.kind == "f" and find_time(given, parts)[0] is None
+    )
     return times_of(values, scale=scale, label=label) if is_time else None
 
 

@@ -17,6 +17,9 @@ SLOW = 10.0
 PEAK = 0.05
 """The gain of a filter, over its root sum of squares, below which the noise has a peak."""
 
+FALLEN = 6.0
+"""The largest value of the first quarter of a record, over the rms of its last third, that noise does not reach."""
+
 PEAKED = "A mode that hardly decays over the record lies where the noise has a peak: it may be noise."
 
 
@@ -32,6 +35,17 @@ ALL_PEAKED = (
     "record and lies where the noise is loudest: noise with a peak, or a drift, looks so. Use a record with a clear "
     "free decay, or start it closer to the blow; to have it fitted all the same, give the `order` (`--order`)."
 )
+
+
+def dies_away(lifted: Lifted) -> bool:
+    """Whether a response ends far below where it began: a free decay does, noise and drift do not."""
+    for hit, length in enumerate(lifted.responses.lengths.tolist()):
+        values = lifted.by_channel(lifted.responses.values[:, hit, :length])
+        begin = np.abs(values[:, :, : max(length // 4, 1)]).max(axis=(1, 2))
+        end = np.sqrt(np.mean(values[:, :, -max(length // 3, 1) :] ** 2, axis=(1, 2)))
+        if (begin > FALLEN * end).any():
+            return True
+    return False
 
 
 def under_a_peak(lifted: Lifted, modal: ModalModel) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from floquid.errors import IdentificationError
 from floquid.lifting import Lifted, whitened, whitening_filter
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
 from floquid.order import Choice, judge
-from floquid.pipeline._colour import ALL_PEAKED, PEAKED, first_filter, under_a_peak
+from floquid.pipeline._colour import ALL_PEAKED, PEAKED, dies_away, first_filter, under_a_peak
 from floquid.pipeline._settings import Settings
 
 ENOUGH_CYCLES = 3
@@ -87,7 +87,7 @@ def find_poles(
     report("weighing the order")
     choice = judge(lifted.responses, modal)
     peaked = under_a_peak(lifted, modal)
-    if peaked.all() and settings.identifier is None:
+    if peaked.all() and settings.identifier is None and not dies_away(raw):
         raise IdentificationError(ALL_PEAKED)
     if peaked.any():
         choice = replace(choice, doubts=(*choice.doubts, PEAKED))

@@ -27,7 +27,7 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._before import faults_of, hits_of, later, missing_of, responses_of, without_orbit
 from floquid.pipeline._doubts import ambiguity, below_modes, driven, misfit, quiet, too_low, warnings, wrong_period
 from floquid.pipeline._find_poles import UnsettledError, find_poles
-from floquid.pipeline._independent import NO_NEWS, refuse_copies, refuse_unusable, sum_of_others
+from floquid.pipeline._independent import COPIED, NO_NEWS, refuse_copies, refuse_unusable, sum_of_others
 from floquid.pipeline._measured import NOT_WHOLE, measured, why_measured
 from floquid.pipeline._rounded import rounded
 from floquid.pipeline._settings import Settings
@@ -107,14 +107,15 @@ def identify(
 
 
 def _of_sums(found: Analysis) -> tuple[str, ...]:
-    """What is said of a channel that is made of others where the order was given; else it is refused.
+    """What is said of a channel that shares its noise with others; refused if it has next to none of its own.
 
-    Too low an order leaves modes in what is taken for noise, which are alike in channels that are independent.
+    Too low an order leaves modes in what is taken for noise, which are alike in channels that are independent: where
+    the order was given, nothing is refused. Noise that the structure itself makes is shared, too.
     """
-    words = sum_of_others(found)
+    words, beside = sum_of_others(found)
     if not words:
         return ()
-    if found.settings.order is None:
+    if found.settings.order is None and beside < COPIED:
         must, remedy = "be independent measurements", f"Leave it out with `channels` (`--channels`): {NO_NEWS}"
         raise input_error("records", "identify", must, words, remedy)
     return (f"{words[0].upper()}{words[1:]}: deviations are too small. Leave it out.",)

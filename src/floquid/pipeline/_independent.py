@@ -20,6 +20,9 @@ from floquid.sync import wrapped
 OWN = 0.1
 """What a channel has beside the others, over its noise, below which it has no noise of its own: 1 % of its power."""
 
+COPIED = 0.04
+"""The same below which it is a copy, but for rounding; above, sensors may share what they do not measure."""
+
 ENOUGH = 4
 """Samples for each response from which on sums of them are looked for."""
 
@@ -72,7 +75,7 @@ def refuse_copies(records: Sequence[Record]) -> None:
                 )
 
 
-def sum_of_others(analysis: Analysis) -> str:
+def sum_of_others(analysis: Analysis) -> tuple[str, float]:
     r"""What is wrong with a response that is a weighted sum of others, noise and all; empty where none is.
 
     .. math:: D^{-1} Y = L Q, \qquad |L_{kk}| / \sqrt{N} < 0.1
@@ -91,28 +94,31 @@ def sum_of_others(analysis: Analysis) -> str:
     -------
     str
         A clause that names the response and those that make it up.
+    float
+        What it has beside them, over its noise.
     """
     records, clocks = responses_of_model(analysis)
     left = unexplained(analysis.model, records, clocks)
     if len({record.sample_rate for record in records}) > 1:
-        return ""
+        return "", 1.0
     n = min(record.n_samples for record in records)
     rows = np.concatenate([record.values[:, :n] for record in records])
     rests = np.concatenate([own[:, :n] for own in left])
     there = np.isfinite(rests).all(axis=0)
     if there.sum() < ENOUGH * len(rows):
-        return ""
+        return "", 1.0
     noise = np.minimum(_noise_of(rests[:, there]), _noise_of(rows[:, there]))  # a wrong model leaves more than there is
     if (noise <= QUIET * np.abs(rows[:, there]).max(axis=1)).any():
-        return ""
+        return "", 1.0
     lower = np.asarray(np.linalg.qr((rows[:, there] / noise[:, None]).T, mode="r")).T
     beside = np.abs(np.diag(lower)) / np.sqrt(there.sum())
     if beside.min() >= OWN:
-        return ""
+        return "", 1.0
     first = int(np.flatnonzero(beside < OWN)[0])
     names = [_name(c.name, hit, len(records)) for hit, r in enumerate(records, start=1) for c in r.channels]
     shares = np.linalg.solve(lower[:first, :first].T, lower[first, :first]) * noise[first] / noise[:first]
-    return _sentence(names, first, shares, np.abs(rows[:, there]).max(axis=1), float(beside[first]))
+    own = float(beside[first])
+    return _sentence(names, first, shares, np.abs(rows[:, there]).max(axis=1), own), own
 
 
 def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:

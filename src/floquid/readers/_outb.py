@@ -200,7 +200,11 @@ def _values(source: Source, stream: BinaryIO, head: _Head, rows: Sequence[int]) 
     bad = [row for row in rows if not (np.isfinite([head.scales[row], head.offsets[row]]).all() and head.scales[row])]
     if bad:
         got = f"has {head.scales[bad[0]]} and {head.offsets[bad[0]]} for {head.names[bad[0] + 1]!r}"
-        raise source.error("have a scale that is not zero, and an offset, for each channel", got, _AGAIN)
+        raise source.error(
+            "have a scale that is not zero, and an offset, for each channel",
+            got,
+            f"{_AGAIN} Or leave it out with `channels` (`--channels`).",
+        )
     n_channels = len(head.scales)
     dtype = np.dtype("<f8" if head.kind == _UNPACKED else "<i2")
     scales, offsets = head.scales[rows, None], head.offsets[rows, None]

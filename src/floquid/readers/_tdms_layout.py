@@ -174,8 +174,17 @@ def _index(cursor: _Cursor, index: int) -> _Object:
     return _Object(n_values=n_values, n_bytes=n_values * _SIZES.get(kind, 0))
 
 
+def _count(state: _State, steps: int) -> None:
+    state.steps += steps
+    if state.steps > _MOST_STEPS:
+        raise _DamagedError("it is in millions of pieces; defragment it first (TDMS Defragment in LabVIEW)")
+
+
 def _data(state: _State, n_bytes: int) -> None:
     """Hold the data of a segment against its objects, and count what reading them takes."""
+    if not n_bytes:  # properties alone: the objects of the segment before are listed still
+        _count(state, 1 + len(state.listed))
+        return
     held = [found for found in state.listed.values() if found is not None]
     buffers: dict[int, int] = {}
     for found in held:
@@ -185,10 +194,8 @@ def _data(state: _State, n_bytes: int) -> None:
     if (n_bytes % chunk if chunk else n_bytes) or any(found.n_values > n_bytes for found in held):
         raise _DamagedError(f"{n_bytes} bytes of data are not whole chunks of {chunk}")
     n_chunks = n_bytes // chunk if chunk else 0
-    state.steps += 1 + len(state.listed) + n_chunks * len(held)
+    _count(state, 1 + len(state.listed) + n_chunks * len(held))
     state.n_bytes += n_bytes
     state.n_values += n_chunks * sum(found.n_values for found in held if found.buffers)
-    if state.steps > _MOST_STEPS:
-        raise _DamagedError("it is in millions of pieces; defragment it first (TDMS Defragment in LabVIEW)")
     if state.n_values > _MOST_SHARED * state.n_bytes:
         raise _DamagedError("it declares more values than its bytes can hold")

@@ -101,6 +101,9 @@ def _chunks(source: Source, stream: BinaryIO) -> dict[bytes, _Chunk]:
     end = stream.seek(0, 2)
     stream.seek(0)
     head = stream.read(12)
+    declared = 8 + int.from_bytes(head[4:8], "little")
+    if head[:4] == b"RIFF" and 12 < declared < end:
+        end = declared  # some recorders fill a sector up behind it
     if head[:4] not in (b"RIFF", b"RF64", b"BW64") or head[8:] != b"WAVE":
         raise source.error("be a WAV file", "is not one, or is damaged", f"{_AGAIN} It begins with RIFF and WAVE.")
     found: dict[bytes, _Chunk] = {}
@@ -189,6 +192,8 @@ def _stated(
             f"states {stated.sample_rate} Hz there and {samples.rate} Hz in the header",
             "The samples were changed since. Pass `rate` (`--rate`) [Hz] to say what it is.",
         )
+    if not samples.is_float or samples.width != 8:
+        return Stated(), ("Its chunk 'flqd' is of samples that were converted since, and is passed over.",)
     return stated, ()
 
 

@@ -10,13 +10,13 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
     /warnings                       texts
     /held, synchronisation          1 where residues were held to their harmonics; sentences on the records
     /fit/                           of records fitted as they were sampled: noise (channels, hits), period_std,
-                                    own_period; measured/hit1, ... and free/hit1, ..., records as they were read and
-                                    without the forced response, each as in records/, `clock/` in place of a constant
-                                    period: kind, channel or times, pulses and periods per revolution; shafts/hit1, ...,
-                                    the angle of the shaft where it was measured: the pulses' times, residuals, lines
-                                    and kept, jitter, geometry, counts, wander, steady, reasons, and spline/ (first,
-                                    last, slope, knots, coefficients, degree, covariance); forced/, the forced
-                                    response: harmonics of the revolution, coefficients, coefficient_std, offset,
+                                    own_period, reasons, doubts; measured/hit1, ... and free/hit1, ..., records as they
+                                    were read and without the forced response, each as in records/, `clock/` in place of
+                                    a constant period: kind, channel or times, pulses and periods per revolution;
+                                    shafts/hit1, ..., the angle of the shaft where it was measured: the pulses' times,
+                                    residuals, lines and kept, jitter, geometry, counts, wander, steady, reasons, and
+                                    spline/ (first, last, slope, knots, coefficients, degree, covariance); forced/, the
+                                    forced response: harmonics of the revolution, coefficients, coefficient_std, offset,
                                     offset_std, drift, drift_std, revolution, speed_dependent
     /periodicity/                   of a model whose periodicity was tested: statistic, degrees, p_value, level, power,
                                     spacing_p, harmonics, exponents (modes,), channels, sizes and limits (modes,

@@ -34,7 +34,6 @@ def get_fit(file: h5py.File, model: PeriodicModel) -> Stored:
     own = get(group, layout.OWN_PERIOD)
     if own is not None and len(own) != 2:
         raise DamagedError(f"fit/own_period has the shape {own.shape}")
-    words = get_fields(group_in(file, "choice"), layout.CHOICE) if "choice" in file else {"reasons": (), "doubts": ()}
     found = Fit(
         model=model,
         forced=_forced(group, model),
@@ -42,8 +41,7 @@ def get_fit(file: h5py.File, model: PeriodicModel) -> Stored:
         free=free,
         period_std=values["period_std"],
         own_period=None if own is None else (float(own[0]), float(own[1])),
-        reasons=words["reasons"],
-        doubts=words["doubts"],
+        **get_fields(group, layout.CHOICE),
     )
     return found, measured, shafts
 

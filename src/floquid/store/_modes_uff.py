@@ -21,6 +21,9 @@ from floquid.readers._uff_ids import KINDS
 from floquid.views import upper_modes
 
 _STRUCTURAL, _FIRST_ORDER, _TRANSLATIONS, _WITH_ROTATIONS, _COMPLEX = 1, 3, 2, 3, 5
+_SPECIFIC = KINDS | {"force": 1}
+"""What a shape is of: the codes of dataset 58, but for a force, whose 13 is an energy in dataset 55. 1 is general."""
+
 _DIRECTION = re.compile(r"([+-]?)(R?)([XYZ])")
 _MONTHS = ("JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC")
 _END = f"{-1:6d}"
@@ -166,7 +169,7 @@ def _shape(
     yield f"floquid mode={mode + 1} harmonic={harmonic} hit={hit + 1} period={model.period!r} s"
     yield "NONE" if std is None else f"floquid exponent_std={std!r} 1/s"
     characteristic = _WITH_ROTATIONS if turning else _TRANSLATIONS
-    kind = KINDS[str(channel.quantity)]
+    kind = _SPECIFIC[str(channel.quantity)]
     yield "".join(f"{n:10d}" for n in (_STRUCTURAL, _FIRST_ORDER, characteristic, kind, _COMPLEX, width))
     yield "".join(f"{n:10d}" for n in (2, 6, hit + 1, number))
     # Of A y' + B y = 0 with a unit A: the shape is the response itself, not scaled to a mass.
