@@ -327,6 +327,18 @@ LIFTED = [
 
 SAMPLED = [
     Bad(
+        name="growth by e^60, as sampled",
+        make=made(samples=12.1, exponents=(0.75 + 0.7j,), noise=0.0),
+        answer="refused",
+        words="could not be fitted by a mode; it grows",
+    ),
+    Bad(
+        name="a decay by a factor of 20 in a period, as sampled",
+        make=made(samples=12.1, exponents=(-1.5 + 0.7j,)),
+        answer="refused",
+        words="could not be fitted by a mode; it decays",
+    ),
+    Bad(
         name="red noise, as sampled",
         make=noise("red", 1, 12.1),
         answer="refused",
@@ -343,6 +355,13 @@ SAMPLED = [
     Bad(
         name="a million samples, of which the first few hundred are a response",
         make=made(exponents=(-0.25 + 0.7j,), samples=20, periods=50_000),
+        answer="modes",
+        truth=(-0.25 + 0.7j,),
+        slow=True,
+    ),
+    Bad(
+        name="a million samples, of which the first few hundred are a response, as sampled",
+        make=made(exponents=(-0.25 + 0.7j,), samples=20.1, periods=50_000),
         answer="modes",
         truth=(-0.25 + 0.7j,),
         slow=True,

@@ -128,10 +128,14 @@ def finite(value: object, argument: str, of: str, *, unit: str = "", remedy: str
     return number
 
 
-def integer(value: object, argument: str, of: str, *, at_least: int, remedy: str = "") -> int:
-    """`value` as an integer of at least `at_least`."""
+def integer(
+    value: object, argument: str, of: str, *, at_least: int, at_most: int | None = None, remedy: str = ""
+) -> int:
+    """`value` as an integer of at least `at_least`, and of `at_most` where that is given."""
     if not isinstance(value, Integral) or isinstance(value, (bool, np.bool_)) or int(value) < at_least:
         raise input_error(argument, of, f"be an integer of at least {at_least}", f"is {describe(value)}", remedy)
+    if at_most is not None and int(value) > at_most:
+        raise input_error(argument, of, f"be an integer of at most {at_most}", f"is {describe(value)}", remedy)
     return int(value)
 
 

@@ -113,6 +113,16 @@ def test_a_damaged_archive_is_passed_over(result):
         assert len(log.read()) in (0, 3)
 
 
+def test_an_archive_that_unpacks_into_much_is_passed_over(result):
+    log = DrawFile(path=result / "draws.npz", key="k")
+    log.write([Draw(0, failure="x")] * 3)
+    content = dict(np.load(log.path))
+    np.savez_compressed(log.path, **content)
+    assert log.read() == []
+    np.savez(log.path, **content)
+    assert len(log.read()) == 3
+
+
 def test_draws_of_something_else_are_passed_over(result):
     log = DrawFile(path=result / "draws.npz", key="one")
     log.write([Draw(0, failure="x")])

@@ -36,6 +36,9 @@ KEPT = 1e-6
 MOST_ENTRIES = 24
 """Modes, a pair counted once, that are looked for at most."""
 
+SURELY = 10.0
+"""A peak so far above the limit is no noise."""
+
 
 class EndlessError(IdentificationError):
     """There are more modes than were to be looked for."""
@@ -149,6 +152,9 @@ def fit(
     if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
         raise input_error("free_period", "fit", "be false with a tachometer", "is true", "The shaft tells the period.")
     most = _most(records, 2.0 * np.pi / fundamental)
+    if harmonics is not None and harmonics > most:
+        must = f"be at most {most}, below half of the samples a period"
+        raise input_error("harmonics", "fit", must, f"is {harmonics}", "Ask for fewer, or sample faster.")
     listed = _listed(forced, most, nu)
     wanders = any(block.speeds is not None for block in blocks)
     auto = isinstance(forced, str) and forced == "auto"
@@ -167,11 +173,7 @@ def fit(
     found = searched(blocks, base, limits, report)
     count = int((~found.held.entries.fixed).sum())
     if not count:
-        beside = ", beside a forced response, an offset and a drift" if found.held.entries.fixed.any() else ""
-        raise IdentificationError(
-            f"Identification ended without a result: no mode rises above the noise{beside}. Use a record with a clear "
-            "free decay, or start it closer to the blow."
-        )
+        raise IdentificationError(_no_mode(found))
     if order is None and count == few:
         raise EndlessError(f"Identification ended without a result: the search for modes was given up at {few}.")
     if auto:
@@ -266,6 +268,23 @@ def _base(listed: tuple[int, ...] | None, nu: float, fundamental: float, *, wand
     for factor in (SPEED, SPEED_SQUARED, SPEED_RATE) if wanders else ():
         base = base.joined(forced_entries(turns, fundamental, factor=factor))
     return base
+
+
+def _no_mode(found: Searched) -> str:
+    """Why there is none: nothing rises above the noise, or what does is no mode that could be fitted."""
+    beside = ", beside a forced response, an offset and a drift" if found.held.entries.fixed.any() else ""
+    if found.peak.gain < SURELY * found.peak.limit:
+        return (
+            f"Identification ended without a result: no mode rises above the noise{beside}. Use a record with a clear "
+            "free decay, or start it closer to the blow."
+        )
+    way = "grows" if found.peak.exponent.real > 0 else "decays"
+    return (
+        f"Identification ended without a result: what rises above the noise{beside} could not be fitted by a mode; it "
+        f"{way}, most at {found.peak.exponent.imag / (2.0 * np.pi):.4g} Hz. In a record without a whole number of "
+        "samples a period, modes that grow or decay by more than a factor of 2 or 3 in a period are not found. "
+        "Resample it to a whole number of samples a period, or give it from where more of the response is left."
+    )
 
 
 def _without_noise(found: Searched) -> Searched:

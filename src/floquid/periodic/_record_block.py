@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid.periodic._blocks import SPEED, SPEED_RATE, SPEED_SQUARED, TREND, Block, Columns, Sums
+from floquid.periodic._even_columns import EvenColumns, step_of
 
 CHUNK = 4096
 """Samples whose columns are formed at a time."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # no slots: what is asked often is kept
 class RecordBlock(Block):
     """Samples at times after phase zero (samples,) [s]; the phase angle at each [rad], None for ωt."""
 
@@ -47,12 +49,20 @@ class RecordBlock(Block):
         """What trends are counted in [s]: half of the time between the first and the last sample."""
         return max(0.5 * float(self.times[-1] - self.times[0]), np.finfo(float).tiny)
 
+    @cached_property
+    def step(self) -> float | None:
+        """The step of the times [s], None where they are not evenly spaced."""
+        return step_of(self.times)
+
     def with_noise(self, noise: NDArray[np.float64]) -> RecordBlock:
         """The same samples with other noise (rows,)."""
         return replace(self, noise=noise)
 
     def rest(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
         """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
+        even = self._even(columns)
+        if even is not None:
+            return self.times, even.rest(self.values, coefficients)
         left = self.values.copy()
         for chunk in self._chunks():
             both = self._columns(columns, chunk)
@@ -61,6 +71,9 @@ class RecordBlock(Block):
 
     def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
         """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
+        even = self._even(columns)
+        if even is not None:
+            return even.sums(self.values, coefficients)
         n, rows = 2 * len(columns.modes), len(self.rows)
         gram, mixed, slopes = np.zeros((3, n, n))
         seen, late, left = np.zeros((n, rows)), np.zeros((n, rows)), np.zeros(rows)
@@ -76,6 +89,12 @@ class RecordBlock(Block):
             late += timed.T @ rest.T
             left += np.einsum("cn,cn->c", rest, rest)
         return Sums(gram, mixed, slopes, seen, late, left)
+
+    def _even(self, columns: Columns) -> EvenColumns | None:
+        """The columns in pieces, None where the times are not evenly spaced, or the shaft is not steady."""
+        if self.angles is not None:
+            return None
+        return EvenColumns.of(columns, self.times, self.step, middle=self.middle, half=self.half)
 
     def _chunks(self) -> list[slice]:
         return [slice(first, first + CHUNK) for first in range(0, self.n_samples, CHUNK)]

@@ -41,10 +41,11 @@ def record_blocks(
             # Not from `record.times`: far from time zero, those have lost digits.
             times = np.arange(record.n_samples) / record.sample_rate + clock.phase(record.start) * clock.period
         missing = np.isnan(record.values)
-        _, first, which = np.unique(np.packbits(missing, axis=1), axis=0, return_index=True, return_inverse=True)
-        for kind, absent in enumerate(missing[first]):
-            rows = np.flatnonzero(which.ravel() == kind)
-            taken = ~absent
+        alike: dict[bytes, list[int]] = {}  # a million samples are too many fields for `np.unique`
+        for row, absent in enumerate(np.packbits(missing, axis=1)):
+            alike.setdefault(absent.tobytes(), []).append(row)
+        for rows in map(np.array, alike.values()):
+            taken = ~missing[rows[0]]
             if taken.sum() < 2:
                 raise input_error(
                     "records",

@@ -11,6 +11,7 @@ from floquid._checks import finite, input_error, integer, positive
 from floquid.core import AzimuthSignal
 from floquid.lti import AbstractIdentifier
 from floquid.reconstruction import AbstractStructure, FirstOrder, Form, structure_of, text_of
+from floquid.reconstruction._reconstruct import MOST_TIMES
 
 ALL = "all"
 """What is said for all channels as states, each state a weighted sum of them."""
@@ -128,7 +129,8 @@ class Settings:
             integer(self.order, "order", of, at_least=1)
         if self.harmonics is not None:
             integer(self.harmonics, "harmonics", of, at_least=0)
-        integer(self.system_times, "system_times", of, at_least=1)
+        fewer = "Ask for fewer instants."
+        integer(self.system_times, "system_times", of, at_least=1, at_most=MOST_TIMES, remedy=fewer)
         self._check_form()
         if not isinstance(self.identifier, (AbstractIdentifier, type(None))):
             must, remedy = "be an identifier of `floquid.lti`, or None", "Pass an object, such as AMI()."

@@ -26,6 +26,9 @@ from floquid.reconstruction._modal_matrix import (
 from floquid.reconstruction._state_model import StateModel
 from floquid.reconstruction._states import Names, first_order, second_order
 
+MOST_TIMES = 10_000
+"""Instants of a period at most, where a number of them is asked for."""
+
 Form = Literal["second-order", "first-order", "delayed"]
 
 
@@ -157,7 +160,8 @@ def _built_from(
 def instants_of(times: ArrayLike | int, period: float, of: str) -> NDArray[np.float64]:
     """The instants [s] that are meant: given, or so many over a period."""
     if isinstance(times, (int, np.integer)):
-        instants = np.arange(int(times)) * period / max(int(times), 1)
+        count = integer(times, "times", of, at_least=0, at_most=MOST_TIMES, remedy="Give the instants themselves.")
+        instants = np.arange(count) * period / max(count, 1)
         instants.flags.writeable = False
     else:
         instants = frozen_array(times, "times", of, axes=("times",))

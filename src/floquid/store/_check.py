@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from floquid._checks import input_error, printable
 from floquid.core import Cycles
 from floquid.core._hdf5_limits import check_size
-from floquid.core._hdf5_texts import HeapError, HeapTexts
+from floquid.core._hdf5_texts import HeapError, HeapTexts, address_of
 from floquid.core._limits import LARGE, PACKED
 from floquid.errors import InputError
 from floquid.store._get import DamagedError
@@ -74,7 +74,7 @@ def check_content(file: h5py.File, path: Path) -> None:
 
     source, n_bytes, heap = _Source(path), path.stat().st_size, HeapTexts(path, file.userblock_size)
     waiting: list[tuple[str, Any]] = [("", file)]
-    seen, total = {_address(file)}, 0
+    seen, total = {address_of(file)}, 0
     while waiting:
         stem, group = waiting.pop()
         for name in group:
@@ -84,7 +84,7 @@ def check_content(file: h5py.File, path: Path) -> None:
             if heap.is_virtual(group, name):
                 raise DamagedError(f"{printable(where)} is kept in another file")
             thing = group[name]
-            address = _address(thing)
+            address = address_of(thing)
             if address in seen or len(seen) > _MOST_THINGS or where.count("/") > _DEEPEST:
                 raise DamagedError(f"{printable(where)} is there twice, or is one thing too many")
             seen.add(address)
@@ -142,10 +142,3 @@ def _texts_are_whole(read: Any, where: str) -> Any:
         return read()
     except HeapError as error:
         raise DamagedError(f"{printable(where)}: {error}") from None
-
-
-def _address(thing: Any) -> int:
-    import h5py
-
-    low: Any = h5py
-    return int(low.h5o.get_info(thing.id).addr)

@@ -40,7 +40,8 @@ class DrawFile(AbstractDraws):
         """The draws that are done; none where there is no such file, or it is of something else, or damaged."""
         try:
             with self.path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-                if str(file["key"]) != self.key:
+                packed = any(member.compress_type for member in file.zip.infolist())  # not as it was written
+                if packed or str(file["key"]) != self.key:
                     return []
                 return _draws({name: file[name] for name in file.files})
         except Exception:  # noqa: BLE001  # damage raises anything: zip, zlib, numpy; then there are no draws
