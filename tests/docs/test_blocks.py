@@ -1,10 +1,11 @@
 """Every command and every Python block of the README and the documentation, run as a reader would run it.
 
 The blocks of a page run in order, in one empty folder beside a copy of `examples/`, and its Python blocks share their
-names. The README draws figures and the report; on other pages they are files of the right names alone. A line of a
-`console` block that begins with "$ " is a command and what follows is its output; every line of a `bash` block is a
-command. Commands that set a machine up (`git clone`, `make`, `pip install`) are not run: of `make`, the targets must
-exist. Pages that the build itself executes (`{code-cell}`) are left to it.
+names. The README's commands run in a shell, and draw figures and the report; on other pages floquid's own run in this
+process, and these are files of the right names alone. A line of a `console` block that begins with "$ " is a command
+and what follows is its output; every line of a `bash` block is a command. Commands that set a machine up (`git clone`,
+`make`, `pip install`) are not run: of `make`, the targets must exist. Pages that the build itself executes
+(`{code-cell}`) are left to it.
 """
 
 import os
@@ -17,7 +18,11 @@ from pathlib import Path
 
 import pytest
 from markdown_it import MarkdownIt
-from tests.cli.conftest import PICTURES
+from tests.cli.conftest import quick_pictures
+
+from floquid.cli import run
+
+__all__ = ["quick_pictures"]
 
 ROOT = Path(__file__).parents[2]
 DOCS = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in path.parts]
@@ -52,17 +57,15 @@ def make_targets():
     return set(re.findall(r"^([a-z]+):(?!=)", makefile, flags=re.MULTILINE))
 
 
-QUICK = f"""#!{sys.executable}
-if __name__ == "__main__":  # workers import this file too
-    import sys
-    exec({PICTURES!r})
-    from floquid.cli import run
-    sys.exit(run(sys.argv[1:]))
-"""
+PLAIN = re.compile(r"(floquid [\w ./,=:+-]*(?:\"[^\"$`\\\\]*\"[\w ./,=:+-]*)*)(?: \|\| test \$\? -eq (\d))?")
+"""What needs no shell, and so no process of its own: half of such a process' time is that of loading."""
 
 
-def run_command(command, folder, scripts=()):
-    """Run one command in `folder` with `scripts` and this Python's first on the path, and fail if it does."""
+def run_command(command, folder, within=False):
+    """Run one command in `folder` with this Python's first on the path, and fail if it does.
+
+    With `within`, floquid's own run in this process.
+    """
     if command.startswith(SETS_UP):
         return
     if command == "make" or command.startswith("make "):
@@ -70,8 +73,12 @@ def run_command(command, folder, scripts=()):
         unknown = set(targets) - make_targets()
         assert not unknown, f"`{command}`: the Makefile has no target {unknown}"
         return
-    path = [*map(str, scripts), str(Path(sys.executable).parent), os.environ["PATH"]]
-    run = subprocess.run(
+    if within and (plain := PLAIN.fullmatch(command)):
+        code = run(shlex.split(plain[1])[1:])
+        assert code == int(plain[2] or 0), f"`{command}` ended with {code}"
+        return
+    path = [str(Path(sys.executable).parent), os.environ["PATH"]]
+    ended = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", command],
         cwd=folder,
         env=os.environ | {"PATH": os.pathsep.join(path), "NO_COLOR": "1"},
@@ -80,17 +87,17 @@ def run_command(command, folder, scripts=()):
         text=True,
         check=False,
     )
-    assert run.returncode == 0, f"`{command}` ended with {run.returncode}\n{run.stdout}\n{run.stderr}"
+    assert ended.returncode == 0, f"`{command}` ended with {ended.returncode}\n{ended.stdout}\n{ended.stderr}"
 
 
-def run_page(text, name, folder, scripts=()):
+def run_page(text, name, folder, within=False):
     """Run a page's blocks in order in `folder`, the current one, and return how many ran."""
     names = {"__name__": "__main__"}
     ran = 0
     for number, (language, content) in enumerate(blocks(text), start=1):
         if language in SHELL:
             for command in commands(language, content):
-                run_command(command, folder, scripts)
+                run_command(command, folder, within)
         elif language == "python":
             exec(compile(content, f"{name}, block {number}", "exec"), names)
         else:
@@ -110,12 +117,11 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(ROOT)) for path in PAGES])
-def test_page(path, folder, tmp_path_factory):
-    scripts = tmp_path_factory.mktemp("scripts")
-    if path.name != "README.md":
-        (scripts / "floquid").write_text(QUICK, encoding="utf-8")
-        (scripts / "floquid").chmod(0o755)
-    run_page(path.read_text(encoding="utf-8"), path.name, folder, [scripts])
+def test_page(path, folder, request):
+    readme = path.name == "README.md"
+    if not readme:
+        request.getfixturevalue("quick_pictures")
+    run_page(path.read_text(encoding="utf-8"), path.name, folder, within=not readme)
 
 
 def test_the_readme_shows_the_two_commands():

@@ -36,8 +36,8 @@ class _Source:
         return input_error("path", "load", must, f"{self.path} {got}", remedy)
 
 
-def check_attributes(file: h5py.File, path: Path) -> None:
-    """Refuse attributes of the file that HDF5 cannot be trusted to read.
+def attributes_of(file: h5py.File, path: Path) -> dict[str, Any]:
+    """What the file says of itself: texts of variable length are read without the library, which may never end.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def check_attributes(file: h5py.File, path: Path) -> None:
     """
     import h5py
 
-    heap = HeapTexts(path, file.userblock_size)
+    heap, found = HeapTexts(path, file.userblock_size), {}
     plain = (h5py.h5t.TypeIntegerID, h5py.h5t.TypeFloatID)
     for name in ("format", "version", "floquid"):
         if name not in file.attrs:
@@ -58,7 +58,10 @@ def check_attributes(file: h5py.File, path: Path) -> None:
         if isinstance(kind, h5py.h5t.TypeStringID) and kind.is_variable_str():
             if attribute.get_space().get_simple_extent_type() != h5py.h5s.SCALAR:
                 raise DamagedError(f"its attribute {name!r} is no single text")
-            _texts_are_whole(lambda name=name: heap.attribute(file, name), name)
+            found[name] = _texts_are_whole(lambda name=name: heap.attribute(file, name), name)
+        else:
+            found[name] = file.attrs[name]
+    return found
 
 
 def check_content(file: h5py.File, path: Path) -> None:

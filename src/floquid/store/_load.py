@@ -21,7 +21,7 @@ from floquid.periodic import PartialTests, Periodicity
 from floquid.pipeline import Analysis, Settings
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
 from floquid.store import _layout as layout
-from floquid.store._check import check_attributes, check_content, check_padding
+from floquid.store._check import attributes_of, check_content, check_padding
 from floquid.store._get import DamagedError, dataset_in, get, get_fields, group_in
 from floquid.store._identifiers import from_text
 from floquid.store._layout import Item
@@ -88,8 +88,7 @@ def _loaded(file: Path) -> Analysis:
         if not h5py.is_hdf5(file):
             raise input_error("path", "load", MUST, f"{file} is no HDF5 file", AGAIN)
         with h5py.File(file, "r") as opened:
-            check_attributes(opened, file)
-            _check_format(opened, file)
+            _check_format(attributes_of(opened, file), file)
             check_content(opened, file)
             return _read(opened)
     except DamagedError as error:
@@ -103,9 +102,9 @@ def _loaded(file: Path) -> Analysis:
     raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {detail}", AGAIN)
 
 
-def _check_format(file: h5py.File, path: Path) -> None:
+def _check_format(said: dict[str, Any], path: Path) -> None:
     """Refuse another program's file, and one of a later layout."""
-    kind, version = file.attrs.get("format"), file.attrs.get("version")
+    kind, version = said.get("format"), said.get("version")
     if not isinstance(kind, str) or kind != layout.FORMAT:
         raise input_error("path", "load", MUST, f"{path} has no attribute `format` of {layout.FORMAT!r}", AGAIN)
     if not isinstance(version, (int, np.integer)) or version < 1:
@@ -115,7 +114,7 @@ def _check_format(file: h5py.File, path: Path) -> None:
             "path",
             "load",
             f"be a result file of version {layout.VERSION}, the latest that this floquid knows",
-            f"{path} is of version {version}, written by floquid {file.attrs.get('floquid')}",
+            f"{path} is of version {version}, written by floquid {said.get('floquid')}",
             "Update floquid.",
         )
 
