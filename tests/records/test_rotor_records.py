@@ -76,7 +76,7 @@ def check(name, seed):
     return model
 
 
-@EVERY_ROTOR
+@pytest.mark.parametrize("name", ["rotor_1900rpm", pytest.param("rotor_650rpm", marks=pytest.mark.slow)])
 def test_every_mode_that_can_be_seen_is_found_and_no_confident_one_is_false(name):
     check(name, 0)
 
@@ -152,6 +152,7 @@ def test_without_noise_the_nonlinearity_is_named():
         assert np.abs(gap.real + 1j * (gap.imag - omega * np.rint(gap.imag / omega))).min() < 2e-3 * omega
 
 
+@pytest.mark.slow
 def test_everything_at_once():
     """Out of step, half a revolution a period, a tachometer, imbalance three times the free response."""
     period, truth = truth_of("rotor_650rpm")

@@ -69,7 +69,7 @@ def test_a_rate_out_of_step_is_no_matter(rate):
 
 
 def test_deviations_are_those_of_repetition():
-    every = [pulls(fit([record(noise=0.05, seed=seed)], [CLOCK], forced="none").model) for seed in range(25)]
+    every = [pulls(fit([record(noise=0.05, seed=seed)], [CLOCK], forced="none").model) for seed in range(12)]
     assert np.sqrt(np.mean(np.square(every))) == pytest.approx(1.0, abs=0.22)
 
 
@@ -127,7 +127,7 @@ def test_several_hits_start_at_any_phase_and_have_any_length():
 
 def test_a_free_period_comes_with_its_deviation():
     every = []
-    for seed in range(12):
+    for seed in range(6):
         given = [record(noise=0.05, seed=seed)]
         found = fit(given, [ConstantPeriod(period=PERIOD * (1.0 + 2e-4))], forced="none", free_period=True)
         every.append((found.model.period - PERIOD) / found.period_std)

@@ -241,6 +241,7 @@ def test_with_a_tachometer_what_is_left_is_noise_from_a_file_too(tmp_path):
     assert one.count("of the shaft") == other.count("of the shaft") > 0
 
 
+@pytest.mark.slow
 def test_many_samples_a_period_stay_within_the_size(tmp_path):
     record = fq.systems.JeffcottRotor().simulate(n_periods=20, samples_per_period=3000, noise=0.02, seed=1)
     found = fq.identify(record, order=4, harmonics=1, validate=False)

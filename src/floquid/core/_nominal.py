@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from decimal import Decimal
+from decimal import Decimal, InvalidOperation
 
 import numpy as np
 from numpy.typing import NDArray
@@ -209,7 +209,10 @@ def printed(text: str) -> Printed:
     value = float(word.upper().replace("D", "E"))  # before Decimal, as it bounds the exponent
     if not np.isfinite(value):
         raise ValueError(text)
-    _, digits, exponent = Decimal(word.upper().replace("D", "E")).as_tuple()
+    try:
+        _, digits, exponent = Decimal(word.upper().replace("D", "E")).as_tuple()
+    except InvalidOperation:  # zero, times ten to a power that is no number
+        raise ValueError(text) from None
     quantum = float(f"1e{exponent}")
     with np.errstate(over="ignore", under="ignore"):
         single = np.float32(value)
