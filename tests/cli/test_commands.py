@@ -105,7 +105,7 @@ def test_the_rotor_result_is_whole(rotor):
 # summary.json.
 
 
-def test_json_is_the_summary_alone(here):
+def test_json_is_the_summary_alone(here, quick_pictures):
     text = typed(f"{GOOD} --states X,Y --format json --out new")
     assert text == (here / "new" / "summary.json").read_text()
     summary = strict_json(text)

@@ -117,6 +117,6 @@ def test_a_figure_that_cannot_be_written_leaves_the_earlier_result(here, capsys,
         raise OSError(28, "No space left on device", str(path))
 
     monkeypatch.setattr("floquid.cli._paper.save_figure", fail)
-    assert run(shlex.split("demo --paper --periods 150 --draws 1 --out out")) == 2
+    assert run(shlex.split("demo --paper --periods 100 --draws 1 --out out")) == 2
     assert "No space left" in capsys.readouterr().err
     assert contents(here / "out") == EARLIER

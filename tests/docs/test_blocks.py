@@ -61,6 +61,10 @@ PLAIN = re.compile(r"(floquid [\w ./,=:+-]*(?:\"[^\"$`\\\\]*\"[\w ./,=:+-]*)*)(?
 """What needs no shell, and so no process of its own: half of such a process' time is that of loading."""
 
 
+SMALLER = {"floquid demo jeffcott --paper": "floquid demo jeffcott --paper --periods 200 --draws 2"}
+"""The paper's experiment is a slow statistic: whole under that marker, smaller without."""
+
+
 def run_command(command, folder, within=False):
     """Run one command in `folder` with this Python's first on the path, and fail if it does.
 
@@ -118,10 +122,19 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(ROOT)) for path in PAGES])
 def test_page(path, folder, request):
-    readme = path.name == "README.md"
+    readme, text = path.name == "README.md", path.read_text(encoding="utf-8")
     if not readme:
         request.getfixturevalue("quick_pictures")
-    run_page(path.read_text(encoding="utf-8"), path.name, folder, within=not readme)
+    for whole, smaller in SMALLER.items():
+        text = text.replace(f"$ {whole}\n", f"$ {smaller}\n")
+    run_page(text, path.name, folder, within=not readme)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", SMALLER)
+def test_a_command_that_is_slow(command, folder):
+    assert f"$ {command}\n" in PAGES[0].read_text(encoding="utf-8")
+    run_command(command, folder)
 
 
 def test_the_readme_shows_the_two_commands():
