@@ -143,3 +143,12 @@ def test_the_summary(tmp_path):
     found = describe_file(path)
     assert [c.quantity for c in found.channels] == ["angle", "displacement"]
     assert [(c.name, c.kind) for c in found.clock_candidates] == [("azimuth", "azimuth")]
+
+
+def test_the_count_of_rows_that_pandas_writes_is_named_for_what_it_is(tmp_path):
+    pd = pytest.importorskip("pandas")
+    path = tmp_path / "run.parquet"
+    pd.DataFrame({"x": X}, index=np.arange(7, 47)).to_parquet(path)
+    steps = read(path, rate=64.0).provenance.steps
+    assert any(step.startswith("The index of the table has no name, and is not used") for step in steps)
+    assert not any("not of numbers" in step for step in steps)

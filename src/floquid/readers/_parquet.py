@@ -27,6 +27,8 @@ from floquid.readers._table import Source, Table, check_distinct, make_channels,
 _KEY = b"floquid"
 _BLOCK = 1 << 16
 _MOST_COLUMNS = 1 << 16
+_INDEX = "__index_level_"
+"""What pandas calls an index without a name: dates, or a mere count."""
 _AGAIN = "Copy or write it again."
 _TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
@@ -67,7 +69,7 @@ def load_parquet(source: Source, *, channels: Sequence[str] | None, ignore_time:
         use_time = columns.time is not None and not ignore_time
         values, ticks = _guarded(source, lambda: _values(source, file, columns, wanted, use_time=use_time))
     named = tuple(columns.channels[row] for row in rows)
-    notes = tuple(f"Column {name!r} is not of numbers, and is not used." for name in columns.others[:20])
+    notes = tuple(map(_passed_over, columns.others[:20]))
     if columns.time is not None and ignore_time:
         notes += (f"The time column `{columns.names[columns.time]}` was ignored.",)
     time, start_note = _time(columns, ticks)
@@ -128,7 +130,7 @@ def _columns(source: Source, schema: Any, stated: Stated) -> _Columns:
     for place, field in enumerate(schema):
         names.append(field.name)
         is_date = kinds.is_timestamp(field.type) or kinds.is_duration(field.type)
-        index = field.name.startswith("__index_level_")  # of pandas: one without a name, dates or a mere count
+        index = field.name.startswith(_INDEX)
         if is_date:
             dates.append(place)
         elif index or not (
@@ -170,11 +172,17 @@ def _columns(source: Source, schema: Any, stated: Stated) -> _Columns:
     )
 
 
+def _passed_over(name: str) -> str:
+    if name.startswith(_INDEX):
+        return "The index of the table has no name, and is not used: name it `time [s]` if it is the time."
+    return f"Column {name!r} is not of numbers, and is not used."
+
+
 def _unit(field: Any) -> str | None:
     """The unit in the metadata of a field."""
     metadata = field.metadata or {}
     text = metadata.get(b"unit") or metadata.get(b"units")
-    return None if text is None else text.decode().strip()
+    return None if text is None else text.decode("utf-8", "replace").strip()
 
 
 def _values(
