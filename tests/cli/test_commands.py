@@ -178,7 +178,7 @@ def test_out_holds_the_result_and_nothing_else(here):
     assert set(contents(here / "new")) == {f"deeper/{name}" for name in (*RESULT, "figures/system_elements.png")}
 
 
-def test_a_new_result_takes_the_place_of_the_old_one_and_of_its_figures(here):
+def test_a_new_result_takes_the_place_of_the_old_one_and_of_its_figures(here, quick_pictures):
     typed(f"{GOOD} --out out")
     now = contents(here / "out")
     assert set(now) == {*RESULT, "notes.txt", "record.npz"}  # no picture of an A(t) that is not in this result
