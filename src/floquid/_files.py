@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 from collections.abc import Iterator
@@ -74,6 +75,8 @@ def atomic_path(path: object, *, of: str = "write", argument: str = "path") -> I
     temporary: Path | None = None
     try:
         target = target.resolve()  # through a symbolic link, so that the link stays and its file is replaced
+        if target.is_symlink():  # Python 3.13 passes over a loop
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
         if target.is_dir():
             raise input_error(argument, of, must, f"{target} is a folder", "Name a file in it.")
         if not target.parent.is_dir():
@@ -92,7 +95,7 @@ def atomic_path(path: object, *, of: str = "write", argument: str = "path") -> I
         raise
     except (OSError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and temporary is not None:
-            raise  # the block's own; only resolving a loop of symbolic links is ours
+            raise  # the block's own; only resolving a loop of symbolic links, before Python 3.13, is ours
         raise input_error(argument, of, must, f"{target} cannot be ({_reason(error)})", _WRITABLE) from error
     finally:
         if temporary is not None:
