@@ -101,5 +101,5 @@ def _write(folder: ResultFolder, found: Bootstrap, text: str) -> None:
     (folder.unfinished / FILES[0]).write_text(text, encoding="utf-8")
     arrays: dict[str, Any] = {spread.name: spread.draws for spread in found.quantities}
     arrays["orders"] = found.orders
-    np.savez_compressed(folder.unfinished / FILES[1], allow_pickle=False, **arrays)
+    np.savez_compressed(folder.unfinished / FILES[1], **arrays)  # plain arrays all
     folder.publish()

@@ -21,6 +21,9 @@ SPREAD = 1e3
 CLEAN = 1e-14
 """Coupling below the diagonal that counts as none."""
 
+TURNED = 8.0 * np.finfo(float).eps
+"""The share of π that is rounding in an angle."""
+
 PASSES = 400
 """Of the orthogonal iteration."""
 
@@ -132,7 +135,7 @@ def _eigen(factors: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArra
     values, vectors = _eig(product)
     with np.errstate(divide="ignore"):
         logs = np.asarray(np.log(values) + taken, dtype=np.complex128)
-    logs.imag[logs.imag <= -np.pi] = np.pi  # a negative multiplier whose imaginary part is rounding
+    logs.imag[logs.imag <= -np.pi * (1.0 - TURNED)] = np.pi  # a negative multiplier whose imaginary part is rounding
     return logs, vectors
 
 
