@@ -172,6 +172,13 @@ def test_blocks_run_in_order_and_share_names(folder):
     assert run_page(GOOD, "page.md", folder) == 4
 
 
+def test_a_command_within_this_process_fails_as_it_would_in_another(folder, capsys):
+    run_page("```console\n$ floquid info none.npz || test $? -eq 2\n```\n", "page.md", folder, within=True)
+    assert "there is no file" in capsys.readouterr().err
+    with pytest.raises(AssertionError, match="ended with 2"):
+        run_page("```console\n$ floquid info none.npz\n```\n", "page.md", folder, within=True)
+
+
 @pytest.mark.parametrize(
     ("language", "text", "error"),
     [

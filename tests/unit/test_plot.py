@@ -486,6 +486,16 @@ assert dict(matplotlib.rcParams) == before
 # Files.
 
 
+@pytest.mark.slow
+def test_save_figures_writes_every_figure_in_every_format(found, tmp_path):
+    paths = save_figures(found, tmp_path, formats=("png", "svg", "pdf"))
+    expected = [name for name in FIGURES if name != "speed"]
+    assert [path.name for path in paths] == [f"{name}.{form}" for name in expected for form in ("png", "svg", "pdf")]
+    assert sorted(tmp_path.iterdir()) == sorted(paths)
+    starts = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+    assert all(path.read_bytes().startswith(starts[path.suffix[1:]]) for path in paths)
+
+
 def test_save_figures_writes_one_file_a_figure_and_format_the_same_each_time(found, tmp_path, monkeypatch):
     folder = tmp_path / "first"
     folder.mkdir()

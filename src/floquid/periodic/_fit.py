@@ -121,7 +121,8 @@ def fit(
     order
         The number of complex poles, conjugates one by one; None finds it.
     harmonics
-        Keep the harmonics -harmonics … harmonics of each mode; None keeps those that rise above the noise.
+        Keep the harmonics -harmonics … harmonics of each mode, below half of the samples a period; None keeps those
+        that rise above the noise.
     free_period
         Whether the period is a parameter; the clocks then have a first value.
     noise_floor
@@ -142,9 +143,9 @@ def fit(
     Raises
     ------
     InputError
-        Records or clocks do not belong together, or the forced response cannot be what is asked for.
+        Records or clocks do not belong together, or the forced response or the harmonics cannot be what is asked for.
     IdentificationError
-        No mode rises above the noise.
+        No mode rises above the noise, or what does is no mode that could be fitted.
     EndlessError
         There are `few` modes or more.
     """
@@ -281,9 +282,10 @@ def _no_mode(found: Searched) -> str:
     way = "grows" if found.peak.exponent.real > 0 else "decays"
     return (
         f"Identification ended without a result: what rises above the noise{beside} could not be fitted by a mode; it "
-        f"{way}, most at {found.peak.exponent.imag / (2.0 * np.pi):.4g} Hz. In a record without a whole number of "
-        "samples a period, modes that grow or decay by more than a factor of 2 or 3 in a period are not found. "
-        "Resample it to a whole number of samples a period, or give it from where more of the response is left."
+        f"{way}, most at {found.peak.exponent.imag / (2.0 * np.pi):.4g} Hz. Either it is none (a glitch, a step), or "
+        "too fast: in a record without a whole number of samples a period, modes that grow or decay by more than a "
+        "factor of 2 or 3 in a period are not found. Look at the record; measured anew with a whole number of samples "
+        "a period, modes up to about twice as fast are found."
     )
 
 

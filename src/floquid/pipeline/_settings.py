@@ -46,7 +46,7 @@ class Settings:
     output_error
         Whether the structured A(t) is fitted once more, to the record linearised anew at its exponents.
     system_times
-        The number of instants of a period at which A(t) is given.
+        The number of instants of a period at which A(t) is given, 10,000 at most.
     identifier
         The algorithm that finds the poles, with its options; None for maximum likelihood at `mode_false_alarm`.
     mode_false_alarm

@@ -78,7 +78,7 @@ def reconstruct(
         coefficients as they are, also where they were cut by hand; or -harmonics … harmonics of each mode, as far as
         the estimates go. Without estimates, those of the model.
     times
-        Instants after phase zero [s], or how many equally spaced ones over a period.
+        Instants after phase zero [s], or how many equally spaced ones over a period, 10,000 at most.
 
     Returns
     -------
