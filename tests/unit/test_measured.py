@@ -203,10 +203,12 @@ def test_a_first_value_says_which_multiple_of_the_period_is_meant():
     near, twice = (identify(record, estimate_period=True, period=value).model for value in (5.0, 11.0))
     assert near.period == pytest.approx(2.0 * np.pi, rel=1e-3)
     assert twice.period == pytest.approx(4.0 * np.pi, rel=1e-3)
-    words = r"does not tell its period between 400 and 900 s(.|\n)*another first value"
+    words = r"does not tell its period between 2\.66667 and 6 s(.|\n)*another first value"
     with pytest.raises(IdentificationError, match=words):
+        identify(record, estimate_period=True, period=4.0)
+    with pytest.raises(InputError, match=r"must be shorter than the record \(376\.991 s\), but is 600 s"):
         identify(record, estimate_period=True, period=600.0)
-    with pytest.raises(InputError, match="Argument `period` of `Settings` must be two sampling intervals"):
+    with pytest.raises(InputError, match="Argument `period` of `identify` must be at least two sampling intervals"):
         identify(record, estimate_period=True, period=0.01)
 
 

@@ -13,7 +13,8 @@ from floquid.cli._folder import result_folder
 from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, RecordFiles, split
 from floquid.cli._output import NAMES, print_json, write_result
 from floquid.cli._progress import progress
-from floquid.cli._records import check_files, period_of, read_records
+from floquid.cli._record_options import RecordOptions
+from floquid.cli._records import check_files, read_records
 from floquid.cli._settings import Choices, IdentifierName, load_choices
 from floquid.cli._terminal import print_analysis, print_folder
 from floquid.pipeline import identify as identify_records
@@ -25,16 +26,7 @@ STAGES = 10
 
 def identify(
     *files: RecordFiles,
-    period: float | None = None,
-    frequency: float | None = None,
-    tach: str | None = None,
-    azimuth: str | None = None,
-    estimate_period: Annotated[bool | None, Parameter(negative=())] = None,
-    pulses_per_rev: OptionalWhole = None,
-    periods_per_rev: float | None = None,
-    origin: float | None = None,
-    rate: float | None = None,
-    channels: str | None = None,
+    record: RecordOptions | None = None,
     identifier: IdentifierName | None = None,
     order: OptionalWhole = None,
     harmonics: OptionalWhole = None,
@@ -44,11 +36,7 @@ def identify(
     structure: str | None = None,
     output_error: Annotated[bool | None, Parameter(negative=())] = None,
     forced: str | None = None,
-    orbit: bool | None = None,
-    find_hits: Annotated[bool | None, Parameter(negative=())] = None,
-    skip: float | None = None,
     constrained: bool | None = None,
-    trust_period: Annotated[bool | None, Parameter(negative=())] = None,
     validate: bool | None = None,
     enforce: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     out: OptionalPlace = None,
@@ -62,28 +50,8 @@ def identify(
     ----------
     files
         Records of free responses, of any format that is read. Several files are several hits on one system.
-    period
-        The period of the system [s]: half a revolution for a two-fold symmetric shaft seen from the ground.
-    frequency
-        The fundamental frequency [Hz], one over the period; instead of --period.
-    tach
-        The channel of a tachometer, whose pulses tell the angle of the shaft; instead of --period.
-    azimuth
-        The channel that holds the angle of the shaft, in degrees or radians; instead of --period.
-    estimate_period
-        Find the period from the response alone; --period may give a first value, right to a factor of 1.5.
-    pulses_per_rev
-        Pulses of the tachometer in a revolution; 1 when not given.
-    periods_per_rev
-        Periods of the system in a revolution of the shaft: 2 for a two-fold symmetric shaft seen from the ground; 1
-        when not given.
-    origin
-        The time of phase zero [s]; 0 when not given.
-    rate
-        The sampling rate [Hz], overriding what the files say.
-    channels
-        The channels to use, comma-separated; all when not given. In .mat and .h5 files of other names, the paths of
-        the variables: run/acc/x, or data[2] for a row, data.T[2] for a column.
+    record
+        The clock of the records, their channels, and what is cut off.
     identifier
         The algorithm that finds the poles: ml, maximum likelihood (the usual one); ami, the Algorithm of Mode
         Isolation; era, the eigensystem realisation algorithm; lscf and poly, least-squares complex frequency and its
@@ -111,18 +79,9 @@ def identify(
     forced
         The forced response beside the free one (imbalance, gravity, an orbit): auto finds it, none leaves it out, 1,2
         are harmonics of the revolution that are fitted in any case; auto when not given.
-    orbit
-        Subtract the periodic orbit that a file holds; --no-orbit leaves it in.
-    find_hits
-        Look for impacts in each record, and take each free response after one as a hit of its own.
-    skip
-        Periods left out at the start, or after each impact found, where the response is not linear yet; 0 when not
-        given.
     constrained
         Finish with residues held to their harmonics, the usual end: smaller deviations where modes are weak, fast, or
         folded onto one another. --no-constrained keeps the residues of lifting free.
-    trust_period
-        Warn instead of refusing when the response seems to repeat with another period than the one given.
     validate
         Check the model: cycles left out are predicted, and what is left of the record is looked at; --no-validate does
         not.
@@ -141,10 +100,7 @@ def identify(
     del debug
     check_files(files, OF)
     choices = (Choices() if settings is None else load_choices(settings)).with_given(
-        period=period_of(period, frequency, OF),
-        rate=rate,
-        origin=origin,
-        channels=None if channels is None else split(channels),
+        **(record or RecordOptions()).given(OF),
         identifier=identifier,
         order=order,
         harmonics=harmonics,
@@ -153,17 +109,8 @@ def identify(
         delay=delay,
         structure=structure,
         output_error=output_error,
-        estimate_period=estimate_period,
-        tach=tach,
-        azimuth=azimuth,
-        pulses_per_revolution=pulses_per_rev,
-        periods_per_revolution=periods_per_rev,
         forced=forced,
-        orbit=orbit,
-        find_hits=find_hits,
-        skip=skip,
         constrained=constrained,
-        trust_period=trust_period,
         validate=validate,
     )
     if enforce and not choices.settings.validate:

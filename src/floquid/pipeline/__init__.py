@@ -1,5 +1,6 @@
 """The whole chain: `identify` takes records and `Settings` and gives an `Analysis`, with every intermediate kept.
 
+Everything starts from what `prepare` makes of records: the responses, what ties each to the phase, and what was done.
 `lifted` stops after lifting, and `find_poles` goes on from there to poles and noise.
 `validated` adds the verdict on a model.
 `bootstrap` checks the deviations of an `Analysis` by drawing records from its model.
@@ -12,6 +13,7 @@ from floquid.pipeline._draws import Draw
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
 from floquid.pipeline._lifted import lifted
+from floquid.pipeline._prepare import Prepared, prepare
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._spread import Spread
 from floquid.pipeline._validated import validated
@@ -22,11 +24,13 @@ __all__ = [
     "Analysis",
     "Bootstrap",
     "Draw",
+    "Prepared",
     "Settings",
     "Spread",
     "bootstrap",
     "find_poles",
     "identify",
     "lifted",
+    "prepare",
     "validated",
 ]

@@ -19,8 +19,8 @@ from floquid.lti import MaximumLikelihood, ModalModel, Outcome
 from floquid.periodic import assemble, constrain, estimate_at, refit
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._identify import identify
-from floquid.pipeline._measured import _clocks
 from floquid.pipeline._plan import Plan, without_states
+from floquid.pipeline._prepare import prepared_of
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import Again, state_of
 
@@ -192,8 +192,10 @@ def _free(plan: Plan, lifted: Lifted, modal: ModalModel) -> PeriodicModel:
 
 def _identified(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
     """The whole identification anew; modes are compared where the order is the same."""
-    # What was done to the records before is done: hits are cut, clocks and orbits known.
-    given = {"channels": (), "tach": None, "azimuth": None, "orbit": False, "find_hits": False, "skip": 0.0}
+    # What was done to the records before is done: hits are cut, clocks and orbits known, channels chosen. A force that
+    # was named for a response stays one.
+    channels = tuple(channel.name for channel in plan.model.channels)
+    given = {"channels": channels, "tach": None, "azimuth": None, "orbit": False, "find_hits": False, "skip": 0.0}
     # A(t) comes after: with a structure it might be refused.
     settings = replace(without_states(plan.settings), **given, validate=False)
     if plan.lifted is not None:
@@ -217,8 +219,7 @@ def _again(found: Analysis) -> Again:
     def again(exponents: NDArray[np.complex128]) -> Estimates:
         if found.fit is None:
             return estimate_at(found.model, exponents, lifted=found.lifted)
-        _, clocks, _ = _clocks(found.measured, lambda _: None)
-        own = found.fit
+        own, clocks = found.fit, prepared_of(found).clocks
         return estimate_at(found.model, exponents, records=own.free, clocks=clocks, noise=own.noise, forced=own.forced)
 
     return again

@@ -1,21 +1,17 @@
-"""Channels that are refused: those that say nothing, and those that are no measurements of their own."""
+"""Channels that are no measurements of their own, though none is a copy: sums of others, noise and all."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from hashlib import sha256
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
-from floquid.core import AzimuthSignal, Record, TachometerSignal
-from floquid.lifting import refuse_values
 from floquid.periodic import unexplained
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._doubts import QUIET
+from floquid.pipeline._refuse import name_of
 from floquid.pipeline._validated import responses_of_model
-from floquid.sync import wrapped
 
 OWN = 0.1
 """What a channel has beside the others, over its noise, below which it has no noise of its own: 1 % of its power."""
@@ -31,48 +27,6 @@ NORMAL_QUARTILE = 0.6745
 
 NAMED = 0.01
 """The share of a channel that another must make up to be named."""
-
-NO_NEWS = "a copy adds no knowledge, but would make the deviations too small."
-
-
-def refuse_unusable(records: Sequence[Record]) -> None:
-    """Refuse a response that has no samples, does not vary, wrapped round, or cannot be computed with, in any record.
-
-    Raises
-    ------
-    InputError
-        There is such a channel.
-    """
-    for number, record in enumerate(records, start=1):
-        clock = record.clock.channel if isinstance(record.clock, (TachometerSignal, AzimuthSignal)) else None
-        rows = [row for row, channel in enumerate(record.channels) if channel.name != clock]
-        refuse_values([record.channels[row] for row in rows], record.values[rows], f"record {number}")
-        for fault in wrapped(record):
-            must, remedy = "hold the samples that were measured", "Read them as wider integers, or measure anew."
-            raise input_error("records", "identify", must, f"in record {number} {fault.sentence}", remedy)
-
-
-def refuse_copies(records: Sequence[Record]) -> None:
-    """Refuse a channel or a hit that is a copy of another: its noise would count as independent of the other's.
-
-    Raises
-    ------
-    InputError
-        Two responses are the same, sample by sample.
-    """
-    seen: dict[bytes, str] = {}
-    for hit, record in enumerate(records, start=1):
-        for channel, values in zip(record.channels, record.values, strict=True):
-            name = _name(channel.name, hit, len(records))
-            found = seen.setdefault(sha256(values.tobytes()).digest(), name)
-            if found != name and np.ptp(values) > 0.0:
-                raise input_error(
-                    "records",
-                    "identify",
-                    "be independent measurements",
-                    f"{name} is a copy of {found}, sample by sample",
-                    f"Leave one of them out: {NO_NEWS}",
-                )
 
 
 def sum_of_others(analysis: Analysis) -> tuple[str, float]:
@@ -115,7 +69,7 @@ def sum_of_others(analysis: Analysis) -> tuple[str, float]:
     if beside.min() >= OWN:
         return "", 1.0
     first = int(np.flatnonzero(beside < OWN)[0])
-    names = [_name(c.name, hit, len(records)) for hit, r in enumerate(records, start=1) for c in r.channels]
+    names = [name_of(c.name, hit, len(records)) for hit, r in enumerate(records, start=1) for c in r.channels]
     shares = np.linalg.solve(lower[:first, :first].T, lower[first, :first]) * noise[first] / noise[:first]
     own = float(beside[first])
     return _sentence(names, first, shares, np.abs(rows[:, there]).max(axis=1), own), own
@@ -137,7 +91,3 @@ def _sentence(
     own = [k for k in range(first) if abs(shares[k]) * sizes[k] > NAMED * sizes[first]]
     parts = " and ".join(f"{shares[k]:.4g} times {names[k]}" for k in own)
     return f"{names[first]} is {parts}, noise and all, but for {100.0 * beside:.2g} % of its noise"
-
-
-def _name(channel: str, hit: int, hits: int) -> str:
-    return f"channel {channel!r}" + (f" of record {hit}" if hits > 1 else "")

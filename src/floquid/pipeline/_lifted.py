@@ -3,31 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
-from floquid.core import Record
+import numpy as np
+
+from floquid._checks import input_error
+from floquid.core import Cycles, Record
 from floquid.lifting import Lifted, lift, whitened
 from floquid.pipeline._colour import first_filter
-from floquid.pipeline._identify import LARGE, _prepare, _refuse_impossible, _settings
-from floquid.pipeline._independent import refuse_copies, refuse_unusable
+from floquid.pipeline._identify import _refuse_impossible
+from floquid.pipeline._measured import why_measured
+from floquid.pipeline._prepare import Prepared, blas_threads, prepare
 from floquid.pipeline._settings import Settings
-from floquid.sync import segment
+from floquid.sync import resample, segment
 
 
 def lifted(
-    records: Record | Sequence[Record],
+    records: Record | Sequence[Record] | Prepared,
     settings: Settings | None = None,
     *,
     report: Callable[[str], None] = lambda _: None,
     **options: object,
 ) -> Lifted:
-    """The lifted responses of records, with the noise of each channel and hit: where `identify` starts from.
+    """The lifted responses of records, with the noise of each channel and hit: what `identify` searches for poles.
 
-    Where the noise is coloured along the record, they are whitened.
+    The channels and cycles are those of `identify`. Records that cannot be cut into whole samples a period as they
+    are, with a tachometer, a rate out of step or missing samples, are resampled to them. Where the noise is coloured
+    along the record, the responses are whitened.
 
     Parameters
     ----------
     records
-        One record, or one a hit on the same system.
+        One record, or one a hit on the same system; or what `prepare` made of them.
     settings
         The options; or give them by name. Those of what comes after lifting change nothing.
     report
@@ -45,20 +52,34 @@ def lifted(
     InputError
         A record or an option is not possible.
     IdentificationError
-        The record is too short.
+        The record is too short, or the angle of its shaft cannot be told or is not constant enough.
     """
-    from threadpoolctl import threadpool_limits
-
-    chosen = _settings(settings, options)
-    used = _prepare(records, chosen)
-    few = sum(record.values.size for record in used) < LARGE
-    with threadpool_limits(limits=1 if few else None, user_api="blas"):
-        refuse_unusable(used)
-        refuse_copies(used)
+    if not isinstance(records, Prepared):
+        records = prepare(records, settings, report=report, of="lifted", **options)
+    elif settings is not None or options:
+        must, got = "be left out with records that are prepared", "is given"
+        name = "settings" if settings is not None else next(iter(options))
+        raise input_error(name, "lifted", must, got, "Give it to `prepare`.")
+    with blas_threads(records.responses):
         report("cutting into periods")
-        cycles = segment(used)
-        _refuse_impossible(chosen, cycles)
+        cycles = _cycles(records)
+        _refuse_impossible(records.settings, cycles)
         report("estimating the noise")
-        found = lift(cycles, floor=chosen.noise_floor)
+        found = lift(cycles, floor=records.settings.noise_floor)
         taps = first_filter(found)
         return found if taps is None else whitened(found, taps)
+
+
+def _cycles(prepared: Prepared) -> tuple[Cycles, ...]:
+    """The responses cut into whole samples a period, resampled where they have none.
+
+    Shafts turn at a speed of their own in each hit: there, a cycle is as long as the mean over all of them, as the
+    period of the model is.
+    """
+    if not why_measured(prepared.records, prepared.settings):
+        return segment(prepared.responses)
+    cycles = resample(prepared.responses, prepared.clocks)
+    if not prepared.shafts:
+        return cycles
+    period = float(np.mean([shaft.period for shaft in prepared.shafts]))
+    return tuple(replace(hit, periods=np.full(hit.n_cycles, period)) for hit in cycles)

@@ -13,19 +13,19 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
-from floquid.core import AzimuthSignal, ConstantPeriod, Estimates, PulseTimes, Record, TachometerSignal
+from floquid.core import ConstantPeriod, Estimates, Record
 from floquid.errors import IdentificationError, InputError, NotSynchronousError
 from floquid.lifting import floor_of, lift
 from floquid.lti import fit_residues
 from floquid.order import Choice
-from floquid.periodic import EndlessError, Fit, estimate_at, estimate_period, fit, periodicity
+from floquid.periodic import EndlessError, Fit, estimate_at, fit, periodicity
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._doubts import ambiguity, warnings, wrong_angles, wrong_measured_period
 from floquid.pipeline._find_poles import find_poles
+from floquid.pipeline._prepare import SIGNALS, Prepared, unsteady
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import state_of
-from floquid.sync import ShaftAngle, rejoin, resample, samples_per_period, segment, shaft_angle
+from floquid.sync import ShaftAngle, rejoin, resample, samples_per_period, segment
 
 NOT_WHOLE = "a period that is no whole number of samples"
 
@@ -43,11 +43,6 @@ NOT_MODES = (
     "As it was sampled, it falls into ever more lines of a spectrum, as noise that is not white does, an impulse or a "
     "step."
 )
-
-NEAR = 1.5
-"""How far from a first value the period may be, as a factor."""
-
-SIGNALS = (TachometerSignal, AzimuthSignal, PulseTimes)
 
 
 def why_measured(records: tuple[Record, ...], settings: Settings) -> str:
@@ -74,38 +69,23 @@ def _why_uncut(records: tuple[Record, ...]) -> str:
     return ""
 
 
-def measured(
-    records: tuple[Record, ...],
-    settings: Settings,
-    report: Callable[[str], None],
-    *,
-    said: tuple[str, ...] = (),
-) -> Analysis:
+def measured(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     """The chain for records as they were sampled.
 
     Parameters
     ----------
-    records
-        The records with their clocks.
-    settings
-        The options.
+    prepared
+        The responses and their clocks.
     report
         Is told of each stage.
-    said
-        What was done to the records before, a sentence each.
 
     Returns
     -------
     Analysis
         The result; its `records` are the free response resampled to whole samples a period.
     """
-    if settings.estimate_period:
-        records, words = _with_own_period(records, settings.period, report)
-        said += words
-    responses, clocks, shafts = _clocks(records, report)
-    unsteady = tuple(_unsteady(shaft) for shaft in shafts if not shaft.steady)
-    if unsteady and not settings.trust_period:
-        raise IdentificationError(unsteady[0])
+    settings, responses, clocks, shafts = prepared.settings, prepared.responses, prepared.clocks, prepared.shafts
+    uneven = tuple(unsteady(shaft) for shaft in shafts if not shaft.steady)
     found = _fitted(responses, clocks, settings, report)
     report("resampling the free response")
     period = found.model.period
@@ -146,13 +126,13 @@ def measured(
         refinement=refinement,
         choice=None if settings.order is not None else choice,
         fit=found,
-        measured=records,
+        measured=prepared.records,
         shafts=shafts,
         held=True,
         # Without `lifted`: resampling moves lines by more than their deviations.
         periodicity=None if model.unselected is None else periodicity(model),
-        synchronisation=(*said, *own, *_said_of(found)),
-        warnings=tuple(" ".join(word.split()) for word in (doubt, *unsteady, blurred) if word)
+        synchronisation=(*prepared.findings, *own, *_said_of(found)),
+        warnings=tuple(" ".join(word.split()) for word in (doubt, *uneven, blurred) if word)
         + (ambiguity(choice) if settings.order is None else ())
         + warnings(model),
     )
@@ -196,62 +176,6 @@ def _fitted(
     return fitted()
 
 
-def _with_own_period(
-    records: tuple[Record, ...], about: float | None, report: Callable[[str], None]
-) -> tuple[tuple[Record, ...], tuple[str, ...]]:
-    """The records with the period that the response has, near `about` where that is given, and how it is known.
-
-    Raises
-    ------
-    InputError
-        `about` is too short for the sampling.
-    IdentificationError
-        The response does not tell its period.
-    """
-    report("finding the period")
-    shortest, longest, where = None, None, ""
-    if about is not None:
-        shortest, longest = about / NEAR, about * NEAR
-        least = 2.0 / min(record.sample_rate for record in records)
-        if longest <= least:
-            must, got = f"be two sampling intervals ({least:.6g} s) or more", f"is {about:.6g} s"
-            raise input_error("period", "Settings", must, got, "Check its unit and that of the sampling rate.")
-        where = f" between {shortest:.6g} and {longest:.6g} s"
-    found = estimate_period(records, shortest=shortest, longest=longest, report=report)
-    if not found.told or found.period is None:
-        wrong = "another first value (`--period`)" if about else "the period (`--period`)"
-        raise IdentificationError(
-            f"The response does not tell its period{where}. {' '.join(found.reasons)}\n  Give {wrong}, a tachometer "
-            "(`--tach`), or a record with more cycles or less noise."
-        )
-    clocked = tuple(record.with_clock(ConstantPeriod(period=found.period, origin=record.start)) for record in records)
-    return clocked, found.reasons
-
-
-def _clocks(
-    records: tuple[Record, ...], report: Callable[[str], None]
-) -> tuple[list[Record], list[ConstantPeriod | ShaftAngle], tuple[ShaftAngle, ...]]:
-    """The responses without the channel of the clock, and what ties each to the phase."""
-    responses, clocks, shafts = [], [], []
-    for record in records:
-        clock = record.clock
-        if isinstance(clock, SIGNALS):
-            report("finding the angle of the shaft")
-            shaft = shaft_angle(record)
-            shafts.append(shaft)
-            clocks.append(shaft)
-            if not isinstance(clock, PulseTimes):
-                record = record.select([c.name for c in record.channels if c.name != clock.channel])
-        else:
-            assert clock is not None
-            clocks.append(clock)
-        responses.append(record)
-    if shafts and len(shafts) < len(clocks):
-        must, got = "all have a measured shaft angle, or none", "some have"
-        raise input_error("records", "identify", must, got, "Give each its clock.")
-    return responses, clocks, tuple(shafts)
-
-
 def _steady(clock: ConstantPeriod | ShaftAngle, record: Record, period: float) -> ConstantPeriod:
     """A clock of constant period, its phase zero at that of the record's begin."""
     if isinstance(clock, ConstantPeriod):
@@ -259,13 +183,6 @@ def _steady(clock: ConstantPeriod | ShaftAngle, record: Record, period: float) -
     turns = float(clock.angle(np.array([record.start]))[0]) * clock.periods_per_revolution / (2.0 * np.pi)
     begin = clock.time_at(np.array([2.0 * np.pi * np.floor(turns + 1e-9) / clock.periods_per_revolution]))
     return ConstantPeriod(period=period, origin=float(begin[0]))
-
-
-def _unsteady(shaft: ShaftAngle) -> str:
-    return (
-        f"The speed of the shaft is not constant enough for a periodic model: {' '.join(shaft.reasons)} Use a part of "
-        "the record where it is, or pass `trust_period=True` (`--trust-period`)."
-    )
 
 
 def _said_of(found: Fit) -> tuple[str, ...]:

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import ConstantPeriod, PeriodicModel, PulseTimes, Record
+from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic import instants
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._measured import _clocks
+from floquid.pipeline._prepare import prepared_of
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import states_of
 from floquid.reconstruction import choices, text_of
@@ -94,7 +94,8 @@ def _as_sampled(analysis: Analysis, common: dict[str, Any]) -> Plan:
     """The plan for records that were fitted as they were sampled."""
     model, whole, fit = analysis.model, common["whole"], analysis.fit
     assert fit is not None
-    responses, clocks, _ = _clocks(analysis.measured, lambda _: None)
+    prepared = prepared_of(analysis)
+    responses, clocks = prepared.responses, prepared.clocks
     clean = []
     for hit, (record, clock) in enumerate(zip(responses, clocks, strict=True)):
         own = _response(common["fitted"], hit, *instants(record, clock, model.fundamental))
@@ -103,17 +104,16 @@ def _as_sampled(analysis: Analysis, common: dict[str, Any]) -> Plan:
             own += record.values - fit.free[hit].values
         clean.append(np.where(np.isnan(record.values), np.nan, own))
     rows = []
-    for record in analysis.measured:
-        clock = None if isinstance(record.clock, (ConstantPeriod, PulseTimes)) else record.clock
-        name = None if clock is None else clock.channel
-        rows.append(tuple(row for row, channel in enumerate(record.channels) if channel.name != name))
-    records = analysis.measured if whole else tuple(responses)
+    for record, response in zip(prepared.records, responses, strict=True):
+        names = {channel.name for channel in response.channels}
+        rows.append(tuple(row for row, channel in enumerate(record.channels) if channel.name in names))
+    records = prepared.records if whole else responses
     return Plan(
         **common,
         clean=tuple(clean),
         records=records,
         rows=tuple(rows),
-        clocks=tuple(clocks),
+        clocks=clocks,
         free_period=fit.period_std is not None,
     )
 

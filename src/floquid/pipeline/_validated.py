@@ -10,6 +10,7 @@ import numpy as np
 from floquid.core import ConstantPeriod, Record
 from floquid.errors import FloquidError
 from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._prepare import prepared_of
 from floquid.sync import ShaftAngle, rejoin
 from floquid.validation import Validation, validate
 
@@ -62,8 +63,7 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
 def responses_of_model(analysis: Analysis) -> tuple[tuple[Record, ...], list[ConstantPeriod | ShaftAngle]]:
     """The free responses that the model is one of, and what ties each to the phase."""
     if analysis.fit is not None and analysis.measured:
-        clocks = [record.clock for record in analysis.measured if isinstance(record.clock, ConstantPeriod)]
-        return analysis.fit.free, list(analysis.shafts) or list(clocks)
+        return analysis.fit.free, list(prepared_of(analysis).clocks)
     # Rejoined, records begin where the model's time zero is.
     records = tuple(rejoin(hit) for hit in analysis.cycles)
     return records, [ConstantPeriod(period=analysis.model.period) for _ in records]

@@ -1,0 +1,314 @@
+"""What every consumer of records starts from: the responses and the clock of each, as the settings ask for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, fields, replace
+
+from floquid._checks import input_error
+from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, Record, TachometerSignal
+from floquid.errors import IdentificationError
+from floquid.periodic import estimate_period
+from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._before import faults_of, hits_of, later, missing_of, responses_of, without_orbit
+from floquid.pipeline._refuse import refuse_copies, refuse_period, refuse_short, refuse_unusable
+from floquid.pipeline._settings import Settings
+from floquid.pipeline._state import check_states
+from floquid.sync import ShaftAngle, shaft_angle
+
+LARGE = 20_000_000
+"""Samples in all from which linear algebra may use all threads."""
+
+NEAR = 1.5
+"""How far from a first value the period may be, as a factor."""
+
+SIGNALS = (TachometerSignal, AzimuthSignal, PulseTimes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prepared:
+    """Records as they are used, whoever uses them: which channels are responses, and what ties them to the phase.
+
+    Parameters
+    ----------
+    settings
+        The options.
+    records
+        The records after hits were cut out, the first periods and the orbit taken off and channels chosen, each with
+        its clock, and with the channel of the clock if it has one.
+    responses
+        The same without the channel of the clock.
+    clocks
+        What ties each response to the phase: a constant period, or the angle of the shaft.
+    shafts
+        The angle of the shaft in each record; empty where the period is constant.
+    findings
+        What was done to the records, a sentence each.
+    faults
+        What is wrong with samples, a sentence each.
+    """
+
+    settings: Settings
+    records: tuple[Record, ...]
+    responses: tuple[Record, ...]
+    clocks: tuple[ConstantPeriod | ShaftAngle, ...]
+    shafts: tuple[ShaftAngle, ...] = ()
+    findings: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+
+
+def prepare(
+    records: Record | Sequence[Record],
+    settings: Settings | None = None,
+    *,
+    report: Callable[[str], None] = lambda _: None,
+    of: str = "identify",
+    **options: object,
+) -> Prepared:
+    """The responses and their clocks, of records and settings: what `identify`, `lifted` and `floquid scan` start from.
+
+    The clock that the settings name is put on, hits are cut out or the first periods left out, channels that are no
+    responses are left out, the orbit that a file holds is subtracted, and the period or the angle of the shaft is
+    found. What cannot end well is refused before any long work.
+
+    Parameters
+    ----------
+    records
+        One record, or one a hit on the same system.
+    settings
+        The options; or give them by name.
+    report
+        Is told what is being done, a phrase a stage.
+    of
+        The callable that was asked, for messages.
+    **options
+        Fields of `Settings`.
+
+    Returns
+    -------
+    Prepared
+        The records as used, the responses, their clocks, and what was done.
+
+    Raises
+    ------
+    InputError
+        A record or an option is not possible.
+    IdentificationError
+        The record is too short, or its period or the angle of its shaft cannot be told or is not constant enough.
+    """
+    chosen = settings_of(settings, options, of)
+    used = _clocked(records, chosen, of)
+    faults = faults_of(used)
+    try:
+        found = _tied(*_free(used, chosen, of), report, of)
+    except IdentificationError as error:
+        raise IdentificationError("\n  ".join([str(error), *faults])) from None
+    return replace(found, faults=faults)
+
+
+def prepared_of(analysis: Analysis) -> Prepared:
+    """What an analysis started from, with the clocks that it found: nothing is worked out anew.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found, or `load` read.
+
+    Returns
+    -------
+    Prepared
+        Without findings and faults, which are among the words of the analysis.
+    """
+    records = analysis.measured or analysis.records
+    clocks = analysis.shafts or tuple(r.clock for r in records if isinstance(r.clock, ConstantPeriod))
+    return Prepared(
+        settings=analysis.settings,
+        records=records,
+        responses=tuple(without_clock(record) for record in records),
+        clocks=clocks,
+        shafts=analysis.shafts,
+    )
+
+
+def settings_of(settings: Settings | None, options: dict[str, object], of: str) -> Settings:
+    """The settings with the options given by name put over them.
+
+    Raises
+    ------
+    InputError
+        There is no such option.
+    """
+    known = [f.name for f in fields(Settings)]
+    for name in options:
+        if name not in known:
+            must, got = "be a field of Settings", "there is none of that name"
+            raise input_error(name, of, must, got, f"The fields are: {', '.join(known)}.")
+    return replace(settings or Settings(), **options)  # type: ignore[arg-type]
+
+
+def blas_threads(records: Sequence[Record]) -> AbstractContextManager[object]:
+    """Linear algebra in one thread, unless the records are large.
+
+    The matrices are many and small: threads inside BLAS would wait for each other, on a busy machine for seconds.
+    """
+    from threadpoolctl import threadpool_limits
+
+    few = sum(record.values.size for record in records) < LARGE
+    return threadpool_limits(limits=1 if few else None, user_api="blas")
+
+
+def without_clock(record: Record) -> Record:
+    """The record without the channel of its clock, if it has one."""
+    clock = record.clock
+    if not isinstance(clock, (TachometerSignal, AzimuthSignal)):
+        return record
+    return record.select([c.name for c in record.channels if c.name != clock.channel])
+
+
+def unsteady(shaft: ShaftAngle) -> str:
+    """Why a periodic model does not hold at the speed of the shaft, and what to do."""
+    return (
+        f"The speed of the shaft is not constant enough for a periodic model: {' '.join(shaft.reasons)} Use a part of "
+        "the record where it is, or pass `trust_period=True` (`--trust-period`)."
+    )
+
+
+def _clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> tuple[Record, ...]:
+    """The records with the channels and the clock of the settings."""
+    several = (records,) if isinstance(records, Record) else tuple(records) if isinstance(records, Iterable) else ()
+    if not several or not all(isinstance(r, Record) for r in several):
+        raise input_error(
+            "records", of, "be a Record or a list of them", f"is {records!r:.60}", "Read files with `read`."
+        )
+    used = []
+    for record in several:
+        clock = _clock(record, settings)
+        own = [clock.channel] if isinstance(clock, (TachometerSignal, AzimuthSignal)) else []
+        if settings.channels:
+            record = record.select([*settings.channels, *(name for name in own if name not in settings.channels)])
+        used.append(record if clock is None else record.with_clock(clock))
+    return tuple(used)
+
+
+def _clock(record: Record, settings: Settings) -> Clock | None:
+    """The clock that the settings name, or the record's own."""
+    turns = settings.periods_per_revolution
+    if settings.tach is not None:
+        return TachometerSignal(
+            channel=settings.tach,
+            pulses_per_revolution=settings.pulses_per_revolution,
+            periods_per_revolution=turns,
+        )
+    if settings.azimuth is not None:
+        return AzimuthSignal(channel=settings.azimuth, periods_per_revolution=turns)
+    if settings.period is not None:
+        origin = record.clock.origin if isinstance(record.clock, ConstantPeriod) else 0.0
+        return ConstantPeriod(period=settings.period, origin=origin)
+    return record.clock
+
+
+def _free(
+    records: tuple[Record, ...], settings: Settings, of: str
+) -> tuple[tuple[Record, ...], Settings, tuple[str, ...]]:
+    """The free responses that the records hold, cut and without what is no response, the settings, and what was done.
+
+    Raises
+    ------
+    InputError
+        The period cannot be one of the system in these records, or nothing is left of them.
+    IdentificationError
+        The records are too short, or there is no impact that leaves a free response.
+    """
+    if not settings.estimate_period:
+        refuse_period(records, of)
+    elif settings.period is not None:
+        refuse_period(records, of, near=NEAR)
+    said = missing_of(records)
+    if settings.find_hits:
+        records, words = hits_of(records, settings)
+        said += words
+    elif settings.skip:
+        records, words = later(records, settings.skip)
+        said += words
+    records, words = responses_of(records, settings)
+    said += words
+    if settings.orbit:
+        records, words = without_orbit(records)
+        said += words
+    return records, settings, said
+
+
+def _tied(
+    records: tuple[Record, ...], settings: Settings, said: tuple[str, ...], report: Callable[[str], None], of: str
+) -> Prepared:
+    """The responses with what ties them to the phase; what cannot be used is refused."""
+    if not settings.estimate_period and any(record.clock is None for record in records):
+        raise input_error(
+            "records",
+            of,
+            "have a clock",
+            "the record has none" if len(records) == 1 else "one has none",
+            "Give the period: `--period SECONDS` or `--frequency HZ`, or `read(path, period=...)`.",
+        )
+    refuse_unusable(records, of)
+    responses = tuple(without_clock(record) for record in records)
+    refuse_copies(responses, of)
+    check_states(responses[0].channels, settings)
+    if settings.estimate_period:
+        with blas_threads(responses):
+            responses, words = _with_own_period(responses, settings.period, report)
+        records, said = responses, (*said, *words)
+    clocks, shafts = _clocks(records, report, of)
+    refuse_short(responses, clocks)
+    uneven = [shaft for shaft in shafts if not shaft.steady]
+    if uneven and not settings.trust_period:
+        raise IdentificationError(unsteady(uneven[0]))
+    return Prepared(
+        settings=settings, records=records, responses=responses, clocks=clocks, shafts=shafts, findings=said
+    )
+
+
+def _with_own_period(
+    records: tuple[Record, ...], about: float | None, report: Callable[[str], None]
+) -> tuple[tuple[Record, ...], tuple[str, ...]]:
+    """The records with the period that the response has, near `about` where that is given, and how it is known.
+
+    Raises
+    ------
+    IdentificationError
+        The response does not tell its period.
+    """
+    report("finding the period")
+    shortest, longest, where = None, None, ""
+    if about is not None:
+        shortest, longest = about / NEAR, about * NEAR
+        where = f" between {shortest:.6g} and {longest:.6g} s"
+    found = estimate_period(records, shortest=shortest, longest=longest, report=report)
+    if not found.told or found.period is None:
+        wrong = "another first value (`--period`)" if about else "the period (`--period`)"
+        raise IdentificationError(
+            f"The response does not tell its period{where}. {' '.join(found.reasons)}\n  Give {wrong}, a tachometer "
+            "(`--tach`), or a record with more cycles or less noise."
+        )
+    clocked = tuple(record.with_clock(ConstantPeriod(period=found.period, origin=record.start)) for record in records)
+    return clocked, found.reasons
+
+
+def _clocks(
+    records: tuple[Record, ...], report: Callable[[str], None], of: str
+) -> tuple[tuple[ConstantPeriod | ShaftAngle, ...], tuple[ShaftAngle, ...]]:
+    """What ties each record to the phase, and those of them that are angles of a shaft."""
+    clocks: list[ConstantPeriod | ShaftAngle] = []
+    for record in records:
+        if isinstance(record.clock, SIGNALS):
+            report("finding the angle of the shaft")
+            clocks.append(shaft_angle(record))
+        else:
+            assert record.clock is not None
+            clocks.append(record.clock)
+    shafts = tuple(clock for clock in clocks if isinstance(clock, ShaftAngle))
+    if shafts and len(shafts) < len(clocks):
+        must, got = "all have a measured shaft angle, or none", "some have"
+        raise input_error("records", of, must, got, "Give each its clock.")
+    return tuple(clocks), shafts

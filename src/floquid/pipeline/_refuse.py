@@ -1,0 +1,205 @@
+"""What is refused of records before any long work: a period that cannot be, and channels that tell nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from hashlib import sha256
+
+import numpy as np
+
+from floquid._checks import input_error
+from floquid.core import AzimuthSignal, ConstantPeriod, Record, TachometerSignal
+from floquid.errors import IdentificationError
+from floquid.lifting import refuse_values
+from floquid.sync import ShaftAngle, wrapped
+
+FEWEST = 4
+"""Whole periods that a record must hold: fewer cannot hold a mode and the noise beside it."""
+
+LEAST = 2.0
+"""Sampling intervals that a period must last: of shorter ones, a harmonic of the period would alias onto its mean."""
+
+SLACK = 0.5
+"""Samples that a record may lack of the fewest periods: rates and periods are rounded."""
+
+MOST_SLIPS = 2
+"""Slips of the unit that are named in one message, the likeliest first."""
+
+NO_NEWS = "a copy adds no knowledge, but would make the deviations too small."
+
+
+def refuse_period(records: Sequence[Record], of: str, *, near: float = 1.0) -> None:
+    r"""Refuse a constant period that is too short for the sampling, or too long for the record.
+
+    .. math:: 2 / f_s \le T \le D / 4
+
+    with D the duration of the longest record. Where the period would be possible in another unit, the message says so.
+
+    Parameters
+    ----------
+    records
+        The records; those without a clock of constant period are passed over.
+    of
+        The callable that is asked, for the message.
+    near
+        The factor by which the period may still change, where it is a first value.
+
+    Raises
+    ------
+    InputError
+        The period is shorter than two sampling intervals, or longer than the record.
+    IdentificationError
+        The record holds fewer than 4 periods.
+    """
+    clocked = [(r, r.clock.period) for r in records if isinstance(r.clock, ConstantPeriod)]
+    for record, period in clocked:
+        if near * period * record.sample_rate < LEAST * (1.0 - 1e-9):
+            least = LEAST / record.sample_rate
+            must, got = f"be at least two sampling intervals ({least:.6g} s)", f"is {period:.6g} s"
+            remedy = _slip(period, record) or "Check the units of the period and of the sampling rate."
+            raise input_error("period", of, must, got, remedy)
+    if not clocked:
+        return
+    longest, period = max(clocked, key=lambda one: _held(*one))
+    if near * longest.duration < period:
+        must, got = f"be shorter than the record ({longest.duration:.6g} s)", f"is {period:.6g} s"
+        remedy = _slip(period, longest) or "Check the unit of the period, or use a longer record."
+        raise input_error("period", of, must, got, remedy)
+    if near == 1.0:
+        refuse_few(_held(longest, period), slip=_slip(period, longest))
+
+
+def refuse_short(records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle]) -> None:
+    """Refuse records of which none holds 4 periods.
+
+    Raises
+    ------
+    IdentificationError
+        None does.
+    """
+    turned = any(isinstance(clock, ShaftAngle) for clock in clocks)
+    check = "the pulses and periods of a revolution (`--pulses-per-rev`, `--periods-per-rev`)" if turned else ""
+    refuse_few(max(_held(r, clock.period) for r, clock in zip(records, clocks, strict=True)), check)
+
+
+def refuse_few(periods: float, check: str = "", slip: str = "") -> None:
+    """Refuse a record that holds so many periods, if these are too few.
+
+    Parameters
+    ----------
+    periods
+        The periods that it holds; of one that lacks a little, the last is not whole.
+    check
+        What else may be wrong but the period, in words.
+    slip
+        A sentence on the unit of the period.
+
+    Raises
+    ------
+    IdentificationError
+        They are fewer than 4.
+    """
+    if periods < FEWEST:
+        whole = int(periods)
+        raise IdentificationError(
+            f"The record holds {whole} whole period{'' if whole == 1 else 's'}: fewer than {FEWEST} cannot hold a mode "
+            f"and the noise beside it. Record longer, or check {check or 'the period'}."
+            + (f"\n  {slip}" if slip else "")
+        )
+
+
+def _held(record: Record, period: float) -> float:
+    """How many periods a record holds."""
+    return (record.n_samples + SLACK) / (period * record.sample_rate)
+
+
+def _slip(period: float, record: Record) -> str:
+    """In which other unit the period, or the sampling rate, would be possible; empty where it would be in none."""
+    rate, duration = record.sample_rate, record.duration
+    hertz, minute = f"`period={1.0 / period:.6g}` (`--frequency {period:.6g}`)", 60.0 / period
+    slips = [
+        (1.0 / period, rate, f"{1.0 / period:.6g} s (1/{period:.6g}, if {period:.6g} was meant in Hz)", hertz),
+        (minute, rate, f"{minute:.6g} s (if {period:.6g} was meant in revolutions a minute)", _as_period(minute)),
+        (period / 1e3, rate, f"{period / 1e3:.6g} s (if it was meant in ms)", _as_period(period / 1e3)),
+        (
+            60.0 * period,
+            rate,
+            f"{60.0 * period:.6g} s (if the frequency of {1.0 / period:.6g} was meant in revolutions a minute)",
+            _as_period(60.0 * period),
+        ),
+        (
+            period,
+            1e3 * rate,
+            f"a sampling rate of {1e3 * rate:.6g} Hz (if times or rate were meant in ms or kHz)",
+            f"`rate={1e3 * rate:.6g}` (`--rate`)",
+        ),
+    ]
+    fits = [
+        f"{words} would fit: {option}"
+        for value, own, words, option in slips
+        if value * own >= LEAST and FEWEST * value <= duration * rate / own
+    ]
+    return f"{'; or '.join(fits[:MOST_SLIPS])}." if fits else ""
+
+
+def _as_period(period: float) -> str:
+    return f"`period={period:.6g}` (`--period`)"
+
+
+def refuse_unusable(records: Sequence[Record], of: str = "identify") -> None:
+    """Refuse a response that has no samples, does not vary, wrapped round, or cannot be computed with, in any record.
+
+    Parameters
+    ----------
+    records
+        The records, with the channel of the clock if they have one.
+    of
+        The callable that is asked, for the message.
+
+    Raises
+    ------
+    InputError
+        There is such a channel.
+    """
+    for number, record in enumerate(records, start=1):
+        clock = record.clock.channel if isinstance(record.clock, (TachometerSignal, AzimuthSignal)) else None
+        rows = [row for row, channel in enumerate(record.channels) if channel.name != clock]
+        refuse_values([record.channels[row] for row in rows], record.values[rows], f"record {number}", of=of)
+        for fault in wrapped(record):
+            must, remedy = "hold the samples that were measured", "Read them as wider integers, or measure anew."
+            raise input_error("records", of, must, f"in record {number} {fault.sentence}", remedy)
+
+
+def refuse_copies(records: Sequence[Record], of: str = "identify") -> None:
+    """Refuse a channel or a hit that is a copy of another: its noise would count as independent of the other's.
+
+    Parameters
+    ----------
+    records
+        The responses.
+    of
+        The callable that is asked, for the message.
+
+    Raises
+    ------
+    InputError
+        Two responses are the same, sample by sample.
+    """
+    seen: dict[bytes, str] = {}
+    for hit, record in enumerate(records, start=1):
+        for channel, values in zip(record.channels, record.values, strict=True):
+            name = name_of(channel.name, hit, len(records))
+            found = seen.setdefault(sha256(values.tobytes()).digest(), name)
+            if found != name and np.ptp(values) > 0.0:
+                raise input_error(
+                    "records",
+                    of,
+                    "be independent measurements",
+                    f"{name} is a copy of {found}, sample by sample",
+                    f"Leave one of them out: {NO_NEWS}",
+                )
+
+
+def name_of(channel: str, hit: int, hits: int) -> str:
+    """What a channel of a hit is called in messages."""
+    return f"channel {channel!r}" + (f" of record {hit}" if hits > 1 else "")
