@@ -243,7 +243,7 @@ def test_the_bands_are_those_of_the_system():
 def test_the_band_may_be_left_as_it_is():
     lifted = lift(segment(records(system(), noise=0.01))).with_noise(np.full((2, 1), 0.01))
     start = near(system(), lifted, off=0.0)
-    kept = constrain(start, lifted, choose=False, padding=0).model
+    kept = constrain(start, lifted, choose=False).model
     assert kept.harmonics.tolist() == start.harmonics.tolist()
 
 

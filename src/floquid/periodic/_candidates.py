@@ -23,6 +23,9 @@ AT_ONCE = 3
 EXPECTED = 1.0
 """How many peaks of noise are expected among those that are tried: it is the fit that decides."""
 
+PROMISED = 0.7
+"""The share of what a mode must take out of the cost that a peak has to promise: it may lie between the lines."""
+
 REFUSALS = 3
 """Peaks in turn that may come to nothing before the search ends."""
 
@@ -30,26 +33,37 @@ BEYOND = 4
 """Harmonics beyond a band in which a peak may be a further harmonic of the mode."""
 
 
-def with_lines(state: State, limits: Limits, report: Callable[[str], None] = lambda _: None) -> State:
+def with_lines(
+    state: State,
+    limits: Limits,
+    report: Callable[[str], None] = lambda _: None,
+    passed: list[float] | None = None,
+) -> State:
     """With what the spectrum of the residual holds beside the fit, the strongest peaks first.
 
     This is Allen's FSE view taken at its word (section 2.2.3): the response is one of exponentials λ + imω, so that a
-    peak in the spectrum of what is left is a harmonic of a mode, or of a new one.
+    peak in the spectrum of what is left is a harmonic of a mode, or of a new one. Frequencies that came to nothing are
+    kept in `passed`, and not tried again.
     """
-    passed: list[float] = []
-    while len(passed) < REFUSALS:
+    passed = [] if passed is None else passed
+    refused = 0
+    while refused < REFUSALS:
         state = state.with_noise(limits.floor)
         rests = rests_of(state.blocks, state.held, limits.floor)
         found = _peaks(state, rests, limits, passed)
         if not found:
-            # Far from a loud mode its skirts are above what little noise there is: the loudest line is its own.
             return state
         more = _added(state, rests, found, limits)
         if more is None and len(found) > 1:
-            found = found[:1]
-            more = _added(state, rests, found, limits)
+            more = _added(state, rests, found[:1], limits)
+        if more is None:
+            # Far from a loud mode its skirts are above what little noise there is: the loudest line is its own.
+            loudest = _peaks(state, [rest.level() for rest in rests], limits, passed)[:1]
+            if loudest and loudest[0].exponent != found[0].exponent:
+                more = _added(state, rests, loudest, limits)
         if more is None:
             passed.append(found[0].exponent.imag)
+            refused += 1
             continue
         state = more
         report(f"searching for modes: {int((~state.held.entries.fixed).sum())} found")
@@ -57,10 +71,13 @@ def with_lines(state: State, limits: Limits, report: Callable[[str], None] = lam
 
 
 def _peaks(state: State, rests: Sequence[Rest], limits: Limits, passed: Sequence[float]) -> list[Peak]:
-    """The peaks above the limit, as many as may be tried together."""
+    """The peaks that noise hardly makes and that promise what a mode must take out, as many as are tried together."""
+    from scipy.special import chdtri
+
     period = 2.0 * np.pi / state.held.entries.fundamental
+    least = PROMISED * float(chdtri(2 * state.rows, limits.mode_alarm))
     found = peaks(state.blocks, rests, period, EXPECTED, passed, most=AT_ONCE)
-    return [peak for peak in found if peak.gain > peak.limit]
+    return [peak for peak in found if peak.gain > max(peak.limit, least)]
 
 
 def _added(state: State, rests: Sequence[Rest], found: Sequence[Peak], limits: Limits) -> State | None:

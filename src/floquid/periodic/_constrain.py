@@ -12,7 +12,7 @@ from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries
 from floquid.periodic._constrained import settled
-from floquid.periodic._final import with_final_bands
+from floquid.periodic._final import centred, with_final_bands
 from floquid.periodic._held import model_of
 from floquid.periodic._lifted_block import LiftedBlock
 from floquid.periodic._moves import Limits, State, with_bands
@@ -81,6 +81,6 @@ def constrain(
     state, bands = State(blocks, settled(blocks, entries)), entries.bands
     if choose:
         limits = Limits(most=most, modes=len(bands), mode_alarm=0.0, harmonic_alarm=false_alarm, forced=np.zeros(0))
-        state, bands = with_final_bands(with_bands(state, limits), limits)
+        state, bands = centred(*with_final_bands(with_bands(state, limits), limits))
     found = model_of(blocks, state.held, bands, channels=model.channels, provenance=model.provenance, most=most)
     return Constrained(found, noise_left(blocks, state.held))

@@ -126,22 +126,40 @@ def evaluated(blocks: Sequence[Block], entries: Entries, start: tuple[NDArray[np
         Cost, gradient and matrices.
     """
     columns, sines = entries.columns(), entries.sines()
-    n = len(sines)
+    first = [None] * len(blocks) if start is None else start
+    return weighted(blocks, entries, [_linear(b, columns, sines, own) for b, own in zip(blocks, first, strict=True)])
+
+
+def weighted(blocks: Sequence[Block], entries: Entries, linear: Sequence[Linear]) -> Held:
+    """The fit whose linear part is known, with the noise of the blocks: no sample is looked at.
+
+    Parameters
+    ----------
+    blocks
+        The blocks with their noise, of which the linear part does not depend.
+    entries
+        The entries of the linear part, whichever of them are parameters.
+    linear
+        The linear part of each block.
+
+    Returns
+    -------
+    Held
+        Cost, gradient and matrices.
+    """
+    n = len(entries.sines())
     cost, gradient, scatter, noise = 0.0, np.zeros(2 * n), np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 2 * n))
-    found = []
-    for number, block in enumerate(blocks):
-        own = _linear(block, columns, sines, None if start is None else start[number])
-        found.append(own)
+    for block, own in zip(blocks, linear, strict=True):
         weight = 1.0 / block.noise**2
         cost += float(own.left @ weight)
-        weighted = own.slope * weight
+        slopes = own.slope * weight
         for part, moved in enumerate((own.coefficients, turned(own.coefficients))):
-            along = np.einsum("kc,kc->k", moved, weighted)
+            along = np.einsum("kc,kc->k", moved, slopes)
             gradient[part * n : (part + 1) * n] += along[:n] + along[n:]
         scatter += _folded(own.curvature, (own.coefficients * weight) @ own.coefficients.T)
         noise += len(block.rows) * _folded(own.curvature, own.inverse)
     by_column = ByColumn(gradient, scatter, noise)
-    return Held(entries, tuple(found), cost, *by_column.tied(entries.ties()), by_column)
+    return Held(entries, tuple(linear), cost, *by_column.tied(entries.ties()), by_column)
 
 
 def _folded(curvature: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -157,7 +175,12 @@ def _folded(curvature: NDArray[np.float64], moments: NDArray[np.float64]) -> NDA
 
 
 def settled(
-    blocks: Sequence[Block], start: Entries | Held, *, at_rest: float = AT_REST, hold: bool = False
+    blocks: Sequence[Block],
+    start: Entries | Held,
+    *,
+    at_rest: float = AT_REST,
+    hold: bool = False,
+    iterations: int = ITERATIONS,
 ) -> Held:
     """The least squares near these exponents: Levenberg-Marquardt on the projected cost.
 
@@ -173,6 +196,8 @@ def settled(
         The deviations that the last step may have.
     hold
         Whether a mode whose exponent runs away is put back and held there; else it is an error.
+    iterations
+        Steps at most.
 
     Raises
     ------
@@ -181,7 +206,7 @@ def settled(
     """
     now = start if isinstance(start, Held) else evaluated(blocks, start)
     begin, damping, period = now.entries, 1e-6, 2.0 * np.pi / now.entries.fundamental
-    for _ in range(ITERATIONS):
+    for _ in range(iterations):
         if not len(now.gradient):
             break
         scale = np.sqrt(np.diag(now.information))

@@ -9,20 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.errors import IdentificationError
+from floquid.periodic._bands import Entries
 from floquid.periodic._candidates import EXPECTED
 from floquid.periodic._constrained import Held, settled
 from floquid.periodic._harmonics import GAP
-from floquid.periodic._held import chosen_bands
+from floquid.periodic._held import chosen_bands, shapes
 from floquid.periodic._moves import Limits, State, coefficients_of
 from floquid.periodic._peaks import Rest, strongest
 from floquid.periodic._residual import noise_of, rests_of
 from floquid.periodic._searched import Searched
 
-LOOSE = 0.2
+LOOSE = 0.02
 """The probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm."""
 
 PADDING = 1
 """Harmonics fitted beyond each end of a band: weak ones that are left out bend the exponents."""
+
+CROWDED = 1.0
+"""Decays of two modes together within which harmonics of theirs count as one."""
 
 AXIS = 6.0
 """Deviations from the axis up to which it is tried to take a multiplier for a real one."""
@@ -33,7 +37,7 @@ UNTOLD = 0.5
 
 def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -> Searched:
     """The fit with its final bands, its real multipliers, and the period if it is a parameter."""
-    state, bands = with_final_bands(state, limits)
+    state, bands = centred(*with_final_bands(state, limits))
     if search:
         state, bands = _with_real_ones(state, bands)
     if free_period:
@@ -67,12 +71,74 @@ def with_final_bands(state: State, limits: Limits) -> tuple[State, NDArray[np.in
     fitted = np.where(free, np.concatenate([low, high], axis=1), entries.bands)
     low, high = np.minimum(entries.bands, bands)[:, :1], np.maximum(entries.bands, bands)[:, 1:]
     bands = np.where(free, np.concatenate([low, high], axis=1), entries.bands)
-    for padding in (PADDING, 0):
-        held = state.settled(replace(entries, bands=fitted).padded(padding, limits.most), at_rest=1e-4)
-        if held is not None and (held.entries.fixed == entries.fixed).all():
+    for _ in range(2):
+        held = state.settled(_padded(entries, fitted, limits.most), at_rest=1e-3, iterations=30)
+        if held is None:
+            break
+        away = held.entries.fixed & ~entries.fixed
+        if not away.any():
             return state.with_fit(held), bands
         # A weak mode ran away where it was given more harmonics than it can be told to have.
+        fitted = np.where(away[:, None], entries.bands, fitted)
     return state.with_fit(settled(state.blocks, state.held, hold=True)), entries.bands
+
+
+def centred(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.int64]]:
+    """The same fit, each mode on the branch whose zeroth harmonic carries most of the energy of its shape.
+
+    Channels are weighted by the inverse of their noise; ties go to the larger frequency.
+    """
+    entries = state.held.entries
+    both = shapes(state.blocks, state.held)
+    noise = np.full(both.coefficients.shape[1:3], np.inf)
+    for block in state.blocks:
+        noise[block.rows, block.hit] = block.noise
+    energy = np.sum(np.abs(both.coefficients / noise[:, :, None]) ** 2, axis=(1, 2))
+    exponents, fitted, kept = entries.exponents.copy(), entries.bands.copy(), bands.copy()
+    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
+        ties = np.flatnonzero(energy[entry] > (1.0 - 1e-6) * energy[entry].max())
+        turns = exponents[entry].imag + both.harmonics[ties] * entries.fundamental
+        m = int(both.harmonics[ties[np.argmax(np.abs(turns))]])
+        exponents[entry] += 1j * m * entries.fundamental
+        fitted[entry] -= m
+        kept[entry] -= m
+        if exponents[entry].imag < 0.0:
+            exponents[entry] = exponents[entry].conjugate()
+            fitted[entry], kept[entry] = -fitted[entry, ::-1], -kept[entry, ::-1]
+    if (fitted == entries.bands).all():
+        return state, bands
+    return state.with_fit(state.evaluated(replace(entries, exponents=exponents, bands=fitted))), kept
+
+
+def _padded(entries: Entries, bands: NDArray[np.int64], most: int) -> Entries:
+    """The entries with these bands and a harmonic more on each side, but for harmonics where another mode has one.
+
+    There the two would tell nothing apart, and the other one takes what is left out.
+    """
+    padded, omega = replace(entries, bands=bands).padded(PADDING, most).bands, entries.fundamental
+    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
+        own = entries.exponents[entry]
+        taken = [
+            (sign * (value.imag + (m + offset) * omega) - own.imag) / omega
+            for other, (value, offset) in enumerate(zip(entries.exponents, entries.offsets, strict=True))
+            if other != entry and not entries.fixed[other]
+            for m in range(entries.bands[other, 0], entries.bands[other, 1] + 1)
+            for sign in (1, -1)
+            if CROWDED * (abs(value.real) + abs(own.real)) > _off_line(sign * (value.imag + offset * omega) - own.imag, omega)
+        ]
+        crowded = {round(turn) for turn in taken}
+        low, high = entries.bands[entry]
+        while low > padded[entry, 0] and low - 1 not in crowded:
+            low -= 1
+        while high < padded[entry, 1] and high + 1 not in crowded:
+            high += 1
+        padded[entry] = low, high
+    return replace(entries, bands=padded)
+
+
+def _off_line(gap: float, omega: float) -> float:
+    """How far a difference is from whole fundamentals."""
+    return abs(gap - omega * round(gap / omega))
 
 
 def criterion(state: State, found: Held) -> float:
@@ -99,7 +165,7 @@ def _with_real_ones(state: State, bands: NDArray[np.int64]) -> tuple[State, NDAr
         offsets[entry], ends[entry] = 0.5 * half, fitted
         trial = replace(entries, real=real, exponents=exponents, offsets=offsets, bands=ends)
         with suppress(IdentificationError, np.linalg.LinAlgError):
-            found = settled(state.blocks, state.evaluated(trial), at_rest=1e-2)
+            found = settled(state.blocks, state.evaluated(trial), at_rest=1e-2, iterations=10)
             if criterion(state, found) <= criterion(state, state.held):
                 state, bands = state.with_fit(found), bands.copy()
                 bands[entry] = kept

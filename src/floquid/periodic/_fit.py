@@ -24,7 +24,7 @@ from floquid.periodic._held import model_of, shapes
 from floquid.periodic._known import Known
 from floquid.periodic._lifted_block import LiftedBlock
 from floquid.periodic._moves import ROUGHLY, Limits, State, joined, parted, released, with_bands, without_needless
-from floquid.periodic._record_block import RecordBlock
+from floquid.periodic._record_block import GappyBlock, RecordBlock
 from floquid.periodic._record_blocks import record_blocks
 from floquid.periodic._residual import noise_of
 from floquid.periodic._scores import period_step
@@ -248,18 +248,24 @@ def _begun(blocks: tuple[Block, ...], entries: Entries, limits: Limits) -> State
 
 def _searched(state: State, limits: Limits, search: bool, report: Callable[[str], None]) -> State:
     """With bands and modes changed until nothing does."""
-    for _ in range(ROUNDS):
+    passed: list[float] = []
+    for number in range(ROUNDS):
         before = state.held.entries
         state = with_bands(released(state), limits)
         if not search:
             break
-        report("parting and joining modes")
-        state = without_needless(joined(parted(state, limits), limits), limits)
-        state = with_lines(state, limits, report)
-        after = state.held.entries
-        if len(before.exponents) == len(after.exponents) and (before.bands == after.bands).all():
+        if len(state.held.entries.exponents):
+            report("parting and joining modes")
+            state = without_needless(joined(parted(state, limits), limits), limits)
+        if number and _same(before, state.held.entries):
             break
+        state = with_lines(state, limits, report, passed)
     return state
+
+
+def _same(one: Entries, other: Entries) -> bool:
+    """Whether modes and bands are the same."""
+    return len(one.exponents) == len(other.exponents) and bool((one.bands == other.bands).all())
 
 
 def _check_order(found: Searched, order: int | None) -> None:
@@ -440,7 +446,7 @@ def _forced(found: Searched, nu: float, channels: tuple[Channel, ...], *, wander
     offset, offset_std = alone(plain & (entries.offsets == 0.0))
     half = np.ones(nothing.shape)
     for block in found.blocks:
-        half[block.rows, block.hit] = block.half if isinstance(block, RecordBlock) else 1.0
+        half[block.rows, block.hit] = block.half if isinstance(block, (RecordBlock, GappyBlock)) else 1.0
     drift, drift_std = alone(entries.fixed & (entries.factors == TREND), half)
     return ForcedResponse(
         harmonics=np.array([round(entries.offsets[e] * nu) for e in turning], np.int64),

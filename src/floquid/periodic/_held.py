@@ -15,6 +15,9 @@ from floquid.periodic._blocks import Block
 from floquid.periodic._constrained import Held, evaluated, settled
 from floquid.periodic._harmonics import GAP, bands_at, select_bands
 
+FEW = 6
+"""Steps of that fit: what has hardly any information may go on for ever."""
+
 SHORT = 2.0
 """Standard deviations up to which one step of a linearisation stands for a fit."""
 
@@ -145,7 +148,7 @@ def model_of(
 
     Up to `most` fundamentals of the axis can be seen; None where no wider bands are to be fitted.
     """
-    own = np.flatnonzero(~found.entries.fixed)
+    own, whole_bands = np.flatnonzero(~found.entries.fixed), bands
     entries, both = found.entries.picked(own), shapes(blocks, found)
     harmonics, bands = both.harmonics, bands[own]
     mirror = -entries.half_turns[:, None] - bands[:, ::-1]
@@ -188,23 +191,23 @@ def model_of(
         covariance=covariance,
         coefficient_std=out_std[..., used],
         estimates=estimates_of(blocks, found).picked(modes=own[np.argsort(size, kind="stable")]),
-        unselected=None if most is None else unselected(blocks, found, most),
+        unselected=None if most is None else unselected(blocks, found, whole_bands, most),
         provenance=provenance,
     )
 
 
-def unselected(blocks: Sequence[Block], found: Held, most: int) -> Estimates | None:
-    """The estimates of the same fit with more harmonics on each side; None where there is no such fit.
+def unselected(blocks: Sequence[Block], found: Held, bands: NDArray[np.int64], most: int) -> Estimates | None:
+    """The estimates of the same fit with more harmonics beyond the bands reported; None where there is no such fit.
 
     One step from a fit that is at rest loses nothing; where the wider bands ask for more, it is fitted.
     """
     free = np.flatnonzero(~found.entries.fixed)
     try:
-        wide = evaluated(blocks, found.entries.padded(GAP, most))
+        wide = evaluated(blocks, replace(found.entries, bands=bands).padded(GAP + 1, most))
         scale = np.sqrt(np.maximum(np.diag(wide.information), 0.0))
         step = np.linalg.solve(wide.information, wide.gradient)
         if np.abs(step * scale).max(initial=0.0) > SHORT:
-            wide, step = settled(blocks, wide, at_rest=0.1), np.zeros(0)
+            wide, step = settled(blocks, wide, at_rest=0.1, iterations=FEW), np.zeros(0)
         whole = stepped(estimates_of(blocks, wide), parts_of(wide.entries) @ step) if len(step) else None
         whole = estimates_of(blocks, wide) if whole is None else whole
     except (IdentificationError, np.linalg.LinAlgError):

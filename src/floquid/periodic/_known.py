@@ -21,6 +21,9 @@ GENEROUS = 64
 MERGED = 1.0
 """Over the record: a pole that decays or turns by less than this beside a known multiplier is not told from it."""
 
+TOLD = 1e-3
+"""The share of a known column beyond the poles below which it is not told from them."""
+
 CERTAIN = 1e-9
 """The probability at which noise may pass for a forced response."""
 
@@ -124,14 +127,16 @@ def _columns(poles: NDArray[np.complex128], n_cycles: int) -> NDArray[np.float64
 
 
 def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A basis of the columns that are there (cycles, rank)."""
+    """A basis of columns, but for those that are rounding (cycles, rank)."""
     size = np.linalg.norm(columns, axis=0)
     left, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
     return left[:, values > 1e-10 * values.max(initial=1e-300)]
 
 
-def _off(basis: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    return columns - basis @ (basis.T @ columns)
+def _beyond(basis: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A basis of what orthonormal columns have beyond another basis (cycles, rank)."""
+    left, values, _ = np.linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)
+    return left[:, values > TOLD]
 
 
 def _gain(lifted: Lifted, poles: NDArray[np.complex128], less: Known, more: Known) -> float:
@@ -140,7 +145,7 @@ def _gain(lifted: Lifted, poles: NDArray[np.complex128], less: Known, more: Know
     for hit, length in enumerate(data.lengths.tolist()):
         own = _columns(poles, length)
         basis = _orthonormal(np.concatenate([own, less.basis(length)], axis=1) if less else own)
-        extra = _orthonormal(_off(basis, more.basis(length)))
+        extra = _beyond(basis, more.basis(length))
         values = data.values[:, hit, :length]
         seen = values @ extra
         left = values - (values @ basis) @ basis.T - seen @ extra.T

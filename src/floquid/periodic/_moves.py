@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import Block
-from floquid.periodic._constrained import Held, evaluated, settled
+from floquid.periodic._constrained import Held, evaluated, settled, weighted
 from floquid.periodic._harmonics import GAP
 from floquid.periodic._held import chosen_bands
 from floquid.periodic._residual import noise_of
-from floquid.periodic._scores import best_cut, column_rises, differences, removal_rises
+from floquid.periodic._scores import ColumnsLeft, best_cut, differences, removal_rises
 
 ROUGHLY = 0.1
 """Standard deviations at which a fit counts as settled while modes may still change."""
@@ -26,6 +26,9 @@ STRICT = 1e-6
 
 REFITTED = 20.0
 """Times the limit of noise up to which it is tried whether the others, fitted again, can do without a mode."""
+
+GROWTHS = 4
+"""How often narrow bands may grow."""
 
 JOINED = 60.0
 """The chi-square of the difference of two exponents up to which it is tried to take them for one mode."""
@@ -95,17 +98,17 @@ class State:
         """The linearisation at other entries."""
         return evaluated(self.blocks, entries, self.carried(entries))
 
-    def settled(self, entries: Entries, *, at_rest: float = ROUGHLY) -> Held | None:
+    def settled(self, entries: Entries, *, at_rest: float = ROUGHLY, iterations: int = 15) -> Held | None:
         """The fit near other entries, modes that run away being held; None where it fails."""
         with suppress(IdentificationError, np.linalg.LinAlgError):
-            return settled(self.blocks, self.evaluated(entries), at_rest=at_rest, hold=True)
+            return settled(self.blocks, self.evaluated(entries), at_rest=at_rest, hold=True, iterations=iterations)
         return None
 
     def with_noise(self, floor: float) -> State:
         """The same fit, the noise of the blocks being what it leaves."""
         noise = noise_of(self.blocks, self.held, floor)
         blocks = tuple(block.with_noise(noise[block.rows, block.hit]) for block in self.blocks)
-        return State(blocks, evaluated(blocks, self.held.entries, tuple(own.coefficients for own in self.held.linear)))
+        return State(blocks, weighted(blocks, self.held.entries, self.held.linear))
 
     def with_fit(self, held: Held) -> State:
         """With another fit of the same blocks."""
@@ -120,7 +123,8 @@ def released(state: State) -> State:
     """With the modes that were held where they are free again."""
     entries = state.held.entries
     those = entries.fixed & (entries.exponents != 0.0)
-    return state.with_fit(state.evaluated(replace(entries, fixed=entries.fixed & ~those))) if those.any() else state
+    free = replace(entries, fixed=entries.fixed & ~those)
+    return state.with_fit(weighted(state.blocks, free, state.held.linear)) if those.any() else state
 
 
 def modes_of(entries: Entries) -> NDArray[np.bool_]:
@@ -152,28 +156,64 @@ def with_bands(state: State, limits: Limits, level: float = STRICT) -> State:
     if not limits.choose or not (~entries.fixed).any():
         return state
     wide = state.evaluated(entries.padded(GAP + 1, limits.most))
-    bands = chosen_bands(state.blocks, wide, level, each=True)
+    chosen = chosen_bands(state.blocks, wide, level, each=True)
     inner = _narrowed(state, level)
-    bands = np.stack([np.minimum(inner[:, 0], bands[:, 0]), np.maximum(inner[:, 1], bands[:, 1])], axis=1)
+    bands = np.stack([np.minimum(inner[:, 0], chosen[:, 0]), np.maximum(inner[:, 1], chosen[:, 1])], axis=1)
+    narrower = _refitted(state, chosen, limits.most, level) if (chosen != bands).any() else None
+    if narrower is not None:
+        return narrower
     if (bands == entries.bands).all():
         return state
     held = state.settled(replace(entries, bands=bands))
     return state if held is None else state.with_fit(held)
 
 
-def _narrowed(state: State, level: float) -> NDArray[np.int64]:
-    """The bands without the harmonics at their ends that noise explains (entries, 2)."""
+def _refitted(state: State, bands: NDArray[np.int64], most: int, level: float) -> State | None:
+    """The fit with narrower bands that grow again as they need; None where noise does not explain what that costs.
+
+    Where modes share lines, exponents follow the noise until none of the shared harmonics can be done without.
+    """
     from scipy.special import chdtri
 
-    columns, bands = state.held.entries.columns(), state.held.entries.bands.copy()
-    rises = column_rises(state.blocks, state.held)
-    limit = float(chdtri(2 * state.rows, level))
-    for entry in np.flatnonzero(~state.held.entries.fixed & ~state.held.entries.real):
-        own = np.flatnonzero(columns.modes == entry)
-        kept = columns.harmonics[own[rises[own] > limit]]
-        if len(kept):
-            bands[entry] = kept.min(), kept.max()
-    return bands
+    trial = state
+    for _ in range(GROWTHS):
+        held = trial.settled(replace(trial.held.entries, bands=bands))
+        if held is None:
+            return None
+        trial = state.with_fit(held)
+        fewer = coefficients_of(state.held.entries) - coefficients_of(held.entries)
+        if fewer <= 0:
+            return None
+        if held.cost < state.held.cost + float(chdtri(state.rows * fewer, level)):
+            return trial
+        found = chosen_bands(state.blocks, trial.evaluated(held.entries.padded(GAP + 1, most)), level, each=True)
+        wider = np.stack([np.minimum(bands[:, 0], found[:, 0]), np.maximum(bands[:, 1], found[:, 1])], axis=1)
+        if (wider == bands).all():
+            return None
+        bands = wider
+    return None
+
+
+def _narrowed(state: State, level: float) -> NDArray[np.int64]:
+    """The bands without the harmonics at their ends that noise explains, taken away one after another (entries, 2)."""
+    from scipy.special import chdtri
+
+    entries = state.held.entries
+    columns, bands = entries.columns(), entries.bands.copy()
+    left, limit = ColumnsLeft(state.blocks, state.held), float(chdtri(2 * state.rows, level))
+    place = {(int(e), int(m)): j for j, (e, m) in enumerate(zip(columns.modes, columns.harmonics, strict=True))}
+    ends = {(int(e), side): np.inf for e in np.flatnonzero(~entries.fixed & ~entries.real) for side in (0, 1)}
+    while True:
+        for entry, side in ends:
+            single = bands[entry, 0] == bands[entry, 1]
+            ends[entry, side] = np.inf if single else left.rise(place[entry, int(bands[entry, side])])
+        if not ends:
+            return bands
+        entry, side = min(ends, key=lambda end: ends[end])
+        if ends[entry, side] > limit:
+            return bands
+        left.take(place[entry, int(bands[entry, side])])
+        bands[entry, side] += 1 - 2 * side
 
 
 def without_needless(state: State, limits: Limits) -> State:

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from floquid.periodic._blocks import SPEED, SPEED_RATE, SPEED_SQUARED, TREND, Block, Columns, Sums
 from floquid.periodic._even_columns import EvenColumns, step_of
 
+ENOUGH = 0.6
+"""The share of samples that must be there for sums over all, less those of the missing ones, to be the cheaper way."""
+
 CHUNK = 4096
 """Samples whose columns are formed at a time."""
 
@@ -28,6 +31,8 @@ class RecordBlock(Block):
     angles: NDArray[np.float64] | None = None
     speeds: NDArray[np.float64] | None = None
     """The factors `SPEED`, `SPEED_SQUARED` and `SPEED_RATE`, of unit size (3, samples); None for a steady shaft."""
+    ends: tuple[float, float] | None = None
+    """What growth and trends are counted from, where it is not the first and the last of the times [s]."""
 
     @property
     def n_samples(self) -> int:
@@ -37,17 +42,22 @@ class RecordBlock(Block):
     @property
     def last(self) -> float:
         """The time of the last sample [s]: growing columns are counted from there."""
-        return float(self.times[-1])
+        return float(self.times[-1] if self.ends is None else self.ends[1])
 
     @property
     def middle(self) -> float:
         """The time about which trends are counted [s]."""
-        return 0.5 * float(self.times[0] + self.times[-1])
+        return 0.5 * (self.first + self.last)
+
+    @property
+    def first(self) -> float:
+        """The time of the first sample [s]."""
+        return float(self.times[0] if self.ends is None else self.ends[0])
 
     @property
     def half(self) -> float:
         """What trends are counted in [s]: half of the time between the first and the last sample."""
-        return max(0.5 * float(self.times[-1] - self.times[0]), np.finfo(float).tiny)
+        return max(0.5 * (self.last - self.first), np.finfo(float).tiny)
 
     @cached_property
     def step(self) -> float | None:
@@ -114,6 +124,75 @@ class RecordBlock(Block):
         turned = np.exp(1j * np.multiply.outer(angles, turns))
         z: NDArray[np.complex128] = decays[:, columns.modes] * turned[:, where]
         return np.concatenate([z.real, z.imag], axis=1)
+
+
+@dataclass(frozen=True)
+class GappyBlock(Block):
+    """Samples evenly spaced but for some that are missing: sums over all, with any values there, less those of these."""
+
+    whole: RecordBlock
+    """All samples of the grid, the missing ones filled with values of any kind."""
+    holes: RecordBlock
+    """The missing samples with the same values."""
+    taken: NDArray[np.int64]
+    """Where on the grid there are samples (samples,)."""
+
+    @property
+    def hit(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Which hit."""
+        return self.whole.hit
+
+    @property
+    def rows(self) -> NDArray[np.int64]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Which channels (rows,)."""
+        return self.whole.rows
+
+    @property
+    def noise(self) -> NDArray[np.float64]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The deviation of their noise (rows,)."""
+        return self.whole.noise
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of each channel that are there."""
+        return len(self.taken)
+
+    @property
+    def last(self) -> float:
+        """The time of the last sample [s]."""
+        return self.whole.last
+
+    @property
+    def half(self) -> float:
+        """What trends are counted in [s]."""
+        return self.whole.half
+
+    def with_noise(self, noise: NDArray[np.float64]) -> GappyBlock:
+        """The same samples with other noise (rows,)."""
+        return replace(self, whole=self.whole.with_noise(noise))
+
+    def rest(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
+        """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
+        times, left = self.whole.rest(columns, coefficients)
+        return times[self.taken], left[:, self.taken]
+
+    def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
+        """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
+        whole, holes = self.whole.sums(columns, coefficients), self.holes.sums(columns, coefficients)
+        names = ("gram", "mixed", "slopes", "seen", "late", "left")
+        return Sums(*(getattr(whole, name) - getattr(holes, name) for name in names))
+
+    @staticmethod
+    def of(grid: RecordBlock, values: NDArray[np.float64], taken: NDArray[np.bool_]) -> GappyBlock | None:
+        """The block of samples `taken` of an evenly spaced grid; None where it is no grid, or too few are there."""
+        if grid.angles is not None or grid.step is None or taken.mean() < ENOUGH:
+            return None
+        index = np.arange(len(taken))
+        filled = np.array([np.interp(index, index[taken], own[taken]) for own in values])
+        whole = replace(grid, values=np.where(taken, values, filled))
+        ends = (float(grid.times[0]), float(grid.times[-1]))
+        holes = replace(whole, times=grid.times[~taken], values=whole.values[:, ~taken], ends=ends)
+        return GappyBlock(whole, holes, np.flatnonzero(taken))
 
 
 def _weights(coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Record
-from floquid.periodic._record_block import RecordBlock
+from floquid.periodic._record_block import GappyBlock, RecordBlock
 from floquid.sync import ShaftAngle
 
 WANDERS = 1e-7
@@ -18,7 +19,7 @@ WANDERS = 1e-7
 
 def record_blocks(
     records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], nu: float
-) -> tuple[tuple[RecordBlock, ...], float, float]:
+) -> tuple[tuple[RecordBlock | GappyBlock, ...], float, float]:
     """Blocks of the records, of channels that miss the same samples; the fundamental and periods a revolution."""
     if not len(records) or len(records) != len(clocks):
         must, got = "hold one clock a record", f"there are {len(records)} records and {len(clocks)} clocks"
@@ -28,7 +29,7 @@ def record_blocks(
     shafts = [clock for clock in clocks if isinstance(clock, ShaftAngle)]
     period = float(np.mean([clock.period for clock in clocks]))
     nu = shafts[0].periods_per_revolution if shafts else nu
-    blocks: list[RecordBlock] = []
+    blocks: list[RecordBlock | GappyBlock] = []
     for hit, (record, clock) in enumerate(zip(records, clocks, strict=True)):
         times, angles, speeds = record.times, None, None
         if isinstance(clock, ShaftAngle):
@@ -55,18 +56,31 @@ def record_blocks(
                     "Leave it out with `--channels`.",
                 )
             whole_record = bool(taken.all()) and len(rows) == record.n_channels
-            blocks.append(
-                RecordBlock(
-                    times=times[taken],
-                    values=record.values if whole_record else record.values[rows][:, taken],
-                    hit=hit,
-                    rows=rows,
-                    noise=np.ones(len(rows)),
-                    angles=None if angles is None else angles[taken],
-                    speeds=None if speeds is None else speeds[:, taken],
-                )
+            grid = RecordBlock(
+                times=times,
+                values=record.values if whole_record else record.values[rows],
+                hit=hit,
+                rows=rows,
+                noise=np.ones(len(rows)),
+                angles=angles,
+                speeds=speeds,
             )
+            blocks.append(grid if taken.all() else _with_gaps(grid, taken))
     return tuple(blocks), 2.0 * np.pi / period, nu
+
+
+def _with_gaps(grid: RecordBlock, taken: NDArray[np.bool_]) -> RecordBlock | GappyBlock:
+    """The block of some samples of a grid."""
+    gappy = GappyBlock.of(grid, grid.values, taken)
+    if gappy is not None:
+        return gappy
+    return replace(
+        grid,
+        times=grid.times[taken],
+        values=grid.values[:, taken],
+        angles=None if grid.angles is None else grid.angles[taken],
+        speeds=None if grid.speeds is None else grid.speeds[:, taken],
+    )
 
 
 def _speeds(shaft: ShaftAngle, times: NDArray[np.float64]) -> NDArray[np.float64] | None:

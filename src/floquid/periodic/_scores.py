@@ -45,22 +45,35 @@ def removal_rises(blocks: Sequence[Block], held: Held) -> NDArray[np.float64]:
     return rises
 
 
-def column_rises(blocks: Sequence[Block], held: Held) -> NDArray[np.float64]:
-    """The rise of the cost where a column is taken away, cosine and sine, all exponents as they are (columns,)."""
-    sines = held.entries.sines()
-    n = len(sines)
-    rises, first = np.zeros(n), np.arange(n)
-    for block, linear in zip(blocks, held.linear, strict=True):
-        cos, sin = first, first + n
-        a, b = linear.inverse[cos, cos], linear.inverse[sin, sin]
-        c = linear.inverse[cos, sin]
-        alpha, beta = linear.coefficients[:n], linear.coefficients[n:]
-        weight = 1.0 / block.noise**2
-        determinant = np.where(sines, a * b - c**2, 1.0)
-        squares = b[:, None] * alpha**2 + a[:, None] * beta**2 - 2.0 * c[:, None] * alpha * beta
-        both = np.divide(squares @ weight, determinant, out=np.full(n, np.inf), where=determinant > 0.0)
-        rises += np.where(sines, both, np.divide(alpha**2 @ weight, a, out=np.full(n, np.inf), where=a > 0.0))
-    return rises
+class ColumnsLeft:
+    """The coefficients of a fit's columns, of which some may be taken away, all exponents as they are."""
+
+    def __init__(self, blocks: Sequence[Block], held: Held) -> None:
+        """Of the linear part of each block."""
+        self._n = len(held.entries.sines())
+        self._left = np.arange(2 * self._n)
+        self._weights = [1.0 / block.noise**2 for block in blocks]
+        self._spread = [np.array(own.inverse) for own in held.linear]
+        self._beta = [np.array(own.coefficients) for own in held.linear]
+
+    def rise(self, column: int) -> float:
+        """The rise of the cost where a column is taken away, cosine and sine."""
+        own, rise = self._own(column), 0.0
+        for weight, spread, beta in zip(self._weights, self._spread, self._beta, strict=True):
+            rise += float(np.sum(beta[own] * _solved(spread[np.ix_(own, own)], beta[own]), axis=0) @ weight)
+        return rise
+
+    def take(self, column: int) -> None:
+        """Take a column away: the others take over what they can."""
+        own, rest = self._own(column), np.flatnonzero(self._left % self._n != column)
+        for number, (spread, beta) in enumerate(zip(self._spread, self._beta, strict=True)):
+            both = spread[np.ix_(own, rest)]
+            self._beta[number] = beta[rest] - both.T @ _solved(spread[np.ix_(own, own)], beta[own])
+            self._spread[number] = spread[np.ix_(rest, rest)] - both.T @ _solved(spread[np.ix_(own, own)], both)
+        self._left = self._left[rest]
+
+    def _own(self, column: int) -> NDArray[np.intp]:
+        return np.flatnonzero(self._left % self._n == column)
 
 
 def equality(held: Held, entry: int) -> tuple[float, int]:
