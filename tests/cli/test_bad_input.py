@@ -184,7 +184,7 @@ TIMES = [
     ("infinite period", nothing, "identify good.npz --period inf", 2, r"period must be a finite number"),
     ("huge period", nothing, "identify good.npz --period 1e300", 2, r"shorter than the record \(251\.\d+ s\)"),
     ("period longer than the record", nothing, "identify good.npz --period 252", 2, r"shorter than the record"),
-    ("tiny period", nothing, "identify good.npz --period 1e-300", 2, r"at least one sampling interval \(0\.785"),
+    ("tiny period", nothing, "identify good.npz --period 1e-300", 2, r"at least two sampling intervals \(1\.57"),
     ("zero frequency", nothing, "identify good.npz --frequency 0", 2, r"--frequency` must be positive \[Hz\]"),
     ("negative frequency", nothing, "identify good.npz --frequency=-1", 2, r"--frequency` must be positive"),
     ("infinite frequency", nothing, "identify good.npz --frequency inf", 2, r"--frequency` must be a finite number"),
@@ -196,7 +196,7 @@ TIMES = [
     ("zero rate", nothing, f"{GOOD} --rate 0", 2, r"`--rate` must be positive"),
     ("nan rate", nothing, f"{GOOD} --rate nan", 2, r"`--rate` must be a finite number"),
     ("huge rate", nothing, f"{GOOD} --rate 1e300", 2, r"shorter than the record"),
-    ("tiny rate", nothing, f"{GOOD} --rate 1e-300", 2, r"at least one sampling interval"),
+    ("tiny rate", nothing, f"{GOOD} --rate 1e-300", 2, r"at least two sampling intervals"),
     ("nan origin", nothing, f"{GOOD} --origin nan", 2, r"`--origin` must be a finite number"),
     ("huge origin", nothing, f"{GOOD} --origin 1e300", 2, r"near enough to zero"),
 ]  # fmt: skip

@@ -146,6 +146,25 @@ def _as_period(period: float) -> str:
     return f"`period={period:.6g}` (`--period`)"
 
 
+def refuse_unlike(records: Sequence[Record], of: str) -> None:
+    """Refuse records that cannot be hits on one system: of other channels, or in other units, than the first.
+
+    Raises
+    ------
+    InputError
+        There is such a record.
+    """
+    first = records[0]
+    for number, record in enumerate(records[1:], start=2):
+        for what, one, other in (
+            ("channels", [c.name for c in first.channels], [c.name for c in record.channels]),
+            ("units", [c.unit for c in first.channels], [c.unit for c in record.channels]),
+        ):
+            if one != other:
+                must, got = f"have the same {what}", f"number 1 has {one} and number {number} has {other}"
+                raise input_error("records", of, must, got, "Choose common channels with `--channels`, in one order.")
+
+
 def refuse_unusable(records: Sequence[Record], of: str = "identify") -> None:
     """Refuse a response that has no samples, does not vary, wrapped round, or cannot be computed with, in any record.
 
