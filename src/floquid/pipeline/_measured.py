@@ -114,7 +114,6 @@ def measured(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
 
     state, refinement = state_of(model, settings, again, report)
     choice = Choice(order=model.order, model=modal, reasons=found.reasons, doubts=found.doubts)
-    own = tuple(dict.fromkeys(reason for shaft in shafts for reason in shaft.reasons))
     return Analysis(
         settings=settings,
         records=synchronous,
@@ -131,7 +130,7 @@ def measured(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
         held=True,
         # Without `lifted`: resampling moves lines by more than their deviations.
         periodicity=None if model.unselected is None else periodicity(model),
-        synchronisation=(*prepared.findings, *own, *_said_of(found)),
+        synchronisation=(*prepared.findings, *_said_of(found)),
         warnings=tuple(" ".join(word.split()) for word in (doubt, *uneven, blurred) if word)
         + (ambiguity(choice) if settings.order is None else ())
         + warnings(model),

@@ -44,7 +44,7 @@ class Prepared:
     shafts
         The angle of the shaft in each record; empty where the period is constant.
     findings
-        What was done to the records, a sentence each.
+        What was done to the records, and how well the angle of the shaft is known, a sentence each.
     faults
         What is wrong with samples, a sentence each.
     """
@@ -265,6 +265,7 @@ def _tied(
     uneven = [shaft for shaft in shafts if not shaft.steady]
     if uneven and not settings.trust_period:
         raise IdentificationError(unsteady(uneven[0]))
+    said = (*said, *dict.fromkeys(reason for shaft in shafts for reason in shaft.reasons))
     return Prepared(
         settings=settings, records=records, responses=responses, clocks=clocks, shafts=shafts, findings=said
     )

@@ -116,15 +116,22 @@ def _held(record: Record, period: float) -> float:
 def _slip(period: float, record: Record) -> str:
     """In which other unit the period, or the sampling rate, would be possible; empty where it would be in none."""
     rate, duration = record.sample_rate, record.duration
-    hertz, minute = f"`period={1.0 / period:.6g}` (`--frequency {period:.6g}`)", 60.0 / period
+    inverse, minute = 1.0 / period, 60.0 / period
+    if period * rate < LEAST:
+        meant = f"{inverse:.6g} s (if {inverse:.6g} was meant in s, and no frequency)", _as_period(inverse)
+    else:
+        meant = (
+            f"{inverse:.6g} s (1/{period:.6g}, if {period:.6g} was meant in Hz)",
+            f"`period={inverse:.6g}` (`--frequency {period:.6g}`)",
+        )
     slips = [
-        (1.0 / period, rate, f"{1.0 / period:.6g} s (1/{period:.6g}, if {period:.6g} was meant in Hz)", hertz),
+        (inverse, rate, *meant),
         (minute, rate, f"{minute:.6g} s (if {period:.6g} was meant in revolutions a minute)", _as_period(minute)),
         (period / 1e3, rate, f"{period / 1e3:.6g} s (if it was meant in ms)", _as_period(period / 1e3)),
         (
             60.0 * period,
             rate,
-            f"{60.0 * period:.6g} s (if the frequency of {1.0 / period:.6g} was meant in revolutions a minute)",
+            f"{60.0 * period:.6g} s (if the frequency of {inverse:.6g} was meant in revolutions a minute)",
             _as_period(60.0 * period),
         ),
         (
