@@ -205,7 +205,7 @@ def test_a_first_value_says_which_multiple_of_the_period_is_meant():
     assert twice.period == pytest.approx(4.0 * np.pi, rel=1e-3)
     with pytest.raises(InputError, match=r"must be shorter than the record \(376\.991 s\), but is 600 s"):
         identify(record, estimate_period=True, period=600.0)
-    with pytest.raises(InputError, match="Argument `period` of `identify` must be at least two sampling intervals"):
+    with pytest.raises(InputError, match="Argument `period` of `identify` must be two sampling intervals or more"):
         identify(record, estimate_period=True, period=0.01)
 
 

@@ -22,6 +22,9 @@ LEAST = 2.0
 SLACK = 0.5
 """Samples that a record may lack of the fewest periods: rates and periods are rounded."""
 
+LARGEST_DRIFT = 0.01
+"""Samples by which a record that is sampled once a period may slip against it, as where records are cut."""
+
 MOST_SLIPS = 2
 """Slips of the unit that are named in one message, the likeliest first."""
 
@@ -33,7 +36,9 @@ def refuse_period(records: Sequence[Record], of: str, *, near: float = 1.0) -> N
 
     .. math:: 2 / f_s \le T \le D / 4
 
-    with D the duration of the longest record. Where the period would be possible in another unit, the message says so.
+    with D the duration of the longest record. A record that is sampled once a period, to the sample over its length,
+    is let through: lifted, it is that of a constant system. Where the period would be possible in another unit, the
+    message says so.
 
     Parameters
     ----------
@@ -53,9 +58,10 @@ def refuse_period(records: Sequence[Record], of: str, *, near: float = 1.0) -> N
     """
     clocked = [(r, r.clock.period) for r in records if isinstance(r.clock, ConstantPeriod)]
     for record, period in clocked:
-        if near * period * record.sample_rate < LEAST * (1.0 - 1e-9):
+        samples = period * record.sample_rate
+        if near * samples < LEAST * (1.0 - 1e-9) and not _once_a_period(samples, record):
             least = LEAST / record.sample_rate
-            must, got = f"be at least two sampling intervals ({least:.6g} s)", f"is {period:.6g} s"
+            must, got = f"be two sampling intervals or more ({least:.6g} s)", f"is {period:.6g} s"
             remedy = _slip(period, record) or "Check the units of the period and of the sampling rate."
             raise input_error("period", of, must, got, remedy)
     if not clocked:
@@ -106,6 +112,11 @@ def refuse_few(periods: float, check: str = "", slip: str = "") -> None:
             f"and the noise beside it. Record longer, or check {check or 'the period'}."
             + (f"\n  {slip}" if slip else "")
         )
+
+
+def _once_a_period(samples: float, record: Record) -> bool:
+    """Whether a period of so many samples is a single one over all of the record."""
+    return abs(samples - 1.0) * record.n_samples <= LARGEST_DRIFT
 
 
 def _held(record: Record, period: float) -> float:
