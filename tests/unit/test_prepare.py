@@ -193,7 +193,9 @@ def test_a_force_that_was_named_for_a_response_stays_one_in_a_draw():
     one = draw(plan_of(analysis, whole=True), np.random.SeedSequence(1))
     assert one.failure == ""
     assert one.order == analysis.model.order
-    assert one.coefficients.shape == analysis.model.coefficients.shape
+    # Of one channel alone, the shapes would be those of it twice.
+    assert np.abs(one.coefficients[:, 1] - one.coefficients[:, 0]).max() > 0.01
+    np.testing.assert_allclose(one.coefficients, analysis.model.coefficients, atol=0.1)
 
 
 def test_a_force_in_one_of_two_records_is_left_out_of_it():
