@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import linear_sum_assignment
 
 from floquid.lti import AMI, WHITE, MaximumLikelihood, Outcome, TimeResponses, composites
+from floquid.lti._coupled import KNOWN, Coupled
 from floquid.lti._isolation import nearest_outer_product, nothing, peaks, without
 from floquid.lti._one_mode import Mode, band_lines, cut, evaluate, fit_pole, real_rows
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE
@@ -532,6 +533,23 @@ def test_where_two_poles_are_one_there_are_no_deviations():
     assert farthest(refined.multipliers, np.log(twice.multipliers)) < 1e-4
     assert refined.covariance is refined.residue_spread is refined.residue_slope is None
     assert model.covariance is not None
+
+
+@pytest.mark.parametrize("apart", [1e-5, 1e-4, 1e-2])
+def test_the_slopes_of_two_poles_hardly_apart_are_not_those_of_rounding(apart):
+    """Over all lines they are sums of what a projection leaves, which orthogonal columns tell to many more digits."""
+    _, data = ringing([-0.02 + 1.0j])
+    (block,) = spectra(data)
+    modes = [Mode(-0.02 + 1.0j + step, PAIR) for step in (0.0, apart)]
+    coupled = Coupled.of(modes, block, [slice(0, len(block.values))] * 2, KNOWN)
+    pairs = [mode_columns(mode.s, PAIR, block.angles, block.samples, block.weights) for mode in modes]
+    columns, moved = (np.concatenate([real_rows(pair[i]) for pair in pairs], axis=1) for i in range(2))
+    # Of the first residue of each mode alone: by the real part of its pole, and by the imaginary one.
+    orthogonal, slopes = np.linalg.qr(columns)[0], moved * [1.0, -1.0, 1.0, -1.0]
+    left = slopes - orthogonal @ (orthogonal.T @ slopes)
+    strength = np.zeros((4, 4))
+    strength[::2, ::2] = 1.0
+    assert_allclose(coupled.slope_of_equations(strength), left.T @ left, atol=1e-3 * np.min(np.sum(left**2, axis=0)))
 
 
 def test_the_search_reports_each_mode_and_says_how_it_ended():

@@ -300,10 +300,18 @@ def test_defective_exponents_are_known_to_what_is_said(R):
     assert found.outcome is HillOutcome.ROUNDED
     assert not found.converged
     off = np.abs(pair_exponents(found.exponents, np.diag(R), 2 * pi).differences)
-    assert 1e-9 < 10 * found.change.max() < 1e-2
-    assert off.max() < 10 * found.change.max()
+    # As far as from each other, on any processor: how much they change from one truncation to the next is for chance.
+    assert 1e-9 < found.change.max() < 1e-3
+    assert off.max() < found.change.max()
     assert found.condition.max() > 1e6
     assert found.exponents.real.sum() == pytest.approx(np.trace(R), abs=1e-6)
+
+
+def test_exactly_defective_exponents_are_not_one_with_others():
+    """A constant Jordan block has a condition without bound, and its exponents are exact."""
+    found = hill(lambda t: block_diag([[-0.3, 1.0], [0.0, -0.3]], [[-0.8, 1.0], [0.0, -0.8]]), 2 * pi)
+    assert found.change.max() < 1e-4
+    assert np.sort(found.exponents.real) == pytest.approx([-0.8, -0.8, -0.3, -0.3], abs=1e-7)
 
 
 def test_mathieu_on_a_characteristic_curve():

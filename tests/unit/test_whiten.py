@@ -11,12 +11,11 @@ from scipy.signal import lfilter
 
 from floquid import Record, identify
 from floquid.core import ConstantPeriod, PeriodicModel
-from floquid.errors import IdentificationError
 from floquid.lifting import lift, unlift, whitened, whitening_filter
 from floquid.lti import fit_residues
 from floquid.periodic import assemble, synchrony
 from floquid.periodic._synchrony import drift
-from floquid.pipeline import _find_poles
+from floquid.pipeline import Settings, _find_poles
 from floquid.pipeline import lifted as lifted_of
 from floquid.pipeline._colour import first_filter
 from floquid.store import load, save
@@ -393,10 +392,43 @@ def test_a_narrow_peak_of_the_noise_is_no_mode_without_a_doubt():
     assert wrong, "every order was right: the doubt was not tried"
 
 
-def test_an_order_that_needs_every_period_is_not_whitened():
-    made = records(system(), noise=0.05, colour=(-0.95,), n_cycles=25)
-    with pytest.raises(IdentificationError, match="order 24 cannot be reached"):
-        identify(made, order=24)
+class ReachedError(Exception):
+    """What is looked at has been reached."""
+
+
+@pytest.mark.parametrize(("order", "kept"), [(24, 25), (23, 24)])
+def test_an_order_that_needs_every_period_is_not_whitened(monkeypatch, order, kept):
+    """The filter takes a period, of which an order must leave one.
+
+    How such a search ends is not looked at: 24 poles all but fit 25 periods of noise, and rounding decides which they
+    are, so that one processor finds them and another says that they cannot be reached or that the noise is not told.
+    """
+
+    def reached(lifted, *_):
+        raise ReachedError(lifted)
+
+    monkeypatch.setattr(_find_poles, "_settled", reached)
+    with pytest.raises(ReachedError) as caught:
+        identify(records(system(), noise=0.05, colour=(-0.95,), n_cycles=25), order=order)
+    (lifted,) = caught.value.args
+    assert lifted.responses.lengths.max() == kept
+    assert (lifted.whitening is None) == (kept == 25)
+
+
+@pytest.mark.parametrize(
+    ("order", "n_cycles", "words"),
+    [
+        (None, 25, "rounded to a few levels?"),
+        (2, 25, "asked for, 2, too low?"),
+        (3, 8, "asked for, 3, too high for 8 whole periods, which it all but fits?"),
+    ],
+)
+def test_noise_that_does_not_settle_says_which_order_may_be_to_blame(monkeypatch, order, n_cycles, words):
+    share = iter(np.geomspace(1.2, 2.0, 4))
+    monkeypatch.setattr(_find_poles, "_noise_left", lambda lifted, _: lifted.noise * next(share))
+    with pytest.raises(_find_poles.UnsettledError) as caught:
+        _find_poles._settled(lifted(system(), noise=0.05, n_cycles=n_cycles), Settings(order=order), lambda _: None)
+    assert str(caught.value).endswith(words)
 
 
 @pytest.mark.parametrize(

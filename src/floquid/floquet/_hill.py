@@ -166,7 +166,8 @@ def _settle(
         missed = abs(float(modes.exponents.real.sum()) - problem.growth)
         if (np.maximum(change, effect_of_edges(problem, modes)) > known).any() or missed > known.sum():
             continue
-        return step, HillOutcome.CONVERGED if (change <= allowed).all() else HillOutcome.ROUNDED
+        change = np.maximum(change, modes.split(problem))
+        return step._replace(change=change), HillOutcome.CONVERGED if (change <= allowed).all() else HillOutcome.ROUNDED
     return before, HillOutcome.TRUNCATED
 
 

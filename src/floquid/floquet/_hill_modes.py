@@ -52,7 +52,8 @@ class HillModes:
     n_harmonics
         The truncation N.
     change
-        The change of each exponent from the truncation before (modes,) [1/s]: what they are known to.
+        What each exponent is known to (modes,) [1/s]: its change from the truncation before, or how far it is from
+        another that may be one with it but for rounding.
     condition
         Of each exponent as an eigenvalue of the truncated problem, 1 at best (modes,).
     outcome

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.floquet._hill_matrix import block_toeplitz, in_exponentials, real_hill
+from floquid.floquet._hill_matrix import block_toeplitz, in_exponentials, modulo, real_hill
 
 _SAME = (1e-6, 1e-4, 1e-8)  # of ω: within which two eigenvalues are one of a family, or a multiple one
+_SPLIT = 6.0  # times the rounding: a k-fold exponent splits by at most 2 k times what each moves by to first order
 _FLOOR = 1e-13  # of A's size: a leak below it is none
 _EPS = float(np.finfo(float).eps)
 
@@ -43,6 +44,11 @@ class Problem(NamedTuple):
         """The largest row sum of all |A_m| [1/s]."""
         return float(np.abs(self.coefficients).sum(axis=(1, 2)).max())
 
+    @property
+    def norm(self) -> float:
+        """A bound of the norm of the truncated matrix [1/s]."""
+        return self.size + self.n_harmonics * self.fundamental
+
 
 class Truncated(NamedTuple):
     """The modes of a truncation, one of each family, conjugates together."""
@@ -61,8 +67,19 @@ class Truncated(NamedTuple):
 
     def rounding(self, problem: Problem) -> NDArray[np.float64]:
         """What rounding may move the exponents by (modes,) [1/s]."""
-        norm = problem.size + problem.n_harmonics * problem.fundamental
-        return 4.0 * _EPS * self.condition * norm
+        return 4.0 * _EPS * self.condition * problem.norm
+
+    def split(self, problem: Problem) -> NDArray[np.float64]:
+        """How far off, modulo iω, each has the farthest of those that may be one with it but for rounding (modes,).
+
+        A defective exponent is found as several, as far from it as from each other: what they are known to, although
+        they may hardly change from one truncation to the next.
+        """
+        apart = np.abs(modulo(np.subtract.outer(self.exponents, self.exponents), problem.fundamental))
+        # The condition of an exactly defective one is without bound, that by which it splits is not.
+        rounding = np.minimum(self.rounding(problem), np.cbrt(_EPS) * problem.norm)
+        one = apart <= _SPLIT * np.minimum(rounding, rounding[:, None])
+        return np.where(one, apart, 0.0).max(axis=1)
 
 
 def effect_of_edges(problem: Problem, modes: Truncated) -> NDArray[np.float64]:

@@ -18,6 +18,10 @@ WORST = 1e10
 """The condition number of the coupled fits beyond which two modes count as one."""
 
 
+KNOWN = 1e9
+"""The condition number beyond which no deviations are known: rounding in the slopes grows with its power 3/2."""
+
+
 LEAST_INFORMATION = 1e-100
 """What the data say of a parameter below which they say nothing: its mode has no residues left."""
 
@@ -70,7 +74,8 @@ class Coupled:
               \operatorname{cov} g_{uv} = \sum c_r^T V_u^T V_v c_q, \qquad V_u = Q^T W_r \dot B_u
 
     `moved` is k times the columns (rows, n); `solve` is G⁻¹H (n, rows); `taken` holds, for each parameter, the slice
-    of its mode's columns, ∂B and V (rows, columns of the mode).
+    of its mode's columns, Q ∂B and V (rows, columns of the mode). What Q takes out of ∂B is nothing to V, but
+    much to the rounding of V: of two modes hardly told apart it is nearly all of ∂B.
     """
 
     moved: NDArray[np.float64]
@@ -78,8 +83,8 @@ class Coupled:
     taken: tuple[tuple[slice, NDArray[np.float64], NDArray[np.float64]], ...]
 
     @staticmethod
-    def of(modes: Sequence[Mode], block: Block, near: Sequence[slice]) -> Coupled | None:
-        """The equations of one block; None when two modes have the same columns."""
+    def of(modes: Sequence[Mode], block: Block, near: Sequence[slice], worst: float = WORST) -> Coupled | None:
+        """The equations of one block; None when two modes have the same columns, or nearly: a condition of `worst`."""
         if not modes:
             nothing = np.zeros((2 * len(block.values), 0))
             return Coupled(nothing, nothing.T, ())
@@ -94,7 +99,7 @@ class Coupled:
         weighted = np.where(seen, columns, 0.0)
         coupling = weighted.T @ columns
         size = np.sqrt(np.diag(coupling)) + np.finfo(float).tiny
-        if not np.linalg.cond(coupling / np.outer(size, size)) < WORST:
+        if not np.linalg.cond(coupling / np.outer(size, size)) < worst:
             return None
         solve = np.asarray(np.linalg.solve(coupling, weighted.T), dtype=np.float64)
         taken = []
@@ -104,7 +109,7 @@ class Coupled:
                 turns.append(np.stack([-turns[0][:, 1], turns[0][:, 0]], axis=1))
             for turn in turns:
                 here = np.where(seen[:, at], turn, 0.0)
-                taken.append((at, turn, here - solve.T @ (columns.T @ here)))
+                taken.append((at, turn - columns @ (solve @ turn), here - solve.T @ (columns.T @ here)))
         return Coupled(moved, solve, tuple(taken))
 
     def strength(self, modes: Sequence[Mode], number: int) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from floquid._numerics import positive_part
-from floquid.lti._coupled import LEAST_INFORMATION, Bands, Coupled, bands_of, complex_columns
+from floquid.lti._coupled import KNOWN, LEAST_INFORMATION, Bands, Coupled, bands_of, complex_columns
 from floquid.lti._exponentials import complex_residues
 from floquid.lti._isolation import Isolated, growth, residues
 from floquid.lti._poles import PAIR
@@ -60,7 +60,7 @@ def _with_deviations(
     whole, noise, scatter = np.zeros((3, n, n))
     spread, slope = np.zeros((2, data.n_inputs, n, n), complex)
     for number, block in enumerate(blocks):
-        coupled = Coupled.of(now.modes, block, near[number])
+        coupled = Coupled.of(now.modes, block, near[number], KNOWN)
         if coupled is None:
             return None
         parts = coupled.slopes(now.modes, number)

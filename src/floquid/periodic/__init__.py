@@ -5,32 +5,37 @@ and back.
 """
 
 from floquid.periodic._assemble import assemble, physical_exponents
+from floquid.periodic._bands import Entries
 from floquid.periodic._constrain import Constrained, constrain
 from floquid.periodic._control import from_control, to_control
 from floquid.periodic._estimate_at import estimate_at
 from floquid.periodic._evidence import combinations_of
-from floquid.periodic._finish import CONFIDENT, MISFIT, Finished, finish
-from floquid.periodic._fit import EndlessError, Fit, fit
+from floquid.periodic._fit import Fit, fit
 from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._fse import FSE, Family, fse
 from floquid.periodic._harmonics import participation, select_bands
+from floquid.periodic._known import Known, without_known
 from floquid.periodic._period import PeriodCandidate, PeriodEstimate, estimate_period
 from floquid.periodic._periodicity import PartialTests, Periodicity, periodicity
 from floquid.periodic._refit import instants, own_period, refit, unexplained
+from floquid.periodic._start import entries_of, equal_multipliers, groups
 from floquid.periodic._synchrony import NEGLIGIBLE_SLIP, SIGNIFICANT, Synchrony, drift, spacing, synchrony
+
+CONFIDENT = 2e-3
+"""A mode counts as well determined when both parts of its exponent have a deviation below this share of ω: one that is
+not may stand for several."""
 
 __all__ = [
     "CONFIDENT",
     "FSE",
-    "MISFIT",
     "NEGLIGIBLE_SLIP",
     "SIGNIFICANT",
     "Constrained",
-    "EndlessError",
+    "Entries",
     "Family",
-    "Finished",
     "Fit",
     "ForcedResponse",
+    "Known",
     "PartialTests",
     "PeriodCandidate",
     "PeriodEstimate",
@@ -40,12 +45,14 @@ __all__ = [
     "combinations_of",
     "constrain",
     "drift",
+    "entries_of",
+    "equal_multipliers",
     "estimate_at",
     "estimate_period",
-    "finish",
     "fit",
     "from_control",
     "fse",
+    "groups",
     "instants",
     "own_period",
     "participation",
@@ -57,4 +64,5 @@ __all__ = [
     "synchrony",
     "to_control",
     "unexplained",
+    "without_known",
 ]

@@ -125,7 +125,7 @@ def physical_exponents(modal: ModalModel, lifted: Lifted) -> NDArray[np.complex1
 
 
 def _estimates(
-    modal: ModalModel, lifted: Lifted, found: _Expansion, kept: NDArray[np.bool_], order: list[int]
+    modal: ModalModel, lifted: Lifted, found: Expansion, kept: NDArray[np.bool_], order: list[int]
 ) -> Estimates:
     """The coefficients of the bands and of several harmonics beside them, with their joint covariance."""
     partners = np.array([_partner(modal, r) for r in range(modal.order)])
@@ -178,7 +178,7 @@ def _check(modal: ModalModel, lifted: Lifted, harmonics: int | None, of: str = "
 
 
 @dataclass(frozen=True, slots=True)
-class _Expansion:
+class Expansion:
     """All coefficients of every mode on the branch reported, and the band that a real response needs at least.
 
     Of each mode, the harmonics up to the Nyquist frequency are filled, |Im λ/ω + m| ≤ P/2; the others are zero.
@@ -189,6 +189,23 @@ class _Expansion:
     std: NDArray[np.complex128]
     harmonics: NDArray[np.int64]
     seeds: NDArray[np.int64]
+    partners: NDArray[np.int64]
+    """The conjugate of each mode, itself where the multiplier is real (modes,)."""
+
+    @property
+    def real(self) -> NDArray[np.bool_]:
+        """Which multipliers are real (modes,)."""
+        return self.partners == np.arange(len(self.partners))
+
+    @property
+    def upper(self) -> NDArray[np.int64]:
+        """One mode of each pair, and the real ones."""
+        return np.flatnonzero(self.partners >= np.arange(len(self.partners)))
+
+
+def expansion(modal: ModalModel, lifted: Lifted) -> Expansion:
+    """All harmonics of each mode of lifted responses, with their deviations, each conjugate after its partner."""
+    return _expand(_sorted(modal), lifted)
 
 
 def _sorted(modal: ModalModel) -> ModalModel:
@@ -223,7 +240,7 @@ def _partner(modal: ModalModel, index: int) -> int:
     return int(np.argmin(distance))
 
 
-def _expand(modal: ModalModel, lifted: Lifted) -> _Expansion:
+def _expand(modal: ModalModel, lifted: Lifted) -> Expansion:
     harmonics = np.arange(-lifted.n_phases, lifted.n_phases + 1)
     shape = (modal.order, lifted.n_channels, lifted.n_hits, len(harmonics))
     exponents = np.array(modal.poles)
@@ -246,7 +263,8 @@ def _expand(modal: ModalModel, lifted: Lifted) -> _Expansion:
             # A real multiplier's shape is its own conjugate: harmonic m belongs with this mirror image of it.
             mirror = -2 * turn - (1 if modal.multipliers[r].real < 0 else 0)
             seeds[r] = min(0, mirror), max(0, mirror)
-    return _Expansion(exponents, coefficients, std, harmonics, seeds)
+    partners = np.array([_partner(modal, r) for r in range(modal.order)], np.int64)
+    return Expansion(exponents, coefficients, std, harmonics, seeds, partners)
 
 
 def _physical_turn(modal: ModalModel, lifted: Lifted, mode: int) -> int:
@@ -302,7 +320,7 @@ def _square_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def _by_frequency(modal: ModalModel, expansion: _Expansion) -> list[int]:
+def _by_frequency(modal: ModalModel, expansion: Expansion) -> list[int]:
     """Modes by ascending |λ|, the positive imaginary part before its conjugate."""
     size = np.abs(expansion.exponents)
     keys = []

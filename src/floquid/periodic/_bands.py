@@ -25,22 +25,11 @@ class Parameters:
 
     def applied(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
         """The coefficients on the slopes t cos, t sin (parameters, 2 columns, channels): α, β or β, -α."""
-        turned = _turned(coefficients)
-        return self.weights[:, :, None] * np.where(self.turns[:, None, None], turned, coefficients)
-
-    def spread(self, curvature: NDArray[np.float64], inverse: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What noise on the coefficients, of covariance `inverse`, adds to the Gauss-Newton matrix."""
-        total = np.zeros((len(self.turns), len(self.turns)))
-        half = {False: inverse, True: _turned(inverse)}
-        for one in (False, True):
-            for other in (False, True):
-                both = half[one] if not other else _turned(half[one].T).T
-                rows, columns = self.turns == one, self.turns == other
-                total[np.ix_(rows, columns)] = self.weights[rows] @ (curvature * both) @ self.weights[columns].T
-        return total
+        return self.weights[:, :, None] * np.where(self.turns[:, None, None], turned(coefficients), coefficients)
 
 
-def _turned(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+def turned(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The coefficients of a slope by frequency from those of the slope by decay: β, -α for α, β (2 columns, …)."""
     cosines, sines = np.split(coefficients, 2)
     return np.concatenate([sines, -cosines])
 
@@ -104,6 +93,12 @@ class Entries:
         weights = np.concatenate(rows)
         turns = np.arange(len(weights)) >= len(rows[0])
         return Parameters(np.concatenate([weights, weights], axis=1), turns)
+
+    def ties(self) -> NDArray[np.float64]:
+        """How the real parameters tie the decays and then the frequencies of all columns (parameters, 2 columns)."""
+        own = self.parameters()
+        weights = own.weights[:, : own.weights.shape[1] // 2]
+        return np.concatenate([weights * ~own.turns[:, None], weights * own.turns[:, None]], axis=1)
 
     def moved(self, step: NDArray[np.float64]) -> Entries:
         """After a step in the real parameters."""

@@ -14,14 +14,14 @@ off that matrix, as in `lti`. All that is needed of the data are sums of product
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._numerics import positive_part, sandwich
 from floquid.errors import IdentificationError
-from floquid.periodic._bands import Entries
+from floquid.periodic._bands import Entries, turned
 from floquid.periodic._blocks import Block, Columns, complex_of
 
 ITERATIONS = 40
@@ -46,6 +46,13 @@ ROUNDING = 1e-13
 """The share of its own size below which a direction of the columns is rounding."""
 
 
+SAFE = 1e-8
+"""The share of a column that the columns before it must leave for its inverse to be had without eigenvalues."""
+
+NOTHING = 1e-12
+"""The root of the information on a parameter, over that on the best known, below which it is left where it is."""
+
+
 @dataclass(frozen=True, slots=True)
 class Linear:
     """What the linear part of one block is worth: coefficients α Re z + β Im z (2 columns, rows), and matrices."""
@@ -64,6 +71,27 @@ class Linear:
 
 
 @dataclass(frozen=True, slots=True)
+class ByColumn:
+    """Gradient and matrices if each column had an exponent of its own: its decay, then its frequency, of all columns.
+
+    Whatever ties these together (one exponent a mode, a split mode, the period) is a matrix A of parameters by them: its
+    gradient is A g and its Gauss-Newton matrix A J Aᵀ, so that one linearisation answers every question of that kind.
+    """
+
+    gradient: NDArray[np.float64]
+    """(2 columns,)."""
+    gauss_newton: NDArray[np.float64]
+    """(2 columns, 2 columns)."""
+    noise: NDArray[np.float64]
+    """What noise on the coefficients adds to it (2 columns, 2 columns)."""
+
+    def tied(self, ties: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Gradient, Gauss-Newton matrix and information of parameters `ties` (parameters, 2 columns)."""
+        scatter = ties @ self.gauss_newton @ ties.T
+        return ties @ self.gradient, scatter, positive_part(scatter, scatter - ties @ self.noise @ ties.T)
+
+
+@dataclass(frozen=True, slots=True)
 class Held:
     """One fit: entries, what is linear of each block, and cost, gradient and matrices of the real parameters."""
 
@@ -73,6 +101,7 @@ class Held:
     gradient: NDArray[np.float64]
     gauss_newton: NDArray[np.float64]
     information: NDArray[np.float64]
+    by_column: ByColumn
 
     def covariance(self) -> NDArray[np.float64]:
         """Of the real parameters (parameters, parameters): the sandwich of information and scatter."""
@@ -96,56 +125,91 @@ def evaluated(blocks: Sequence[Block], entries: Entries, start: tuple[NDArray[np
     Held
         Cost, gradient and matrices.
     """
-    columns, parameters, sines = entries.columns(), entries.parameters(), entries.sines()
-    n = len(parameters.weights)
-    cost, gradient, scatter, noise = 0.0, np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
+    columns, sines = entries.columns(), entries.sines()
+    n = len(sines)
+    cost, gradient, scatter, noise = 0.0, np.zeros(2 * n), np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 2 * n))
     found = []
     for number, block in enumerate(blocks):
         own = _linear(block, columns, sines, None if start is None else start[number])
         found.append(own)
         weight = 1.0 / block.noise**2
         cost += float(own.left @ weight)
-        moved = parameters.applied(own.coefficients)
-        gradient += np.einsum("pkc,kc,c->p", moved, own.slope, weight)
-        turned = np.einsum("kl,qlc->qkc", own.curvature, moved)
-        scatter += np.einsum("pkc,qkc,c->pq", moved, turned, weight)
-        noise += len(block.rows) * parameters.spread(own.curvature, own.inverse)
-    return Held(entries, tuple(found), cost, gradient, scatter, positive_part(scatter, scatter - noise))
+        weighted = own.slope * weight
+        for part, moved in enumerate((own.coefficients, turned(own.coefficients))):
+            along = np.einsum("kc,kc->k", moved, weighted)
+            gradient[part * n : (part + 1) * n] += along[:n] + along[n:]
+        scatter += _folded(own.curvature, (own.coefficients * weight) @ own.coefficients.T)
+        noise += len(block.rows) * _folded(own.curvature, own.inverse)
+    by_column = ByColumn(gradient, scatter, noise)
+    return Held(entries, tuple(found), cost, *by_column.tied(entries.ties()), by_column)
 
 
-def settled(blocks: Sequence[Block], entries: Entries, *, at_rest: float = AT_REST) -> Held:
+def _folded(curvature: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Products of the columns' slopes by decay and by frequency (2 columns, 2 columns), of coefficients' moments."""
+    half = turned(moments)
+    rows = [[moments, turned(moments.T).T], [half, turned(half.T).T]]
+    n = len(curvature) // 2
+
+    def summed(part: NDArray[np.float64]) -> NDArray[np.float64]:
+        return part[:n, :n] + part[:n, n:] + part[n:, :n] + part[n:, n:]
+
+    return np.block([[summed(curvature * part) for part in row] for row in rows])
+
+
+def settled(
+    blocks: Sequence[Block], start: Entries | Held, *, at_rest: float = AT_REST, hold: bool = False
+) -> Held:
     """The least squares near these exponents: Levenberg-Marquardt on the projected cost.
 
     It ends when a step is below `at_rest` standard deviations.
+
+    Parameters
+    ----------
+    blocks
+        The samples and their noise.
+    start
+        Modes, bands and exponents; or the fit there, where it is known.
+    at_rest
+        The deviations that the last step may have.
+    hold
+        Whether a mode whose exponent runs away is put back and held there; else it is an error.
 
     Raises
     ------
     IdentificationError
         There is none near them: an exponent moves by more than `FARTHEST`.
     """
-    now, damping, period = evaluated(blocks, entries), 1e-6, 2.0 * np.pi / entries.fundamental
-    for _ in range(ITERATIONS if len(now.gradient) else 0):
-        scale = np.sqrt(np.diag(now.information)) + np.finfo(float).tiny
+    now = start if isinstance(start, Held) else evaluated(blocks, start)
+    begin, damping, period = now.entries, 1e-6, 2.0 * np.pi / now.entries.fundamental
+    for _ in range(ITERATIONS):
+        if not len(now.gradient):
+            break
+        scale = np.sqrt(np.diag(now.information))
+        scale[scale <= NOTHING * scale.max()] = np.inf
         system = now.information / np.outer(scale, scale)
         while damping < 1e8:
             step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale
             step *= min(1.0, LONGEST_STEP / (np.abs(step).max() * period + np.finfo(float).tiny))
-            start = tuple(own.coefficients for own in now.linear)
-            trial = evaluated(blocks, now.entries.moved(step), start)
+            trial = evaluated(blocks, now.entries.moved(step), tuple(own.coefficients for own in now.linear))
             if trial.cost <= now.cost * (1.0 + 1e-12):
                 break
             damping = max(10.0 * damping, 1e-4)
         else:
             return now
-        done = np.abs(step * scale).max() < at_rest
+        done = np.abs(step * np.where(np.isfinite(scale), scale, 0.0)).max() < at_rest
         now, damping = trial, max(0.1 * damping, 1e-12)
-        farthest = float(np.abs(now.entries.exponents - entries.exponents).max()) * period
-        if farthest > FARTHEST:
-            raise IdentificationError(
-                "Holding the residues to their harmonics moves an exponent away from where lifting found it, by "
-                f"{farthest:.2g} a period: a mode hardly rises above the noise. Leave it out (`order`), or finish "
-                "without (`constrained=False`)."
-            )
+        moved = np.abs(now.entries.exponents - begin.exponents) * period
+        if moved.max() > FARTHEST:
+            if not hold:
+                raise IdentificationError(
+                    "Holding the residues to their harmonics moves an exponent away from where lifting found it, by "
+                    f"{moved.max():.2g} a period: a mode hardly rises above the noise. Leave it out (`order`), or "
+                    "finish without (`constrained=False`)."
+                )
+            away = moved > FARTHEST
+            exponents = np.where(away, begin.exponents, now.entries.exponents)
+            put_back = replace(now.entries, exponents=exponents, fixed=now.entries.fixed | away)
+            now, done = evaluated(blocks, put_back, tuple(own.coefficients for own in now.linear)), False
         if done:
             break
     return now
@@ -183,6 +247,14 @@ def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
         return matrix
     size = np.diag(matrix)
     scale = np.sqrt(np.where(size > GONE, size, 1.0))
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    scaled = matrix / np.outer(scale, scale)
+    try:
+        lower = np.linalg.cholesky(scaled)
+        if np.diag(lower).min() ** 2 > SAFE:
+            root = np.linalg.inv(lower)
+            return root.T @ root / np.outer(scale, scale)
+    except np.linalg.LinAlgError:
+        pass
+    values, vectors = np.linalg.eigh(scaled)
     good = values > ROUNDING * values[-1]
     return (vectors[:, good] / values[good]) @ vectors[:, good].T / np.outer(scale, scale)

@@ -14,12 +14,12 @@ from floquid.errors import IdentificationError
 from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import SPEED, SPEED_RATE, SPEED_SQUARED, TREND, Block
+from floquid.periodic._candidates import forced_entries
 from floquid.periodic._constrained import evaluated
 from floquid.periodic._forced import ForcedResponse
-from floquid.periodic._held import estimates_of, parts_of
+from floquid.periodic._held import estimates_of, parts_of, stepped
 from floquid.periodic._lifted_block import LiftedBlock
 from floquid.periodic._record_blocks import record_blocks
-from floquid.periodic._search import forced_entries
 from floquid.sync import ShaftAngle
 
 OF = "estimate_at"
@@ -90,15 +90,7 @@ def estimate_at(
         step = parts_of(entries) @ np.linalg.solve(found.information, found.gradient)
     except np.linalg.LinAlgError:
         raise IdentificationError("The record does not determine the exponents where it was linearised anew.") from None
-    count = len(entries.exponents)
-    turned = 0.5 * here.half_turns * step[-1]
-    moved = replace(
-        here,
-        exponents=here.exponents + step[:count] + 1j * (step[count:-1] + turned),
-        fundamental=here.fundamental + float(step[-1]),
-        coefficients=here.coefficients + here.slopes @ step,
-    )
-    return moved.picked(modes=np.arange(len(start)))
+    return stepped(here, step).picked(modes=np.arange(len(start)))
 
 
 def _entries(known: Estimates, start: NDArray[np.complex128]) -> Entries:

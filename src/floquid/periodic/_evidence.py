@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from floquid.core import PeriodicModel
 from floquid.periodic._bands import upper
 from floquid.periodic._held import shapes
-from floquid.periodic._search import Searched, rests_of
-from floquid.periodic._trial import FLOOR
+from floquid.periodic._residual import FLOOR, rests_of
+from floquid.periodic._searched import Searched
 
 LOUD = 2.0
 """Times what noise has from which on a peak that is left is a doubt."""

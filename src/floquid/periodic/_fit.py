@@ -1,4 +1,4 @@
-"""The fit of records as they were sampled: modes, their period, and the forced response, all together."""
+"""The fit of the samples: modes, their period and the forced response together, started at the poles of lifting."""
 
 from __future__ import annotations
 
@@ -12,16 +12,23 @@ from numpy.typing import NDArray
 from floquid._checks import frozen_array, input_error
 from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
+from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries
-from floquid.periodic._blocks import PLAIN, SPEED, SPEED_RATE, SPEED_SQUARED, TREND, complex_of
+from floquid.periodic._blocks import PLAIN, SPEED, SPEED_RATE, SPEED_SQUARED, TREND, Block, complex_of
+from floquid.periodic._candidates import forced_entries, with_lines
 from floquid.periodic._constrained import evaluated, settled
 from floquid.periodic._evidence import coloured, evidence
+from floquid.periodic._final import finished
 from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._held import model_of, shapes
+from floquid.periodic._known import Known
+from floquid.periodic._lifted_block import LiftedBlock
+from floquid.periodic._moves import ROUGHLY, Limits, State, joined, parted, released, with_bands, without_needless
 from floquid.periodic._record_block import RecordBlock
 from floquid.periodic._record_blocks import record_blocks
-from floquid.periodic._search import Searched, forced_entries, noise_of, searched
-from floquid.periodic._trial import Limits
+from floquid.periodic._residual import noise_of
+from floquid.periodic._scores import period_step
+from floquid.periodic._searched import Searched
 from floquid.sync import ShaftAngle
 
 USUAL = (1, 2)
@@ -36,17 +43,16 @@ KEPT = 1e-6
 MOST_ENTRIES = 24
 """Modes, a pair counted once, that are looked for at most."""
 
+ROUNDS = 4
+"""How often modes and bands may change."""
+
 SURELY = 10.0
 """A peak so far above the limit is no noise."""
 
 
-class EndlessError(IdentificationError):
-    """There are more modes than were to be looked for."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """What the fit of records gives.
+    """What the fit of the samples gives.
 
     Parameters
     ----------
@@ -63,6 +69,8 @@ class Fit:
     own_period
         (own period - period given)/period given as the response has it, a linear estimate, and its deviation; None
         where the period was a parameter, the shaft tells it, or the response does not.
+    misfit
+        The rms of what is left over the level of its noise, the largest of all channels and hits; 1 where it is noise.
     reasons, doubts
         What speaks for the modes found, and against them.
     """
@@ -73,6 +81,7 @@ class Fit:
     free: tuple[Record, ...]
     period_std: float | None
     own_period: tuple[float, float] | None
+    misfit: float = 1.0
     reasons: tuple[str, ...]
     doubts: tuple[str, ...]
 
@@ -85,15 +94,18 @@ def fit(
     records: Sequence[Record],
     clocks: Sequence[ConstantPeriod | ShaftAngle],
     *,
+    start: Entries | None = None,
+    known: Known | None = None,
+    lifted: Lifted | None = None,
     forced: str | Sequence[int] = "auto",
     periods_per_revolution: float = 1.0,
     order: int | None = None,
     harmonics: int | None = None,
     free_period: bool = False,
+    search: bool = True,
     noise_floor: float = 1e-10,
     mode_false_alarm: float = 1e-9,
     harmonic_false_alarm: float = 1e-6,
-    few: int | None = None,
     report: Callable[[str], None] = lambda _: None,
 ) -> Fit:
     r"""Modes and forced response of records at the times at which they were sampled.
@@ -103,10 +115,10 @@ def fit(
 
     with θ the phase angle of the system (2π a period), ν periods a revolution, and t_h the instant of phase zero at or
     before the first sample of hit h. Decay and frequency run in time, shapes in angle: on a shaft whose speed wanders
-    neither time nor angle alone makes the response one of an LTI system. Modes are found one after another in the
-    spectrum of what is left (Allen 2009, section 2.2.3, the FSE view), each fitted with all others at once, residues
-    held to contiguous bands of harmonics (eq. 12). Missing samples (NaN) take no part. Where the speed wanders, F is
-    let follow it to second order.
+    neither time nor angle alone makes the response one of an LTI system. All modes are fitted together, residues held
+    to contiguous bands of harmonics (Allen 2009, eq. 12). Bands, modes that are parted, joined or left out, and further
+    lines in the spectrum of the residual (section 2.2.3, the FSE view) are decided by scores of one linearisation.
+    Missing samples (NaN) take no part. Where the speed wanders, F is let follow it to second order.
 
     Parameters
     ----------
@@ -114,6 +126,12 @@ def fit(
         One record, or one a hit on the same system, of equal channels.
     clocks
         What ties each record to the phase: a constant period, one for all, or the shaft's angle.
+    start
+        The modes to start from (`groups`); None starts from the spectrum alone.
+    known
+        The forced response that was found in the lifted responses; None where that is not known.
+    lifted
+        The same records lifted, forced response and all, where they are whole samples a period: that is cheaper.
     forced
         "auto" finds the harmonics of the revolution in the forced response; or those to be fitted; "none" for none.
     periods_per_revolution
@@ -125,13 +143,12 @@ def fit(
         that rise above the noise.
     free_period
         Whether the period is a parameter; the clocks then have a first value.
+    search
+        Whether modes may be added, parted, joined or left out.
     noise_floor
         The share of the largest free response that the noise is taken to be at least.
     mode_false_alarm, harmonic_false_alarm
         The probabilities that noise passes for a mode, and for a harmonic of any mode.
-    few
-        Modes, a pair counted once, at which a search without `order` is given up; None searches on, to
-        `MOST_ENTRIES`.
     report
         Is told of each stage.
 
@@ -146,23 +163,20 @@ def fit(
         Records or clocks do not belong together, or the forced response or the harmonics cannot be what is asked for.
     IdentificationError
         No mode rises above the noise, or what does is no mode that could be fitted.
-    EndlessError
-        There are `few` modes or more.
     """
-    blocks, fundamental, nu = record_blocks(records, clocks, periods_per_revolution)
     if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
         raise input_error("free_period", "fit", "be false with a tachometer", "is true", "The shaft tells the period.")
-    most = _most(records, 2.0 * np.pi / fundamental)
+    samples = _Samples.of(records, clocks, lifted, known, periods_per_revolution)
+    most = samples.most
     if harmonics is not None and harmonics > most:
         must = f"be at most {most}, below half of the samples a period"
         raise input_error("harmonics", "fit", must, f"is {harmonics}", "Ask for fewer, or sample faster.")
-    listed = _listed(forced, most, nu)
-    wanders = any(block.speeds is not None for block in blocks)
+    nu, omega = samples.nu, samples.fundamental
     auto = isinstance(forced, str) and forced == "auto"
-    base = _base(listed, nu, fundamental, wanders=wanders)
+    base = _base(_turns(forced, known, most, nu), omega, wanders=samples.wanders)
     limits = Limits(
         most=most,
-        modes=(few or MOST_ENTRIES) if order is None else (order + 1) // 2,
+        modes=MOST_ENTRIES if order is None else (order + 1) // 2,
         mode_alarm=mode_false_alarm,
         harmonic_alarm=harmonic_false_alarm,
         forced=np.arange(1, int(min(HIGHEST, most * nu)) + 1) / nu if auto else np.zeros(0),
@@ -170,19 +184,86 @@ def fit(
         width=harmonics or 0,
         floor=noise_floor,
     )
-    report("searching for modes")
-    found = searched(blocks, base, limits, report)
-    count = int((~found.held.entries.fixed).sum())
-    if not count:
+    begin = forced_entries([], omega) if start is None else replace(start, fundamental=omega)
+    if harmonics is not None:
+        begin = replace(begin, bands=np.tile([-harmonics, harmonics], (len(begin.exponents), 1)))
+    state = _begun(samples.search, begin if samples.projected else base.joined(begin), limits)
+    report("fitting the samples")
+    state = _searched(state, limits, search, report)
+    if samples.projected:
+        # The forced response was at every phase for itself: now it has the harmonics that are there.
+        state = _begun(samples.final, base.joined(state.held.entries), limits)
+    found = finished(state, limits, search=search, free_period=free_period)
+    if not (~found.held.entries.fixed).any():
         raise IdentificationError(_no_mode(found))
-    if order is None and count == few:
-        raise EndlessError(f"Identification ended without a result: the search for modes was given up at {few}.")
     if auto:
         found = _without_noise(found)
-    if free_period:
-        # Not before: with modes still missing, the period would go to where it takes what is theirs.
-        report("fitting the period")
-        found = replace(found, held=settled(found.blocks, replace(found.held.entries, free_period=True)))
+    _check_order(found, order)
+    return _result(found, records, clocks, samples, free_period=free_period, noise_floor=noise_floor, search=search)
+
+
+@dataclass(frozen=True, slots=True)
+class _Samples:
+    """The samples as blocks: those that modes are searched with, and those of the final fit."""
+
+    search: tuple[Block, ...]
+    final: tuple[Block, ...]
+    fundamental: float
+    nu: float
+    most: int
+
+    @property
+    def projected(self) -> bool:
+        """Whether the forced response is projected off the blocks of the search."""
+        return self.search is not self.final
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the speed does."""
+        return any(isinstance(block, RecordBlock) and block.speeds is not None for block in self.final)
+
+    @staticmethod
+    def of(
+        records: Sequence[Record],
+        clocks: Sequence[ConstantPeriod | ShaftAngle],
+        lifted: Lifted | None,
+        known: Known | None,
+        nu: float,
+    ) -> _Samples:
+        """Blocks of lifted responses where there are any, else of the records."""
+        if lifted is not None and not (known is not None and known.drift):
+            final = LiftedBlock.all_of(lifted)
+            lengths = lifted.responses.lengths.tolist()
+            search = LiftedBlock.all_of(lifted, [known.basis(n) for n in lengths]) if known else final
+            return _Samples(search, final, 2.0 * np.pi / lifted.period, nu, (lifted.n_phases - 1) // 2)
+        blocks, fundamental, nu = record_blocks(records, clocks, nu)
+        return _Samples(blocks, blocks, fundamental, nu, _most(records, 2.0 * np.pi / fundamental))
+
+
+def _begun(blocks: tuple[Block, ...], entries: Entries, limits: Limits) -> State:
+    """The fit nearest to the start, with the noise that it leaves."""
+    state = State(blocks, settled(blocks, entries, at_rest=ROUGHLY, hold=True))
+    return state.with_noise(limits.floor)
+
+
+def _searched(state: State, limits: Limits, search: bool, report: Callable[[str], None]) -> State:
+    """With bands and modes changed until nothing does."""
+    for _ in range(ROUNDS):
+        before = state.held.entries
+        state = with_bands(released(state), limits)
+        if not search:
+            break
+        report("parting and joining modes")
+        state = without_needless(joined(parted(state, limits), limits), limits)
+        state = with_lines(state, limits, report)
+        after = state.held.entries
+        if len(before.exponents) == len(after.exponents) and (before.bands == after.bands).all():
+            break
+    return state
+
+
+def _check_order(found: Searched, order: int | None) -> None:
+    """Refuse a fit without as many poles as were asked for."""
     free = ~found.held.entries.fixed
     reached = int(2 * free.sum() - (free & found.held.entries.real).sum())
     if order is not None and reached != order:
@@ -190,9 +271,22 @@ def fit(
             f"Identification ended without a result: order {order} cannot be reached, {reached} is what was found. Ask "
             "for that order, or let it be found."
         )
+
+
+def _result(
+    found: Searched,
+    records: Sequence[Record],
+    clocks: Sequence[ConstantPeriod | ShaftAngle],
+    samples: _Samples,
+    *,
+    free_period: bool,
+    noise_floor: float,
+    search: bool,
+) -> Fit:
+    """What was found, as it is reported."""
     names = records[0].channels
     reasons, doubts = evidence(found)
-    colour = coloured(found, noise_floor) + (_endless(found) if order is None else ())
+    colour = coloured(found, noise_floor) + (_endless(found) if search else ())
     try:
         model = model_of(
             found.blocks,
@@ -200,7 +294,7 @@ def fit(
             found.bands,
             channels=names,
             provenance=Provenance.merge(tuple(record.provenance for record in records)),
-            most=most,
+            most=samples.most,
         )
     except IdentificationError as error:
         raise IdentificationError(" ".join([str(error), *colour])) from None
@@ -210,11 +304,12 @@ def fit(
         period_std = float(2.0 * np.pi / omega**2 * np.sqrt(found.held.covariance()[-1, -1]))
     return Fit(
         model=model,
-        forced=_forced(found, nu, names, wanders=wanders),
+        forced=_forced(found, samples.nu, names, wanders=samples.wanders),
         noise=noise_of(found.blocks, found.held, noise_floor),
         free=_free(records, found),
         period_std=period_std,
-        own_period=None if free_period or isinstance(clocks[0], ShaftAngle) else _own_period(found),
+        own_period=None if isinstance(clocks[0], ShaftAngle) else period_step(found.held),
+        misfit=found.misfit,
         reasons=reasons,
         doubts=(*doubts, *colour),
     )
@@ -260,14 +355,26 @@ def _listed(forced: str | Sequence[int], most: int, nu: float) -> tuple[int, ...
     return chosen
 
 
-def _base(listed: tuple[int, ...] | None, nu: float, fundamental: float, *, wanders: bool) -> Entries:
+def _turns(
+    forced: str | Sequence[int], known: Known | None, most: int, nu: float
+) -> tuple[list[float], bool] | None:
+    """Turns a period of the harmonics that are fitted in any case, and whether a drift is; None without any."""
+    if known is not None and isinstance(forced, str) and forced == "auto":
+        return (sorted({0.0, *(turn for turn in known.turns if turn <= most)}), known.drift) if known else None
+    listed = _listed(forced, most, nu)
+    return None if listed is None else ([0.0, *(j / nu for j in listed)], True)
+
+
+def _base(chosen: tuple[list[float], bool] | None, fundamental: float, *, wanders: bool) -> Entries:
     """What is fitted in any case: offset, drift and the harmonics listed, let follow the speed where it wanders."""
-    if listed is None:
+    if chosen is None:
         return forced_entries([], fundamental)
-    turns = [j / nu for j in listed]
-    base = forced_entries([0.0, *turns], fundamental).joined(forced_entries([0.0], fundamental, factor=TREND))
+    turns, drift = chosen
+    base = forced_entries(turns, fundamental)
+    if drift:
+        base = base.joined(forced_entries([0.0], fundamental, factor=TREND))
     for factor in (SPEED, SPEED_SQUARED, SPEED_RATE) if wanders else ():
-        base = base.joined(forced_entries(turns, fundamental, factor=factor))
+        base = base.joined(forced_entries([turn for turn in turns if turn], fundamental, factor=factor))
     return base
 
 
@@ -367,11 +474,3 @@ def _free(records: Sequence[Record], found: Searched) -> tuple[Record, ...]:
     return tuple(replace(record, values=array) for record, array in zip(records, values, strict=True))
 
 
-def _own_period(found: Searched) -> tuple[float, float] | None:
-    """The step that the period would make if it were a parameter, relative, and its deviation."""
-    now = evaluated(found.blocks, replace(found.held.entries, free_period=True))
-    if now.information[-1, -1] <= 0.0:
-        return None
-    covariance = now.covariance()
-    step = float((covariance @ now.gradient)[-1]) / now.entries.fundamental
-    return -step, float(np.sqrt(covariance[-1, -1])) / now.entries.fundamental

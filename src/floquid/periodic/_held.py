@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,11 @@ from floquid.core import Channel, Estimates, PeriodicModel, Provenance
 from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import Block
-from floquid.periodic._constrained import Held, settled
+from floquid.periodic._constrained import Held, evaluated, settled
 from floquid.periodic._harmonics import GAP, bands_at, select_bands
+
+SHORT = 2.0
+"""Standard deviations up to which one step of a linearisation stands for a fit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,12 +194,32 @@ def model_of(
 
 
 def unselected(blocks: Sequence[Block], found: Held, most: int) -> Estimates | None:
-    """The estimates of the same fit with more harmonics on each side; None where there is no such fit."""
+    """The estimates of the same fit with more harmonics on each side; None where there is no such fit.
+
+    One step from a fit that is at rest loses nothing; where the wider bands ask for more, it is fitted.
+    """
     free = np.flatnonzero(~found.entries.fixed)
     try:
-        wide = settled(blocks, found.entries.padded(GAP, most))
+        wide = evaluated(blocks, found.entries.padded(GAP, most))
+        scale = np.sqrt(np.maximum(np.diag(wide.information), 0.0))
+        step = np.linalg.solve(wide.information, wide.gradient)
+        if np.abs(step * scale).max(initial=0.0) > SHORT:
+            wide, step = settled(blocks, wide, at_rest=0.1), np.zeros(0)
+        whole = stepped(estimates_of(blocks, wide), parts_of(wide.entries) @ step) if len(step) else None
+        whole = estimates_of(blocks, wide) if whole is None else whole
     except (IdentificationError, np.linalg.LinAlgError):
         return None
-    whole = estimates_of(blocks, wide)
     size = np.abs(found.entries.exponents + 1j * found.entries.fundamental * found.entries.offsets)[free]
     return whole.picked(modes=free[np.argsort(size, kind="stable")])
+
+
+def stepped(here: Estimates, step: NDArray[np.float64]) -> Estimates:
+    """Estimates after a step of the real parts, the imaginary parts and the fundamental (2 modes + 1,)."""
+    count = len(here.exponents)
+    turned = 0.5 * here.half_turns * step[-1]
+    return replace(
+        here,
+        exponents=here.exponents + step[:count] + 1j * (step[count:-1] + turned),
+        fundamental=here.fundamental + float(step[-1]),
+        coefficients=here.coefficients + here.slopes @ step,
+    )

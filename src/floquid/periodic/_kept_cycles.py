@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ LARGEST_SLIP = 1e-6
 class KeptCycles(LiftedBlock):
     """One hit, the samples of cycles left out set to zero, and so their columns."""
 
-    kept: NDArray[np.bool_]
+    kept: NDArray[np.bool_] = field(kw_only=True)
     """Which cycles are there (cycles,)."""
 
     @property

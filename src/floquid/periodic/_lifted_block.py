@@ -7,6 +7,7 @@ one a pair of columns. No column is ever formed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,12 +26,23 @@ class LiftedBlock(Block):
     hit: int
     rows: NDArray[np.int64]
     noise: NDArray[np.float64]
+    known: NDArray[np.float64] | None = None
+    """An orthonormal basis Q of what is known beside the modes, over the cycles (cycles, known): with another amplitude
+    at each phase it is projected off, which commutes with the sums over phases."""
+    free: NDArray[np.float64] | None = None
+    """The responses with that taken off (rows, phases, cycles)."""
 
     @staticmethod
-    def all_of(lifted: Lifted) -> tuple[LiftedBlock, ...]:
-        """One block a hit."""
+    def all_of(lifted: Lifted, known: Sequence[NDArray[np.float64]] | None = None) -> tuple[LiftedBlock, ...]:
+        """One block a hit, with what is known of each beside the modes (cycles, known)."""
         rows = np.arange(lifted.n_channels)
-        return tuple(LiftedBlock(lifted, hit, rows, lifted.noise[:, hit]) for hit in range(lifted.n_hits))
+        blocks = [LiftedBlock(lifted, hit, rows, lifted.noise[:, hit]) for hit in range(lifted.n_hits)]
+        if known is None:
+            return tuple(blocks)
+        return tuple(
+            replace(block, known=q, free=block._values() - (block._values() @ q) @ q.T)  # noqa: SLF001  # its own class
+            for block, q in zip(blocks, known, strict=True)
+        )
 
     @property
     def n_cycles(self) -> int:
@@ -39,8 +51,8 @@ class LiftedBlock(Block):
 
     @property
     def n_samples(self) -> int:
-        """Samples of each channel."""
-        return self.n_cycles * self.lifted.n_phases
+        """Samples of each channel, less the amplitudes of what is known."""
+        return (self.n_cycles - (0 if self.known is None else self.known.shape[1])) * self.lifted.n_phases
 
     @property
     def last(self) -> float:
@@ -57,7 +69,8 @@ class LiftedBlock(Block):
 
     def rest(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
         """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
-        starts, _, parts, phases = self._factors(columns)
+        starts, cycles, _, phases = self._factors(columns)
+        parts = _parts(self._off_known(cycles))
         times = np.add.outer(starts, self.lifted.phase_times).ravel()
         rest = [
             (block - _model(columns, coefficients[:, row], phases, parts)).T.ravel()
@@ -70,26 +83,35 @@ class LiftedBlock(Block):
         starts, cycles, parts, phases = self._factors(columns)
         times = self.lifted.phase_times
         # Real and imaginary parts beside each other, and the same times nT: one real product a channel.
-        weights = np.concatenate([parts, starts[:, None] * parts], axis=1)
+        weights, own_parts = np.concatenate([parts, starts[:, None] * parts], axis=1), _parts(self._off_known(cycles))
         folded = np.zeros((2, len(self.rows), self.lifted.n_phases, len(columns.exponents)), complex)
         left = np.zeros(len(self.rows))
         for row, block in enumerate(self._values()):
-            rest = block - _model(columns, coefficients[:, row], phases, parts)
+            rest = block - _model(columns, coefficients[:, row], phases, own_parts)
             left[row] = np.einsum("pn,pn->", rest, rest)
             real, imag, late_real, late_imag = np.split(rest @ weights, 4, axis=1)
             folded[:, row] = real + 1j * imag, late_real + 1j * late_imag
         own, late = folded[:, :, :, columns.modes]
         seen = np.einsum("pj,cpj->jc", phases.conj(), own)
         late = np.einsum("pj,cpj->jc", phases.conj(), late + times[:, None] * own)
-        straight = _products(cycles.conj(), cycles, phases.conj(), phases, starts, times, columns.modes)
-        crossed = _products(cycles, cycles, phases, phases, starts, times, columns.modes)
+        # What is known takes its share of the columns, and of the columns times nT.
+        late_cycles = starts[:, None] * cycles
+        whole, late_whole = self._off_known(cycles), self._off_known(late_cycles)
+        straight = _products((cycles.conj(), late_cycles.conj()), (whole, late_whole), phases.conj(), phases, times, columns.modes)
+        crossed = _products((cycles, late_cycles), (whole, late_whole), phases, phases, times, columns.modes)
         gram, mixed, slopes = (_real(*both) for both in zip(straight, crossed, strict=True))
         return Sums(gram, mixed, slopes, _real_data(seen), _real_data(late), left)
 
     def _values(self) -> NDArray[np.float64]:
         """(rows, phases, cycles)."""
+        if self.free is not None:
+            return self.free
         shape = (len(self.rows), self.lifted.n_phases, self.n_cycles)
         return self.lifted.responses.values[:, self.hit, : self.n_cycles].reshape(shape)
+
+    def _off_known(self, cycles: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Functions of the cycle less what is known of them (cycles, …)."""
+        return cycles if self.known is None else cycles - self.known @ (self.known.T @ cycles)
 
     def _factors(self, columns: Columns) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Starts of the cycles, μ^n (cycles, entries), its real and minus its imaginary part, and the phases' part."""
@@ -101,7 +123,12 @@ class LiftedBlock(Block):
         grows = columns.exponents.real > 0
         cycles[:, grows] *= np.exp(-starts[-1] * columns.exponents[grows])
         phases = np.exp(np.multiply.outer(self.lifted.phase_times, columns.rates))
-        return starts, cycles, np.concatenate([cycles.real, -cycles.imag], axis=1), phases
+        return starts, cycles, _parts(cycles), phases
+
+
+def _parts(cycles: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Real parts, then the negative imaginary parts (cycles, 2 entries)."""
+    return np.concatenate([cycles.real, -cycles.imag], axis=1)
 
 
 def _model(
@@ -117,22 +144,23 @@ def _model(
 
 
 def _products(
-    first: NDArray[np.complex128],
-    second: NDArray[np.complex128],
+    first: tuple[NDArray[np.complex128], NDArray[np.complex128]],
+    second: tuple[NDArray[np.complex128], NDArray[np.complex128]],
     one: NDArray[np.complex128],
     other: NDArray[np.complex128],
-    starts: NDArray[np.float64],
     times: NDArray[np.float64],
     modes: NDArray[np.int64],
 ) -> tuple[NDArray[np.complex128], ...]:
-    """Σ (first one) (second other) t^q (columns, columns) for q = 0, 1, 2."""
-    long = [(first * (starts**k)[:, None]).T @ second for k in range(3)]
-    long = [part[modes][:, modes] for part in long]
+    """Σ (first one) (second other), with t at the second, with t at both (columns, columns).
+
+    `first` and `second` are functions of the cycle and the same times nT, `one` and `other` of the phase.
+    """
+    long = {(p, q): (first[p].T @ second[q])[modes][:, modes] for p in (0, 1) for q in (0, 1)}
     short = [(one * (times**k)[:, None]).T @ other for k in range(3)]
     return (
-        long[0] * short[0],
-        long[0] * short[1] + long[1] * short[0],
-        long[0] * short[2] + 2.0 * long[1] * short[1] + long[2] * short[0],
+        long[0, 0] * short[0],
+        long[0, 0] * short[1] + long[0, 1] * short[0],
+        long[0, 0] * short[2] + (long[0, 1] + long[1, 0]) * short[1] + long[1, 1] * short[0],
     )
 
 

@@ -14,13 +14,13 @@ from floquid.errors import IdentificationError
 from floquid.lti import AbstractIdentifier, TimeResponses
 from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import TREND, Block
-from floquid.periodic._constrain import noise_left
+from floquid.periodic._candidates import forced_entries, with_lines
 from floquid.periodic._constrained import Held, evaluated, settled
 from floquid.periodic._held import shapes
+from floquid.periodic._moves import Limits, State, without_needless
 from floquid.periodic._record_block import RecordBlock
 from floquid.periodic._record_blocks import record_blocks
-from floquid.periodic._search import forced_entries, rests_of, searched
-from floquid.periodic._trial import Limits
+from floquid.periodic._residual import noise_left, rests_of
 
 MOST_LINES = 60
 """Lines that are looked for at most, a pair counted once."""
@@ -146,8 +146,10 @@ def find_lines(
         choose=False,
         width=0,
     )
-    found = searched(blocks, beside(_fundamental(blocks)), limits, report)
-    return _lines_of(found.blocks, found.held)
+    state = State(tuple(blocks), evaluated(blocks, beside(_fundamental(blocks))))
+    state = without_needless(with_lines(state, limits, report), limits)
+    state = state.with_fit(settled(state.blocks, state.held, hold=True)).with_noise(limits.floor)
+    return _lines_of(state.blocks, state.held)
 
 
 def lines_by(

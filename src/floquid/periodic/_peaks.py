@@ -31,6 +31,9 @@ GROWTH = (2.0, 6.0)
 APART = 2.0
 """Lines on each side of an exponential, beside its width, that a fit takes noise from."""
 
+SKIRT = 8.0
+"""Decays on each side of a peak within which what is above the limit is its skirt."""
+
 QUIETEST = 0.01
 """The level of a band over that of the loudest, at least: below, there are but the skirts of what is elsewhere."""
 
@@ -142,6 +145,22 @@ def strongest(
     Peak
         The strongest.
     """
+    return peaks(blocks, rests, period, false_alarm, passed, most=1)[0]
+
+
+def peaks(
+    blocks: Sequence[Block],
+    rests: Sequence[Rest],
+    period: float,
+    false_alarm: float,
+    passed: Sequence[float] = (),
+    *,
+    most: int,
+) -> list[Peak]:
+    """The exponentials that take most out of what is left, at most so many, apart from one another, strongest first.
+
+    The first is there in any case; the others pass the limit. Parameters as of `strongest`.
+    """
     from scipy.special import chdtri
 
     span = max(rest.span for rest in rests)
@@ -154,17 +173,24 @@ def strongest(
     decays = np.geomspace(1.0 / span, max(FASTEST / period, 2.0 / span), DECAYS)
     degrees = 2 * sum(len(block.rows) for block in blocks)
     limit = float(chdtri(degrees, false_alarm / (len(omega) * len(decays))))
-    best = Peak(0j, 0.0, limit)
+    best, rate = np.zeros(len(omega)), np.zeros(len(omega))
     for decay in (*decays, *(-growth / span for growth in GROWTH)):
         gain = np.zeros(len(omega))
         for rest in rests:
             gain += _gain(rest, decay, omega, lines)
         gain[0] *= 0.5
-        gain[~open_] = 0.0
-        k = int(np.argmax(gain))
-        if gain[k] > best.gain:
-            best = Peak(complex(-decay, omega[k]), float(gain[k]), limit)
-    return best
+        rate[gain > best] = decay
+        best = np.maximum(best, gain)
+    best[~open_] = 0.0
+    found: list[Peak] = []
+    while len(found) < most:
+        k = int(np.argmax(best))
+        if found and best[k] < limit:
+            break
+        found.append(Peak(complex(-rate[k], omega[k]), float(best[k]), limit))
+        # The skirts of a peak are no peaks of their own.
+        best[np.abs(omega - omega[k]) < max(SKIRT * abs(rate[k]), 16.0 * np.pi / span)] = 0.0
+    return found
 
 
 def _gain(rest: Rest, decay: float, omega: NDArray[np.float64], lines: int) -> NDArray[np.float64]:

@@ -13,13 +13,13 @@ from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import Block
-from floquid.periodic._constrain import noise_left
 from floquid.periodic._constrained import Held, settled
 from floquid.periodic._families import averaged, entries_of, grouped
 from floquid.periodic._fse import model_at
 from floquid.periodic._held import chosen_bands
 from floquid.periodic._lines import Lines, beside, find_lines, raw_blocks, with_noise_left
 from floquid.periodic._record_block import RecordBlock
+from floquid.periodic._residual import noise_left
 from floquid.periodic._spacings import Spacing, spacings_of
 
 CERTAIN = float(np.log(1e2))

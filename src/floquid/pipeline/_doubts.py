@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel, Record
-from floquid.errors import FloquidError
 from floquid.lifting import Lifted, largest_values
 from floquid.lti import ModalModel
 from floquid.order import Choice
 from floquid.periodic import (
     CONFIDENT,
-    MISFIT,
     NEGLIGIBLE_SLIP,
     SIGNIFICANT,
-    Finished,
     Fit,
-    estimate_period,
-    spacing,
     synchrony,
 )
+from floquid.pipeline._prepare import Prepared
 from floquid.sync import ShaftAngle
 
 QUIET = 1e-4
@@ -35,87 +30,56 @@ STILL = 4.0
 BLURRED = 400.0
 """What errors of the angle may add to the misfit, spread over the lines about each harmonic."""
 
-TURNED = 1.0
-"""The phase [rad] that the fundamental may slip while modes last, for one step of a fit to tell the period."""
+MISFIT = 1.3
+"""Times the noise that a fit may leave."""
 
-FOLDED = 10.0
-"""Decays within which modes that fold onto one another may be one."""
+ROUNDED = 4.0
+"""Deviations within which a period is a whole number of sampling intervals."""
 
 SURE = 1e-3
 """The deviation of its logarithm, over the number of poles, below which that says something."""
 
 
-def wrong_period(model: PeriodicModel, lifted: Lifted) -> str:
-    """What is wrong with a period other than that of the response; empty when nothing is."""
+def wrong_period(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> str:
+    """What is wrong with a period other than that of the lifted response; empty when nothing is."""
+    if prepared.shafts or prepared.settings.estimate_period:
+        return ""
     found = synchrony(model, lifted)
     if found is None or not found.broken:
         return ""
-    own = model.period * (1.0 + found.relative)
-    return (
-        f"The response does not repeat with the period given: its own is {own:.10g} ± "
-        f"{model.period * found.std:.1g} s, not {model.period:.10g} s; over the record the phase slips by "
-        f"{found.slip:.3g} samples. Exponents and shapes would look right and be wrong."
-    )
+    return _words(prepared, model.period, found.relative, found.std)
 
 
-def wrong_measured_period(found: Fit, lifted: Lifted, records: Sequence[Record]) -> str:
-    """The same for records fitted as they were sampled.
-
-    Harmonics that turn (`Fit.own_period`) speak for themselves. Modes that look torn apart (`spacing`), or anything
-    else that speaks against them, do not: there the period is found from the response alone, and that decides.
-    """
-    model, (relative, std) = found.model, found.own_period or (0.0, np.inf)
-    cycles = int(lifted.responses.lengths.max())
-    slip = abs(relative) * cycles * model.period * records[0].sample_rate
-    drifted = abs(relative) > SIGNIFICANT * std and slip > NEGLIGIBLE_SLIP
-    torn = spacing(model, lifted)
-    broken = torn is not None and torn.broken
-    single = not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any()
-    asked = drifted or broken or found.doubts or single or _folded(model)
-    estimate, own = _period_alone(records) if asked else None, ""
-    if estimate is not None:
-        period, deviation = estimate
-        share = max(period, model.period) / min(period, model.period)
-        broken = abs(share / round(share) - 1.0) > SIGNIFICANT * deviation / period
-        own = f" its own is {period:.10g} ± {deviation:.1g} s."
-        alive = min(cycles, 1.0 / max(np.abs(model.exponents.real).min() * model.period, 1e-300))
-        # A step beyond that is none of the fit's: modes were torn apart, or are none.
-        drifted = drifted and 2.0 * np.pi * abs(relative) * alive < TURNED
-        if drifted and not broken:
-            # So near that the response alone does not tell the two apart.
-            own = f" its own is {model.period * (1.0 + relative):.10g} ± {model.period * std:.1g} s."
-    if not (drifted or broken):
+def wrong_own_period(fitted: Fit, prepared: Prepared) -> str:
+    """The same by the harmonics of the fit of the samples, whose fundamental is one more parameter."""
+    if fitted.own_period is None or prepared.settings.estimate_period:
         return ""
-    given = f"{model.period:.10g} s{':' if own else '.'}{own}"
-    return (
-        f"The response does not repeat with the period given, {given} Exponents and shapes would look right and be "
-        "wrong.\n  Correct the period, the sampling rate or the time column; `estimate_period=True` "
-        "(`--estimate-period`) finds the period from the response. If you know the period to be right, pass "
-        "`trust_period=True` (`--trust-period`)."
+    relative, std = fitted.own_period
+    slip = abs(relative) * max(record.n_samples for record in prepared.responses)
+    if abs(relative) <= SIGNIFICANT * std or slip <= NEGLIGIBLE_SLIP:
+        return ""
+    return _words(prepared, fitted.model.period, relative, std)
+
+
+def _words(prepared: Prepared, period: float, relative: float, std: float) -> str:
+    """That the period given is not that of the response, and whether it was rounded."""
+    record = prepared.responses[0]
+    own, deviation = period * (1.0 + relative), period * std
+    slip = abs(relative) * max(one.n_samples for one in prepared.responses)
+    said = (
+        f"The response does not repeat with the period given: its own is {own:.10g} ± {deviation:.1g} s, not "
+        f"{period:.10g} s; over the record the phase slips by {slip:.3g} samples. Exponents and shapes would look "
+        "right and be wrong."
     )
-
-
-def _period_alone(records: Sequence[Record]) -> tuple[float, float] | None:
-    """The period that the response alone tells, and its deviation [s]; None where it does not."""
-    with suppress(FloquidError):
-        estimate = estimate_period(records)
-        if estimate.period is not None and estimate.period_std is not None:
-            return estimate.period, estimate.period_std
-    return None
-
-
-def _folded(model: PeriodicModel) -> bool:
-    """Whether two modes of equal decay are nearly whole fundamentals apart, as a wrong period tears one into."""
-    std = model.exponent_std
-    if std is None:
-        return False
-    values = model.exponents
-    gap = values[:, None] - values[None, :]
-    turns = np.rint(gap.imag / model.fundamental)
-    near = np.abs(gap.imag - turns * model.fundamental) < FOLDED * np.abs(values.real)
-    alike = np.abs(gap.real) < 5.0 * np.hypot(std.real[:, None], std.real[None, :])
-    itself = np.abs(values[:, None] - values[None, :].conj()) == 0
-    return bool((near & alike & (turns != 0) & ~itself).any())
+    whole = max(round(own * record.sample_rate), 1)
+    if abs(own - whole / record.sample_rate) > ROUNDED * deviation or abs(relative) < ROUNDED * std:
+        return said
+    return (
+        f"{said} Its own is {whole} sampling intervals, a whole number: the period or the sampling interval of "
+        f"{1.0 / record.sample_rate:.6g} s was rounded. If the period is right, the sampling interval is "
+        f"{period / whole:.10g} s: pass `rate={whole / period:.12g}` (`--rate`). If the rate is right, pass "
+        f"`period={whole / record.sample_rate:.12g}` (`--period`)."
+    )
 
 
 def wrong_angles(found: Fit, shafts: Sequence[ShaftAngle], records: Sequence[Record]) -> str:
@@ -157,14 +121,14 @@ def too_low(order: int, choice: Choice) -> str:
     )
 
 
-def misfit(ended: Finished) -> str:
-    """What speaks against residues that were held to their harmonics; empty when nothing does."""
-    if ended.misfit <= MISFIT:
+def misfit(found: Fit) -> str:
+    """What speaks against a fit that leaves more than noise; empty when nothing does."""
+    if found.misfit <= MISFIT:
         return ""
     return (
-        f"Residues held to their harmonics leave more than noise ({ended.misfit:.3g} standard deviations): harmonics "
-        "are missing, or a mode is several that fold onto one another, and exponents are bent by more than their "
-        "deviations say. Allow more harmonics, or finish with `constrained=False` (`--no-constrained`)."
+        f"What the fit leaves is {found.misfit:.3g} times the noise: harmonics are missing, or a mode is several that "
+        "fold onto one another, and exponents are bent by more than their deviations say. Allow more harmonics, or "
+        "finish with `constrained=False` (`--no-constrained`)."
     )
 
 

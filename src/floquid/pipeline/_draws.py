@@ -102,7 +102,7 @@ def _fitted(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
     if plan.lifted is not None and (plan.modal is not None or plan.padding or plan.lifted.whitening is not None):
         lifted = _lifted(plan.lifted, plan.settings, values)
         found = (
-            constrain(plan.fitted, lifted, choose=False, padding=plan.padding).model
+            constrain(plan.fitted, lifted, choose=False).model
             if plan.modal is None
             else _free(plan, lifted, plan.modal)
         )

@@ -131,13 +131,21 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
         if change > 0.1:
             modal = None
     if modal is None:
-        asked = "" if settings.order is None else f" Or is the order asked for, {settings.order}, too low?"
         raise UnsettledError(
             "Identification ended without a result: the noise cannot be told from the response, its estimate does not "
             "settle as modes are fitted. Look at the record: are its samples clipped, or rounded to a few levels?"
-            f"{asked}"
+            f"{_order_to_blame(settings.order, int(lifted.responses.lengths.max()))}"
         )
     return lifted, modal
+
+
+def _order_to_blame(order: int | None, n_cycles: int) -> str:
+    """The question whether the order asked for keeps the noise from being told."""
+    if order is None:
+        return ""
+    if n_cycles < ENOUGH_CYCLES * order:
+        return f" Or is the order asked for, {order}, too high for {n_cycles} whole periods, which it all but fits?"
+    return f" Or is the order asked for, {order}, too low?"
 
 
 def _order_for(

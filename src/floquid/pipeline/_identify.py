@@ -5,32 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from floquid._checks import input_error
-from floquid.core import Cycles, Estimates, Record
+from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import IdentificationError
-from floquid.lifting import lift
-from floquid.lti import fit_residues
-from floquid.order import Choice, judge
-from floquid.periodic import assemble, combinations_of, estimate_at, finish, periodicity
+from floquid.lifting import floor_of
+from floquid.order import judge
+from floquid.periodic import Fit, assemble, entries_of, equal_multipliers, fit, groups
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._doubts import ambiguity, below_modes, driven, misfit, quiet, too_low, warnings, wrong_period
-from floquid.pipeline._find_poles import UnsettledError, find_poles
+from floquid.pipeline._complete import completed
+from floquid.pipeline._doubts import too_low, wrong_own_period, wrong_period
 from floquid.pipeline._independent import COPIED, sum_of_others
-from floquid.pipeline._measured import NOT_WHOLE, measured, why_measured
-from floquid.pipeline._prepare import Prepared, blas_threads, prepare, settings_of
-from floquid.pipeline._refuse import NO_NEWS, refuse_few
-from floquid.pipeline._rounded import rounded
+from floquid.pipeline._prepare import Prepared, blas_threads, prepare
+from floquid.pipeline._refuse import NO_NEWS
 from floquid.pipeline._settings import Settings
-from floquid.pipeline._state import state_of
+from floquid.pipeline._start import Lifting, Start, cut, start_of
 from floquid.pipeline._validated import validated
-from floquid.sync import segment
-
-FLOORS = (1e-4, 1e-3)
-"""Shares of a channel's largest value down to which a record that has hardly any noise is believed, one after another,
-where what modes leave is no noise."""
+from floquid.sync import rejoin
 
 
 def identify(
@@ -69,10 +59,7 @@ def identify(
     IdentificationError
         No mode rises above the noise, the record is too short, or the result would look right and be wrong.
     """
-    chosen = settings_of(settings, options, "identify")
-    if chosen.estimate_period:
-        _refuse_identifier(chosen)  # before the search for the period, which takes long
-    prepared = prepare(records, chosen, report=report)
+    prepared = prepare(records, settings, report=report, **options)
     faults = prepared.faults
     with blas_threads(prepared.records):
         try:
@@ -80,7 +67,7 @@ def identify(
         except IdentificationError as error:
             raise IdentificationError("\n  ".join([str(error), *faults])) from None
         found = replace(found, warnings=(*faults, *_of_sums(found), *found.warnings))
-        return validated(found, report=report) if chosen.validate else found
+        return validated(found, report=report) if prepared.settings.validate else found
 
 
 def _of_sums(found: Analysis) -> tuple[str, ...]:
@@ -99,108 +86,65 @@ def _of_sums(found: Analysis) -> tuple[str, ...]:
 
 
 def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
-    """The chain from records with their clock on."""
-    used, chosen, said = prepared.records, prepared.settings, prepared.findings
-    why = why_measured(used, chosen)
-    if why:
-        _refuse_identifier(chosen)
-        if why == NOT_WHOLE and not chosen.trust_period and (words := rounded(used, chosen, report)):
-            raise IdentificationError(words)
-        return measured(replace(prepared, findings=(*said, f"Fitted as sampled, not lifted: {why}.")), report)
+    """The chain from the responses with their clocks on."""
+    settings = prepared.settings
     report("cutting into periods")
-    cycles = segment(used)
-    _refuse_impossible(chosen, cycles)
+    cutting = cut(prepared)
     report("estimating the noise")
-    lifted = lift(cycles, floor=chosen.noise_floor)
-    found_by_default = chosen.identifier is None and chosen.order is None and chosen.constrained
-    believed = False
-    floors = [chosen.noise_floor, *(floor for floor in FLOORS if found_by_default and quiet(lifted))]
-    while True:
-        try:
-            lifted, modal, choice = find_poles(lifted, chosen, report)
-            break
-        except UnsettledError:
-            if len(floors) == 1:
-                raise
-            floors, believed = floors[1:], True
-            chosen = replace(chosen, noise_floor=floors[0])
-            lifted = lift(cycles, floor=floors[0])
-    if believed:
-        said += (below_modes(floors[0]),)
-    if chosen.forced == "auto" and found_by_default and driven(modal):
-        why = "a component that neither grows nor decays, which is a forced response"
-        said += (f"Fitted as sampled, not lifted: {why}.",)
-        return measured(replace(prepared, settings=chosen, findings=said), report)
+    start = start_of(prepared, cutting, report)
+    settings = settings if start.floor is None else replace(settings, noise_floor=start.floor)
     report("expanding the shapes in harmonics")
-    model = assemble(modal, lifted, false_alarm=chosen.harmonic_false_alarm, harmonics=chosen.harmonics)
-    missing = "" if chosen.order is None else too_low(chosen.order, judge(lifted.responses, modal))
-    # Modes that are missing turn in what is left as a wrong period would.
-    doubt = "" if missing else wrong_period(model, lifted)
-    if doubt and not chosen.trust_period:
-        raise IdentificationError(
-            f"{doubt}\n  Correct the period; if it is no whole number of samples, resample the record. If you know the "
-            "period to be right, pass `trust_period=True` (`--trust-period`)."
-        )
-    bent, ended = "", None
-    if chosen.constrained and model.covariance is not None:
-        report("holding the residues to their harmonics")
-        ended = finish(
-            model,
-            lifted,
-            false_alarm=chosen.harmonic_false_alarm,
-            mode_false_alarm=chosen.mode_false_alarm,
-            choose=chosen.harmonics is None,
-            search=chosen.order is None and chosen.identifier is None,
-            report=report,
-        )
-        model, bent = ended.model, misfit(ended)
-        if ended.reasons is not None:
-            modal = fit_residues(model.multipliers, lifted.responses)
-            choice = Choice(order=model.order, model=modal, reasons=ended.reasons, doubts=ended.doubts)
-
-    def again(exponents: NDArray[np.complex128]) -> Estimates:
-        return estimate_at(model, exponents, lifted=lifted)
-
-    state, refinement = state_of(model, chosen, again, report)
-    return Analysis(
-        settings=chosen,
-        records=used,
-        cycles=cycles,
-        lifted=lifted,
-        modal=modal,
-        model=model,
-        state=state,
-        refinement=refinement,
-        choice=choice,
-        held=ended is not None and ended.held,
-        periodicity=None if model.unselected is None else periodicity(model, lifted=lifted),
-        synchronisation=said,
-        warnings=tuple(word for word in (missing, doubt, bent) if word)
-        + ambiguity(choice)
-        + (combinations_of(model, lifted.noise, nonlinear=believed) if ended is None or ended.reasons is None else ())
-        + warnings(model),
+    model = assemble(
+        start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm, harmonics=settings.harmonics
     )
+    # Modes that are missing turn in what is left as a wrong period would.
+    missing = "" if settings.order is None else too_low(settings.order, judge(start.lifted.responses, start.modal))
+    doubt = "" if missing else _refused(prepared, wrong_period(model, start.lifted, prepared))
+    fitted = None
+    if settings.constrained and model.covariance is not None and not equal_multipliers(model):
+        fitted = _fitted(prepared, cutting, start, model, settings, report)
+    if fitted is not None and not (doubt or missing):
+        doubt = _refused(prepared, wrong_own_period(fitted, prepared))
+    return completed(prepared, cutting, start, model, fitted, settings, (missing, doubt), report)
 
 
-def _refuse_identifier(settings: Settings) -> None:
-    """Refuse an identifier of lifted responses for records that are fitted as they were sampled."""
-    if settings.identifier is not None:
-        must, got = "be None for records that are fitted as they were sampled", f"is {settings.identifier!r:.60}"
-        remedy = "Leave it out: modes are found in the spectrum of what is left, and fitted by maximum likelihood."
-        raise input_error("identifier", "identify", must, got, remedy)
+def _refused(prepared: Prepared, doubt: str) -> str:
+    """The same words, where the period is trusted all the same."""
+    if doubt and not prepared.settings.trust_period:
+        raise IdentificationError(
+            f"{doubt}\n  Correct the period, the sampling rate or the time column; `estimate_period=True` "
+            "(`--estimate-period`) finds the period from the response. If you know the period to be right, pass "
+            "`trust_period=True` (`--trust-period`)."
+        )
+    return doubt
 
 
-def _refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:
-    """Refuse what cannot end well before any long work."""
-    of, periods, phases = "identify", max(c.n_cycles for c in cycles), cycles[0].n_phases
-    refuse_few(min(c.n_cycles for c in cycles))
-    if getattr(settings.identifier, "band", None) is not None:
-        must = "look at the whole band, since what is left out would count as noise"
-        got = f"has band={settings.identifier.band}"  # pyright: ignore[reportOptionalMemberAccess, reportAttributeAccessIssue]
-        raise input_error("identifier", of, must, got, "Use the identifier's own `extract` on lifted responses.")
-    if settings.order is not None and settings.order >= periods:
-        got = f"is {settings.order}"
-        raise input_error("order", of, f"be less than the {periods} periods of the record", got, "Ask for fewer poles.")
-    if settings.harmonics is not None and 2 * settings.harmonics >= phases:
-        must = f"be less than half the {phases} samples a period"
-        raise input_error("harmonics", of, must, f"is {settings.harmonics}", "Ask for fewer, or sample faster.")
+def _fitted(
+    prepared: Prepared,
+    cutting: Lifting,
+    start: Start,
+    model: PeriodicModel,
+    settings: Settings,
+    report: Callable[[str], None],
+) -> Fit:
+    """The fit of the samples, started at the poles of the lifted responses."""
+    report("holding the residues to their harmonics")
+    search = settings.order is None and settings.identifier is None
+    records = tuple(rejoin(hit) for hit in cutting.cycles) if cutting.synchronous else prepared.responses
+    return fit(
+        records,
+        [ConstantPeriod(period=start.lifted.period) for _ in records] if cutting.synchronous else prepared.clocks,
+        start=groups(start.modal, start.lifted) if search and settings.harmonics is None else entries_of(model),
+        known=start.known,
+        lifted=start.whole if cutting.synchronous else None,
+        forced=settings.forced_harmonics,
+        periods_per_revolution=settings.periods_per_revolution,
+        order=settings.order,
+        harmonics=settings.harmonics,
+        free_period=settings.estimate_period,
+        search=search,
+        noise_floor=floor_of((row for record in records for row in record.values), settings.noise_floor),
+        mode_false_alarm=settings.mode_false_alarm,
+        harmonic_false_alarm=settings.harmonic_false_alarm,
+        report=report,
+    )

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-
-import numpy as np
 
 from floquid._checks import input_error
-from floquid.core import Cycles, Record
-from floquid.lifting import Lifted, lift, whitened
+from floquid.core import Record
+from floquid.lifting import Lifted, whitened
 from floquid.pipeline._colour import first_filter
-from floquid.pipeline._identify import _refuse_impossible
-from floquid.pipeline._measured import why_measured
 from floquid.pipeline._prepare import Prepared, blas_threads, prepare
 from floquid.pipeline._settings import Settings
-from floquid.sync import resample, segment
+from floquid.pipeline._start import cut
 
 
 def lifted(
@@ -62,24 +57,7 @@ def lifted(
         raise input_error(name, "lifted", must, got, "Give it to `prepare`.")
     with blas_threads(records.responses):
         report("cutting into periods")
-        cycles = _cycles(records)
-        _refuse_impossible(records.settings, cycles)
+        found = cut(records).lifted
         report("estimating the noise")
-        found = lift(cycles, floor=records.settings.noise_floor)
         taps = first_filter(found)
         return found if taps is None else whitened(found, taps)
-
-
-def _cycles(prepared: Prepared) -> tuple[Cycles, ...]:
-    """The responses cut into whole samples a period, resampled where they have none.
-
-    Shafts turn at a speed of their own in each hit: there, a cycle is as long as the mean over all of them, as the
-    period of the model is.
-    """
-    if not why_measured(prepared.records, prepared.settings):
-        return segment(prepared.responses)
-    cycles = resample(prepared.responses, prepared.clocks)
-    if not prepared.shafts:
-        return cycles
-    period = float(np.mean([shaft.period for shaft in prepared.shafts]))
-    return tuple(replace(hit, periods=np.full(hit.n_cycles, period)) for hit in cycles)

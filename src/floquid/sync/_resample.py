@@ -302,25 +302,33 @@ def _stretches(gaps: NDArray[np.intp], length: int) -> NDArray[np.intp]:
 
 def _highest_line(stretches: NDArray[np.float64], sample_rate: float, chance: float) -> float:
     """The highest line of any of the stretches (stretches, samples), or of all, above the white noise; 0 if none is."""
-    from scipy.ndimage import maximum_filter1d
-    from scipy.signal import detrend
-    from scipy.stats import chi2
+    # Not `scipy.signal`, `scipy.stats` and `scipy.ndimage`: those take longer to load than all else here takes.
+    from scipy.special import chdtri
 
     count, length = stretches.shape
     # Side lobes below the smallest line that counts; half a main lobe is a little over five lines.
     window = np.kaiser(length, 16.0)
     # The trend takes from the lowest lines, and the last one is real.
     frequencies = np.fft.rfftfreq(length, 1.0 / sample_rate)[2:-1]
-    power = np.abs(np.fft.rfft(detrend(stretches, axis=-1) * window)[:, 2:-1]) ** 2
+    ramp = np.linspace(-1.0, 1.0, length)
+    flat = stretches - stretches.mean(axis=1, keepdims=True)
+    flat = flat - np.multiply.outer(flat @ ramp / (ramp @ ramp), ramp)
+    power = np.abs(np.fft.rfft(flat * window)[:, 2:-1]) ** 2
     overlap = (window[length // 2 :] @ window[: length // 2]) / (window @ window)
     freedom = 2.0 * count / (1.0 + 2.0 * (1.0 - 1.0 / count) * overlap**2)
     mean = power.mean(axis=0)
-    noise = np.median(mean) * freedom / chi2.median(freedom)
+    noise = np.median(mean) * freedom / chdtri(freedom, 0.5)
     floor = _SMALLEST_LINE * power.max()
     each = 0.5 * chance / len(frequencies)
     # A summit, and not the flank of a stronger line.
-    above = (mean > max(noise * chi2.isf(each, freedom) / freedom, floor)) & (mean == maximum_filter1d(mean, 11))
-    single = power > max(noise * chi2.isf(each / count, 2.0) / 2.0, floor)
-    above |= (single & (power == maximum_filter1d(power, 11, axis=-1))).any(axis=0)
+    above = (mean > max(noise * chdtri(freedom, each) / freedom, floor)) & (mean == _highest_near(mean))
+    single = power > max(noise * chdtri(2.0, each / count) / 2.0, floor)
+    above |= (single & (power == _highest_near(power))).any(axis=0)
     # The line may lie half a bin higher.
     return float(frequencies[above][-1]) + 0.5 * sample_rate / length if above.any() else 0.0
+
+
+def _highest_near(power: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The highest of each line and the five on either side, along the last axis."""
+    padded = np.pad(power, [(0, 0)] * (power.ndim - 1) + [(5, 5)], mode="edge")
+    return np.lib.stride_tricks.sliding_window_view(padded, 11, axis=-1).max(axis=-1)

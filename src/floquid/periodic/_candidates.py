@@ -1,0 +1,160 @@
+"""What the spectrum of the residual holds: further harmonics of modes, of the forced response, and modes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from floquid.errors import IdentificationError
+from floquid.periodic._bands import Entries
+from floquid.periodic._blocks import PLAIN
+from floquid.periodic._constrained import settled
+from floquid.periodic._moves import ROUGHLY, Limits, State, coefficients_of, limit_of, modes_of, with_bands
+from floquid.periodic._peaks import Peak, Rest, peaks
+from floquid.periodic._record_block import RecordBlock
+from floquid.periodic._residual import rests_of
+
+AT_ONCE = 3
+"""Peaks that are tried together."""
+
+EXPECTED = 1.0
+"""How many peaks of noise are expected among those that are tried: it is the fit that decides."""
+
+REFUSALS = 3
+"""Peaks in turn that may come to nothing before the search ends."""
+
+BEYOND = 4
+"""Harmonics beyond a band in which a peak may be a further harmonic of the mode."""
+
+
+def with_lines(state: State, limits: Limits, report: Callable[[str], None] = lambda _: None) -> State:
+    """With what the spectrum of the residual holds beside the fit, the strongest peaks first.
+
+    This is Allen's FSE view taken at its word (section 2.2.3): the response is one of exponentials λ + imω, so that a
+    peak in the spectrum of what is left is a harmonic of a mode, or of a new one.
+    """
+    passed: list[float] = []
+    while len(passed) < REFUSALS:
+        state = state.with_noise(limits.floor)
+        rests = rests_of(state.blocks, state.held, limits.floor)
+        found = _peaks(state, rests, limits, passed)
+        if not found:
+            # Far from a loud mode its skirts are above what little noise there is: the loudest line is its own.
+            return state
+        more = _added(state, rests, found, limits)
+        if more is None and len(found) > 1:
+            found = found[:1]
+            more = _added(state, rests, found, limits)
+        if more is None:
+            passed.append(found[0].exponent.imag)
+            continue
+        state = more
+        report(f"searching for modes: {int((~state.held.entries.fixed).sum())} found")
+    return state
+
+
+def _peaks(state: State, rests: Sequence[Rest], limits: Limits, passed: Sequence[float]) -> list[Peak]:
+    """The peaks above the limit, as many as may be tried together."""
+    period = 2.0 * np.pi / state.held.entries.fundamental
+    found = peaks(state.blocks, rests, period, EXPECTED, passed, most=AT_ONCE)
+    return [peak for peak in found if peak.gain > peak.limit]
+
+
+def _added(state: State, rests: Sequence[Rest], found: Sequence[Peak], limits: Limits) -> State | None:
+    """The fit with what these peaks are; None where noise explains what they take out of the cost."""
+    entries, bound = state.held.entries, 0.0
+    for peak in found:
+        more = _with_peak(state, rests, entries, peak, limits)
+        if more is None:
+            continue
+        new = more.picked(range(len(entries.exponents), len(more.exponents)))
+        if len(new.exponents):
+            bound += limit_of(state, new, limits.mode_alarm)
+        else:
+            from scipy.special import chdtri
+
+            wider = coefficients_of(more) - coefficients_of(entries)
+            bound += float(chdtri(state.rows * max(wider, 1), limits.mode_alarm))
+        entries = more
+    if entries is state.held.entries:
+        return None
+    held = state.settled(entries)
+    if held is None:
+        return None
+    trial = with_bands(state.with_fit(held), limits)
+    if trial.held.cost > held.cost:
+        trial = state.with_fit(held)
+    return trial if state.held.cost - min(held.cost, trial.held.cost) > bound else None
+
+
+def _with_peak(state: State, rests: Sequence[Rest], entries: Entries, peak: Peak, limits: Limits) -> Entries | None:
+    """The entries with what a peak most likely is; None where there is no room for it."""
+    line = 4.0 * np.pi / max(rest.span for rest in rests)
+    driven = _driven(entries, peak, limits, line)
+    if driven is not None:
+        return driven
+    wider = _wider(entries, peak, line) if limits.choose else None
+    if wider is not None:
+        return wider
+    if int(modes_of(entries).sum()) >= limits.modes:
+        return None
+    alone = Entries.made([peak.exponent], [(0, 0)], entries.fundamental)
+    grids = [
+        RecordBlock(
+            times=np.asarray(rest.taken * rest.step, np.float64),
+            values=rest.values[:, rest.taken],
+            hit=block.hit,
+            rows=block.rows,
+            noise=block.noise,
+        )
+        for block, rest in zip(state.blocks, rests, strict=True)
+    ]
+    with suppress(IdentificationError, np.linalg.LinAlgError):
+        alone = settled(grids, alone, at_rest=ROUGHLY).entries
+    if not limits.choose:
+        alone = replace(alone, bands=np.array([[-limits.width, limits.width]]))
+    return entries.joined(alone)
+
+
+def _driven(entries: Entries, peak: Peak, limits: Limits, line: float) -> Entries | None:
+    """The entries with the harmonic of the forced response that a peak may be; None where it is none."""
+    if not len(limits.forced):
+        return None
+    omega, frequency = entries.fundamental, peak.exponent.imag
+    turn = limits.forced[int(np.argmin(np.abs(limits.forced * omega - frequency)))]
+    known = entries.offsets[entries.fixed & (entries.factors == PLAIN)]
+    if abs(turn * omega - frequency) > line or (np.abs(known - turn) < 1e-9).any():
+        return None
+    if abs(peak.exponent.real) > line:
+        return None
+    return entries.joined(forced_entries([turn], omega))
+
+
+def _wider(entries: Entries, peak: Peak, line: float) -> Entries | None:
+    """The entries with a wider band of the mode that a peak may be a harmonic of; None where it is of none."""
+    omega, frequency, best, least = entries.fundamental, peak.exponent.imag, None, np.inf
+    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
+        for sign in (1.0, -1.0):
+            value = entries.exponents[entry]
+            m = round((sign * frequency - value.imag) / omega)
+            low, high = entries.bands[entry]
+            off = abs(sign * frequency - value.imag - m * omega)
+            if off > line + abs(value.real) or low <= m <= high or not low - BEYOND <= m <= high + BEYOND:
+                continue
+            if off < least:
+                bands = entries.bands.copy()
+                bands[entry] = min(low, m), max(high, m)
+                best, least = replace(entries, bands=bands), off
+    return best
+
+
+def forced_entries(turns: Sequence[float], fundamental: float, *, factor: int = 0) -> Entries:
+    """Fixed entries of a forced response, one for each of the turns a period."""
+    own = np.asarray(turns, float)
+    n = len(own)
+    return Entries.made(
+        np.zeros(n), np.zeros((n, 2)), fundamental, real=own == 0.0, offsets=own, fixed=True, factor=factor
+    )

@@ -1,0 +1,221 @@
+"""The forced response in lifted responses: columns over the cycles that are known before any pole is.
+
+What repeats with the revolution (an orbit, gravity, an imbalance, an offset) has multipliers e^{2πij/ν}, with ν periods
+a revolution; a drift is one of multiplier 1 that grows with time. Neither is a mode, however near one lies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.lifting import Lifted
+from floquid.lti import ERA, ModalModel, TimeResponses
+
+GENEROUS = 64
+"""Poles that take any free response with them; at most one in three cycles."""
+
+MERGED = 1.0
+"""Over the record: a pole that decays or turns by less than this beside a known multiplier is not told from it."""
+
+CERTAIN = 1e-9
+"""The probability at which noise may pass for a forced response."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What of the forced response is there in lifted responses.
+
+    Parameters
+    ----------
+    roots
+        The multipliers e^{2πip} that are there, as p in [0, 1/2] (roots,).
+    drift
+        Whether there is a drift.
+    turns
+        Turns a period of the harmonics that rise above the noise, the zeroth among them (harmonics,).
+    """
+
+    roots: tuple[float, ...] = ()
+    drift: bool = False
+    turns: tuple[float, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.roots) or self.drift
+
+    def basis(self, n_cycles: int) -> NDArray[np.float64]:
+        """Orthonormal columns over the cycles (cycles, columns)."""
+        columns = [part for root in self.roots for part in columns_of(root, n_cycles)]
+        if self.drift:
+            columns.append(_drift(n_cycles))
+        q, _ = np.linalg.qr(np.stack(columns, axis=1))
+        return np.asarray(q, np.float64)
+
+
+def columns_of(root: float, n_cycles: int) -> list[NDArray[np.float64]]:
+    """Real columns of the multiplier e^{2πip} (cycles,)."""
+    angles = 2.0 * np.pi * root * np.arange(n_cycles)
+    return [np.cos(angles)] if root in (0.0, 0.5) else [np.cos(angles), np.sin(angles)]
+
+
+def _drift(n_cycles: int) -> NDArray[np.float64]:
+    return np.linspace(-1.0, 1.0, n_cycles)
+
+
+def without_known(
+    lifted: Lifted, nu: float, *, speeds: Sequence[NDArray[np.float64]] | None = None
+) -> tuple[Lifted, Known, ModalModel]:
+    """Lifted responses without the forced response that is in them, as far as noise does not explain it.
+
+    Generous poles take the free response with them, so that what is left to the known columns is theirs.
+
+    Parameters
+    ----------
+    lifted
+        The lifted responses.
+    nu
+        Periods of the system in a revolution.
+    speeds
+        Factors that follow a wandering speed, one array a hit (factors, cycles): the forced response follows them.
+
+    Returns
+    -------
+    Lifted
+        The responses without it.
+    Known
+        What was there.
+    ModalModel
+        The generous poles.
+    """
+    era = ERA()
+    order = max(1, min(GENEROUS, int(lifted.responses.lengths.max()) // 3))
+    modal = era.extract(era.prepare(lifted.responses), order)
+    count = round(nu) if nu >= 1.0 else 1
+    roots = [k / count for k in range(count // 2 + 1)]
+    poles = _apart(modal, roots, int(lifted.responses.lengths.max()))
+    known = Known(tuple(roots), True)
+    for root in (None, *roots):
+        less = Known(known.roots, False) if root is None else Known(tuple(r for r in known.roots if r != root), known.drift)
+        if _gain(lifted, poles, less, known) < _limit(lifted, less, known):
+            known = less
+    if not known:
+        return lifted, known, modal
+    free, turns = _subtracted(lifted, poles, known, nu, speeds)
+    return free, Known(known.roots, known.drift, turns), modal
+
+
+def _apart(modal: ModalModel, roots: Sequence[float], n_cycles: int) -> NDArray[np.complex128]:
+    """Logarithms of the multipliers, of the upper half, that are told from the known ones."""
+    logs = np.log(modal.multipliers)
+    logs = logs[(logs.imag >= -1e-12) & (logs.real > -4.0) & (logs.real < 2.0)]
+    for root in roots:
+        logs = logs[np.abs(logs - 2j * np.pi * root) * n_cycles > MERGED]
+    return np.asarray(logs, np.complex128)
+
+
+def _columns(poles: NDArray[np.complex128], n_cycles: int) -> NDArray[np.float64]:
+    """Real columns of the poles (cycles, columns), what grows being counted from the end."""
+    counts = np.arange(n_cycles)[:, None] - np.where(poles.real > 0, n_cycles - 1, 0)
+    powers = np.exp(counts * poles)
+    return np.concatenate([powers.real, powers.imag], axis=1)
+
+
+def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A basis of the columns that are there (cycles, rank)."""
+    size = np.linalg.norm(columns, axis=0)
+    left, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return left[:, values > 1e-10 * values.max(initial=1e-300)]
+
+
+def _off(basis: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    return columns - basis @ (basis.T @ columns)
+
+
+def _gain(lifted: Lifted, poles: NDArray[np.complex128], less: Known, more: Known) -> float:
+    """What the columns of `more` beyond those of `less` take out of the misfit beside the poles, over the noise."""
+    total, data = 0.0, lifted.responses
+    for hit, length in enumerate(data.lengths.tolist()):
+        own = _columns(poles, length)
+        basis = _orthonormal(np.concatenate([own, less.basis(length)], axis=1) if less else own)
+        extra = _orthonormal(_off(basis, more.basis(length)))
+        values = data.values[:, hit, :length]
+        seen = values @ extra
+        left = values - (values @ basis) @ basis.T - seen @ extra.T
+        free = max(length - basis.shape[1] - extra.shape[1], 1)
+        noise = lifted.by_channel(np.sum(left**2, axis=1)[:, None] / free).mean(axis=1)[:, 0]
+        power = lifted.by_channel(np.sum(seen**2, axis=1)[:, None]).sum(axis=1)[:, 0]
+        floor = (np.broadcast_to(lifted.floor, (lifted.n_channels, lifted.n_hits))[:, hit]) ** 2
+        total += float(np.sum(power / np.maximum(noise, floor * np.max(power, initial=1e-300))))
+    return total
+
+
+def _limit(lifted: Lifted, less: Known, more: Known) -> float:
+    """What noise may take out of it."""
+    from scipy.special import chdtri
+
+    degrees = sum(
+        more.basis(n).shape[1] - (less.basis(n).shape[1] if less else 0) for n in lifted.responses.lengths.tolist()
+    )
+    return float(chdtri(degrees * lifted.n_channels * lifted.n_phases, CERTAIN))
+
+
+def _subtracted(
+    lifted: Lifted,
+    poles: NDArray[np.complex128],
+    known: Known,
+    nu: float,
+    speeds: Sequence[NDArray[np.float64]] | None,
+) -> tuple[Lifted, tuple[float, ...]]:
+    """The responses without the known columns, and the turns a period of their harmonics above the noise."""
+    from dataclasses import replace
+
+    data = lifted.responses
+    values, found = np.array(data.values), []
+    for hit, length in enumerate(data.lengths.tolist()):
+        columns = [(root, part) for root in known.roots for part in columns_of(root, length)]
+        names, stack = [root for root, _ in columns], [part for _, part in columns]
+        if known.drift:
+            stack.append(_drift(length))
+        if speeds is not None:
+            stack += [own * part for _, part in columns for own in speeds[hit]]
+        system = np.concatenate([np.stack(stack, axis=1), _columns(poles, length)], axis=1)
+        size = np.linalg.norm(system, axis=0)
+        system = system[:, size > 0] / size[size > 0]
+        inverse = np.linalg.pinv(system, rcond=1e-10)
+        own = data.values[:, hit, :length]
+        amplitudes = own @ inverse.T
+        values[:, hit, :length] = own - amplitudes[:, : len(stack)] @ system[:, : len(stack)].T
+        noise = np.sum((own - amplitudes @ system.T) ** 2, axis=1) / max(length - system.shape[1], 1)
+        noise = lifted.by_channel(noise[:, None]).mean(axis=1)[:, 0]
+        spread = np.sum(inverse**2, axis=1)
+        found.append(_harmonics(lifted, names, amplitudes[:, : len(names)], noise, spread[: len(names)]))
+    turns = sorted({turn for each in found for turn in each})
+    values.flags.writeable = False
+    free = TimeResponses(values=values, dt=data.dt, noise=data.noise, lengths=data.lengths)
+    return replace(lifted, responses=free), tuple(turns)
+
+
+def _harmonics(
+    lifted: Lifted,
+    roots: Sequence[float],
+    amplitudes: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    spread: NDArray[np.float64],
+) -> set[float]:
+    """Turns a period of the harmonics of known columns that rise above the noise."""
+    from scipy.special import chdtri
+
+    half, omega = lifted.n_phases // 2, 2.0 * np.pi / lifted.period
+    limit, found = float(chdtri(2 * lifted.n_channels, CERTAIN)), set()
+    for column, root in enumerate(roots):
+        turns = root + np.arange(-half, half + 1)
+        kernel = np.exp(-1j * omega * np.multiply.outer(turns, lifted.phase_times)) / lifted.n_phases
+        shapes = lifted.by_channel(amplitudes[:, column : column + 1])[:, :, 0]
+        power = np.abs(shapes @ kernel.T) ** 2
+        scale = np.maximum(noise, 1e-300)[:, None] * spread[column] / (2.0 * lifted.n_phases)
+        seen = (power / scale).sum(axis=0) > limit
+        found |= {abs(float(turn)) for turn in turns[seen] if abs(turn) < 0.5 * lifted.n_phases - 1e-6}
+    return found

@@ -1,0 +1,166 @@
+"""What `identify` gives: the fit with the views that are derived from it, A(t), and what a reader must be told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Estimates, PeriodicModel
+from floquid.errors import IdentificationError
+from floquid.lifting import Lifted, lift
+from floquid.lti import fit_residues
+from floquid.order import Choice
+from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
+from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._doubts import ambiguity, below_modes, misfit, warnings, wrong_angles
+from floquid.pipeline._prepare import Prepared, unsteady
+from floquid.pipeline._settings import Settings
+from floquid.pipeline._start import Lifting, Start, filled, steady_clock
+from floquid.pipeline._state import state_of
+from floquid.sync import rejoin, resample
+
+
+def completed(
+    prepared: Prepared,
+    cutting: Lifting,
+    start: Start,
+    free: PeriodicModel,
+    fitted: Fit | None,
+    settings: Settings,
+    doubts: tuple[str, str],
+    report: Callable[[str], None],
+) -> Analysis:
+    """The analysis of a fit; of the model with free residues where there is none.
+
+    Parameters
+    ----------
+    prepared
+        The responses and their clocks.
+    cutting, start
+        The lifted responses, and their poles.
+    free
+        The model whose residues are free at each phase.
+    fitted
+        The fit of the samples; None leaves that model.
+    settings
+        The options as used.
+    doubts
+        What speaks against the order given, and against the period.
+    report
+        Is told of each stage.
+
+    Returns
+    -------
+    Analysis
+        Without a verdict.
+    """
+    missing, doubt = doubts
+    model = free if fitted is None else fitted.model
+    said = prepared.findings + (() if start.floor is None else (below_modes(start.floor),))
+    unlike = fitted is not None and (not cutting.synchronous or fitted.forced is not None)
+    measured = fitted if unlike else None
+    cycles, lifted, records = cutting.cycles, start.lifted, prepared.records
+    if fitted is not None and unlike:
+        report("resampling the free response")
+        cycles, lifted = _lifted_again(prepared, start, fitted, settings)
+        records = tuple(rejoin(hit) for hit in cycles)
+        model = replace(model, provenance=lifted.provenance)
+        if model.order >= max(hit.n_cycles for hit in cycles) - 1:
+            raise IdentificationError(
+                f"The record holds {max(hit.n_cycles for hit in cycles)} whole periods, too few for the {model.order} "
+                "poles that were found in it. Record longer, or check the period."
+            )
+    choice, modal = start.choice, start.modal
+    changed = fitted is not None and (unlike or model.order != modal.order or not _alike(model, free))
+    if changed:
+        modal = fit_residues(model.multipliers, lifted.responses)
+    if fitted is not None and choice is not None and changed:
+        choice = Choice(order=model.order, model=modal, reasons=fitted.reasons, doubts=fitted.doubts)
+
+    def again(exponents: NDArray[np.complex128]) -> Estimates:
+        if measured is None:
+            return estimate_at(model, exponents, lifted=lifted)
+        own = measured.free, prepared.clocks, measured.noise, measured.forced
+        return estimate_at(
+            model, exponents, records=own[0], clocks=own[1], noise=own[2], forced=own[3]
+        )
+
+    state, refinement = state_of(model, settings, again, report)
+    shafts = prepared.shafts
+    uneven = tuple(unsteady(shaft) for shaft in shafts if not shaft.steady)
+    blurred = wrong_angles(fitted, shafts, prepared.responses) if shafts and fitted is not None else ""
+    own = tuple(dict.fromkeys(reason for shaft in shafts for reason in shaft.reasons))
+    bent = "" if fitted is None else misfit(fitted)
+    tested = None
+    if model.unselected is not None:
+        # Resampling moves lines by more than their deviations.
+        tested = periodicity(model) if unlike else periodicity(model, lifted=lifted)
+    return Analysis(
+        settings=settings,
+        records=records,
+        cycles=cycles,
+        lifted=lifted,
+        modal=modal,
+        model=model,
+        state=state,
+        refinement=refinement,
+        choice=choice,
+        fit=measured,
+        measured=prepared.records if unlike else (),
+        shafts=shafts,
+        held=fitted is not None,
+        periodicity=tested,
+        synchronisation=(*said, *own, *(() if measured is None else _said_of(measured, cutting.synchronous))),
+        warnings=tuple(" ".join(word.split()) for word in (missing, doubt, bent, *uneven, blurred) if word)
+        + ambiguity(choice)
+        + (() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None))
+        + warnings(model),
+    )
+
+
+def _alike(model: PeriodicModel, other: PeriodicModel) -> bool:
+    """Whether two models have the same poles but for the accuracy of one of them."""
+    gaps = np.abs(model.multipliers[:, None] - other.multipliers[None, :])
+    reach = 0.5 * np.abs(np.log(np.abs(other.multipliers))) + 1e-3
+    return bool((gaps.min(axis=0, initial=np.inf) < reach).all() and (gaps.min(axis=1, initial=np.inf) < reach.max(initial=0.0)).all())
+
+
+def _lifted_again(prepared: Prepared, start: Start, fitted: Fit, settings: Settings) -> tuple[tuple, Lifted]:
+    """The free response, resampled to whole samples a period and lifted: for the eye, not for the fit."""
+    period = fitted.model.period
+    pairs = zip(_clocks(prepared, fitted), fitted.free, strict=True)
+    steady = [steady_clock(clock, record, period) for clock, record in pairs]
+    cycles = resample(filled(fitted.free), steady)
+    return cycles, lift(cycles, floor=settings.noise_floor)
+
+
+def _clocks(prepared: Prepared, fitted: Fit) -> tuple:
+    """What ties each free response to the phase."""
+    own = tuple(record.clock for record in fitted.free)
+    return prepared.clocks if prepared.shafts or any(clock is None for clock in own) else own
+
+
+def _said_of(found: Fit, synchronous: bool) -> tuple[str, ...]:
+    """The forced response, in words."""
+    forced = found.forced
+    said = [] if synchronous else ["Fitted as sampled: the record is no whole number of samples a period as it is."]
+    if forced is None:
+        return tuple(said)
+    if len(forced.harmonics):
+        largest = forced.amplitudes.max(axis=1) / found.noise[:, :1]
+        parts = [
+            f"{j} a revolution (up to {largest[:, k].max():.3g} times the noise)"
+            for k, j in enumerate(forced.harmonics)
+        ]
+        follows = ", let follow the speed" if forced.speed_dependent else ""
+        said.append(f"A forced response was fitted beside the modes{follows}: {', '.join(parts)}.")
+    else:
+        said.append("No harmonic of the revolution rises above the noise beside the modes.")
+    if forced.offset.any():
+        said.append("An offset of the channels was fitted beside the modes.")
+    if forced.drift.any():
+        said.append("A drift of the channels, linear in time, was fitted beside the modes.")
+    return tuple(said)

@@ -1,0 +1,204 @@
+"""Where the fit of the samples starts: the records lifted, the forced response taken off, and the poles of the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import ConstantPeriod, Cycles, Record
+from floquid.errors import NotSynchronousError
+from floquid.lifting import Lifted, lift, whitened
+from floquid.lti import ModalModel
+from floquid.order import Choice
+from floquid.periodic import Known, without_known
+from floquid.pipeline._doubts import quiet
+from floquid.pipeline._find_poles import UnsettledError, find_poles
+from floquid.pipeline._prepare import Prepared
+from floquid.pipeline._refuse import refuse_few
+from floquid.pipeline._settings import Settings
+from floquid.sync import ShaftAngle, resample, segment
+
+FLOORS = (1e-4, 1e-3)
+"""Shares of a channel's largest value down to which a record that has hardly any noise is believed, one after another,
+where what modes leave is no noise."""
+
+
+WANDERS = 1e-6
+"""The relative range of the periods from which on the forced response is let follow the speed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lifting:
+    """Responses lifted, with the forced response in them.
+
+    Parameters
+    ----------
+    cycles
+        The responses cut into periods.
+    lifted
+        The lifted responses.
+    synchronous
+        Whether they are the samples themselves, and not resampled.
+    speeds
+        Factors by which a forced response follows the speed (factors, cycles), one array a hit; None at a steady speed.
+    """
+
+    cycles: tuple[Cycles, ...]
+    lifted: Lifted
+    synchronous: bool
+    speeds: tuple[NDArray[np.float64], ...] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """Poles of the lifted responses, and what they were found beside.
+
+    Parameters
+    ----------
+    whole
+        The lifted responses with the forced response in them, through the filter that whitens the noise.
+    lifted
+        The same without the forced response.
+    known
+        What the forced response was taken to be; None where none was to be looked for.
+    modal, choice
+        The poles, and what speaks for their number.
+    floor
+        The share of the largest value down to which the record is believed; None for that of the settings.
+    """
+
+    whole: Lifted
+    lifted: Lifted
+    known: Known | None
+    modal: ModalModel
+    choice: Choice | None
+    floor: float | None = None
+
+
+def cut(prepared: Prepared) -> Lifting:
+    """The responses cut into whole samples a period, resampled where they have none, and lifted.
+
+    Shafts turn at a speed of their own in each hit: there, a cycle is as long as the mean over all of them, as the
+    period of the model is.
+    """
+    settings, speeds = prepared.settings, None
+    synchronous = _as_they_are(prepared)
+    if synchronous:
+        cycles = segment(prepared.responses)
+    else:
+        cycles = resample(filled(prepared.responses), prepared.clocks)
+        if prepared.shafts:
+            if any(np.ptp(hit.periods) > WANDERS * hit.period for hit in cycles):
+                speeds = tuple(_followed(hit.periods) for hit in cycles)
+            period = float(np.mean([shaft.period for shaft in prepared.shafts]))
+            cycles = tuple(replace(hit, periods=np.full(hit.n_cycles, period)) for hit in cycles)
+    refuse_impossible(settings, cycles)
+    lifted = lift(cycles, floor=settings.noise_floor)
+    return Lifting(cycles=cycles, lifted=lifted, synchronous=synchronous, speeds=speeds)
+
+
+def filled(records: Sequence[Record]) -> tuple[Record, ...]:
+    """The records with straight lines over missing samples: good enough to start from, and for nothing else."""
+    whole = []
+    for record in records:
+        missing = np.isnan(record.values)
+        if missing.any():
+            values, index = np.array(record.values), np.arange(record.n_samples)
+            for own, absent in zip(values, missing, strict=True):
+                own[absent] = np.interp(index[absent], index[~absent], own[~absent])
+            record = replace(record, values=values)
+        whole.append(record)
+    return tuple(whole)
+
+
+def _followed(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The speed over the cycles, its square and its rate of change (3, cycles), each of unit size."""
+    speed = lengths.mean() / lengths - 1.0
+    found = np.array([speed - speed.mean(), speed**2 - np.mean(speed**2), np.gradient(speed)])
+    size = found.std(axis=1, keepdims=True)
+    return found / np.where(size > 0.0, size, 1.0)
+
+
+def _as_they_are(prepared: Prepared) -> bool:
+    """Whether the records are whole samples a period as they are."""
+    if prepared.shafts or prepared.settings.estimate_period:
+        return False
+    if any(np.isnan(record.values).any() for record in prepared.responses):
+        return False
+    try:
+        segment(prepared.responses)
+    except NotSynchronousError:
+        return False
+    return True
+
+
+def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Start:
+    """The poles of the lifted responses beside their forced response.
+
+    Raises
+    ------
+    IdentificationError
+        No mode rises above the noise, or the order or the noise cannot be told.
+    """
+    settings, lifted = prepared.settings, cutting.lifted
+    by_default = settings.identifier is None and settings.order is None and settings.constrained
+    floors = [None, *(floor for floor in FLOORS if by_default and quiet(lifted))]
+    while True:
+        chosen = settings if floors[0] is None else replace(settings, noise_floor=floors[0])
+        whole = lifted if floors[0] is None else lift(cutting.cycles, floor=floors[0])
+        free, known = _without_forced(whole, prepared, cutting)
+        try:
+            free, modal, choice = find_poles(free, chosen, report)
+        except UnsettledError:
+            if len(floors) == 1:
+                raise
+            floors = floors[1:]
+            continue
+        if free.whitening is not None:
+            whole = whitened(whole, free.whitening)
+        return Start(
+            whole=replace(whole, floor=free.floor).with_noise(free.noise) if known else free,
+            lifted=free,
+            known=known,
+            modal=modal,
+            choice=choice,
+            floor=floors[0],
+        )
+
+
+def _without_forced(lifted: Lifted, prepared: Prepared, cutting: Lifting) -> tuple[Lifted, Known | None]:
+    """The responses without their forced response, and what that is; None where none is to be looked for."""
+    if prepared.settings.forced == "none":
+        return lifted, None
+    nu = prepared.shafts[0].periods_per_revolution if prepared.shafts else prepared.settings.periods_per_revolution
+    free, known, _ = without_known(lifted, nu, speeds=cutting.speeds)
+    return free, known
+
+
+def refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:
+    """Refuse what cannot end well before any long work."""
+    of, periods, phases = "identify", max(c.n_cycles for c in cycles), cycles[0].n_phases
+    refuse_few(min(c.n_cycles for c in cycles))
+    if getattr(settings.identifier, "band", None) is not None:
+        must = "look at the whole band, since what is left out would count as noise"
+        got = f"has band={settings.identifier.band}"  # pyright: ignore[reportOptionalMemberAccess, reportAttributeAccessIssue]
+        raise input_error("identifier", of, must, got, "Use the identifier's own `extract` on lifted responses.")
+    if settings.order is not None and settings.order >= periods:
+        got = f"is {settings.order}"
+        raise input_error("order", of, f"be less than the {periods} periods of the record", got, "Ask for fewer poles.")
+    if settings.harmonics is not None and 2 * settings.harmonics >= phases:
+        must = f"be less than half the {phases} samples a period"
+        raise input_error("harmonics", of, must, f"is {settings.harmonics}", "Ask for fewer, or sample faster.")
+
+
+def steady_clock(clock: ConstantPeriod | ShaftAngle, record: Record, period: float) -> ConstantPeriod:
+    """A clock of constant period, its phase zero at that of the record's begin."""
+    if isinstance(clock, ConstantPeriod):
+        return ConstantPeriod(period=period, origin=record.start - clock.phase(record.start) * clock.period)
+    turns = float(clock.angle(np.array([record.start]))[0]) * clock.periods_per_revolution / (2.0 * np.pi)
+    begin = clock.time_at(np.array([2.0 * np.pi * np.floor(turns + 1e-9) / clock.periods_per_revolution]))
+    return ConstantPeriod(period=period, origin=float(begin[0]))
