@@ -1,17 +1,41 @@
-"""A progress bar for work that takes long."""
+"""A progress bar for work that takes long; a line a stage where nobody is watching."""
 
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+from floquid._checks import printable
 
 _COUNT = re.compile(r"(\d+) of (\d+)")
 
 
+def lines() -> Callable[[str], None]:
+    """What writes each stage to stderr, once, as a line of its own: what comes after its colon is left out.
+
+    A log keeps these, and they say where a command is that runs without a terminal.
+    """
+    told: set[str] = set()
+
+    def report(words: str) -> None:
+        stage = printable(words.split(": ", maxsplit=1)[0])
+        if stage in told:
+            return
+        told.add(stage)
+        try:
+            sys.stderr.write(f"{stage}\n")
+            sys.stderr.flush()
+        except (AttributeError, OSError, ValueError):
+            pass  # there is no stderr, or nobody reads it: no reason to stop the work
+
+    return report
+
+
 @contextmanager
 def bar(wanted: bool, report: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
-    """What is to be told of each stage: `report`, and, where it is wanted, a bar on stderr if that is a terminal.
+    """What is to be told of each stage: `report`, and, where it is wanted, a bar on stderr; without a terminal, lines.
 
     A stage that says «… 3 of 8» fills the bar; another makes it run without a measure.
     """
@@ -23,7 +47,16 @@ def bar(wanted: bool, report: Callable[[str], None]) -> Iterator[Callable[[str],
 
     columns = (BarColumn(bar_width=24), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as drawn:
+    if not console.is_terminal:
+        line = lines()
+
+        def listed(words: str) -> None:
+            line(words)
+            report(words)
+
+        yield listed
+        return
+    with Progress(*columns, console=console, transient=True) as drawn:
         task = drawn.add_task("starting", total=None)
 
         def told(words: str) -> None:

@@ -1,6 +1,8 @@
 """Records to type commands about, and a folder that holds an earlier result."""
 
 import functools
+import itertools
+import re
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +76,15 @@ def save_npz(path, values=None, **changes):
     content = {"values": values, "sample_rate": record.sample_rate, "channels": [c.name for c in record.channels]}
     content |= changes
     np.savez(path, **{key: value for key, value in content.items() if value is not None})
+
+
+def after_stages(stderr):
+    """What a command says on stderr, without the lines before that tell its stages: each once, none of them drawn."""
+    lines = stderr.splitlines(keepends=True)
+    told = list(itertools.takewhile(re.compile(r"[a-z][^:]*\n").fullmatch, lines))
+    assert len(set(told)) == len(told)
+    assert not re.search(r"[\r\x1b]", stderr)
+    return "".join(lines[len(told) :])
 
 
 def contents(folder):

@@ -8,16 +8,18 @@ import re
 import shlex
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
-from tests.cli.conftest import EARLIER, ROTOR, ROTOR_PERIOD, contents, save_npz, simulated
+from tests.cli.conftest import EARLIER, ROTOR, ROTOR_PERIOD, after_stages, contents, save_npz, simulated
 
 import floquid
 from floquid.cli import _terminal, run
 from floquid.cli._app import app
+from floquid.cli._record_options import RecordOptions
 from floquid.plot import FIGURES
 from floquid.systems import JeffcottRotor
 from floquid.views import MODE_NOTES
@@ -33,12 +35,13 @@ RESULT = {
 
 
 def typed(words, code=0, message=""):
-    """What a command prints on stdout; it must print nothing on stderr but the message expected."""
+    """What a command prints on stdout; it must print nothing on stderr but its stages and the message expected."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         ended = run(shlex.split(words) if isinstance(words, str) else words)
     assert ended == code, err.getvalue()
-    assert message in err.getvalue() if message else err.getvalue() == ""
+    said = after_stages(err.getvalue())
+    assert message in said if message else said == ""
     return out.getvalue()
 
 
@@ -288,6 +291,15 @@ def test_demo(here, request):
 # Help and version.
 
 
+def words_of(function):
+    """The name of each argument and option of a command, and whether it is an option; those that commands share too."""
+    for name, parameter in inspect.signature(function).parameters.items():
+        if "RecordOptions" in str(parameter.annotation):
+            yield from ((field.name, True) for field in fields(RecordOptions))
+        else:
+            yield name, parameter.kind is parameter.KEYWORD_ONLY
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_names_every_option_with_its_unit(command, monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
@@ -295,8 +307,8 @@ def test_help_names_every_option_with_its_unit(command, monkeypatch):
     assert text.startswith(f"Usage: floquid {command}")
     function = app[command].default_command
     units = {"period": "[s]", "origin": "[s]", "frequency": "[Hz]", "rate": "[Hz]", "impulse_deg": "[deg]"}
-    for name, parameter in inspect.signature(function).parameters.items():
-        word = f"--{name.replace('_', '-')}" if parameter.kind is parameter.KEYWORD_ONLY else name.upper()
+    for name, typed_by_name in words_of(function):
+        word = f"--{name.replace('_', '-')}" if typed_by_name else name.upper()
         said = re.search(rf"{word}\b(.*?)(?=│\n│ +(?:\* +)?--|╰)", text, flags=re.DOTALL)
         assert said, word
         assert re.search(r"[a-z]{3}", said[1]), f"{word} is not explained"
@@ -362,7 +374,10 @@ def test_the_installed_command_keeps_its_streams_apart(here):
     ended = subprocess.run(
         [script, *shlex.split(GOOD), "--format", "json", "--out", "new"], capture_output=True, text=True, check=False
     )
-    assert (ended.returncode, ended.stderr) == (0, "")
+    assert (ended.returncode, after_stages(ended.stderr)) == (0, "")
+    told = ended.stderr.splitlines()
+    assert told[:3] == ["reading good.npz", "cutting into periods", "estimating the noise"]
+    assert told.count("searching for modes") == 1
     assert ended.stdout == (here / "new" / "summary.json").read_text()
 
 
@@ -370,7 +385,7 @@ def test_a_terminal_that_cannot_show_greek(here, monkeypatch):
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
     script = str(Path(sys.executable).parent / "floquid")
     ended = subprocess.run([script, *shlex.split(GOOD)], capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stderr) == (0, "")
+    assert (ended.returncode, after_stages(ended.stderr)) == (0, "")
     assert "Re \\u03bb [1/s]" in ended.stdout
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from tests.cli.conftest import after_stages
 
 from floquid.cli import run
 from floquid.readers import write
@@ -65,8 +66,9 @@ def test_typed_as_a_command(name, code, tmp_path, monkeypatch, capsys):
     printed = capsys.readouterr()
     assert not re.search("Traceback|Unexpected|Warning:", printed.err)
     if code:
-        assert printed.err.startswith("floquid: ")
-        assert bad.words in printed.err.replace("`--", "").replace("\n", " ") or bad.words in printed.out
+        said = after_stages(printed.err)
+        assert said.startswith("floquid: ")
+        assert bad.words in said.replace("`--", "").replace("\n", " ") or bad.words in printed.out
 
 
 @pytest.mark.parametrize("kind", ["white", "red", "peaked", "walk"])

@@ -203,12 +203,9 @@ def test_a_first_value_says_which_multiple_of_the_period_is_meant():
     near, twice = (identify(record, estimate_period=True, period=value).model for value in (5.0, 11.0))
     assert near.period == pytest.approx(2.0 * np.pi, rel=1e-3)
     assert twice.period == pytest.approx(4.0 * np.pi, rel=1e-3)
-    words = r"does not tell its period between 2\.66667 and 6 s(.|\n)*another first value"
-    with pytest.raises(IdentificationError, match=words):
-        identify(record, estimate_period=True, period=4.0)
     with pytest.raises(InputError, match=r"must be shorter than the record \(376\.991 s\), but is 600 s"):
         identify(record, estimate_period=True, period=600.0)
-    with pytest.raises(InputError, match="Argument `period` of `identify` must be at least two sampling intervals"):
+    with pytest.raises(InputError, match="Argument `period` of `identify` must be two sampling intervals or more"):
         identify(record, estimate_period=True, period=0.01)
 
 
@@ -216,8 +213,12 @@ def test_a_constant_system_does_not_tell_a_period():
     times = np.arange(2000) / 20.0
     values = np.exp(-0.05 * times) * np.cos(3.1 * times) + np.exp(-0.07 * times) * np.cos(5.2 * times)
     values = values + 0.01 * np.random.default_rng(0).standard_normal((2, 2000))
+    record = Record(values=values, sample_rate=20.0, channels=["a", "b"])
     with pytest.raises(IdentificationError, match="does not tell its period"):
-        identify(Record(values=values, sample_rate=20.0, channels=["a", "b"]), estimate_period=True)
+        identify(record, estimate_period=True)
+    words = r"does not tell its period between 1\.33333 and 3 s(.|\n)*another first value"
+    with pytest.raises(IdentificationError, match=words):
+        identify(record, estimate_period=True, period=2.0)
 
 
 def test_impacts_are_several_hits():

@@ -471,3 +471,8 @@ def test_a_progress_bar_is_drawn_where_it_is_wanted(wanted, capsys, monkeypatch)
     assert printed.out == ""
     assert bool(printed.err) == wanted
     assert told[0] == "evaluating the grid: 3 of 3"
+
+
+def test_without_a_terminal_each_stage_is_a_line(capsys):
+    stability_map(lambda t, a: [[0.0, 1.0], [0.2 * np.cos(t) - a, 0.0]], 2 * np.pi, {"a": [0.1, 0.2]}, progress=True)
+    assert capsys.readouterr() == ("", "evaluating the grid\nrefining edges\n")

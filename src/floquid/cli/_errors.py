@@ -60,7 +60,11 @@ _OPTIONS = {
     "ConstantPeriod": {"period": "The period", "origin": "`--origin`"},
     "segment": {"period": "The period", "records": "The records"},
     "lift": {"cycles": "The records"},
-    "identify": {"records": "The records", **{name: f"`--{name}`" for name in ("order", "harmonics", "states")}},
+    "identify": {
+        "records": "The records",
+        "period": "The period",
+        **{name: f"`--{name}`" for name in ("order", "harmonics", "states", "skip")},
+    },
     "reconstruct": {"states": "`--states`", "form": "`--form`", "delay": "`--delay`"},
     "refine": {"states": "`--states`", "structure": "`--structure`"},
     "structure_of": {"text": "`--structure`"},

@@ -12,16 +12,22 @@ from floquid._checks import input_error
 from floquid.cli._folder import ResultFolder, result_folder
 from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, RecordFiles, split
 from floquid.cli._progress import progress
-from floquid.cli._records import check_files, period_of, read_records
-from floquid.cli._scan_output import FILES, print_scan, scan_text
+from floquid.cli._record_options import RecordOptions
+from floquid.cli._records import check_files, read_records
+from floquid.cli._scan_output import FILES, Scanned, print_scan, scan_text
 from floquid.cli._settings import Choices, IdentifierName, load_choices
-from floquid.lifting import Lifted
 from floquid.order import OrderScan
 from floquid.order import scan as scan_orders
-from floquid.pipeline import lifted as lifted_of
+from floquid.pipeline import Settings, lifted, prepare
 
 OF = "floquid scan"
 STAGES = 8
+
+PREPARED_BY = (
+    *("period", "tach", "azimuth", "estimate_period", "pulses_per_revolution", "periods_per_revolution"),
+    *("channels", "orbit", "find_hits", "skip", "forced", "trust_period", "noise_floor"),
+)
+"""The settings that say what records are taken for; those of what comes after have nothing to do with a scan."""
 
 HIGHEST = 10_000
 """The highest order that is looked at in a list: what lies beyond is a slip of the keyboard."""
@@ -29,11 +35,7 @@ HIGHEST = 10_000
 
 def scan(
     *files: RecordFiles,
-    period: float | None = None,
-    frequency: float | None = None,
-    origin: float | None = None,
-    rate: float | None = None,
-    channels: str | None = None,
+    record: RecordOptions | None = None,
     identifier: IdentifierName | None = None,
     orders: str | None = None,
     most: OptionalWhole = None,
@@ -48,16 +50,8 @@ def scan(
     ----------
     files
         Records of free responses, as for `floquid identify`. Several files are several hits on one system.
-    period
-        The period of the system [s].
-    frequency
-        The fundamental frequency [Hz], one over the period; instead of --period.
-    origin
-        The time of phase zero [s]; 0 when not given.
-    rate
-        The sampling rate [Hz], overriding what the files say.
-    channels
-        The channels to use, comma-separated; all when not given.
+    record
+        The clock of the records, their channels, and what is cut off.
     identifier
         The algorithm that finds the poles, as for `floquid identify`. When not given, that of --settings, or ERA, which
         finds each order afresh; ml and ami add poles to those they have, so that poles of noise stay too.
@@ -79,24 +73,21 @@ def scan(
     check_files(files, OF)
     listed = _orders(orders, most)
     choices = (Choices() if settings is None else load_choices(settings)).with_given(
-        period=period_of(period, frequency, OF),
-        rate=rate,
-        origin=origin,
-        channels=None if channels is None else split(channels),
+        **(record or RecordOptions()).given(OF),
         identifier=identifier,
     )
     with (
         nullcontext() if out is None else result_folder(out, FILES) as folder,
         progress(STAGES + len(files) + (2 if out else 0)) as report,
     ):
-        responses, found = _scanned(files, choices, listed, "--most" if orders is None else "--orders", report)
-        text = scan_text(responses, found, choices)
+        scanned = _scanned(files, choices, listed, "--most" if orders is None else "--orders", report)
+        text = scan_text(scanned, choices)
         if folder is not None:
-            _write(folder, found, text, report)
+            _write(folder, scanned.found, text, report)
     if format == "json":
         sys.stdout.write(text)
         return
-    print_scan(responses, found, choices.identifier or "era", out)
+    print_scan(scanned, choices.identifier or "era", out)
 
 
 def _scanned(
@@ -105,15 +96,15 @@ def _scanned(
     orders: tuple[int, ...] | None,
     option: str,
     report: Callable[[str], None],
-) -> tuple[Lifted, OrderScan]:
-    """The lifted responses and the scan of their orders."""
+) -> Scanned:
+    """The records prepared as `floquid identify` does, their lifted responses, and the scan of the orders."""
     from threadpoolctl import threadpool_limits
 
     records, choices = read_records(files, choices, OF, report)
     chosen = choices.resolved()
-    responses = lifted_of(
-        records, period=chosen.period, channels=chosen.channels, noise_floor=chosen.noise_floor, report=report
-    )
+    settings = Settings(**{name: getattr(chosen, name) for name in PREPARED_BY})
+    prepared = prepare(records, settings, report=report)
+    responses = lifted(prepared, report=report)
     samples = int(responses.responses.lengths.max())
     if orders and orders[-1] >= samples:
         must, got = f"be less than the {samples} periods of the record", f"goes up to {orders[-1]}"
@@ -121,7 +112,8 @@ def _scanned(
     # Thousands of small matrices: threads inside BLAS would wait for each other.
     few = responses.responses.values.size < 2e7
     with threadpool_limits(limits=1 if few else None, user_api="blas"):
-        return responses, scan_orders(responses.responses, chosen.identifier, orders, report=report)
+        found = scan_orders(responses.responses, chosen.identifier, orders, report=report)
+    return Scanned(prepared=prepared, lifted=responses, found=found)
 
 
 def _orders(orders: str | None, most: int | None) -> tuple[int, ...] | None:

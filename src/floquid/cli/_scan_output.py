@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from floquid.cli._terminal import counted, print_title, print_whitening, termina
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel, Outcome
 from floquid.order import OrderScan, Stability
+from floquid.pipeline import Prepared
 
 FILES = ("scan.json", "figures/stabilisation.png", "figures/indicators.png")
 
@@ -27,15 +29,30 @@ LEGEND = (
 )
 
 
-def print_scan(lifted: Lifted, found: OrderScan, identifier: str, out: Path | None) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scanned:
+    """What a scan gives: the records as used, their lifted responses, and the models over the orders."""
+
+    prepared: Prepared
+    lifted: Lifted
+    found: OrderScan
+
+
+def print_scan(scanned: Scanned, identifier: str, out: Path | None) -> None:
     """The record, the table of orders, and where the figures are."""
-    console = terminal()
+    console, lifted, found = terminal(), scanned.lifted, scanned.found
     cycles = ", ".join(str(length) for length in lifted.responses.lengths)
     console.print(
         f"{counted(lifted.n_hits, 'record')}, {counted(lifted.n_channels, 'channel')}; period {lifted.period:.8g} s: "
         f"{counted(lifted.n_phases, 'sample')} a period, {cycles} periods"
         f"{'' if lifted.whitening is None else ' after a filter that takes one'}."
     )
+    for step in lifted.provenance.steps:
+        console.print(f"  {step}", style="dim")
+    for sentence in scanned.prepared.findings:
+        console.print(f"  {sentence}")
+    for fault in scanned.prepared.faults:
+        console.print(f"Warning: {fault}", style="yellow")
     print_whitening(console, lifted)
     print_title(console, f"Orders by {identifier.upper()}, conjugate poles counted one by one")
     console.print(_table(found))
@@ -77,8 +94,9 @@ def _above_least(values: NDArray[np.float64]) -> list[str]:
     return [f"{value:.4g}" if value else "0 *" for value in above]
 
 
-def scan_text(lifted: Lifted, found: OrderScan, choices: Choices) -> str:
+def scan_text(scanned: Scanned, choices: Choices) -> str:
     """`scan.json` as text."""
+    lifted, found = scanned.lifted, scanned.found
     criteria, seen, tolerances = found.criteria, found.indicators, found.tolerances
     content = {
         "format": "floquid-scan/1",
@@ -87,6 +105,8 @@ def scan_text(lifted: Lifted, found: OrderScan, choices: Choices) -> str:
         "n_phases": lifted.n_phases,
         "noise_whitening": None if lifted.whitening is None else lifted.whitening.tolist(),
         "channels": [channel.name for channel in lifted.channels],
+        "synchronisation": list(scanned.prepared.findings),
+        "warnings": list(scanned.prepared.faults),
         "identifier": choices.identifier or "era",
         "tolerances": {name: getattr(tolerances, name) for name in ("frequency", "damping", "decay", "shape")},
         "orders": [

@@ -111,20 +111,22 @@ def responses_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple
 
     A channel that the settings name stays, and so do all where there would be none.
     """
-    if not records:
-        return records, ()
-    clock = records[0].clock
-    keep = {*settings.channels, *([clock.channel] if isinstance(clock, (TachometerSignal, AzimuthSignal)) else [])}
-    names = [c.name for c in records[0].channels if c.name in keep or c.quantity not in NO_RESPONSE]
-    if len(names) == records[0].n_channels or not set(names) - keep:
-        return records, ()
-    said = [
-        f"Channel {c.name} is a {c.quantity}, taken for no response and left out: if it is one, name all channels to "
-        "use (`channels`, `--channels`)."
-        for c in records[0].channels
-        if c.name not in names
-    ]
-    return tuple(record.select(names) for record in records), tuple(said)
+    kept, said = [], []
+    for record in records:
+        clock = record.clock
+        keep = {*settings.channels, *([clock.channel] if isinstance(clock, (TachometerSignal, AzimuthSignal)) else [])}
+        names = [c.name for c in record.channels if c.name in keep or c.quantity not in NO_RESPONSE]
+        if len(names) == record.n_channels or not set(names) - keep:
+            kept.append(record)
+            continue
+        kept.append(record.select(names))
+        said += [
+            f"Channel {c.name} is a {c.quantity}, taken for no response and left out: if it is one, name all channels "
+            "to use (`channels`, `--channels`)."
+            for c in record.channels
+            if c.name not in names
+        ]
+    return tuple(kept), tuple(dict.fromkeys(said))
 
 
 def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[str, ...]]:

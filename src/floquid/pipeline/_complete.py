@@ -92,7 +92,6 @@ def completed(
     shafts = prepared.shafts
     uneven = tuple(unsteady(shaft) for shaft in shafts if not shaft.steady)
     blurred = wrong_angles(fitted, shafts, prepared.responses) if shafts and fitted is not None else ""
-    own = tuple(dict.fromkeys(reason for shaft in shafts for reason in shaft.reasons))
     bent = "" if fitted is None else misfit(fitted)
     tested = None
     if model.unselected is not None:
@@ -113,7 +112,7 @@ def completed(
         shafts=shafts,
         held=fitted is not None,
         periodicity=tested,
-        synchronisation=(*said, *own, *(() if measured is None else _said_of(measured, cutting.synchronous))),
+        synchronisation=(*said, *(() if measured is None else _said_of(measured, cutting.synchronous))),
         warnings=tuple(" ".join(word.split()) for word in (missing, doubt, bent, *uneven, blurred) if word)
         + ambiguity(choice)
         + (() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None))

@@ -15,7 +15,7 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._complete import completed
 from floquid.pipeline._doubts import too_low, wrong_own_period, wrong_period
 from floquid.pipeline._independent import COPIED, sum_of_others
-from floquid.pipeline._prepare import Prepared, blas_threads, prepare
+from floquid.pipeline._prepare import Prepared, blas_threads, prepare, settings_of
 from floquid.pipeline._refuse import NO_NEWS
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import Lifting, Start, cut, start_of
@@ -59,7 +59,7 @@ def identify(
     IdentificationError
         No mode rises above the noise, the record is too short, or the result would look right and be wrong.
     """
-    prepared = prepare(records, settings, report=report, **options)
+    prepared = prepare(records, settings_of(settings, options, "identify"), report=report)
     faults = prepared.faults
     with blas_threads(prepared.records):
         try:

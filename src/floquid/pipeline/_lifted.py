@@ -8,7 +8,7 @@ from floquid._checks import input_error
 from floquid.core import Record
 from floquid.lifting import Lifted, whitened
 from floquid.pipeline._colour import first_filter
-from floquid.pipeline._prepare import Prepared, blas_threads, prepare
+from floquid.pipeline._prepare import Prepared, blas_threads, prepare, settings_of
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import cut
 
@@ -50,7 +50,7 @@ def lifted(
         The record is too short, or the angle of its shaft cannot be told or is not constant enough.
     """
     if not isinstance(records, Prepared):
-        records = prepare(records, settings, report=report, of="lifted", **options)
+        records = prepare(records, settings_of(settings, options, "lifted"), report=report, of="lifted")
     elif settings is not None or options:
         must, got = "be left out with records that are prepared", "is given"
         name = "settings" if settings is not None else next(iter(options))

@@ -12,7 +12,7 @@ from floquid.errors import IdentificationError
 from floquid.periodic import estimate_period
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._before import faults_of, hits_of, later, missing_of, responses_of, without_orbit
-from floquid.pipeline._refuse import refuse_copies, refuse_period, refuse_short, refuse_unusable
+from floquid.pipeline._refuse import refuse_copies, refuse_period, refuse_short, refuse_unlike, refuse_unusable
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import check_states
 from floquid.sync import ShaftAngle, shaft_angle
@@ -44,7 +44,7 @@ class Prepared:
     shafts
         The angle of the shaft in each record; empty where the period is constant.
     findings
-        What was done to the records, a sentence each.
+        What was done to the records, and how well the angle of the shaft is known, a sentence each.
     faults
         What is wrong with samples, a sentence each.
     """
@@ -251,8 +251,9 @@ def _tied(
             "the record has none" if len(records) == 1 else "one has none",
             "Give the period: `--period SECONDS` or `--frequency HZ`, or `read(path, period=...)`.",
         )
-    refuse_unusable(records, of)
     responses = tuple(without_clock(record) for record in records)
+    refuse_unlike(responses, of)
+    refuse_unusable(records, of)
     refuse_copies(responses, of)
     check_states(responses[0].channels, settings)
     if settings.estimate_period:
@@ -264,6 +265,7 @@ def _tied(
     uneven = [shaft for shaft in shafts if not shaft.steady]
     if uneven and not settings.trust_period:
         raise IdentificationError(unsteady(uneven[0]))
+    said = (*said, *dict.fromkeys(reason for shaft in shafts for reason in shaft.reasons))
     return Prepared(
         settings=settings, records=records, responses=responses, clocks=clocks, shafts=shafts, findings=said
     )

@@ -22,6 +22,9 @@ LEAST = 2.0
 SLACK = 0.5
 """Samples that a record may lack of the fewest periods: rates and periods are rounded."""
 
+LARGEST_DRIFT = 0.01
+"""Samples by which a record that is sampled once a period may slip against it, as where records are cut."""
+
 MOST_SLIPS = 2
 """Slips of the unit that are named in one message, the likeliest first."""
 
@@ -33,7 +36,9 @@ def refuse_period(records: Sequence[Record], of: str, *, near: float = 1.0) -> N
 
     .. math:: 2 / f_s \le T \le D / 4
 
-    with D the duration of the longest record. Where the period would be possible in another unit, the message says so.
+    with D the duration of the longest record. A record that is sampled once a period, to the sample over its length,
+    is let through: lifted, it is that of a constant system. Where the period would be possible in another unit, the
+    message says so.
 
     Parameters
     ----------
@@ -53,9 +58,10 @@ def refuse_period(records: Sequence[Record], of: str, *, near: float = 1.0) -> N
     """
     clocked = [(r, r.clock.period) for r in records if isinstance(r.clock, ConstantPeriod)]
     for record, period in clocked:
-        if near * period * record.sample_rate < LEAST * (1.0 - 1e-9):
+        samples = period * record.sample_rate
+        if near * samples < LEAST * (1.0 - 1e-9) and not _once_a_period(samples, record):
             least = LEAST / record.sample_rate
-            must, got = f"be at least two sampling intervals ({least:.6g} s)", f"is {period:.6g} s"
+            must, got = f"be two sampling intervals or more ({least:.6g} s)", f"is {period:.6g} s"
             remedy = _slip(period, record) or "Check the units of the period and of the sampling rate."
             raise input_error("period", of, must, got, remedy)
     if not clocked:
@@ -108,6 +114,11 @@ def refuse_few(periods: float, check: str = "", slip: str = "") -> None:
         )
 
 
+def _once_a_period(samples: float, record: Record) -> bool:
+    """Whether a period of so many samples is a single one over all of the record."""
+    return abs(samples - 1.0) * record.n_samples <= LARGEST_DRIFT
+
+
 def _held(record: Record, period: float) -> float:
     """How many periods a record holds."""
     return (record.n_samples + SLACK) / (period * record.sample_rate)
@@ -116,15 +127,22 @@ def _held(record: Record, period: float) -> float:
 def _slip(period: float, record: Record) -> str:
     """In which other unit the period, or the sampling rate, would be possible; empty where it would be in none."""
     rate, duration = record.sample_rate, record.duration
-    hertz, minute = f"`period={1.0 / period:.6g}` (`--frequency {period:.6g}`)", 60.0 / period
+    inverse, minute = 1.0 / period, 60.0 / period
+    if period * rate < LEAST:
+        meant = f"{inverse:.6g} s (if {inverse:.6g} was meant in s, and no frequency)", _as_period(inverse)
+    else:
+        meant = (
+            f"{inverse:.6g} s (1/{period:.6g}, if {period:.6g} was meant in Hz)",
+            f"`period={inverse:.6g}` (`--frequency {period:.6g}`)",
+        )
     slips = [
-        (1.0 / period, rate, f"{1.0 / period:.6g} s (1/{period:.6g}, if {period:.6g} was meant in Hz)", hertz),
+        (inverse, rate, *meant),
         (minute, rate, f"{minute:.6g} s (if {period:.6g} was meant in revolutions a minute)", _as_period(minute)),
         (period / 1e3, rate, f"{period / 1e3:.6g} s (if it was meant in ms)", _as_period(period / 1e3)),
         (
             60.0 * period,
             rate,
-            f"{60.0 * period:.6g} s (if the frequency of {1.0 / period:.6g} was meant in revolutions a minute)",
+            f"{60.0 * period:.6g} s (if the frequency of {inverse:.6g} was meant in revolutions a minute)",
             _as_period(60.0 * period),
         ),
         (
@@ -144,6 +162,25 @@ def _slip(period: float, record: Record) -> str:
 
 def _as_period(period: float) -> str:
     return f"`period={period:.6g}` (`--period`)"
+
+
+def refuse_unlike(records: Sequence[Record], of: str) -> None:
+    """Refuse records that cannot be hits on one system: of other channels, or in other units, than the first.
+
+    Raises
+    ------
+    InputError
+        There is such a record.
+    """
+    first = records[0]
+    for number, record in enumerate(records[1:], start=2):
+        for what, one, other in (
+            ("channels", [c.name for c in first.channels], [c.name for c in record.channels]),
+            ("units", [c.unit for c in first.channels], [c.unit for c in record.channels]),
+        ):
+            if one != other:
+                must, got = f"have the same {what}", f"number 1 has {one} and number {number} has {other}"
+                raise input_error("records", of, must, got, "Choose common channels with `--channels`, in one order.")
 
 
 def refuse_unusable(records: Sequence[Record], of: str = "identify") -> None:
