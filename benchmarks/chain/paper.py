@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -16,6 +17,15 @@ ROTOR = JeffcottRotor()
 PHASES = 64
 OUT_OF_STEP = 50.19
 NAMES = tuple(channel.name for channel in ROTOR.channels)
+
+MISSING = 0.02
+"""The share of samples that are missing, half of them one by one in each channel, half in stretches of all."""
+
+STRETCH = 20
+"""Samples in such a stretch."""
+
+COLOURS = (0.95, 0.9, -0.7)
+"""What is left of each sample of coloured noise in the next one, by turns of the seed."""
 
 RATIO = 5.0
 """The response to the imbalance over the largest free response."""
@@ -80,6 +90,8 @@ def case_of(
     imbalance: bool = False,
     offset: float = 0.0,
     colour: float = 0.0,
+    gaps: bool = False,
+    period_error: float | None = None,
     **options: object,
 ) -> Case:
     """The rotor on a shaft that turns evenly; an offset is a share of each channel's largest free response."""
@@ -91,28 +103,78 @@ def case_of(
         turns = (*turns, 0.5, 1.5)
         options["periods_per_revolution"] = 2
     values, sigma = noisy(values, free, noise, seed, colour=colour)
-    clock = ConstantPeriod(period=ROTOR.period)
-    record = Record(values=values, sample_rate=sampled.rate, channels=NAMES, clock=clock)
-    return synthetic(modes(), record, (sampled.times, sampled.angles), sigma, turns, options=options)
+    if gaps:
+        values[absent(values.shape, seed)] = np.nan
+    declared = ROTOR.period * (1.0 + (period_error or 0.0))
+    record = Record(values=values, sample_rate=sampled.rate, channels=NAMES, clock=ConstantPeriod(period=declared))
+    more = {"options": options, "declared": None if period_error is None else declared}
+    return synthetic(modes(), record, (sampled.times, sampled.angles), sigma, turns, **more)
 
 
-def paper_wander(noise: float, seed: int) -> Case:
+def absent(shape: tuple[int, int], seed: int) -> NDArray[np.bool_]:
+    """Which samples are missing (channels, samples)."""
+    generator = np.random.default_rng([seed, 9])
+    missing = generator.random(shape) < 0.5 * MISSING
+    for first in generator.integers(0, shape[1] - STRETCH, round(0.5 * MISSING * shape[1] / STRETCH)):
+        missing[:, first : first + STRETCH] = True
+    return missing
+
+
+def paper_wander(noise: float, seed: int, *, colour: float = 0.0) -> Case:
     """Out of step on a shaft whose speed wanders by 0.2 %, with an imbalance and a pulse a revolution."""
     run = Run(n_periods=512, samples_per_period=OUT_OF_STEP, seed=seed, start_deg=0.0)
     sampled = Sampled(run.times, 2.0 * run.angle(run.times), run.sample_rate)
     free = free_of(sampled)
-    values, sigma = noisy(free + imbalanced(free, sampled.angles), free, noise, seed)
-    off = np.angle(np.exp(0.5j * sampled.angles - 1j))
-    half = 0.5 * np.deg2rad(run.pulse_deg)
+    values, sigma = noisy(free + imbalanced(free, sampled.angles), free, noise, seed, colour=colour)
+    return with_tach(sampled, values, sigma, seed)
+
+
+def with_tach(sampled: Sampled, values: NDArray[np.float64], sigma: NDArray[np.float64], seed: int) -> Case:
+    """The case of values with an imbalance, and a channel with a pulse of 18 degrees in each revolution."""
+    off, half = np.angle(np.exp(0.5j * sampled.angles - 1j)), np.deg2rad(9.0)
     pulses = 2.5 * (np.tanh((off + half) / (0.25 * half)) - np.tanh((off - half) / (0.25 * half)))
     pulses = pulses + 0.005 * np.random.default_rng([seed, 8]).standard_normal(len(off))
     values = np.concatenate([values, pulses[None]])
     record = Record(values=values, sample_rate=sampled.rate, channels=(*NAMES, "tach"))
     options = {"tach": "tach", "periods_per_revolution": 2}
-    at = (sampled.times, sampled.angles)
-    return synthetic(modes(), record, at, sigma, (0.5, 1.5), options=options)
+    return synthetic(modes(), record, (sampled.times, sampled.angles), sigma, (0.5, 1.5), options=options)
 
 
 def paper_imbalance(noise: float, seed: int) -> Case:
     """Synchronous, with an imbalance and an offset."""
     return case_of(steady(50.0, 512), noise, seed, imbalance=True, offset=0.5)
+
+
+def paper_gaps(noise: float, seed: int) -> Case:
+    """Synchronous, with 2 % of the samples missing."""
+    return case_of(steady(50.0, 512), noise, seed, gaps=True)
+
+
+def paper_out_of_step_both(noise: float, seed: int) -> Case:
+    """Out of step, with an imbalance and an offset, and 2 % of the samples missing."""
+    return case_of(steady(OUT_OF_STEP, 512), noise, seed, imbalance=True, offset=0.5, gaps=True)
+
+
+def coloured_sync_orbit(noise: float, seed: int) -> Case:
+    """Coloured noise, synchronous, the orbit of an imbalance left in."""
+    return case_of(steady(50.0, 512), noise, seed, imbalance=True, colour=COLOURS[seed % len(COLOURS)])
+
+
+def coloured_out_of_step(noise: float, seed: int) -> Case:
+    """Coloured noise, out of step, the free response alone."""
+    return case_of(steady(OUT_OF_STEP, 512), noise, seed, colour=COLOURS[seed % len(COLOURS)])
+
+
+def coloured_tach(noise: float, seed: int) -> Case:
+    """Coloured noise on the record with a wander, an imbalance and a tachometer."""
+    return paper_wander(noise, seed, colour=COLOURS[seed % len(COLOURS)])
+
+
+def period_off(samples: float, error: float) -> Callable[[float, int], Case]:
+    """The builder of a record whose period is told with a relative error."""
+    return lambda noise, seed: case_of(steady(samples, 512), noise, seed, period_error=error)
+
+
+def paper_clean(noise: float, seed: int, *, validate: bool = True) -> Case:
+    """The paper's experiment at its own 2 % of noise, whatever noise is asked for."""
+    return case_of(steady(50.0, 1024), 0.02, seed, validate=validate)
