@@ -69,7 +69,7 @@ def main(arguments: list[str]) -> int:
         said = f"{len(rows)} of {len(work)}: {row.record}, seed {row.seed}: {row.outcome}, {row.seconds:.1f} s"
         sys.stderr.write(f"{said}, {row.found} of {row.must}, {row.false} false\n")
         if options.out is not None:
-            kept = {"noise": options.noise, "rows": [each.as_json() for each in rows]}
+            kept = {"noise": options.noise, "limit": options.limit, "rows": [each.as_json() for each in rows]}
             options.out.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     off = [row for row in rows if row.record.startswith(OFF)]
     sys.stdout.write(table(rows) + "\n" + (f"\n{periods(off)}\n" if off else ""))

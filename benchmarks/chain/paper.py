@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -23,6 +23,9 @@ MISSING = 0.02
 
 STRETCH = 20
 """Samples in such a stretch."""
+
+DROPOUTS = (0.21, 0.48, 0.83)
+"""Where a record with few but long stretches missing has them, as shares of its length."""
 
 COLOURS = (0.95, 0.9, -0.7)
 """What is left of each sample of coloured noise in the next one, by turns of the seed."""
@@ -150,6 +153,17 @@ def paper_gaps(noise: float, seed: int) -> Case:
     return case_of(steady(50.0, 512), noise, seed, gaps=True)
 
 
+def paper_dropouts(noise: float, seed: int) -> Case:
+    """Synchronous, with as many samples missing in three stretches of all channels."""
+    case = case_of(steady(50.0, 512), noise, seed)
+    values = np.array(case.records[0].values)
+    length = round(MISSING * values.shape[1] / len(DROPOUTS))
+    for share in DROPOUTS:
+        first = round(share * values.shape[1])
+        values[:, first : first + length] = np.nan
+    return replace(case, records=(replace(case.records[0], values=values),))
+
+
 def paper_out_of_step_both(noise: float, seed: int) -> Case:
     """Out of step, with an imbalance and an offset, and 2 % of the samples missing."""
     return case_of(steady(OUT_OF_STEP, 512), noise, seed, imbalance=True, offset=0.5, gaps=True)
@@ -171,7 +185,10 @@ def coloured_tach(noise: float, seed: int) -> Case:
 
 
 def period_off(samples: float, error: float) -> Callable[[float, int], Case]:
-    """The builder of a record whose period is told with a relative error."""
+    """The builder of a record whose period is told with a relative error.
+
+    A believed result is right if its exponents are, modulo its own fundamental, those of the strongest harmonics.
+    """
     return lambda noise, seed: case_of(steady(samples, 512), noise, seed, period_error=error)
 
 

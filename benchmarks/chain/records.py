@@ -11,7 +11,7 @@ from benchmarks.chain.case import Case
 Builder = Callable[[float, int], Case]
 """The share of noise and the seed -> the case."""
 
-ERRORS = (0.0, 1e-5, 1e-4, 1e-3, 1e-2)
+ERRORS = (0.0, 1e-5, 3e-5, 1e-4, 1e-3, 1e-2)
 """Relative errors of the period told."""
 
 RECORDS: dict[str, Builder] = {
@@ -22,6 +22,7 @@ RECORDS: dict[str, Builder] = {
     "paper_wander": paper.paper_wander,
     "paper_imbalance": paper.paper_imbalance,
     "paper_gaps": paper.paper_gaps,
+    "paper_dropouts": paper.paper_dropouts,
     "paper_out_of_step_both": paper.paper_out_of_step_both,
     "turbine_orbit": synthetic.turbine_orbit,
     "two_real": synthetic.two_real,

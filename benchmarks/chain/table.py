@@ -25,12 +25,15 @@ HEADS = (
 
 
 def table(rows: Sequence[Row]) -> str:
-    """One line a record, and what refusals said."""
+    """One line a record, and what the first refusal of each said."""
     names = list(dict.fromkeys(row.record for row in rows))
     groups = [[row for row in rows if row.record == name] for name in names]
     text = _markdown([list(HEADS), *(_line(of) for of in groups)])
-    said = Counter((row.record, row.outcome, row.message) for row in rows if row.message)
-    lines = [f"- {record}, {outcome} {count} times: {message}" for (record, outcome, message), count in said.items()]
+    lines = []
+    for of in groups:
+        counts = Counter(row.outcome for row in of if row.message)
+        first = {row.outcome: row.message for row in reversed(of)}
+        lines += [f"- {of[0].record}, {n} {outcome}, the first: {first[outcome]}" for outcome, n in counts.items()]
     return "\n".join([text, *(["", *lines] if lines else [])])
 
 
