@@ -1,0 +1,1 @@
+"""The whole chain on hard records of known truth, what it finds and what it takes: `python -m benchmarks.chain`."""

@@ -1,0 +1,223 @@
+"""What a case is: records, the truth about them, what must be found; and what synthetic records are made with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid import Record
+
+SURE = 2e-3
+"""The share of the fundamental below which both deviations of a confident exponent are."""
+
+APART = 5.0
+"""The bounds by which a mode must be apart from every other one to be told from it."""
+
+SIGNIFICANT = 1e-3
+"""The share of a mode's largest coefficient from which on a harmonic counts in the bound."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """Records with noise, and what is true of them.
+
+    Parameters
+    ----------
+    records
+        One a hit.
+    period
+        The true period [s].
+    exponents
+        Every true exponent, conjugates both, on the branch of its strongest harmonic where that is known (modes,)
+        [1/s].
+    must
+        Which of them must be found (modes,).
+    bound
+        The least deviation that each can have, real + 1j imaginary (modes,) [1/s]; None where it is not known.
+    options
+        What `identify` is given beside the records.
+    declared
+        The period that `identify` is told [s]; None where that is the true one.
+    """
+
+    records: tuple[Record, ...]
+    period: float
+    exponents: NDArray[np.complex128]
+    must: NDArray[np.bool_]
+    bound: NDArray[np.complex128] | None = None
+    options: dict[str, object] = field(default_factory=dict)
+    declared: float | None = None
+
+    @property
+    def fundamental(self) -> float:
+        """ω = 2π/T [rad/s]."""
+        return 2.0 * np.pi / self.period
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Modes:
+    """Modes of a real response: one of each conjugate pair, and every real multiplier.
+
+    Parameters
+    ----------
+    exponents
+        λ (modes,) [1/s].
+    coefficients
+        Of e^{λt + imθ}; the response is twice the real part of their sum (modes, channels, harmonics).
+    harmonics
+        m (harmonics,).
+    period
+        T [s].
+    """
+
+    exponents: NDArray[np.complex128]
+    coefficients: NDArray[np.complex128]
+    harmonics: NDArray[np.int64]
+    period: float
+
+    @property
+    def fundamental(self) -> float:
+        """ω = 2π/T [rad/s]."""
+        return 2.0 * np.pi / self.period
+
+    @property
+    def real(self) -> NDArray[np.bool_]:
+        """Which multipliers are real (modes,)."""
+        twice = 2.0 * self.exponents.imag / self.fundamental
+        return np.abs(twice - np.rint(twice)) < 1e-9
+
+    def listed(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """What is said of each mode, and after it the conjugates of pairs."""
+        return np.concatenate([values, values[~self.real].conj()])
+
+
+def response(
+    exponents: ArrayLike,
+    coefficients: NDArray[np.complex128],
+    harmonics: ArrayLike,
+    times: NDArray[np.float64],
+    angles: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """2 Re Σ B e^{λt + imθ}, t counted from the first sample's phase zero and θ turning by 2π a period.
+
+    Parameters
+    ----------
+    exponents
+        λ (modes,) [1/s].
+    coefficients
+        B (modes, channels, harmonics).
+    harmonics
+        m (harmonics,).
+    times, angles
+        t [s] and θ [rad] (samples,).
+
+    Returns
+    -------
+    ndarray
+        The response (channels, samples).
+    """
+    turned = np.exp(1j * np.multiply.outer(np.asarray(harmonics), angles))
+    total = np.zeros((coefficients.shape[1], len(times)))
+    for exponent, own in zip(np.asarray(exponents), coefficients, strict=True):
+        total += 2.0 * ((own @ turned) * np.exp(exponent * times)).real
+    return total
+
+
+def noisy(
+    values: NDArray[np.float64], free: NDArray[np.float64], noise: float, seed: int, *, colour: float = 0.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The values with noise of a share of each channel's largest free response, and its deviation (channels,).
+
+    `colour` is what is left of each sample of the noise in the next one; the deviation is that of the whole noise.
+    """
+    from scipy.signal import lfilter
+
+    sigma = noise * np.abs(free).max(axis=1)
+    white = np.random.default_rng([seed, 7]).standard_normal((len(values), values.shape[1] + 1000))
+    drawn = lfilter([np.sqrt(1.0 - colour**2)], [1.0, -colour], white, axis=1)[:, 1000:]
+    return values + sigma[:, None] * drawn, sigma
+
+
+def bound(
+    modes: Modes,
+    times: NDArray[np.float64],
+    angles: NDArray[np.float64],
+    sigma: NDArray[np.float64],
+    turns: Sequence[float] = (),
+) -> NDArray[np.complex128]:
+    """The Cramér-Rao bound of the exponents, shapes held to their significant harmonics and unknown otherwise.
+
+    Parameters
+    ----------
+    modes
+        The true modes.
+    times, angles
+        Of each sample (samples,).
+    sigma
+        The deviation of the white noise (channels,).
+    turns
+        Harmonics of the system's period that a forced response of unknown size has beside, 0 for an offset.
+
+    Returns
+    -------
+    ndarray
+        Deviations, real + 1j imaginary part (modes,) [1/s]; the latter is 0 for a real multiplier.
+    """
+    sizes = np.abs(modes.coefficients).max(axis=1)
+    columns = [
+        np.exp(exponent * times + 1j * m * angles)
+        for exponent, size in zip(modes.exponents, sizes, strict=True)
+        for m in modes.harmonics[size > SIGNIFICANT * size.max()]
+    ]
+    columns += [np.exp(1j * turn * angles) for turn in turns]
+    linear = np.concatenate([np.real(columns), np.imag(columns)])
+    size = np.linalg.norm(linear, axis=1)
+    linear = linear[size > 1e-9 * size.max()] / size[size > 1e-9 * size.max(), None]
+    inverse = np.linalg.pinv(linear @ linear.T, rcond=1e-11, hermitian=True)
+    turning = np.flatnonzero(~modes.real)
+    count = len(modes.exponents)
+    information = np.zeros((count + len(turning),) * 2)
+    shapes = np.exp(1j * np.multiply.outer(modes.harmonics, angles))
+    for channel, deviation in enumerate(sigma):
+        slopes = 2.0 * times * (modes.coefficients[:, channel] @ shapes) * np.exp(np.outer(modes.exponents, times))
+        slopes = np.concatenate([slopes.real, -slopes[turning].imag])
+        mixed = slopes @ linear.T
+        information += (slopes @ slopes.T - mixed @ inverse @ mixed.T) / deviation**2
+    scale = np.sqrt(np.diag(information))
+    least = np.sqrt(np.diag(np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True))) / scale
+    found = least[:count].astype(complex)
+    found[turning] += 1j * least[count:]
+    return found
+
+
+def tellable(exponents: NDArray[np.complex128], least: NDArray[np.complex128], fundamental: float) -> NDArray[np.bool_]:
+    """Which exponents must be found: their bounds are small, and the next one is several bounds away (modes,)."""
+    gaps = np.subtract.outer(exponents, exponents)
+    gaps = np.abs(gaps.real + 1j * wrapped(gaps.imag, fundamental))
+    np.fill_diagonal(gaps, np.inf)
+    largest = np.maximum(least.real, np.abs(least.imag))
+    return (largest < SURE * fundamental) & (gaps.min(axis=1, initial=np.inf) > APART * largest)
+
+
+def wrapped(values: NDArray[np.float64], fundamental: float) -> NDArray[np.float64]:
+    """Imaginary parts modulo the fundamental, nearest to zero."""
+    return values - fundamental * np.rint(values / fundamental)
+
+
+def synthetic(
+    modes: Modes,
+    record: Record,
+    sampled: tuple[NDArray[np.float64], NDArray[np.float64]],
+    sigma: NDArray[np.float64],
+    turns: Sequence[float] = (),
+    **more: object,
+) -> Case:
+    """The case of known modes, which must be found as far as their bounds say; `sampled` are times and angles."""
+    least = bound(modes, *sampled, sigma, turns)
+    exponents, least = modes.listed(modes.exponents), modes.listed(least)
+    least = least.real + 1j * np.abs(least.imag)
+    must = tellable(exponents, least, modes.fundamental)
+    return Case(records=(record,), period=modes.period, exponents=exponents, must=must, bound=least, **more)
