@@ -79,6 +79,11 @@ class Block(ABC):
     def last(self) -> float:
         """The time of the last sample after phase zero [s]."""
 
+    @property
+    @abstractmethod
+    def largest(self) -> NDArray[np.float64]:
+        """The largest size of a sample (rows,)."""
+
     @abstractmethod
     def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
         """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves.

@@ -12,10 +12,11 @@ from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import PLAIN
 from floquid.periodic._constrained import settled
-from floquid.periodic._moves import ROUGHLY, Limits, State, coefficients_of, limit_of, modes_of, with_bands
+from floquid.periodic._moves import ROUGHLY, Limits, State, coefficients_of, joined, limit_of, modes_of, with_bands
 from floquid.periodic._peaks import Peak, Rest, peaks
 from floquid.periodic._record_block import RecordBlock
 from floquid.periodic._residual import rests_of
+from floquid.periodic._scores import score_step
 
 AT_ONCE = 3
 """Peaks that are tried together."""
@@ -23,7 +24,10 @@ AT_ONCE = 3
 EXPECTED = 1.0
 """How many peaks of noise are expected among those that are tried: it is the fit that decides."""
 
-PROMISED = 0.7
+STEPS = 8
+"""Steps that a fit with a further line may take before it is judged."""
+
+PROMISED = 0.8
 """The share of what a mode must take out of the cost that a peak has to promise: it may lie between the lines."""
 
 REFUSALS = 3
@@ -65,7 +69,7 @@ def with_lines(
             passed.append(found[0].exponent.imag)
             refused += 1
             continue
-        state = more
+        state = joined(more, limits)
         report(f"searching for modes: {int((~state.held.entries.fixed).sum())} found")
     return state
 
@@ -98,13 +102,16 @@ def _added(state: State, rests: Sequence[Rest], found: Sequence[Peak], limits: L
         entries = more
     if entries is state.held.entries:
         return None
-    held = state.settled(entries)
-    if held is None:
-        return None
-    trial = with_bands(state.with_fit(held), limits)
-    if trial.held.cost > held.cost:
-        trial = state.with_fit(held)
-    return trial if state.held.cost - min(held.cost, trial.held.cost) > bound else None
+    now = state.evaluated(entries)
+    _, more = score_step(now, entries.ties())
+    if state.held.cost - now.cost + 2.0 * more < bound:
+        return None  # even a full step would not make up for what noise explains
+    with suppress(IdentificationError, np.linalg.LinAlgError):
+        now = settled(state.blocks, now, at_rest=ROUGHLY, hold=True, iterations=STEPS)
+    trial = with_bands(state.with_fit(now), limits)
+    if trial.held.cost > now.cost:
+        trial = state.with_fit(now)
+    return trial if state.held.cost - trial.held.cost > bound else None
 
 
 def _with_peak(state: State, rests: Sequence[Rest], entries: Entries, peak: Peak, limits: Limits) -> Entries | None:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from floquid.core import PeriodicModel
 from floquid.periodic._bands import upper
 from floquid.periodic._held import shapes
-from floquid.periodic._residual import FLOOR, rests_of
 from floquid.periodic._searched import Searched
 
 LOUD = 2.0
@@ -64,7 +63,7 @@ def evidence(found: Searched) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return (found_how, f"{text}."), against
 
 
-def coloured(found: Searched, floor: float = FLOOR) -> tuple[str, ...]:
+def coloured(found: Searched) -> tuple[str, ...]:
     r"""A sentence where what a fit leaves is not white along the record: its deviations are then not those stated.
 
     .. math:: \sum_{c,h} \sum_{b} \frac{n_b}{v} (\ln s_{c,h,b} - \overline{\ln s_{c,h}})^2 \sim \chi^2
@@ -75,8 +74,6 @@ def coloured(found: Searched, floor: float = FLOOR) -> tuple[str, ...]:
     ----------
     found
         The search.
-    floor
-        The share of the largest free response that the noise is taken to be at least.
 
     Returns
     -------
@@ -87,7 +84,7 @@ def coloured(found: Searched, floor: float = FLOOR) -> tuple[str, ...]:
 
     score, degrees, worst = 0.0, 0, (1.0, 0.0, 0.0)
     rates = found.held.entries.columns().rates
-    for rest in rests_of(found.blocks, found.held, floor):
+    for rest in found.rests:
         levels, lines = rest.between(rates)
         own = np.flatnonzero(lines >= ENOUGH_LINES)
         if len(own) < 2:

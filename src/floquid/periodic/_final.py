@@ -49,7 +49,7 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
     state = state.with_noise(limits.floor)
     rests = rests_of(state.blocks, state.held, limits.floor)
     peak = strongest(state.blocks, rests, 2.0 * np.pi / state.held.entries.fundamental, EXPECTED)
-    return Searched(state.blocks, state.held, bands, peak, _misfit(state, rests, noise))
+    return Searched(state.blocks, state.held, bands, peak, tuple(rests), _misfit(state, rests, noise))
 
 
 def _misfit(state: State, rests: list[Rest], noise: NDArray[np.float64]) -> float:

@@ -59,6 +59,11 @@ class LiftedBlock(Block):
         """The start of the last cycle [s]: growing columns are counted from there."""
         return (self.n_cycles - 1) * self.lifted.period
 
+    @property
+    def largest(self) -> NDArray[np.float64]:
+        """The largest size of a sample (rows,)."""
+        return np.abs(self._values()).max(axis=(1, 2))
+
     def with_noise(self, noise: NDArray[np.float64]) -> LiftedBlock:
         """The same samples with other noise (rows,)."""
         return replace(self, noise=noise)

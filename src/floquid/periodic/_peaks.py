@@ -31,8 +31,11 @@ GROWTH = (2.0, 6.0)
 APART = 2.0
 """Lines on each side of an exponential, beside its width, that a fit takes noise from."""
 
-SKIRT = 8.0
-"""Decays on each side of a peak within which what is above the limit is its skirt."""
+DIED = 12.0
+"""Decays after which an exponential has died."""
+
+SKIRT = 10.0
+"""Times what a decaying line has beside its peak below which another peak may be that."""
 
 QUIETEST = 0.01
 """The level of a band over that of the loudest, at least: below, there are but the skirts of what is elsewhere."""
@@ -164,41 +167,58 @@ def peaks(
     from scipy.special import chdtri
 
     span = max(rest.span for rest in rests)
-    step = min(rest.step for rest in rests)
-    lines = 2 * 2 ** int(np.ceil(np.log2(span / step + 2.0)))
-    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(lines, step), np.float64)
-    open_ = np.ones(len(omega), bool)
-    for frequency in passed:
-        open_ &= np.abs(omega - frequency) > 8.0 * np.pi / span
     decays = np.geomspace(1.0 / span, max(FASTEST / period, 2.0 / span), DECAYS)
+    rates = np.concatenate([decays, -np.array(GROWTH) / span])
+    gains, omegas = zip(*(_gains(rests, rate) for rate in rates), strict=True)
+    gain, omega = np.concatenate(gains), np.concatenate(omegas)
+    rate = np.repeat(rates, [len(own) for own in omegas])
     degrees = 2 * sum(len(block.rows) for block in blocks)
-    limit = float(chdtri(degrees, false_alarm / (len(omega) * len(decays))))
-    best, rate = np.zeros(len(omega)), np.zeros(len(omega))
-    for decay in (*decays, *(-growth / span for growth in GROWTH)):
-        gain = np.zeros(len(omega))
-        for rest in rests:
-            gain += _gain(rest, decay, omega, lines)
-        gain[0] *= 0.5
-        rate[gain > best] = decay
-        best = np.maximum(best, gain)
-    best[~open_] = 0.0
+    limit = float(chdtri(degrees, false_alarm / len(omega)))
+    for frequency in passed:
+        gain[np.abs(omega - frequency) <= 8.0 * np.pi / span] = 0.0
     found: list[Peak] = []
     while len(found) < most:
-        k = int(np.argmax(best))
-        if found and best[k] < limit:
+        k = int(np.argmax(gain))
+        if found and gain[k] < limit:
             break
-        found.append(Peak(complex(-rate[k], omega[k]), float(best[k]), limit))
+        found.append(Peak(complex(-rate[k], omega[k]), float(gain[k]), limit))
         # The skirts of a peak are no peaks of their own.
-        best[np.abs(omega - omega[k]) < max(SKIRT * abs(rate[k]), 16.0 * np.pi / span)] = 0.0
+        width = np.maximum(np.maximum(np.abs(rate), abs(rate[k])), 2.0 * np.pi / span)
+        apart = np.abs(omega - omega[k]) / width
+        gain[(gain < SKIRT * gain[k] / (1.0 + apart**2)) | (apart < 8.0)] = 0.0
     return found
 
 
-def _gain(rest: Rest, decay: float, omega: NDArray[np.float64], lines: int) -> NDArray[np.float64]:
+def _gains(rests: Sequence[Rest], rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What an exponential of each frequency and one decay takes out of the misfit, and the frequencies (lines,)."""
+    step, grid = min(rest.step for rest in rests), max(rest.values.shape[1] * rest.step for rest in rests)
+    # What comes after a fast decay has died is not looked at, and its lines are as wide as it is fast.
+    length = min(grid, DIED / rate) if rate > 0.0 else grid
+    lines = _fast_length(2.0 * (length / step + 1.0))
+    omega = 2.0 * np.pi * np.fft.rfftfreq(lines, step)
+    gain = np.zeros(len(omega))
+    for rest in rests:
+        gain += _gain(rest, rate, omega, lines, min(rest.values.shape[1], lines))
+    gain[0] *= 0.5
+    return gain, omega
+
+
+def _fast_length(least: float) -> int:
+    """The smallest of 2ᵏ, 3·2ᵏ and 5·2ᵏ that is not less: transforms of such lengths are quick."""
+    return min(factor * 2 ** max(int(np.ceil(np.log2(least / factor))), 1) for factor in (1, 3, 5))
+
+
+def _gain(
+    rest: Rest, decay: float, omega: NDArray[np.float64], lines: int, samples: int
+) -> NDArray[np.float64]:
     """What an exponential of each frequency takes out of the misfit of one block (lines,)."""
-    times = np.arange(rest.values.shape[1]) * rest.step
+    times = np.arange(samples) * rest.step
     window = np.exp(-decay * (times - (0.0 if decay >= 0 else times[-1])))
-    seen = np.fft.rfft(rest.values * window, lines, axis=1)
+    power = np.abs(np.fft.rfft(rest.values[:, :samples] * window, lines, axis=1)) ** 2
     bands = rest.levels.shape[1]
     centres = (np.arange(bands) + 0.5) / bands * (np.pi / rest.step)
-    level = np.array([np.interp(omega, centres, own) for own in rest.levels])
-    return np.sum(2.0 * np.abs(seen) ** 2 / level**2, axis=0) / np.sum(window[rest.taken] ** 2)
+    total = np.zeros(len(omega))
+    for own, levels in zip(power, rest.levels, strict=True):
+        total += own / np.interp(omega, centres, levels) ** 2
+    taken = rest.taken[: np.searchsorted(rest.taken, samples)]
+    return 2.0 * total / np.sum(window[taken] ** 2)

@@ -68,6 +68,15 @@ class RecordBlock(Block):
         """The same samples with other noise (rows,)."""
         return replace(self, noise=noise)
 
+    def placed(self, hit: int, rows: NDArray[np.int64]) -> RecordBlock:
+        """The same samples as those of another hit, and of other channels."""
+        return replace(self, hit=hit, rows=rows)
+
+    @cached_property
+    def largest(self) -> NDArray[np.float64]:
+        """The largest size of a sample (rows,)."""
+        return np.abs(self.values).max(axis=1)
+
     def rest(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
         """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
         even = self._even(columns)
@@ -170,6 +179,15 @@ class GappyBlock(Block):
     def with_noise(self, noise: NDArray[np.float64]) -> GappyBlock:
         """The same samples with other noise (rows,)."""
         return replace(self, whole=self.whole.with_noise(noise))
+
+    def placed(self, hit: int, rows: NDArray[np.int64]) -> GappyBlock:
+        """The same samples as those of another hit, and of other channels."""
+        return replace(self, whole=self.whole.placed(hit, rows))
+
+    @property
+    def largest(self) -> NDArray[np.float64]:
+        """The largest size of a sample (rows,)."""
+        return self.whole.largest
 
     def rest(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
         """Times (samples,) [s] and what the model leaves at each (rows, samples)."""

@@ -214,7 +214,7 @@ def _seen(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> It
         if len(rows):
             part = record if len(rows) == record.n_channels else record.select([record.channels[r].name for r in rows])
             for block in record_blocks([part], [clock], 1.0)[0]:
-                yield replace(block, hit=hit, rows=rows[block.rows])
+                yield block.placed(hit, rows[block.rows])
 
 
 def _noisy(

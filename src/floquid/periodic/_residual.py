@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.periodic._blocks import Block, Columns, complex_of
+from floquid.periodic._blocks import Block, complex_of
 from floquid.periodic._constrained import Held
 from floquid.periodic._peaks import Rest
 
@@ -16,10 +16,6 @@ FLOOR = 1e-12
 
 ROUNDING = 1e-13
 """The share of a channel's largest value below which what is left of it is rounding."""
-
-NO_COLUMNS = Columns(np.zeros(0, complex), np.zeros(0), *np.zeros((3, 0), np.int64), fundamental=1.0)
-"""No column at all: what they leave is the samples."""
-
 
 def rests_of(blocks: Sequence[Block], held: Held, floor: float = FLOOR) -> list[Rest]:
     """What a fit leaves of each block, its noise at least `least_noise`."""
@@ -33,11 +29,12 @@ def rests_of(blocks: Sequence[Block], held: Held, floor: float = FLOOR) -> list[
 def least_noise(blocks: Sequence[Block], held: Held, floor: float) -> list[NDArray[np.float64]]:
     """What the noise of each block is at least (rows,): a share of the largest free response, and rounding."""
     columns, least = held.entries.columns(), []
-    fixed = held.entries.fixed[columns.modes][:, None]
+    fixed = held.entries.fixed[columns.modes]
     for block, linear in zip(blocks, held.linear, strict=True):
-        _, free = block.rest(columns, complex_of(linear.coefficients) * fixed)
-        _, whole = block.rest(NO_COLUMNS, np.zeros((0, len(block.rows)), complex))
-        least.append(np.maximum(floor * np.abs(free).max(axis=1), ROUNDING * np.abs(whole).max(axis=1)))
+        free = block.largest
+        if fixed.any():
+            free = np.abs(block.rest(columns, complex_of(linear.coefficients) * fixed[:, None])[1]).max(axis=1)
+        least.append(np.maximum(floor * free, ROUNDING * block.largest))
     return least
 
 

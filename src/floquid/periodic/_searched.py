@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from floquid.periodic._blocks import Block
 from floquid.periodic._constrained import Held
-from floquid.periodic._peaks import Peak
+from floquid.periodic._peaks import Peak, Rest
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,5 +20,7 @@ class Searched:
     held: Held
     bands: NDArray[np.int64]
     peak: Peak
+    rests: tuple[Rest, ...]
+    """What is left of each block."""
     misfit: float = 1.0
     """The rms of what is left over the level of its noise, the largest of all responses."""

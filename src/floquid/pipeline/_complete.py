@@ -27,7 +27,7 @@ def completed(
     prepared: Prepared,
     cutting: Lifting,
     start: Start,
-    free: PeriodicModel,
+    free: PeriodicModel | None,
     fitted: Fit | None,
     settings: Settings,
     doubts: tuple[str, str],
@@ -59,13 +59,14 @@ def completed(
     """
     missing, doubt = doubts
     model = free if fitted is None else fitted.model
+    assert model is not None
     said = prepared.findings + (() if start.floor is None else (below_modes(start.floor),))
     unlike = fitted is not None and (not cutting.synchronous or fitted.forced is not None)
     measured = fitted if unlike else None
     cycles, lifted, records = cutting.cycles, start.lifted, prepared.records
     if fitted is not None and unlike:
         report("resampling the free response")
-        cycles, lifted = _lifted_again(prepared, start, fitted, settings)
+        cycles, lifted = _lifted_again(prepared, fitted, settings)
         records = tuple(rejoin(hit) for hit in cycles)
         model = replace(model, provenance=lifted.provenance)
         if model.order >= max(hit.n_cycles for hit in cycles) - 1:
@@ -74,10 +75,10 @@ def completed(
                 "poles that were found in it. Record longer, or check the period."
             )
     choice, modal = start.choice, start.modal
-    changed = fitted is not None and (unlike or model.order != modal.order or not _alike(model, free))
+    changed = modal is None or (fitted is not None and (unlike or not _alike(model, free)))
     if changed:
         modal = fit_residues(model.multipliers, lifted.responses)
-    if fitted is not None and choice is not None and changed:
+    if fitted is not None and changed and settings.order is None:
         choice = Choice(order=model.order, model=modal, reasons=fitted.reasons, doubts=fitted.doubts)
 
     def again(exponents: NDArray[np.complex128]) -> Estimates:
@@ -120,19 +121,22 @@ def completed(
     )
 
 
-def _alike(model: PeriodicModel, other: PeriodicModel) -> bool:
+def _alike(model: PeriodicModel, other: PeriodicModel | None) -> bool:
     """Whether two models have the same poles but for the accuracy of one of them."""
+    if other is None or model.order != other.order:
+        return False
     gaps = np.abs(model.multipliers[:, None] - other.multipliers[None, :])
     reach = 0.5 * np.abs(np.log(np.abs(other.multipliers))) + 1e-3
-    return bool((gaps.min(axis=0, initial=np.inf) < reach).all() and (gaps.min(axis=1, initial=np.inf) < reach.max(initial=0.0)).all())
+    return bool((gaps.min(axis=0, initial=np.inf) < reach).all())
 
 
-def _lifted_again(prepared: Prepared, start: Start, fitted: Fit, settings: Settings) -> tuple[tuple, Lifted]:
+def _lifted_again(prepared: Prepared, fitted: Fit, settings: Settings) -> tuple[tuple, Lifted]:
     """The free response, resampled to whole samples a period and lifted: for the eye, not for the fit."""
     period = fitted.model.period
     pairs = zip(_clocks(prepared, fitted), fitted.free, strict=True)
     steady = [steady_clock(clock, record, period) for clock, record in pairs]
-    cycles = resample(filled(fitted.free), steady)
+    bridged = filled(fitted.free, [np.inf] * len(steady))
+    cycles = resample(bridged, steady)
     return cycles, lift(cycles, floor=settings.noise_floor)
 
 

@@ -93,18 +93,20 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     report("estimating the noise")
     start = start_of(prepared, cutting, report)
     settings = settings if start.floor is None else replace(settings, noise_floor=start.floor)
-    report("expanding the shapes in harmonics")
-    model = assemble(
-        start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm, harmonics=settings.harmonics
-    )
-    # Modes that are missing turn in what is left as a wrong period would.
-    missing = "" if settings.order is None else too_low(settings.order, judge(start.lifted.responses, start.modal))
-    doubt = "" if missing else _refused(prepared, wrong_period(model, start.lifted, prepared))
-    fitted = None
-    if settings.constrained and model.covariance is not None and not equal_multipliers(model):
+    model, fitted, missing, doubt = None, None, "", ""
+    if start.modal is not None:
+        report("expanding the shapes in harmonics")
+        model = assemble(
+            start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm, harmonics=settings.harmonics
+        )
+        if settings.order is not None:
+            missing = too_low(settings.order, judge(start.lifted.responses, start.modal))
+        # Modes that are missing turn in what is left as a wrong period would.
+        doubt = "" if missing else _refused(prepared, wrong_period(model, start.lifted, prepared))
+    if model is None or (settings.constrained and model.covariance is not None and not equal_multipliers(model)):
         fitted = _fitted(prepared, cutting, start, model, settings, report)
-    if fitted is not None and not (doubt or missing):
-        doubt = _refused(prepared, wrong_own_period(fitted, prepared))
+        if not (doubt or missing):
+            doubt = _refused(prepared, wrong_own_period(fitted, prepared))
     return completed(prepared, cutting, start, model, fitted, settings, (missing, doubt), report)
 
 
@@ -123,18 +125,22 @@ def _fitted(
     prepared: Prepared,
     cutting: Lifting,
     start: Start,
-    model: PeriodicModel,
+    model: PeriodicModel | None,
     settings: Settings,
     report: Callable[[str], None],
 ) -> Fit:
     """The fit of the samples, started at the poles of the lifted responses."""
     report("holding the residues to their harmonics")
     search = settings.order is None and settings.identifier is None
+    begin = None
+    if start.modal is not None and model is not None:
+        groups_of = search and settings.harmonics is None
+        begin = groups(start.modal, start.lifted) if groups_of else entries_of(model)
     records = tuple(rejoin(hit) for hit in cutting.cycles) if cutting.synchronous else prepared.responses
     return fit(
         records,
         [ConstantPeriod(period=start.lifted.period) for _ in records] if cutting.synchronous else prepared.clocks,
-        start=groups(start.modal, start.lifted) if search and settings.harmonics is None else entries_of(model),
+        start=begin,
         known=start.known,
         lifted=start.whole if cutting.synchronous else None,
         forced=settings.forced_harmonics,

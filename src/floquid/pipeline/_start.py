@@ -27,6 +27,18 @@ FLOORS = (1e-4, 1e-3)
 where what modes leave is no noise."""
 
 
+POINTS = 2000
+"""Instants at which the angle of a shaft is looked at."""
+
+BRIDGED = 0.2
+"""Periods over which missing samples are filled for the start."""
+
+SHORTEST = 0.25
+"""The share of a record that must be there in one piece for the rest to be left out of the start."""
+
+FAR = 0.05
+"""The wander of the shaft's angle [rad of the system] from which on lifting in angle makes modes of its own."""
+
 WANDERS = 1e-6
 """The relative range of the periods from which on the forced response is let follow the speed."""
 
@@ -66,7 +78,7 @@ class Start:
     known
         What the forced response was taken to be; None where none was to be looked for.
     modal, choice
-        The poles, and what speaks for their number.
+        The poles, and what speaks for their number; None where the speed wanders too far for lifting.
     floor
         The share of the largest value down to which the record is believed; None for that of the settings.
     """
@@ -74,7 +86,7 @@ class Start:
     whole: Lifted
     lifted: Lifted
     known: Known | None
-    modal: ModalModel
+    modal: ModalModel | None
     choice: Choice | None
     floor: float | None = None
 
@@ -90,7 +102,8 @@ def cut(prepared: Prepared) -> Lifting:
     if synchronous:
         cycles = segment(prepared.responses)
     else:
-        cycles = resample(filled(prepared.responses), prepared.clocks)
+        periods = [BRIDGED * clock.period for clock in prepared.clocks]
+        cycles = resample(filled(prepared.responses, periods), prepared.clocks)
         if prepared.shafts:
             if any(np.ptp(hit.periods) > WANDERS * hit.period for hit in cycles):
                 speeds = tuple(_followed(hit.periods) for hit in cycles)
@@ -101,18 +114,52 @@ def cut(prepared: Prepared) -> Lifting:
     return Lifting(cycles=cycles, lifted=lifted, synchronous=synchronous, speeds=speeds)
 
 
-def filled(records: Sequence[Record]) -> tuple[Record, ...]:
-    """The records with straight lines over missing samples: good enough to start from, and for nothing else."""
+def filled(records: Sequence[Record], longest: Sequence[float]) -> tuple[Record, ...]:
+    """The records with cubics over missing samples: good enough to start from, and for nothing else.
+
+    Stretches of missing samples that are longer than `longest` (records,) [s] are left as they are, unless hardly
+    anything is there without them.
+    """
     whole = []
-    for record in records:
+    for record, limit in zip(records, longest, strict=True):
         missing = np.isnan(record.values)
         if missing.any():
-            values, index = np.array(record.values), np.arange(record.n_samples)
-            for own, absent in zip(values, missing, strict=True):
-                own[absent] = np.interp(index[absent], index[~absent], own[~absent])
-            record = replace(record, values=values)
+            most = limit * record.sample_rate
+            long = np.zeros(record.n_samples, bool)
+            for absent in missing:
+                edges = np.flatnonzero(np.diff(np.concatenate([[False], absent, [False]])))
+                for begin, end in zip(edges[::2], edges[1::2], strict=True):
+                    long[begin:end] |= end - begin > most
+            if _longest_run(~long) < SHORTEST * record.n_samples:
+                long[:] = False
+            values = np.array([_over_gaps(own, absent) for own, absent in zip(record.values, missing, strict=True)])
+            record = replace(record, values=np.where(long, np.nan, values))
         whole.append(record)
     return tuple(whole)
+
+
+def _longest_run(there: NDArray[np.bool_]) -> int:
+    """The most samples that follow one another."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]])))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
+
+
+def _over_gaps(values: NDArray[np.float64], missing: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Values with the missing ones from the cubic through two samples on either side (samples,)."""
+    there, gaps = np.flatnonzero(~missing), np.flatnonzero(missing)
+    if len(there) < 4 or not len(gaps):
+        return np.interp(np.arange(len(values)), there, values[there])
+    first = np.clip(np.searchsorted(there, gaps) - 2, 0, len(there) - 4)
+    nodes = there[first[:, None] + np.arange(4)].astype(float)
+    weights = np.ones_like(nodes)
+    for k in range(4):
+        for j in range(4):
+            if j != k:
+                weights[:, k] *= (gaps - nodes[:, j]) / (nodes[:, k] - nodes[:, j])
+    inside = (gaps > there[0]) & (gaps < there[-1])
+    whole = np.interp(np.arange(len(values)), there, values[there])
+    whole[gaps[inside]] = np.sum(weights * values[nodes.astype(int)], axis=1)[inside]
+    return whole
 
 
 def _followed(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -151,6 +198,8 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
         chosen = settings if floors[0] is None else replace(settings, noise_floor=floors[0])
         whole = lifted if floors[0] is None else lift(cutting.cycles, floor=floors[0])
         free, known = _without_forced(whole, prepared, cutting)
+        if any(_wander(clock, record) > FAR for clock, record in zip(prepared.shafts, prepared.responses)):
+            return Start(whole=whole, lifted=free, known=known, modal=None, choice=None)
         try:
             free, modal, choice = find_poles(free, chosen, report)
         except UnsettledError:
@@ -168,6 +217,13 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
             choice=choice,
             floor=floors[0],
         )
+
+
+def _wander(shaft: ShaftAngle, record: Record) -> float:
+    """How far the system's angle goes from that of a steady speed [rad]."""
+    times = np.linspace(record.times[0], record.times[-1], POINTS)
+    angles = shaft.angle(times) * shaft.periods_per_revolution
+    return float(np.abs(angles - np.polyval(np.polyfit(times - times[0], angles, 1), times - times[0])).max())
 
 
 def _without_forced(lifted: Lifted, prepared: Prepared, cutting: Lifting) -> tuple[Lifted, Known | None]:
