@@ -36,9 +36,7 @@ class Constrained:
     noise: NDArray[np.float64]
 
 
-def constrain(
-    model: PeriodicModel, lifted: Lifted, *, false_alarm: float = 1e-6, choose: bool = True
-) -> Constrained:
+def constrain(model: PeriodicModel, lifted: Lifted, *, false_alarm: float = 1e-6, choose: bool = True) -> Constrained:
     r"""The model of the same modes, their residues held to their harmonics: exponents and coefficients anew.
 
     .. math:: y_{c,h}(t) = 2 \Re \sum_r \sum_{m \in M_r} B_{r,c,h,m}\, e^{(\lambda_r + i m \omega) t}

@@ -124,7 +124,8 @@ def _padded(entries: Entries, bands: NDArray[np.int64], most: int) -> Entries:
             if other != entry and not entries.fixed[other]
             for m in range(entries.bands[other, 0], entries.bands[other, 1] + 1)
             for sign in (1, -1)
-            if CROWDED * (abs(value.real) + abs(own.real)) > _off_line(sign * (value.imag + offset * omega) - own.imag, omega)
+            if CROWDED * (abs(value.real) + abs(own.real))
+            > _off_line(sign * (value.imag + offset * omega) - own.imag, omega)
         ]
         crowded = {round(turn) for turn in taken}
         low, high = entries.bands[entry]

@@ -361,9 +361,7 @@ def _listed(forced: str | Sequence[int], most: int, nu: float) -> tuple[int, ...
     return chosen
 
 
-def _turns(
-    forced: str | Sequence[int], known: Known | None, most: int, nu: float
-) -> tuple[list[float], bool] | None:
+def _turns(forced: str | Sequence[int], known: Known | None, most: int, nu: float) -> tuple[list[float], bool] | None:
     """Turns a period of the harmonics that are fitted in any case, and whether a drift is; None without any."""
     if known is not None and isinstance(forced, str) and forced == "auto":
         return (sorted({0.0, *(turn for turn in known.turns if turn <= most)}), known.drift) if known else None
@@ -478,5 +476,3 @@ def _free(records: Sequence[Record], found: Searched) -> tuple[Record, ...]:
     for array in values:
         array.flags.writeable = False
     return tuple(replace(record, values=array) for record, array in zip(records, values, strict=True))
-
-

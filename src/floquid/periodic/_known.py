@@ -101,7 +101,11 @@ def without_known(
     poles = _apart(modal, roots, int(lifted.responses.lengths.max()))
     known = Known(tuple(roots), True)
     for root in (None, *roots):
-        less = Known(known.roots, False) if root is None else Known(tuple(r for r in known.roots if r != root), known.drift)
+        less = (
+            Known(known.roots, False)
+            if root is None
+            else Known(tuple(r for r in known.roots if r != root), known.drift)
+        )
         if _gain(lifted, poles, less, known) < _limit(lifted, less, known):
             known = less
     if not known:

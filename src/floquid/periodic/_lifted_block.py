@@ -102,7 +102,9 @@ class LiftedBlock(Block):
         # What is known takes its share of the columns, and of the columns times nT.
         late_cycles = starts[:, None] * cycles
         whole, late_whole = self._off_known(cycles), self._off_known(late_cycles)
-        straight = _products((cycles.conj(), late_cycles.conj()), (whole, late_whole), phases.conj(), phases, times, columns.modes)
+        straight = _products(
+            (cycles.conj(), late_cycles.conj()), (whole, late_whole), phases.conj(), phases, times, columns.modes
+        )
         crossed = _products((cycles, late_cycles), (whole, late_whole), phases, phases, times, columns.modes)
         gram, mixed, slopes = (_real(*both) for both in zip(straight, crossed, strict=True))
         return Sums(gram, mixed, slopes, _real_data(seen), _real_data(late), left)

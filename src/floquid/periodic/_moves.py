@@ -349,7 +349,9 @@ def parted(state: State, limits: Limits) -> State:
     while int((~state.held.entries.fixed).sum()) < limits.modes:
         entries = state.held.entries
         cuts = [best_cut(state.held, int(e)) for e in np.flatnonzero(~entries.fixed & ~entries.real)]
-        cuts = [c for c in cuts if c is not None and c.gain > bound and complex(entries.exponents[c.entry]) not in refused]
+        cuts = [
+            c for c in cuts if c is not None and c.gain > bound and complex(entries.exponents[c.entry]) not in refused
+        ]
         if not cuts:
             return state
         best = max(cuts, key=lambda cut: cut.gain)

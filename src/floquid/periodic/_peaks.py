@@ -208,9 +208,7 @@ def _fast_length(least: float) -> int:
     return min(factor * 2 ** max(int(np.ceil(np.log2(least / factor))), 1) for factor in (1, 3, 5))
 
 
-def _gain(
-    rest: Rest, decay: float, omega: NDArray[np.float64], lines: int, samples: int
-) -> NDArray[np.float64]:
+def _gain(rest: Rest, decay: float, omega: NDArray[np.float64], lines: int, samples: int) -> NDArray[np.float64]:
     """What an exponential of each frequency takes out of the misfit of one block (lines,)."""
     times = np.arange(samples) * rest.step
     window = np.exp(-decay * (times - (0.0 if decay >= 0 else times[-1])))

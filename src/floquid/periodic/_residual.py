@@ -17,6 +17,7 @@ FLOOR = 1e-12
 ROUNDING = 1e-13
 """The share of a channel's largest value below which what is left of it is rounding."""
 
+
 def rests_of(blocks: Sequence[Block], held: Held, floor: float = FLOOR) -> list[Rest]:
     """What a fit leaves of each block, its noise at least `least_noise`."""
     columns = held.entries.columns()

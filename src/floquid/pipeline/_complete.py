@@ -85,9 +85,7 @@ def completed(
         if measured is None:
             return estimate_at(model, exponents, lifted=lifted)
         own = measured.free, prepared.clocks, measured.noise, measured.forced
-        return estimate_at(
-            model, exponents, records=own[0], clocks=own[1], noise=own[2], forced=own[3]
-        )
+        return estimate_at(model, exponents, records=own[0], clocks=own[1], noise=own[2], forced=own[3])
 
     state, refinement = state_of(model, settings, again, report)
     shafts = prepared.shafts
