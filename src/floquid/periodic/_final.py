@@ -26,8 +26,11 @@ LOOSE = 0.02
 PADDING = 1
 """Harmonics fitted beyond each end of a band: weak ones that are left out bend the exponents."""
 
-CROWDED = 1.0
-"""Decays of two modes together within which harmonics of theirs count as one."""
+CROWDED = 0.15
+"""The difference of two exponents, over both decays, within which lines that both have tell hardly anything apart."""
+
+BESIDE = 1.0
+"""The same within which what one mode lacks bends the other."""
 
 DOUBTFUL = 1e-3
 """The probability of harmonics of one exponent at which a mode gets more room."""
@@ -38,7 +41,7 @@ CLUSTER = 1e-3
 ROOM = 2
 """Harmonics more on each side then."""
 
-AXIS = 6.0
+AXIS = 3.0
 """Deviations from the axis up to which it is tried to take a multiplier for a real one."""
 
 UNTOLD = 0.5
@@ -117,7 +120,7 @@ def _with_room(state: State, limits: Limits) -> State:
     near = [
         other
         for other in np.flatnonzero(~entries.fixed & ~entries.real)
-        if any(other == one or _crowded(entries, int(one), int(other)) for one in doubtful)
+        if any(other == one or _apart(entries, int(one), int(other)) < BESIDE for one in doubtful)
     ]
     wider = entries.padded(ROOM, limits.most).bands
     bands = entries.bands.copy()
@@ -128,10 +131,10 @@ def _with_room(state: State, limits: Limits) -> State:
     return state.with_fit(held)
 
 
-def _crowded(entries: Entries, one: int, other: int) -> bool:
-    """Whether two modes fold next to one another."""
+def _apart(entries: Entries, one: int, other: int) -> float:
+    """How far apart two modes are modulo the fundamental, over the decays of both."""
     _, _, gap = differences(entries, one, other) or (1, 0, np.inf)
-    return abs(gap.imag) < CROWDED * (abs(entries.exponents[one].real) + abs(entries.exponents[other].real))
+    return abs(gap) / (abs(entries.exponents[one].real) + abs(entries.exponents[other].real) + 1e-300)
 
 
 def _with_clusters(state: State) -> tuple[State, tuple[int, ...]]:
@@ -185,7 +188,7 @@ def _padded(entries: Entries, bands: NDArray[np.int64], most: int) -> Entries:
     for entry in free:
         taken: set[int] = set()
         for other in free:
-            if other == entry or not _crowded(entries, int(entry), int(other)):
+            if other == entry or _apart(entries, int(entry), int(other)) > CROWDED:
                 continue
             sign, turns, _ = differences(entries, int(entry), int(other)) or (1, 0, 0j)
             ends = sign * entries.bands[other] + turns

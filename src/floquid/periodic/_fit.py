@@ -393,7 +393,8 @@ def _turns(forced: str | Sequence[int], known: Known | None, most: int, nu: floa
     if known is not None and isinstance(forced, str) and forced == "auto":
         return (sorted({0.0, *(turn for turn in known.turns if turn <= most)}), known.drift) if known else None
     listed = _listed(forced, most, nu)
-    return None if listed is None else ([0.0, *(j / nu for j in listed)], True)
+    drift = known is None or known.drift
+    return None if listed is None else ([0.0, *(j / nu for j in listed)], drift)
 
 
 def _base(chosen: tuple[list[float], bool] | None, fundamental: float, *, wanders: bool) -> Entries:
