@@ -49,8 +49,8 @@ ROUNDING = 1e-13
 SAFE = 1e-8
 """The share of a column that the columns before it must leave for its inverse to be had without eigenvalues."""
 
-NOTHING = 1e-12
-"""The root of the information on a parameter, over that on the best known, below which it is left where it is."""
+NOTHING = 1e-18
+"""The information on a parameter, over that on the best known, below which nothing is known of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,12 @@ class Held:
 
     def covariance(self) -> NDArray[np.float64]:
         """Of the real parameters (parameters, parameters): the sandwich of information and scatter."""
-        found = sandwich(self.information, self.gauss_newton)
+        size = np.diag(self.information)
+        told = np.flatnonzero(size > NOTHING * size.max(initial=0.0))
+        own = np.ix_(told, told)
+        # What nothing is known of may be anything, up to another branch.
+        found = np.diag(np.full(len(size), self.entries.fundamental**2))
+        found[own] = sandwich(self.information[own], self.gauss_newton[own])
         return found if self.further is None else found + np.diag(self.further)
 
 
@@ -213,7 +218,7 @@ def settled(
         if not len(now.gradient):
             break
         scale = np.sqrt(np.diag(now.information))
-        scale[scale <= NOTHING * scale.max()] = np.inf
+        scale[scale**2 <= NOTHING * scale.max() ** 2] = np.inf
         system = now.information / np.outer(scale, scale)
         while damping < 1e8:
             step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale

@@ -64,6 +64,8 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
     state, clusters = _with_clusters(state)
     noise = noise_of(state.blocks, state.held, limits.floor)
     state = state.with_noise(limits.floor)
+    further = state.held.further
+    state = state.with_fit(replace(settled(state.blocks, state.held, hold=True), further=further))
     rests = rests_of(state.blocks, state.held, limits.floor)
     peak = strongest(state.blocks, rests, 2.0 * np.pi / state.held.entries.fundamental, EXPECTED)
     return Searched(state.blocks, state.held, bands, peak, tuple(rests), _misfit(state, rests, noise), clusters)
@@ -216,7 +218,7 @@ def _with_real_ones(state: State, bands: NDArray[np.int64]) -> tuple[State, NDAr
         free = np.flatnonzero(~entries.fixed)
         place = len(free) + int(np.searchsorted(free[~entries.real[free]], entry))
         off, std = abs(value.imag - 0.5 * half * omega), np.sqrt(max(state.held.covariance()[place, place], 0.0))
-        if off > min(abs(value.real), AXIS * std):
+        if off > min(max(abs(value.real), std), AXIS * std):
             continue
         turns = np.abs(np.append(entries.bands[entry], bands[entry]) + 0.5 * half).reshape(2, 2).max(axis=1)
         fitted, kept = (np.array([-(half // 2) - half % 2, int(np.floor(turn - 0.5 * half))]) for turn in turns)

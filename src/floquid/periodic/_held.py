@@ -207,9 +207,11 @@ def unselected(blocks: Sequence[Block], found: Held, bands: NDArray[np.int64], m
         scale = np.sqrt(np.maximum(np.diag(wide.information), 0.0))
         step = np.linalg.solve(wide.information, wide.gradient)
         if np.abs(step * scale).max(initial=0.0) > SHORT:
-            wide, step = settled(blocks, wide, at_rest=0.1, iterations=FEW), np.zeros(0)
-        whole = stepped(estimates_of(blocks, wide), parts_of(wide.entries) @ step) if len(step) else None
-        whole = estimates_of(blocks, wide) if whole is None else whole
+            wide = settled(blocks, wide, at_rest=0.1, iterations=FEW)
+        else:
+            start = tuple(own.coefficients for own in wide.linear)
+            wide = evaluated(blocks, wide.entries.moved(step), start)
+        whole = estimates_of(blocks, wide)
     except (IdentificationError, np.linalg.LinAlgError):
         return None
     size = np.abs(found.entries.exponents + 1j * found.entries.fundamental * found.entries.offsets)[free]

@@ -7,12 +7,12 @@ a revolution; a drift is one of multiplier 1 that grows with time. Neither is a 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lifting import Lifted
+from floquid.lifting import Lifted, largest_values
 from floquid.lti import ERA, ModalModel, TimeResponses
 
 GENEROUS = 64
@@ -23,6 +23,12 @@ MERGED = 1.0
 
 TOLD = 1e-3
 """The share of a known column beyond the poles below which it is not told from them."""
+
+BESIDE = (2, 3, 4, 5, 6)
+"""Lines beside that of a known multiplier by which the noise there is judged."""
+
+ENOUGH = 6
+"""Columns that must be left beside the poles for that."""
 
 CERTAIN = 1e-9
 """The probability at which noise may pass for a forced response."""
@@ -50,7 +56,18 @@ class Known:
         return bool(self.roots) or self.drift
 
     def basis(self, n_cycles: int) -> NDArray[np.float64]:
-        """Orthonormal columns over the cycles (cycles, columns)."""
+        """Orthonormal columns over the cycles (cycles, columns).
+
+        Parameters
+        ----------
+        n_cycles
+            The cycles of a hit.
+
+        Returns
+        -------
+        numpy.ndarray
+            The columns.
+        """
         columns = [part for root in self.roots for part in columns_of(root, n_cycles)]
         if self.drift:
             columns.append(_drift(n_cycles))
@@ -110,7 +127,7 @@ def without_known(
             known = less
     if not known:
         return lifted, known, modal
-    free, turns = _subtracted(lifted, poles, known, nu, speeds)
+    free, turns = _subtracted(lifted, poles, known, speeds)
     return free, Known(known.roots, known.drift, turns), modal
 
 
@@ -155,10 +172,28 @@ def _gain(lifted: Lifted, poles: NDArray[np.complex128], less: Known, more: Know
         left = values - (values @ basis) @ basis.T - seen @ extra.T
         free = max(length - basis.shape[1] - extra.shape[1], 1)
         noise = lifted.by_channel(np.sum(left**2, axis=1)[:, None] / free).mean(axis=1)[:, 0]
+        # Noise that is coloured is loudest near some multiplier: what lies beside the known one says how loud there.
+        beside = _beyond(np.concatenate([basis, extra], axis=1), _neighbours(less, more, length))
+        if beside.shape[1] >= ENOUGH:
+            near = np.sum((left @ beside) ** 2, axis=1) / beside.shape[1]
+            noise = np.maximum(noise, lifted.by_channel(near[:, None]).mean(axis=1)[:, 0])
         power = lifted.by_channel(np.sum(seen**2, axis=1)[:, None]).sum(axis=1)[:, 0]
-        floor = (np.broadcast_to(lifted.floor, (lifted.n_channels, lifted.n_hits))[:, hit]) ** 2
-        total += float(np.sum(power / np.maximum(noise, floor * np.max(power, initial=1e-300))))
+        total += float(np.sum(power / np.maximum(noise, _least(lifted)[:, hit])))
     return total
+
+
+def _neighbours(less: Known, more: Known, n_cycles: int) -> NDArray[np.float64]:
+    """Columns of frequencies beside those that only the second has, over the cycles (cycles, columns)."""
+    roots = set(more.roots) - set(less.roots) or {0.0}
+    turns = [root + sign * k / n_cycles for root in roots for k in BESIDE for sign in (1, -1)]
+    angles = 2.0 * np.pi * np.multiply.outer(np.arange(n_cycles), turns)
+    columns = np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
+    return np.asarray(np.linalg.qr(columns)[0], np.float64) if n_cycles > columns.shape[1] else columns[:, :0]
+
+
+def _least(lifted: Lifted) -> NDArray[np.float64]:
+    """The least variance that the noise is taken to have (channels, hits)."""
+    return (lifted.floor * largest_values(lifted.responses.values, lifted.n_channels)) ** 2 + 1e-300
 
 
 def _limit(lifted: Lifted, less: Known, more: Known) -> float:
@@ -175,12 +210,9 @@ def _subtracted(
     lifted: Lifted,
     poles: NDArray[np.complex128],
     known: Known,
-    nu: float,
     speeds: Sequence[NDArray[np.float64]] | None,
 ) -> tuple[Lifted, tuple[float, ...]]:
     """The responses without the known columns, and the turns a period of their harmonics above the noise."""
-    from dataclasses import replace
-
     data = lifted.responses
     values, found = np.array(data.values), []
     for hit, length in enumerate(data.lengths.tolist()):
@@ -198,7 +230,7 @@ def _subtracted(
         amplitudes = own @ inverse.T
         values[:, hit, :length] = own - amplitudes[:, : len(stack)] @ system[:, : len(stack)].T
         noise = np.sum((own - amplitudes @ system.T) ** 2, axis=1) / max(length - system.shape[1], 1)
-        noise = lifted.by_channel(noise[:, None]).mean(axis=1)[:, 0]
+        noise = np.maximum(lifted.by_channel(noise[:, None]).mean(axis=1)[:, 0], _least(lifted)[:, hit])
         spread = np.sum(inverse**2, axis=1)
         found.append(_harmonics(lifted, names, amplitudes[:, : len(names)], noise, spread[: len(names)]))
     turns = sorted({turn for each in found for turn in each})
@@ -224,7 +256,7 @@ def _harmonics(
         kernel = np.exp(-1j * omega * np.multiply.outer(turns, lifted.phase_times)) / lifted.n_phases
         shapes = lifted.by_channel(amplitudes[:, column : column + 1])[:, :, 0]
         power = np.abs(shapes @ kernel.T) ** 2
-        scale = np.maximum(noise, 1e-300)[:, None] * spread[column] / (2.0 * lifted.n_phases)
+        scale = noise[:, None] * spread[column] / (2.0 * lifted.n_phases)
         seen = (power / scale).sum(axis=0) > limit
         found |= {abs(float(turn)) for turn in turns[seen] if abs(turn) < 0.5 * lifted.n_phases - 1e-6}
     return found

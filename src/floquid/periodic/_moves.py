@@ -111,7 +111,8 @@ class State:
         """The same fit, the noise of the blocks being what it leaves."""
         noise = noise_of(self.blocks, self.held, floor)
         blocks = tuple(block.with_noise(noise[block.rows, block.hit]) for block in self.blocks)
-        return State(blocks, weighted(blocks, self.held.entries, self.held.linear))
+        held = weighted(blocks, self.held.entries, self.held.linear)
+        return State(blocks, replace(held, further=self.held.further))
 
     def with_fit(self, held: Held) -> State:
         """With another fit of the same blocks."""

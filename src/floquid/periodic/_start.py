@@ -63,7 +63,8 @@ def groups(modal: ModalModel, lifted: Lifted) -> Entries:
             if value.imag < 0.0:
                 value, ends = value.conjugate(), -ends[::-1]
             if found.real[r]:
-                value += 1j * OFF_AXIS * abs(value.real)
+                least = omega / int(lifted.responses.lengths.max())
+                value += 1j * OFF_AXIS * max(abs(value.real), least)
             exponents.append(value)
             bands.append(ends)
     return Entries.made(exponents, np.array(bands, np.int64).reshape(-1, 2), omega)

@@ -45,6 +45,11 @@ class Synchrony:
     slip: float
 
     @property
+    def sign(self) -> tuple[float, float]:
+        """The relative difference and its standard deviation."""
+        return self.relative, self.std
+
+    @property
     def broken(self) -> bool:
         """Whether the response's own period is significantly another one, by more than does no harm."""
         return abs(self.relative) > SIGNIFICANT * self.std and self.slip > NEGLIGIBLE_SLIP

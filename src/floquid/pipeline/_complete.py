@@ -74,6 +74,8 @@ def completed(
                 f"The record holds {max(hit.n_cycles for hit in cycles)} whole periods, too few for the {model.order} "
                 "poles that were found in it. Record longer, or check the period."
             )
+    elif fitted is not None:
+        lifted = lifted.with_noise(fitted.noise)
     choice, modal = start.choice, start.modal
     changed = modal is None or (fitted is not None and (unlike or not _alike(model, free)))
     if changed:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel, Record
+from floquid.errors import FloquidError
 from floquid.lifting import Lifted, largest_values
 from floquid.lti import ModalModel
 from floquid.order import Choice
@@ -16,6 +18,7 @@ from floquid.periodic import (
     NEGLIGIBLE_SLIP,
     SIGNIFICANT,
     Fit,
+    estimate_period,
     spacing,
     synchrony,
 )
@@ -34,6 +37,15 @@ BLURRED = 400.0
 MISFIT = 1.3
 """Times the noise that a fit may leave."""
 
+TURNED = 1.0
+"""The phase [rad] that the fundamental may slip while modes last, for one step of a fit to tell the period."""
+
+SEVERAL = 6
+"""Exponents from which on modes without a second harmonic may be harmonics that a wrong period tore apart."""
+
+FOLDED = 10.0
+"""Decays within which modes that fold onto one another may be one."""
+
 ROUNDED = 4.0
 """Deviations within which a period is a whole number of sampling intervals."""
 
@@ -51,22 +63,71 @@ def wrong_period(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> st
     return _words(prepared, model.period, found.relative, found.std)
 
 
-def wrong_own_period(fitted: Fit, lifted: Lifted, prepared: Prepared) -> str:
+def wrong_own_period(
+    fitted: Fit, lifted: Lifted, prepared: Prepared, report: Callable[[str], None] = lambda _: None
+) -> str:
     """The same by the fit of the samples, by the harmonics of a mode or by modes that a wrong period tore apart.
 
     A harmonic turns as the fundamental does, which is one more parameter; and modes of equal decay that lie apart by
-    nearly whole fundamentals are harmonics of one.
+    nearly whole fundamentals are harmonics of one. Where these say nothing sure, the period that the lines of the
+    response alone tell decides.
     """
     if prepared.shafts or prepared.settings.estimate_period:
         return ""
-    signs = [fitted.own_period] if fitted.own_period is not None else []
-    torn = spacing(fitted.model, lifted)
-    signs += [(torn.relative, torn.std)] if torn is not None else []
-    for relative, std in signs:
-        slip = abs(relative) * max(record.n_samples for record in prepared.responses)
-        if abs(relative) > SIGNIFICANT * std and slip > NEGLIGIBLE_SLIP:
-            return _words(prepared, fitted.model.period, relative, std)
-    return ""
+    model = fitted.model
+    samples = max(record.n_samples for record in prepared.responses)
+    cycles = max(record.duration for record in prepared.responses) / model.period
+    alive = min(cycles, 1.0 / max(np.abs(model.exponents.real).min() * model.period, 1e-300))
+    torn, vague = spacing(model, lifted), False
+    for relative, std in ([fitted.own_period] if fitted.own_period else []) + ([torn.sign] if torn else []):
+        if abs(relative) <= SIGNIFICANT * std or abs(relative) * samples <= NEGLIGIBLE_SLIP:
+            continue
+        # A step of many radians is none that one linearisation can tell: modes were torn apart, or are none.
+        if 2.0 * np.pi * abs(relative) * alive < TURNED or (torn is not None and (relative, std) == torn.sign):
+            return _words(prepared, model.period, relative, std)
+        vague = True
+    if not (vague or _single(model) or _folded(model)):
+        return ""
+    report("finding the period from the response alone")
+    estimate = _period_alone(prepared.responses)
+    if estimate is None:
+        return ""
+    own, deviation = estimate
+    share = max(own, model.period) / min(own, model.period)
+    if abs(share / round(share) - 1.0) <= SIGNIFICANT * deviation / own:
+        return ""
+    return _words(prepared, model.period, own / model.period - 1.0, deviation / model.period)
+
+
+def _single(model: PeriodicModel) -> bool:
+    """Whether there are several modes and none has a second harmonic, as where a wrong period tore them apart."""
+    several = (np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1
+    return model.order >= SEVERAL and not several.any()
+
+
+def _folded(model: PeriodicModel) -> bool:
+    """Whether two modes of equal decay are nearly whole fundamentals apart, as a wrong period tears one into."""
+    std = model.exponent_std
+    if std is None:
+        return False
+    values = model.exponents
+    gap = values[:, None] - values[None, :]
+    turns = np.rint(gap.imag / model.fundamental)
+    near = np.abs(gap.imag - turns * model.fundamental) < FOLDED * np.abs(values.real)
+    deviation = np.hypot(std.real[:, None], std.real[None, :])
+    alike = (np.abs(gap.real) < 5.0 * deviation) & (deviation < 0.5 * np.abs(values.real))
+    itself = np.abs(values[:, None] - values[None, :].conj()) == 0
+    pairs = near & alike & (turns != 0) & ~itself
+    return bool(2 * pairs.any(axis=1).sum() >= model.order)
+
+
+def _period_alone(records: Sequence[Record]) -> tuple[float, float] | None:
+    """The period that the response alone tells, and its deviation [s]; None where it does not."""
+    with suppress(FloquidError):
+        estimate = estimate_period(records)
+        if estimate.period is not None and estimate.period_std is not None:
+            return estimate.period, estimate.period_std
+    return None
 
 
 def _words(prepared: Prepared, period: float, relative: float, std: float) -> str:
