@@ -64,7 +64,10 @@ def completed(
     unlike = fitted is not None and (not cutting.synchronous or fitted.forced is not None)
     measured = fitted if unlike else None
     cycles, lifted, records = cutting.cycles, start.lifted, prepared.records
-    if fitted is not None and unlike:
+    if fitted is not None and not unlike:
+        # Whatever follows is weighted by the noise that the fit of the samples leaves, as that fit is.
+        lifted = lifted.with_noise(fitted.noise)
+    elif fitted is not None:
         report("resampling the free response")
         cycles, lifted = _lifted_again(prepared, fitted, settings)
         records = tuple(rejoin(hit) for hit in cycles)

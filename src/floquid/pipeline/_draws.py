@@ -99,7 +99,7 @@ def _fitted(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
     else:
         records = [_record(plan.lifted, own) for own in values]
         clocks = [ConstantPeriod(period=plan.lifted.period)] * len(records)
-    if plan.lifted is not None and (plan.modal is not None or plan.padding or plan.lifted.whitening is not None):
+    if plan.lifted is not None and (plan.modal is not None or plan.lifted.whitening is not None):
         lifted = _lifted(plan.lifted, plan.settings, values)
         found = (
             constrain(plan.fitted, lifted, choose=False).model

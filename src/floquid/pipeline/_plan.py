@@ -50,8 +50,6 @@ class Plan:
     """The responses, where they were lifted."""
     modal: ModalModel | None = None
     """The modal model, where residues were left free."""
-    padding: int = 0
-    """Harmonics that were fitted beyond those of `fitted`."""
     records: tuple[Record, ...] = ()
     """The records, where they were fitted as sampled: with their clocks' channels for `whole`, without otherwise."""
     rows: tuple[tuple[int, ...], ...] = ()
@@ -85,7 +83,6 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
             clean=tuple(clean),
             lifted=analysis.lifted,
             modal=analysis.modal if free else None,
-            padding=0 if free or model.estimates is not None else 1,
         )
     return _as_sampled(analysis, common)
 
