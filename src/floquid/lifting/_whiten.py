@@ -57,13 +57,31 @@ def whitening_filter(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64] |
     if most < 1 or not modal.order or lifted.responses.lengths.max() < FEWEST:
         return None
     correlations, numbers = _correlations(lifted, modal, most)
+    return filters_of(correlations, numbers)
+
+
+def filters_of(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """The shortest autoregressive filters that make noise of these autocorrelations white (channels, taps).
+
+    Parameters
+    ----------
+    correlations
+        The autocorrelation of each channel's noise, from lag zero on (channels, lags).
+    numbers
+        The samples that each is the mean of (channels,).
+
+    Returns
+    -------
+    numpy.ndarray or None
+        The filters, a channel of white noise with one that does nothing; None where all are white.
+    """
     coloured = _colours(correlations, numbers) > COLOURED
     coloured &= np.sum(correlations[:, 1:] ** 2, axis=1) > LEAST
     if not coloured.any():
         return None
     taps = np.eye(1)
     for order in ORDERS:
-        if order > most:
+        if order >= correlations.shape[1]:
             break
         taps = np.array([_autoregression(own, order) for own in correlations])
         left = np.array([_filtered(own, part) for own, part in zip(correlations, taps, strict=True)])

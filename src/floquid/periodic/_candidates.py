@@ -30,6 +30,9 @@ STEPS = 8
 PROMISED = 0.8
 """The share of what a mode must take out of the cost that a peak has to promise: it may lie between the lines."""
 
+LOUD = 100.0
+"""Times the limit from which on a line cannot be a peak of noise that is coloured."""
+
 REFUSALS = 3
 """Peaks in turn that may come to nothing before the search ends."""
 
@@ -81,7 +84,8 @@ def _peaks(state: State, rests: Sequence[Rest], limits: Limits, passed: Sequence
     period = 2.0 * np.pi / state.held.entries.fundamental
     least = PROMISED * float(chdtri(2 * state.rows, limits.mode_alarm))
     found = peaks(state.blocks, rests, period, EXPECTED, passed, most=AT_ONCE)
-    return [peak for peak in found if peak.gain > max(peak.limit, least)]
+    above = LOUD if limits.loud else 1.0
+    return [peak for peak in found if peak.gain > above * max(peak.limit, least)]
 
 
 def _added(state: State, rests: Sequence[Rest], found: Sequence[Peak], limits: Limits) -> State | None:

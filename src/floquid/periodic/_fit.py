@@ -14,13 +14,14 @@ from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Rec
 from floquid.errors import IdentificationError
 from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries
-from floquid.periodic._blocks import PLAIN, SPEED, SPEED_RATE, SPEED_SQUARED, TREND, Block, complex_of
+from floquid.periodic._blocks import PLAIN, SPEED, SPEED_RATE, SPEED_SQUARED, TREND, Block
 from floquid.periodic._candidates import forced_entries, with_lines
+from floquid.periodic._colour import filtered_blocks, residual_filter
 from floquid.periodic._constrained import evaluated, settled
 from floquid.periodic._evidence import coloured, evidence
 from floquid.periodic._final import finished
 from floquid.periodic._forced import ForcedResponse
-from floquid.periodic._held import model_of, shapes
+from floquid.periodic._held import estimates_of, model_of, shapes
 from floquid.periodic._known import Known
 from floquid.periodic._lifted_block import LiftedBlock
 from floquid.periodic._moves import ROUGHLY, Limits, State, joined, parted, released, with_bands, without_needless
@@ -71,6 +72,8 @@ class Fit:
         where the period was a parameter, the shaft tells it, or the response does not.
     misfit
         The rms of what is left over the level of its noise, the largest of all channels and hits; 1 where it is noise.
+    whitening
+        The filter of each channel along the record that made its noise white (channels, taps); None where it was.
     reasons, doubts
         What speaks for the modes found, and against them.
     """
@@ -82,6 +85,7 @@ class Fit:
     period_std: float | None
     own_period: tuple[float, float] | None
     misfit: float = 1.0
+    whitening: NDArray[np.float64] | None = None
     reasons: tuple[str, ...]
     doubts: tuple[str, ...]
 
@@ -189,6 +193,11 @@ def fit(
         begin = replace(begin, bands=np.tile([-harmonics, harmonics], (len(begin.exponents), 1)))
     state = _begun(samples.search, begin if samples.projected else base.joined(begin), limits)
     report("fitting the samples")
+    taps = None if lifted is None else lifted.whitening
+    if not isinstance(samples.final[0], LiftedBlock) and search:
+        # Few modes are there yet, none of them noise: what they leave tells its colour.
+        state, taps = _whitened(state, limits, report)
+        samples = replace(samples, search=state.blocks, final=state.blocks)
     state = _searched(state, limits, search, report)
     if samples.projected:
         # The forced response was at every phase for itself: now it has the harmonics that are there.
@@ -199,7 +208,9 @@ def fit(
     if auto:
         found = _without_noise(found)
     _check_order(found, order)
-    return _result(found, records, clocks, samples, free_period=free_period, noise_floor=noise_floor, search=search)
+    return _result(
+        found, records, clocks, samples, taps, free_period=free_period, noise_floor=noise_floor, search=search
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,6 +257,20 @@ def _begun(blocks: tuple[Block, ...], entries: Entries, limits: Limits) -> State
     return state.with_noise(limits.floor)
 
 
+def _whitened(
+    state: State, limits: Limits, report: Callable[[str], None]
+) -> tuple[State, NDArray[np.float64] | None]:
+    """The fit of the samples after the filter that whitens what the first modes leave, and that filter."""
+    loud = replace(limits, loud=True)
+    state = with_lines(state, loud, report)
+    taps = residual_filter(state.blocks, state.held)
+    after = None if taps is None else filtered_blocks(state.blocks, taps)
+    if taps is None or after is None:
+        return state, None
+    report(f"the noise is coloured along the record: whitened by {taps.shape[1] - 1} taps")
+    return _begun(after, state.held.entries, limits), taps
+
+
 def _searched(state: State, limits: Limits, search: bool, report: Callable[[str], None]) -> State:
     """With bands and modes changed until nothing does."""
     passed: list[float] = []
@@ -284,6 +309,7 @@ def _result(
     records: Sequence[Record],
     clocks: Sequence[ConstantPeriod | ShaftAngle],
     samples: _Samples,
+    taps: NDArray[np.float64] | None,
     *,
     free_period: bool,
     noise_floor: float,
@@ -312,10 +338,11 @@ def _result(
         model=model,
         forced=_forced(found, samples.nu, names, wanders=samples.wanders),
         noise=noise_of(found.blocks, found.held, noise_floor),
-        free=_free(records, found),
+        free=_free(records, clocks, found, samples.nu),
         period_std=period_std,
         own_period=None if isinstance(clocks[0], ShaftAngle) else period_step(found.held),
         misfit=found.misfit,
+        whitening=taps,
         reasons=reasons,
         doubts=(*doubts, *colour),
     )
@@ -460,19 +487,22 @@ def _forced(found: Searched, nu: float, channels: tuple[Channel, ...], *, wander
     )
 
 
-def _free(records: Sequence[Record], found: Searched) -> tuple[Record, ...]:
+def _free(
+    records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], found: Searched, nu: float
+) -> tuple[Record, ...]:
     """The records without what is fixed in the fit."""
     entries = found.held.entries
     if not entries.fixed.any():
         return tuple(records)
-    columns = entries.columns()
-    values = [np.full(record.values.shape, np.nan) for record in records]
-    for block, linear in zip(found.blocks, found.held.linear, strict=True):
-        coefficients = complex_of(linear.coefficients) * entries.fixed[columns.modes][:, None]
+    columns, whole = entries.columns(), estimates_of(found.blocks, found.held)
+    # A column without a sine counts once, the others with their conjugates.
+    share = np.where(entries.sines(), 1.0, 0.5) * entries.fixed[columns.modes]
+    values = [np.array(record.values) for record in records]
+    for block in record_blocks(records, clocks, nu)[0]:
+        coefficients = whole.coefficients[:, block.rows, block.hit] * share[:, None] * block.scales(columns)[:, None]
         _, left = block.rest(columns, coefficients)
-        own = values[block.hit]
         taken = ~np.isnan(records[block.hit].values[block.rows[0]])
-        own[np.ix_(block.rows, np.flatnonzero(taken))] = left
+        values[block.hit][np.ix_(block.rows, np.flatnonzero(taken))] = left
     for array in values:
         array.flags.writeable = False
     return tuple(replace(record, values=array) for record, array in zip(records, values, strict=True))

@@ -54,6 +54,8 @@ class Limits:
         See `choose`.
     floor
         The share of the largest free response that the noise is taken to be at least.
+    loud
+        Whether lines are looked for that are far above any noise alone, coloured or not.
     """
 
     most: int
@@ -64,6 +66,7 @@ class Limits:
     choose: bool = True
     width: int = 0
     floor: float = 1e-12
+    loud: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,6 +33,10 @@ class RecordBlock(Block):
     """The factors `SPEED`, `SPEED_SQUARED` and `SPEED_RATE`, of unit size (3, samples); None for a steady shaft."""
     ends: tuple[float, float] | None = None
     """What growth and trends are counted from, where it is not the first and the last of the times [s]."""
+    taps: NDArray[np.float64] | None = None
+    """The filter that the values went through (rows, taps); None where there was none."""
+    before: RecordBlock | None = None
+    """The samples that the filter had before the first, at a wandering speed: there it is applied to the columns."""
 
     @property
     def n_samples(self) -> int:
@@ -72,6 +76,42 @@ class RecordBlock(Block):
         """The same samples as those of another hit, and of other channels."""
         return replace(self, hit=hit, rows=rows)
 
+    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+        """What the filter multiplies e^{st} by, or its slope (rows, rates): 1 where the columns go through it."""
+        if self.taps is None or self.before is not None:
+            return super().gain(rates, slope=slope)
+        delays = np.arange(self.taps.shape[1]) * self.interval
+        weights = -delays * self.taps if slope else self.taps
+        return np.asarray(weights @ np.exp(-np.multiply.outer(delays, rates)), np.complex128)
+
+    @property
+    def interval(self) -> float:
+        """The sampling interval [s]."""
+        return float(np.median(np.diff(self.times)))
+
+    def filtered(self, taps: NDArray[np.float64]) -> RecordBlock | None:
+        """The block after a filter along the record (rows, taps); None where samples are missing between others."""
+        order, interval = taps.shape[1] - 1, self.interval
+        if len(self.times) <= 2 * order or np.ptp(np.diff(self.times)) > 1e-6 * interval:
+            return None
+        n = len(self.times) - order
+        values = np.zeros((len(self.rows), n))
+        for i in range(order + 1):
+            values += taps[:, i, None] * self.values[:, order - i : order - i + n]
+
+        def cut(part: slice) -> dict[str, NDArray[np.float64] | None]:
+            return {
+                "times": self.times[part],
+                "angles": None if self.angles is None else self.angles[part],
+                "speeds": None if self.speeds is None else self.speeds[:, part],
+            }
+
+        ends, early = (self.first, self.last), slice(0, order)
+        before = None
+        if self.angles is not None and order:
+            before = replace(self, **cut(early), values=self.values[:, early], ends=ends)
+        return replace(self, **cut(slice(order, None)), values=values, ends=ends, taps=taps, before=before)
+
     @cached_property
     def largest(self) -> NDArray[np.float64]:
         """The largest size of a sample (rows,)."""
@@ -98,8 +138,7 @@ class RecordBlock(Block):
         seen, late, left = np.zeros((n, rows)), np.zeros((n, rows)), np.zeros(rows)
         weights = _weights(coefficients)
         for chunk in self._chunks():
-            both = self._columns(columns, chunk)
-            timed = both * self.times[chunk, None]
+            both, timed = self._with_times(columns, chunk)
             rest = self.values[:, chunk] - weights @ both.T
             gram += both.T @ both
             mixed += both.T @ timed
@@ -115,11 +154,40 @@ class RecordBlock(Block):
             return None
         return EvenColumns.of(columns, self.times, self.step, middle=self.middle, half=self.half)
 
+    def _with_times(self, columns: Columns, chunk: slice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The columns, and the columns times t (samples, 2 columns)."""
+        if self.before is not None:
+            return self._through(columns, chunk)
+        both = self._columns(columns, chunk)
+        return both, both * self.times[chunk, None]
+
+    def _through(self, columns: Columns, chunk: slice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The same after the filter, which is one for all rows."""
+        assert self.before is not None
+        assert self.taps is not None
+        plain, order = replace(self, before=None, taps=None), self.taps.shape[1] - 1
+        parts = [plain._columns(columns, slice(max(chunk.start - order, 0), chunk.stop))]  # noqa: SLF001  # its own class
+        times = [self.times[max(chunk.start - order, 0) : chunk.stop]]
+        missing = max(order - chunk.start, 0)
+        if missing:
+            last = slice(order - missing, order)
+            parts.insert(0, self.before._columns(columns, last))  # noqa: SLF001  # its own class
+            times.insert(0, self.before.times[last])
+        whole, instants = np.concatenate(parts), np.concatenate(times)[:, None]
+        timed, n = whole * instants, len(whole) - order
+        both, late = np.zeros((n, whole.shape[1])), np.zeros((n, whole.shape[1]))
+        for i, tap in enumerate(self.taps[0]):
+            both += tap * whole[order - i : order - i + n]
+            late += tap * timed[order - i : order - i + n]
+        return both, late
+
     def _chunks(self) -> list[slice]:
         return [slice(first, first + CHUNK) for first in range(0, self.n_samples, CHUNK)]
 
     def _columns(self, columns: Columns, chunk: slice) -> NDArray[np.float64]:
         """Re z and Im z beside each other (samples, 2 columns)."""
+        if self.before is not None:
+            return self._through(columns, chunk)[0]
         times = self.times[chunk]
         angles = columns.fundamental * times if self.angles is None else self.angles[chunk]
         grows = columns.exponents.real > 0
@@ -199,6 +267,22 @@ class GappyBlock(Block):
         whole, holes = self.whole.sums(columns, coefficients), self.holes.sums(columns, coefficients)
         names = ("gram", "mixed", "slopes", "seen", "late", "left")
         return Sums(*(getattr(whole, name) - getattr(holes, name) for name in names))
+
+    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+        """What the filter multiplies e^{st} by, or its slope (rows, rates)."""
+        return self.whole.gain(rates, slope=slope)
+
+    def filtered(self, taps: NDArray[np.float64]) -> GappyBlock | None:
+        """The block after a filter along the record (rows, taps), of samples that have all their past."""
+        whole, order = self.whole.filtered(taps), taps.shape[1] - 1
+        there = np.zeros(len(self.whole.times), bool)
+        there[self.taken] = True
+        past = np.lib.stride_tricks.sliding_window_view(there, order + 1).all(axis=1)
+        if whole is None or past.mean() < ENOUGH:
+            return None
+        ends = (self.whole.first, self.whole.last)
+        holes = replace(whole, times=whole.times[~past], values=whole.values[:, ~past], ends=ends)
+        return GappyBlock(whole, holes, np.flatnonzero(past))
 
     @staticmethod
     def of(grid: RecordBlock, values: NDArray[np.float64], taken: NDArray[np.bool_]) -> GappyBlock | None:

@@ -80,6 +80,11 @@ class Analysis:
         return self.lifted.noise if self.fit is None else self.fit.noise
 
     @property
+    def whitening(self) -> NDArray[np.float64] | None:
+        """The filter of each channel along the record that made its noise white (channels, taps); None without one."""
+        return self.lifted.whitening if self.fit is None else self.fit.whitening
+
+    @property
     def provenance(self) -> Provenance:
         """Where the result comes from."""
         return self.model.provenance

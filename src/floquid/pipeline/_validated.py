@@ -40,7 +40,7 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
             clocks,
             noise=analysis.noise,
             state=analysis.state,
-            whitening=analysis.lifted.whitening if analysis.fit is None else None,
+            whitening=analysis.whitening,
             periods_per_revolution=analysis.settings.periods_per_revolution,
             report=report,
         )
