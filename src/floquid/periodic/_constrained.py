@@ -102,10 +102,13 @@ class Held:
     gauss_newton: NDArray[np.float64]
     information: NDArray[np.float64]
     by_column: ByColumn
+    further: NDArray[np.float64] | None = None
+    """What is added to the variances of the real parameters (parameters,): modes that are clusters. None for nothing."""
 
     def covariance(self) -> NDArray[np.float64]:
         """Of the real parameters (parameters, parameters): the sandwich of information and scatter."""
-        return sandwich(self.information, self.gauss_newton)
+        found = sandwich(self.information, self.gauss_newton)
+        return found if self.further is None else found + np.diag(self.further)
 
 
 def evaluated(blocks: Sequence[Block], entries: Entries, start: tuple[NDArray[np.float64], ...] | None = None) -> Held:

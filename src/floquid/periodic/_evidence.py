@@ -53,7 +53,7 @@ def evidence(found: Searched) -> tuple[tuple[str, ...], tuple[str, ...]]:
         f"{words} found one after another in the spectrum of what is left, none of them explained by noise or as a "
         "harmonic of another."
     )
-    against = (*doubles(found), *combinations(found))
+    against = (*clusters(found), *doubles(found), *combinations(found))
     share = peak.gain / peak.limit
     where = f"{abs(peak.exponent.imag) / (2.0 * np.pi):.4g} Hz"
     text = f"The strongest peak that is left, at {where}, is {share:.2f} of the highest that noise alone mostly has"
@@ -106,6 +106,16 @@ def coloured(found: Searched) -> tuple[str, ...]:
         "where it is quiet; a weak mode where it is loud may be noise."
     )
     return (sentence,)
+
+
+def clusters(found: Searched) -> tuple[str, ...]:
+    """Modes whose harmonics do not have one exponent, a sentence each."""
+    entries = found.held.entries
+    return tuple(
+        f"The mode at {abs(entries.exponents[entry].imag) / (2.0 * np.pi):.4g} Hz is most likely a cluster of several "
+        "that fold onto one another: its harmonics ask for different exponents. Its deviation covers them."
+        for entry in found.clusters
+    )
 
 
 def doubles(found: Searched) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from floquid.periodic._held import chosen_bands, shapes
 from floquid.periodic._moves import Limits, State, coefficients_of
 from floquid.periodic._peaks import Rest, strongest
 from floquid.periodic._residual import noise_of, rests_of
+from floquid.periodic._scores import differences, equality, spread_of_harmonics
 from floquid.periodic._searched import Searched
 
 LOOSE = 0.02
@@ -28,6 +29,15 @@ PADDING = 1
 CROWDED = 1.0
 """Decays of two modes together within which harmonics of theirs count as one."""
 
+DOUBTFUL = 1e-3
+"""The probability of harmonics of one exponent at which a mode gets more room."""
+
+CLUSTER = 1e-3
+"""The same at which a mode is taken for several that are not told apart."""
+
+ROOM = 2
+"""Harmonics more on each side then."""
+
 AXIS = 6.0
 """Deviations from the axis up to which it is tried to take a multiplier for a real one."""
 
@@ -37,7 +47,10 @@ UNTOLD = 0.5
 
 def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -> Searched:
     """The fit with its final bands, its real multipliers, and the period if it is a parameter."""
-    state, bands = centred(*with_final_bands(state, limits))
+    state, bands = with_final_bands(state, limits)
+    if limits.choose:
+        state = _with_room(state, limits)
+    state, bands = centred(state, bands)
     if search:
         state, bands = _with_real_ones(state, bands)
     if free_period:
@@ -45,11 +58,12 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
         state = state.with_fit(settled(state.blocks, replace(state.held.entries, free_period=True), hold=True))
     if search:
         state, bands = _without_untold(state, bands)
+    state, clusters = _with_clusters(state)
     noise = noise_of(state.blocks, state.held, limits.floor)
     state = state.with_noise(limits.floor)
     rests = rests_of(state.blocks, state.held, limits.floor)
     peak = strongest(state.blocks, rests, 2.0 * np.pi / state.held.entries.fundamental, EXPECTED)
-    return Searched(state.blocks, state.held, bands, peak, tuple(rests), _misfit(state, rests, noise))
+    return Searched(state.blocks, state.held, bands, peak, tuple(rests), _misfit(state, rests, noise), clusters)
 
 
 def _misfit(state: State, rests: list[Rest], noise: NDArray[np.float64]) -> float:
@@ -81,6 +95,57 @@ def with_final_bands(state: State, limits: Limits) -> tuple[State, NDArray[np.in
         # A weak mode ran away where it was given more harmonics than it can be told to have.
         fitted = np.where(away[:, None], entries.bands, fitted)
     return state.with_fit(settled(state.blocks, state.held, hold=True)), entries.bands
+
+
+def _doubtful(held: Held, alarm: float) -> list[int]:
+    """The modes whose harmonics do not have one exponent, but for that probability each."""
+    from scipy.special import chdtrc
+
+    free = np.flatnonzero(~held.entries.fixed & ~held.entries.real)
+    tests = [(int(entry), *equality(held, int(entry))) for entry in free]
+    return [entry for entry, score, degrees in tests if degrees and chdtrc(degrees, score) < alarm]
+
+
+def _with_room(state: State, limits: Limits) -> State:
+    """With wider bands of modes whose harmonics do not agree, and of those that fold next to them.
+
+    What is left out of a mode on the lines of another bends that one.
+    """
+    doubtful, entries = _doubtful(state.held, DOUBTFUL), state.held.entries
+    if not doubtful:
+        return state
+    near = [
+        other
+        for other in np.flatnonzero(~entries.fixed & ~entries.real)
+        if any(other == one or _crowded(entries, int(one), int(other)) for one in doubtful)
+    ]
+    wider = entries.padded(ROOM, limits.most).bands
+    bands = entries.bands.copy()
+    bands[near] = wider[near]
+    held = state.settled(replace(entries, bands=bands), at_rest=1e-3, iterations=30)
+    if held is None or (held.entries.fixed != entries.fixed).any():
+        return state
+    return state.with_fit(held)
+
+
+def _crowded(entries: Entries, one: int, other: int) -> bool:
+    """Whether two modes fold next to one another."""
+    _, _, gap = differences(entries, one, other) or (1, 0, np.inf)
+    return abs(gap.imag) < CROWDED * (abs(entries.exponents[one].real) + abs(entries.exponents[other].real))
+
+
+def _with_clusters(state: State) -> tuple[State, tuple[int, ...]]:
+    """With the spread of the harmonics' own exponents in the variances of modes that are several, and which these are."""
+    clusters, held = _doubtful(state.held, CLUSTER), state.held
+    if not clusters:
+        return state, ()
+    entries, free = held.entries, np.flatnonzero(~held.entries.fixed)
+    further = np.zeros(len(held.gradient))
+    for entry in clusters:
+        decay, turn = spread_of_harmonics(held, entry)
+        further[int(np.searchsorted(free, entry))] = decay
+        further[len(free) + int(np.searchsorted(free[~entries.real[free]], entry))] = turn
+    return state.with_fit(replace(held, further=further)), tuple(clusters)
 
 
 def centred(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.int64]]:
@@ -115,31 +180,23 @@ def _padded(entries: Entries, bands: NDArray[np.int64], most: int) -> Entries:
 
     There the two would tell nothing apart, and the other one takes what is left out.
     """
-    padded, omega = replace(entries, bands=bands).padded(PADDING, most).bands, entries.fundamental
-    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
-        own = entries.exponents[entry]
-        taken = [
-            (sign * (value.imag + (m + offset) * omega) - own.imag) / omega
-            for other, (value, offset) in enumerate(zip(entries.exponents, entries.offsets, strict=True))
-            if other != entry and not entries.fixed[other]
-            for m in range(entries.bands[other, 0], entries.bands[other, 1] + 1)
-            for sign in (1, -1)
-            if CROWDED * (abs(value.real) + abs(own.real))
-            > _off_line(sign * (value.imag + offset * omega) - own.imag, omega)
-        ]
-        crowded = {round(turn) for turn in taken}
+    padded = replace(entries, bands=bands).padded(PADDING, most).bands
+    free = np.flatnonzero(~entries.fixed & ~entries.real)
+    for entry in free:
+        taken: set[int] = set()
+        for other in free:
+            if other == entry or not _crowded(entries, int(entry), int(other)):
+                continue
+            sign, turns, _ = differences(entries, int(entry), int(other)) or (1, 0, 0j)
+            ends = sign * entries.bands[other] + turns
+            taken |= set(range(int(ends.min()), int(ends.max()) + 1))
         low, high = entries.bands[entry]
-        while low > padded[entry, 0] and low - 1 not in crowded:
+        while low > padded[entry, 0] and low - 1 not in taken:
             low -= 1
-        while high < padded[entry, 1] and high + 1 not in crowded:
+        while high < padded[entry, 1] and high + 1 not in taken:
             high += 1
         padded[entry] = low, high
     return replace(entries, bands=padded)
-
-
-def _off_line(gap: float, omega: float) -> float:
-    """How far a difference is from whole fundamentals."""
-    return abs(gap - omega * round(gap / omega))
 
 
 def criterion(state: State, found: Held) -> float:

@@ -228,9 +228,17 @@ def without_needless(state: State, limits: Limits) -> State:
         bounds = {int(e): limit_of(state, entries.picked([e]), limits.mode_alarm) for e in those}
         ranked = sorted(those.tolist(), key=lambda e: rises[e] / bounds[e])
         for entry in ranked:
-            if rises[entry] > REFITTED * bounds[entry] or complex(entries.exponents[entry]) in refused:
+            if complex(entries.exponents[entry]) in refused:
                 continue
+            if rises[entry] > REFITTED * bounds[entry]:
+                less = _shared(state, entry, limits) if not entries.fixed[entry] else None
+                if less is None:
+                    continue
+                state = state.with_fit(less)
+                break
             less = _without(state, entry, bounds[entry])
+            if less is None and not entries.fixed[entry]:
+                less = _shared(state, entry, limits)
             if less is not None:
                 state = state.with_fit(less)
                 break
@@ -251,6 +259,38 @@ def _without(state: State, entry: int, bound: float) -> Held | None:
         with suppress(IdentificationError, np.linalg.LinAlgError):
             now = settled(state.blocks, now, at_rest=ROUGHLY, hold=True)
     return now if now.cost < state.held.cost + bound else None
+
+
+def _shared(state: State, entry: int, limits: Limits) -> Held | None:
+    """The fit without one entry, its harmonics given to all modes that fold next to it; None where that is no better.
+
+    Where two modes share a line, what is found there by itself lies between them.
+    """
+    from scipy.special import chdtri
+
+    entries = state.held.entries
+    if entries.real[entry] or entries.bands[entry, 1] - entries.bands[entry, 0] > 1:
+        return None
+    bands, takers = entries.bands.copy(), 0
+    for other in np.flatnonzero(~entries.fixed & ~entries.real):
+        if other == entry:
+            continue
+        sign, m, gap = differences(entries, int(other), entry) or (1, 0, np.inf)
+        ends = sign * entries.bands[entry] + m
+        apart = max(ends.min() - bands[other, 1], bands[other, 0] - ends.max())
+        if abs(gap) > abs(entries.exponents[entry].real) + abs(entries.exponents[other].real) or apart > 1:
+            continue
+        bands[other] = min(bands[other, 0], ends.min()), max(bands[other, 1], ends.max())
+        takers += 1
+    if takers < 2:
+        return None
+    trial = replace(entries, bands=bands).picked([k for k in range(len(bands)) if k != entry])
+    more = coefficients_of(trial) - coefficients_of(entries)
+    now = state.settled(trial)
+    if now is None:
+        return None
+    allowed = float(chdtri(2, STRICT)) - 2.0 * state.rows * max(more, 0)
+    return now if now.cost < state.held.cost + allowed else None
 
 
 def joined(state: State, limits: Limits) -> State:

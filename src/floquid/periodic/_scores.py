@@ -78,15 +78,35 @@ class ColumnsLeft:
 
 def equality(held: Held, entry: int) -> tuple[float, int]:
     """The chi-square of the harmonics of a mode having one exponent, and its degrees of freedom (Rao's score test)."""
-    ties = held.entries.ties()
-    columns = np.flatnonzero(held.entries.columns().modes == entry)
+    columns, ties = np.flatnonzero(held.entries.columns().modes == entry), held.entries.ties()
     if len(columns) < 2:
         return 0.0, 0
+    gain = score_gain(held, _parted(ties, columns)) - score_gain(held, ties)
+    return max(gain, 0.0), 2 * (len(columns) - 1)
+
+
+def spread_of_harmonics(held: Held, entry: int) -> tuple[float, float]:
+    r"""The weighted variance of the exponents that the harmonics of a mode ask for by themselves, of both parts [1/s²].
+
+    .. math:: s^2 = \sum_m w_m (\lambda_m - \bar\lambda)^2 \Big/ \sum_m w_m, \qquad w_m = 1/\operatorname{var} \lambda_m
+    """
+    columns, ties = np.flatnonzero(held.entries.columns().modes == entry), held.entries.ties()
+    gradient, _, information = held.by_column.tied(_parted(ties, columns))
+    inverse, count = _solved(information, np.eye(len(information))), len(columns)
+    step, variance = inverse @ gradient, np.maximum(np.diag(inverse), 1e-300)
+    found = []
+    for part in (slice(-2 * count, -count), slice(-count, None)):
+        own, weight = step[part], 1.0 / variance[part]
+        mean = float(own @ weight / weight.sum())
+        found.append(float((own - mean) ** 2 @ weight / weight.sum()))
+    return found[0], found[1]
+
+
+def _parted(ties: NDArray[np.float64], columns: NDArray[np.intp]) -> NDArray[np.float64]:
+    """The ties of the other modes, then a decay of its own for each of these columns, then a frequency."""
     count, rows = ties.shape[1] // 2, np.eye(ties.shape[1])
     others = ties[~ties[:, np.concatenate([columns, count + columns])].any(axis=1)]
-    free = np.concatenate([others, rows[columns], rows[count + columns]])
-    gain = score_gain(held, free) - score_gain(held, ties)
-    return max(gain, 0.0), 2 * (len(columns) - 1)
+    return np.concatenate([others, rows[columns], rows[count + columns]])
 
 
 def best_cut(held: Held, entry: int) -> Cut | None:

@@ -24,3 +24,5 @@ class Searched:
     """What is left of each block."""
     misfit: float = 1.0
     """The rms of what is left over the level of its noise, the largest of all responses."""
+    clusters: tuple[int, ...] = ()
+    """The entries whose harmonics do not have one exponent."""

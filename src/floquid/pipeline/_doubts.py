@@ -16,6 +16,7 @@ from floquid.periodic import (
     NEGLIGIBLE_SLIP,
     SIGNIFICANT,
     Fit,
+    spacing,
     synchrony,
 )
 from floquid.pipeline._prepare import Prepared
@@ -50,15 +51,22 @@ def wrong_period(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> st
     return _words(prepared, model.period, found.relative, found.std)
 
 
-def wrong_own_period(fitted: Fit, prepared: Prepared) -> str:
-    """The same by the harmonics of the fit of the samples, whose fundamental is one more parameter."""
-    if fitted.own_period is None or prepared.settings.estimate_period:
+def wrong_own_period(fitted: Fit, lifted: Lifted, prepared: Prepared) -> str:
+    """The same by the fit of the samples, by the harmonics of a mode or by modes that a wrong period tore apart.
+
+    A harmonic turns as the fundamental does, which is one more parameter; and modes of equal decay that lie apart by
+    nearly whole fundamentals are harmonics of one.
+    """
+    if prepared.shafts or prepared.settings.estimate_period:
         return ""
-    relative, std = fitted.own_period
-    slip = abs(relative) * max(record.n_samples for record in prepared.responses)
-    if abs(relative) <= SIGNIFICANT * std or slip <= NEGLIGIBLE_SLIP:
-        return ""
-    return _words(prepared, fitted.model.period, relative, std)
+    signs = [fitted.own_period] if fitted.own_period is not None else []
+    torn = spacing(fitted.model, lifted)
+    signs += [(torn.relative, torn.std)] if torn is not None else []
+    for relative, std in signs:
+        slip = abs(relative) * max(record.n_samples for record in prepared.responses)
+        if abs(relative) > SIGNIFICANT * std and slip > NEGLIGIBLE_SLIP:
+            return _words(prepared, fitted.model.period, relative, std)
+    return ""
 
 
 def _words(prepared: Prepared, period: float, relative: float, std: float) -> str:

@@ -106,7 +106,7 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     if model is None or (settings.constrained and model.covariance is not None and not equal_multipliers(model)):
         fitted = _fitted(prepared, cutting, start, model, settings, report)
         if not (doubt or missing):
-            doubt = _refused(prepared, wrong_own_period(fitted, prepared))
+            doubt = _refused(prepared, wrong_own_period(fitted, start.lifted, prepared))
     return completed(prepared, cutting, start, model, fitted, settings, (missing, doubt), report)
 
 
