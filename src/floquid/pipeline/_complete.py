@@ -18,7 +18,7 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._doubts import ambiguity, below_modes, misfit, warnings, wrong_angles
 from floquid.pipeline._prepare import Prepared, unsteady
 from floquid.pipeline._settings import Settings
-from floquid.pipeline._start import Lifting, Start, filled, steady_clock
+from floquid.pipeline._start import BRIDGED, Lifting, Start, filled, steady_clock
 from floquid.pipeline._state import state_of
 from floquid.sync import rejoin, resample
 
@@ -114,7 +114,7 @@ def completed(
         shafts=shafts,
         held=fitted is not None,
         periodicity=tested,
-        synchronisation=(*said, *(() if measured is None else _said_of(measured, cutting.synchronous))),
+        synchronisation=(*said, *(() if measured is None else _said_of(measured, _out_of_step(prepared, cutting)))),
         warnings=tuple(" ".join(word.split()) for word in (missing, doubt, bent, *uneven, blurred) if word)
         + ambiguity(choice)
         + (() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None))
@@ -136,7 +136,7 @@ def _lifted_again(prepared: Prepared, fitted: Fit, settings: Settings) -> tuple[
     period = fitted.model.period
     pairs = zip(_clocks(prepared, fitted), fitted.free, strict=True)
     steady = [steady_clock(clock, record, period) for clock, record in pairs]
-    bridged = filled(fitted.free, [np.inf] * len(steady))
+    bridged = filled(fitted.free, [BRIDGED * period] * len(steady))
     cycles = resample(bridged, steady)
     return cycles, lift(cycles, floor=settings.noise_floor)
 
@@ -147,10 +147,23 @@ def _clocks(prepared: Prepared, fitted: Fit) -> tuple:
     return prepared.clocks if prepared.shafts or any(clock is None for clock in own) else own
 
 
-def _said_of(found: Fit, synchronous: bool) -> tuple[str, ...]:
-    """The forced response, in words."""
+def _out_of_step(prepared: Prepared, cutting: Lifting) -> str:
+    """Why records are not whole samples a period as they are; empty where they are."""
+    if cutting.synchronous:
+        return ""
+    if prepared.shafts:
+        return "a shaft angle that is measured"
+    if prepared.settings.estimate_period:
+        return "a period that is fitted too"
+    if any(np.isnan(record.values).any() for record in prepared.responses):
+        return "missing samples"
+    return "a period that is no whole number of samples"
+
+
+def _said_of(found: Fit, why: str) -> tuple[str, ...]:
+    """Why the samples were fitted at their own times, if they were, and the forced response."""
     forced = found.forced
-    said = [] if synchronous else ["Fitted as sampled: the record is no whole number of samples a period as it is."]
+    said = [f"Fitted as sampled: {why}."] if why else []
     if forced is None:
         return tuple(said)
     if len(forced.harmonics):
