@@ -260,7 +260,9 @@ def test_harmonics_that_are_held_out_are_warned_of():
     for seed in range(20):
         lifted = lift(segment(records(model, noise=0.03, seed=seed))).with_noise(np.full((3, 1), 0.03))
         clocks = [ConstantPeriod(period=PERIOD)]
-        misfits.append(fit(records(model, noise=0.03, seed=seed), clocks, start=Entries.of(model), lifted=lifted).misfit)
+        misfits.append(
+            fit(records(model, noise=0.03, seed=seed), clocks, start=Entries.of(model), lifted=lifted).misfit
+        )
     assert_allclose(misfits, 1.0, atol=0.1)
     assert np.std(misfits) > 1e-3
     made = records(model, noise=0.03)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Estimates, PeriodicModel
+from floquid.core import ConstantPeriod, Cycles, Estimates, PeriodicModel, Record
 from floquid.errors import IdentificationError
-from floquid.lifting import Lifted, lift
+from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
@@ -20,7 +20,7 @@ from floquid.pipeline._prepare import Prepared, unsteady
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import BRIDGED, Lifting, Start, filled, steady_clock
 from floquid.pipeline._state import state_of
-from floquid.sync import rejoin, resample
+from floquid.sync import ShaftAngle, rejoin, resample, segment
 
 
 def completed(
@@ -66,10 +66,11 @@ def completed(
     cycles, lifted, records = cutting.cycles, start.lifted, prepared.records
     if fitted is not None and not unlike:
         # Whatever follows is weighted by the noise that the fit of the samples leaves, as that fit is.
-        lifted = lifted.with_noise(fitted.noise)
+        lifted = start.whole.with_noise(fitted.noise)
+        model = replace(model, provenance=lifted.provenance)
     elif fitted is not None:
         report("resampling the free response")
-        cycles, lifted = _lifted_again(prepared, fitted, settings)
+        cycles, lifted = _lifted_again(prepared, cutting, fitted, settings)
         records = tuple(rejoin(hit) for hit in cycles)
         model = replace(model, provenance=lifted.provenance)
         if model.order >= max(hit.n_cycles for hit in cycles) - 1:
@@ -87,8 +88,7 @@ def completed(
     def again(exponents: NDArray[np.complex128]) -> Estimates:
         if measured is None:
             return estimate_at(model, exponents, lifted=lifted)
-        own = measured.free, prepared.clocks, measured.noise, measured.forced
-        return estimate_at(model, exponents, records=own[0], clocks=own[1], noise=own[2], forced=own[3])
+        return by_samples(replace(measured, model=model), prepared.clocks, exponents)
 
     state, refinement = state_of(model, settings, again, report)
     shafts = prepared.shafts
@@ -110,7 +110,7 @@ def completed(
         refinement=refinement,
         choice=choice,
         fit=measured,
-        measured=prepared.records if unlike else (),
+        measured=whole_periods(prepared, cutting) if unlike else (),
         shafts=shafts,
         held=fitted is not None,
         periodicity=tested,
@@ -119,6 +119,21 @@ def completed(
         + ambiguity(choice)
         + (() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None))
         + warnings(model),
+    )
+
+
+def by_samples(
+    found: Fit, clocks: Sequence[ConstantPeriod | ShaftAngle], exponents: NDArray[np.complex128]
+) -> Estimates:
+    """The estimates of a fit, its samples linearised anew at given exponents."""
+    return estimate_at(
+        found.model,
+        exponents,
+        records=found.free,
+        clocks=clocks,
+        noise=found.noise,
+        whitening=found.whitening,
+        forced=found.forced,
     )
 
 
@@ -131,8 +146,31 @@ def _alike(model: PeriodicModel, other: PeriodicModel | None) -> bool:
     return bool((gaps.min(axis=0, initial=np.inf) < reach).all())
 
 
-def _lifted_again(prepared: Prepared, fitted: Fit, settings: Settings) -> tuple[tuple, Lifted]:
-    """The free response, resampled to whole samples a period and lifted: for the eye, not for the fit."""
+def whole_periods(prepared: Prepared, cutting: Lifting) -> tuple[Record, ...]:
+    """The samples that are fitted, as they were measured: those of whole periods where records are cut into them."""
+    if not cutting.synchronous:
+        return prepared.records
+    found = []
+    for record, clock, hit in zip(prepared.records, prepared.clocks, cutting.cycles, strict=True):
+        assert isinstance(clock, ConstantPeriod)
+        before = round(((hit.first_phase - clock.phase(record.start)) % 1.0) * hit.n_phases) % hit.n_phases
+        samples = slice(before, before + hit.n_cycles * hit.n_phases)
+        found.append(
+            replace(record, values=record.values[:, samples], start=record.start + before / record.sample_rate)
+        )
+    return tuple(found)
+
+
+def _lifted_again(
+    prepared: Prepared, cutting: Lifting, fitted: Fit, settings: Settings
+) -> tuple[tuple[Cycles, ...], Lifted]:
+    """The free response lifted, resampled to whole samples a period if it has none: for the eye, not for the fit."""
+    if cutting.synchronous:
+        cycles = segment(fitted.free)
+        lifted, taps = lift(cycles, floor=settings.noise_floor), fitted.whitening
+        if taps is not None and taps.shape[1] <= lifted.n_phases:
+            lifted = whitened(lifted, taps)
+        return cycles, lifted.with_noise(fitted.noise)
     period = fitted.model.period
     pairs = zip(_clocks(prepared, fitted), fitted.free, strict=True)
     steady = [steady_clock(clock, record, period) for clock, record in pairs]
