@@ -167,12 +167,11 @@ def test_modes_are_paired_whatever_their_order_and_branch():
 
 def test_the_quick_fit_and_that_of_lifted_responses_are_the_same():
     plan = plan_of(analysis("two hits"), False)
-    quick, slow = (draw(p, SeedSequence(3)) for p in (plan, dataclasses.replace(plan, padding=1)))
-    assert_allclose(quick.exponents, slow.exponents, atol=0.2 * np.abs(analysis("two hits").model.exponent_std).min())
+    quick = draw(plan, SeedSequence(3))
     bands = (plan.fitted.coefficients != 0).any(axis=(0, 1, 2))
     assert bands.sum() > (plan.model.coefficients != 0).any(axis=(0, 1, 2)).sum()
     lifted = draws_of._lifted(plan.lifted, plan.settings, noisy(plan, default_rng(SeedSequence(3))))
-    held = constrain(plan.fitted, lifted, choose=False, padding=0).model
+    held = constrain(plan.fitted, lifted, choose=False).model
     assert_allclose(quick.exponents, held.exponents, rtol=1e-9)
 
 

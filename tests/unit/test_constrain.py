@@ -12,7 +12,7 @@ from floquid.core import ConstantPeriod, PeriodicModel
 from floquid.errors import IdentificationError, InputError
 from floquid.lifting import lift, whitened
 from floquid.lti import fit_residues
-from floquid.periodic import assemble, constrain
+from floquid.periodic import assemble, constrain, fit
 from floquid.periodic._bands import Entries
 from floquid.periodic._constrained import evaluated
 from floquid.periodic._lifted_block import LiftedBlock
@@ -254,18 +254,21 @@ def test_a_model_of_other_responses_is_refused():
 
 
 def test_harmonics_that_are_held_out_are_warned_of():
-    """The misfit is that of chance where the bands are right."""
+    """What is left is noise where the bands are right."""
     model = system(channels=3)
     misfits = []
     for seed in range(20):
         lifted = lift(segment(records(model, noise=0.03, seed=seed))).with_noise(np.full((3, 1), 0.03))
-        misfits.append(constrain(near(model, lifted, off=0.0), lifted).misfit)
-    assert np.abs(misfits).max() < 4.0
-    assert np.std(misfits) > 0.4
+        clocks = [ConstantPeriod(period=PERIOD)]
+        misfits.append(
+            fit(records(model, noise=0.03, seed=seed), clocks, start=Entries.of(model), lifted=lifted).misfit
+        )
+    assert_allclose(misfits, 1.0, atol=0.1)
+    assert np.std(misfits) > 1e-3
     made = records(model, noise=0.03)
-    assert not any("held to their harmonics" in words for words in identify(made, constrained=True).warnings)
+    assert not any("times the noise" in words for words in identify(made, constrained=True).warnings)
     short = identify(made, constrained=True, harmonics=0)
-    assert any("held to their harmonics leave more than noise" in words for words in short.warnings)
+    assert any("times the noise: harmonics are missing" in words for words in short.warnings)
 
 
 def test_equal_multipliers_are_refused():
@@ -300,4 +303,6 @@ def test_the_chain_with_the_constrained_finish():
         pairing = pair_exponents(one.model.exponents, model.exponents, PERIOD)
         std = one.model.exponent_std[pairing.permutation]
         assert (np.abs(pairing.differences.real) < 4.5 * std.real).all()
-    assert (held.model.exponent_std.real < free.model.exponent_std.real).all()
+    # At equal noise: both estimate it, and that may differ by more than there is to be gained.
+    known, unknown = (np.sqrt(np.mean(one.noise**2)) / one.model.exponent_std.real for one in (held, free))
+    assert (known > unknown).all()

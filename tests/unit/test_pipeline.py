@@ -275,6 +275,14 @@ def test_a_channel_given_twice_is_refused():
 
 def test_an_offset_is_told_apart_from_the_modes():
     found = identify(ringing(pairs(TWO), offset=0.5))
+    assert_exponents_close(found.model.exponents, pairs(TWO).exponents, PERIOD, atol=2e-3)
+    assert found.fit.forced.offset == pytest.approx(0.5, rel=0.05)
+    assert "An offset of the channels was fitted beside the modes." in found.synchronisation
+    assert found.warnings == ()
+
+
+def test_an_offset_that_is_left_in_is_warned_of():
+    found = identify(ringing(pairs(TWO), offset=0.5), forced="none")
     assert found.model.order == 5
     still = np.argmin(np.abs(found.model.exponents))
     assert abs(found.model.multipliers[still] - 1.0) < 1e-3

@@ -103,12 +103,10 @@ def _print_record(console: Console, analysis: Analysis) -> None:
         console.print(f"  {step}", style="dim")
     for sentence in analysis.synchronisation:
         console.print(f"  {sentence}")
-    coloured = analysis.lifted.whitening is not None and analysis.fit is None
+    coloured = analysis.whitening is not None
     print_title(console, "Noise found, standard deviation after the whitening filter" if coloured else NOISE)
     console.print(_noise_table(analysis))
-    if analysis.fit is not None:
-        return
-    print_whitening(console, analysis.lifted)
+    print_whitening(console, analysis)
     if coloured:
         words = (
             "The noise above is what is left after the filter, less than that of the record; shapes are the record's."
@@ -116,9 +114,9 @@ def _print_record(console: Console, analysis: Analysis) -> None:
         console.print(words, style="dim")
 
 
-def print_whitening(console: Console, lifted: Lifted) -> None:
+def print_whitening(console: Console, found: Lifted | Analysis) -> None:
     """What was done about noise that is coloured, if it is."""
-    if words := whitening_words(lifted):
+    if words := whitening_words(found):
         console.print(words, style="dim")
 
 

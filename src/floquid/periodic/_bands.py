@@ -40,22 +40,35 @@ class Entries:
 
     Of a real multiplier, with harmonics m + κ/2, harmonic m is the conjugate of harmonic -κ - m, and those with
     m + κ/2 ≥ 0 are parameters.
+
+    Parameters
+    ----------
+    exponents
+        λ of pairs, the decay alone of real multipliers (entries,) [1/s].
+    real
+        Whose multiplier is real (entries,).
+    bands
+        The lowest and highest harmonic of each (entries, 2).
+    fundamental
+        ω [rad/s].
+    offsets
+        What is added to the harmonics of each: κ/2 of real multipliers (entries,).
+    fixed
+        Whose exponents stay: those of the forced response (entries,).
+    factors
+        What each is multiplied by beside: 1, the time, or what follows the speed (entries,).
+    free_period
+        Whether the fundamental is a parameter too.
     """
 
     exponents: NDArray[np.complex128]
-    """λ of pairs, the decay alone of real multipliers (entries,) [1/s]."""
     real: NDArray[np.bool_]
     bands: NDArray[np.int64]
-    """The lowest and highest harmonic of each (entries, 2)."""
     fundamental: float
     offsets: NDArray[np.float64]
-    """What is added to the harmonics of each: κ/2 of real multipliers (entries,)."""
     fixed: NDArray[np.bool_]
-    """Whose exponents stay: those of the forced response (entries,)."""
     factors: NDArray[np.int64]
-    """What each is multiplied by beside (entries,), such as `PLAIN`."""
     free_period: bool = False
-    """Whether the fundamental is a parameter too."""
 
     @property
     def half_turns(self) -> NDArray[np.int64]:
@@ -110,7 +123,7 @@ class Entries:
         return replace(self, exponents=self.exponents + moved, fundamental=self.fundamental + turned)
 
     def padded(self, by: int, most: int) -> Entries:
-        """With wider bands of the modes, but within `most` fundamentals of the axis."""
+        """With bands of the modes wider `by` so many harmonics a side, but within `most` fundamentals of the axis."""
         turns = np.rint(self.exponents.imag / self.fundamental + self.offsets).astype(np.int64)
         low = np.maximum(self.bands[:, 0] - by, -most - turns)
         high = np.minimum(self.bands[:, 1] + by, most - turns)
@@ -118,12 +131,12 @@ class Entries:
         return replace(self, bands=np.where(self.fixed[:, None], self.bands, wider))
 
     def picked(self, which: ArrayLike) -> Entries:
-        """Some of the entries, in the order given."""
+        """The entries of these places, `which`, in the order given."""
         names = ("exponents", "real", "bands", "offsets", "fixed", "factors")
         return replace(self, **{name: getattr(self, name)[np.asarray(which, np.int64)] for name in names})
 
     def joined(self, other: Entries) -> Entries:
-        """These and then others."""
+        """These and then the `other` ones."""
         names = ("exponents", "real", "bands", "offsets", "fixed", "factors")
         both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
         return replace(self, **both)
@@ -139,7 +152,22 @@ class Entries:
         fixed: bool = False,
         factor: int = PLAIN,
     ) -> Entries:
-        """Entries from lists."""
+        """Entries from lists.
+
+        Parameters
+        ----------
+        exponents, bands, fundamental
+            As in the class; one pair of ends stands for all bands.
+        real, offsets
+            One for each, or one for all.
+        fixed, factor
+            One for all.
+
+        Returns
+        -------
+        Entries
+            The entries, with the fundamental given.
+        """
         own = np.array(exponents, complex).reshape(-1)
         n = len(own)
         return Entries(
@@ -154,7 +182,7 @@ class Entries:
 
     @staticmethod
     def of(model: PeriodicModel) -> Entries:
-        """Those of a model, with the bands that it keeps."""
+        """The modes of a `model`, with the bands that it keeps."""
         chosen = upper(model)
         real = np.array([is_real(model, r) for r in chosen], bool)
         kept = (model.coefficients != 0).any(axis=(1, 2))[chosen]

@@ -57,6 +57,12 @@ def residual_filter(blocks: Sequence[Block], held: Held) -> NDArray[np.float64] 
     return filters_of(correlations / np.where(level > 0.0, level, 1.0), numbers)
 
 
+def through(blocks: Sequence[Block], taps: NDArray[np.float64] | None) -> Sequence[Block]:
+    """The blocks after a filter of each channel; as they are without one, or where too few samples would be left."""
+    after = None if taps is None else filtered_blocks(blocks, taps)
+    return blocks if after is None else after
+
+
 def filtered_blocks(blocks: Sequence[Block], taps: NDArray[np.float64]) -> tuple[Block, ...] | None:
     """The blocks after a filter of each channel; None where samples are missing and too few would be left."""
     found = [

@@ -15,6 +15,7 @@ from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import SPEED, SPEED_RATE, SPEED_SQUARED, TREND, Block
 from floquid.periodic._candidates import forced_entries
+from floquid.periodic._colour import through
 from floquid.periodic._constrained import evaluated
 from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._held import estimates_of, parts_of, stepped
@@ -33,6 +34,7 @@ def estimate_at(
     records: Sequence[Record] = (),
     clocks: Sequence[ConstantPeriod | ShaftAngle] = (),
     noise: ArrayLike | None = None,
+    whitening: NDArray[np.float64] | None = None,
     forced: ForcedResponse | None = None,
 ) -> Estimates:
     r"""The estimates of a model, the record linearised anew at given exponents.
@@ -55,7 +57,10 @@ def estimate_at(
     records, clocks
         Or the free responses as they were sampled, one record a hit, and what ties each to the phase.
     noise
-        With records: the deviation of the noise (channels, hits) [units of the channels].
+        With records: the deviation of the noise (channels, hits) [units of the channels]; with `whitening`, after the
+        filter.
+    whitening
+        With records: the filter of each channel along the record that makes its noise white (channels, taps).
     forced
         With records: the forced response that was taken off them, whose deviations are shared.
 
@@ -80,7 +85,7 @@ def estimate_at(
     if lifted is not None:
         blocks: Sequence[Block] = LiftedBlock.all_of(lifted)
     else:
-        blocks = _record_blocks(records, clocks, noise, known)
+        blocks = through(_record_blocks(records, clocks, noise, known), whitening)
         entries = entries.joined(_forced(forced, known.fundamental))
     if {(row, block.hit) for block in blocks for row in block.rows.tolist()} != set(np.ndindex(*known.blocks.shape)):
         raise _others(known)

@@ -257,9 +257,7 @@ def _begun(blocks: tuple[Block, ...], entries: Entries, limits: Limits) -> State
     return state.with_noise(limits.floor)
 
 
-def _whitened(
-    state: State, limits: Limits, report: Callable[[str], None]
-) -> tuple[State, NDArray[np.float64] | None]:
+def _whitened(state: State, limits: Limits, report: Callable[[str], None]) -> tuple[State, NDArray[np.float64] | None]:
     """The fit of the samples after the filter that whitens what the first modes leave, and that filter."""
     loud = replace(limits, loud=True)
     state = with_lines(state, loud, report)

@@ -18,7 +18,7 @@ from floquid.periodic._candidates import forced_entries, with_lines
 from floquid.periodic._constrained import Held, evaluated, settled
 from floquid.periodic._held import shapes
 from floquid.periodic._moves import Limits, State, without_needless
-from floquid.periodic._record_block import RecordBlock
+from floquid.periodic._record_block import GappyBlock, RecordBlock
 from floquid.periodic._record_blocks import record_blocks
 from floquid.periodic._residual import noise_left, rests_of
 
@@ -82,7 +82,15 @@ def raw_blocks(records: Sequence[Record]) -> tuple[RecordBlock, ...]:
     """Blocks of the records, with times after the first sample of each."""
     period = 0.5 / max((record.sample_rate for record in records), default=1.0)
     clocks = [ConstantPeriod(period=period, origin=record.start) for record in records]
-    return record_blocks(records, clocks, 1.0)[0]
+    return tuple(_of_samples_there(block) for block in record_blocks(records, clocks, 1.0)[0])
+
+
+def _of_samples_there(block: RecordBlock | GappyBlock) -> RecordBlock:
+    """The samples that are there at their own times: a block with holes can be neither shifted nor shortened."""
+    if isinstance(block, RecordBlock):
+        return block
+    whole, taken = block.whole, block.taken
+    return replace(whole, times=whole.times[taken], values=whole.values[:, taken])
 
 
 def after_phase_zero(

@@ -12,6 +12,7 @@ from floquid._checks import frozen_array, input_error
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic._bands import Entries, upper
 from floquid.periodic._blocks import Block
+from floquid.periodic._colour import through
 from floquid.periodic._constrained import AT_REST, evaluated, settled
 from floquid.periodic._fit import _most
 from floquid.periodic._held import model_of
@@ -32,6 +33,7 @@ def refit(
     clocks: Clocks,
     *,
     noise: ArrayLike,
+    whitening: NDArray[np.float64] | None = None,
     at_rest: float = AT_REST,
     free_period: bool = False,
     wider: bool = False,
@@ -54,7 +56,9 @@ def refit(
     clocks
         What ties each record to the phase.
     noise
-        The deviation of the noise (channels, hits) [units of the channels].
+        The deviation of the noise (channels, hits) [units of the channels]; with `whitening`, after the filter.
+    whitening
+        The filter of each channel along the record that makes its noise white (channels, taps).
     at_rest
         The deviations that the last step may have.
     free_period
@@ -77,8 +81,9 @@ def refit(
     if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
         must, got = "be false where the angle of a shaft is measured", "is true"
         raise input_error("free_period", "refit", must, got, "The angle says the period.")
-    # Blocks of cycles are cut at a period that stays as it is.
-    blocks = _noisy(model, records, clocks, noise, "refit", cut=not free_period)
+    # Blocks of cycles are cut at a period that stays as it is, and are not filtered.
+    blocks = _noisy(model, records, clocks, noise, "refit", cut=not free_period and whitening is None)
+    blocks = through(blocks, whitening)
     entries = replace(Entries.of(model), free_period=free_period)
     found = settled(blocks, entries, at_rest=at_rest)
     return model_of(

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Estimates, PeriodicModel
+from floquid.core import ConstantPeriod, Cycles, Estimates, PeriodicModel, Record
 from floquid.errors import IdentificationError
-from floquid.lifting import Lifted, lift
+from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
@@ -18,9 +18,9 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._doubts import ambiguity, below_modes, misfit, warnings, wrong_angles
 from floquid.pipeline._prepare import Prepared, unsteady
 from floquid.pipeline._settings import Settings
-from floquid.pipeline._start import Lifting, Start, filled, steady_clock
+from floquid.pipeline._start import BRIDGED, Lifting, Start, filled, steady_clock
 from floquid.pipeline._state import state_of
-from floquid.sync import rejoin, resample
+from floquid.sync import ShaftAngle, rejoin, resample, segment
 
 
 def completed(
@@ -64,9 +64,13 @@ def completed(
     unlike = fitted is not None and (not cutting.synchronous or fitted.forced is not None)
     measured = fitted if unlike else None
     cycles, lifted, records = cutting.cycles, start.lifted, prepared.records
-    if fitted is not None and unlike:
+    if fitted is not None and not unlike:
+        # Whatever follows is weighted by the noise that the fit of the samples leaves, as that fit is.
+        lifted = start.whole.with_noise(fitted.noise)
+        model = replace(model, provenance=lifted.provenance)
+    elif fitted is not None:
         report("resampling the free response")
-        cycles, lifted = _lifted_again(prepared, fitted, settings)
+        cycles, lifted = _lifted_again(prepared, cutting, fitted, settings)
         records = tuple(rejoin(hit) for hit in cycles)
         model = replace(model, provenance=lifted.provenance)
         if model.order >= max(hit.n_cycles for hit in cycles) - 1:
@@ -86,8 +90,7 @@ def completed(
     def again(exponents: NDArray[np.complex128]) -> Estimates:
         if measured is None:
             return estimate_at(model, exponents, lifted=lifted)
-        own = measured.free, prepared.clocks, measured.noise, measured.forced
-        return estimate_at(model, exponents, records=own[0], clocks=own[1], noise=own[2], forced=own[3])
+        return by_samples(replace(measured, model=model), prepared.clocks, exponents)
 
     state, refinement = state_of(model, settings, again, report)
     shafts = prepared.shafts
@@ -109,15 +112,30 @@ def completed(
         refinement=refinement,
         choice=choice,
         fit=measured,
-        measured=prepared.records if unlike else (),
+        measured=whole_periods(prepared, cutting) if unlike else (),
         shafts=shafts,
         held=fitted is not None,
         periodicity=tested,
-        synchronisation=(*said, *(() if measured is None else _said_of(measured, cutting.synchronous))),
+        synchronisation=(*said, *(() if measured is None else _said_of(measured, _out_of_step(prepared, cutting)))),
         warnings=tuple(" ".join(word.split()) for word in (missing, doubt, bent, *uneven, blurred) if word)
         + ambiguity(choice)
         + (() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None))
         + warnings(model),
+    )
+
+
+def by_samples(
+    found: Fit, clocks: Sequence[ConstantPeriod | ShaftAngle], exponents: NDArray[np.complex128]
+) -> Estimates:
+    """The estimates of a fit, its samples linearised anew at given exponents."""
+    return estimate_at(
+        found.model,
+        exponents,
+        records=found.free,
+        clocks=clocks,
+        noise=found.noise,
+        whitening=found.whitening,
+        forced=found.forced,
     )
 
 
@@ -130,12 +148,35 @@ def _alike(model: PeriodicModel, other: PeriodicModel | None) -> bool:
     return bool((gaps.min(axis=0, initial=np.inf) < reach).all())
 
 
-def _lifted_again(prepared: Prepared, fitted: Fit, settings: Settings) -> tuple[tuple, Lifted]:
-    """The free response, resampled to whole samples a period and lifted: for the eye, not for the fit."""
+def whole_periods(prepared: Prepared, cutting: Lifting) -> tuple[Record, ...]:
+    """The samples that are fitted, as they were measured: those of whole periods where records are cut into them."""
+    if not cutting.synchronous:
+        return prepared.records
+    found = []
+    for record, clock, hit in zip(prepared.records, prepared.clocks, cutting.cycles, strict=True):
+        assert isinstance(clock, ConstantPeriod)
+        before = round(((hit.first_phase - clock.phase(record.start)) % 1.0) * hit.n_phases) % hit.n_phases
+        samples = slice(before, before + hit.n_cycles * hit.n_phases)
+        found.append(
+            replace(record, values=record.values[:, samples], start=record.start + before / record.sample_rate)
+        )
+    return tuple(found)
+
+
+def _lifted_again(
+    prepared: Prepared, cutting: Lifting, fitted: Fit, settings: Settings
+) -> tuple[tuple[Cycles, ...], Lifted]:
+    """The free response lifted, resampled to whole samples a period if it has none: for the eye, not for the fit."""
+    if cutting.synchronous:
+        cycles = segment(fitted.free)
+        lifted, taps = lift(cycles, floor=settings.noise_floor), fitted.whitening
+        if taps is not None and taps.shape[1] <= lifted.n_phases:
+            lifted = whitened(lifted, taps)
+        return cycles, lifted.with_noise(fitted.noise)
     period = fitted.model.period
     pairs = zip(_clocks(prepared, fitted), fitted.free, strict=True)
     steady = [steady_clock(clock, record, period) for clock, record in pairs]
-    bridged = filled(fitted.free, [np.inf] * len(steady))
+    bridged = filled(fitted.free, [BRIDGED * period] * len(steady))
     cycles = resample(bridged, steady)
     return cycles, lift(cycles, floor=settings.noise_floor)
 
@@ -146,10 +187,23 @@ def _clocks(prepared: Prepared, fitted: Fit) -> tuple:
     return prepared.clocks if prepared.shafts or any(clock is None for clock in own) else own
 
 
-def _said_of(found: Fit, synchronous: bool) -> tuple[str, ...]:
-    """The forced response, in words."""
+def _out_of_step(prepared: Prepared, cutting: Lifting) -> str:
+    """Why records are not whole samples a period as they are; empty where they are."""
+    if cutting.synchronous:
+        return ""
+    if prepared.shafts:
+        return "a shaft angle that is measured"
+    if prepared.settings.estimate_period:
+        return "a period that is fitted too"
+    if any(np.isnan(record.values).any() for record in prepared.responses):
+        return "missing samples"
+    return "a period that is no whole number of samples"
+
+
+def _said_of(found: Fit, why: str) -> tuple[str, ...]:
+    """Why the samples were fitted at their own times, if they were, and the forced response."""
     forced = found.forced
-    said = [] if synchronous else ["Fitted as sampled: the record is no whole number of samples a period as it is."]
+    said = [f"Fitted as sampled: {why}."] if why else []
     if forced is None:
         return tuple(said)
     if len(forced.harmonics):

@@ -18,6 +18,7 @@ from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
 from floquid.periodic import assemble, constrain, estimate_at, refit
 from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._complete import by_samples
 from floquid.pipeline._identify import identify
 from floquid.pipeline._plan import Plan, without_states
 from floquid.pipeline._prepare import prepared_of
@@ -70,8 +71,7 @@ def draw(plan: Plan, seed: SeedSequence) -> Draw:
 
 def noisy(plan: Plan, generator: np.random.Generator) -> list[NDArray[np.float64]]:
     """The records of one draw, (channels, samples) each; noise is coloured as that which was whitened."""
-    taps = None if plan.lifted is None else plan.lifted.whitening
-    found = []
+    taps, found = plan.whitening, []
     for hit, clean in enumerate(plan.clean):
         before = 0 if taps is None else _memory(taps, clean.shape[1])
         white = generator.standard_normal((len(clean), before + clean.shape[1])) * plan.noise[:, hit, None]
@@ -99,7 +99,7 @@ def _fitted(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
     else:
         records = [_record(plan.lifted, own) for own in values]
         clocks = [ConstantPeriod(period=plan.lifted.period)] * len(records)
-    if plan.lifted is not None and (plan.modal is not None or plan.padding or plan.lifted.whitening is not None):
+    if plan.lifted is not None and (plan.modal is not None or plan.lifted.whitening is not None):
         lifted = _lifted(plan.lifted, plan.settings, values)
         found = (
             constrain(plan.fitted, lifted, choose=False).model
@@ -109,12 +109,13 @@ def _fitted(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
     else:
         # Of lifted responses the same numbers sooner: nothing but the fit itself is done.
         lifted, wider = None, bool(plan.settings.structure)
-        found = refit(plan.fitted, records, clocks, noise=plan.noise, free_period=plan.free_period, wider=wider)
+        own = {"noise": plan.noise, "whitening": plan.whitening}
+        found = refit(plan.fitted, records, clocks, **own, free_period=plan.free_period, wider=wider)
 
     def again(exponents: NDArray[np.complex128]) -> Estimates:
         if lifted is not None:
             return estimate_at(found, exponents, lifted=lifted)
-        return estimate_at(found, exponents, records=records, clocks=clocks, noise=plan.noise)
+        return estimate_at(found, exponents, records=records, clocks=clocks, noise=plan.noise, whitening=plan.whitening)
 
     return _compared(plan, found, again, _selected(plan, found))
 
@@ -219,8 +220,7 @@ def _again(found: Analysis) -> Again:
     def again(exponents: NDArray[np.complex128]) -> Estimates:
         if found.fit is None:
             return estimate_at(found.model, exponents, lifted=found.lifted)
-        own, clocks = found.fit, prepared_of(found).clocks
-        return estimate_at(found.model, exponents, records=own.free, clocks=clocks, noise=own.noise, forced=own.forced)
+        return by_samples(found.fit, prepared_of(found).clocks, exponents)
 
     return again
 

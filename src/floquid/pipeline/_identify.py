@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from floquid._checks import input_error
-from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.lifting import floor_of
 from floquid.order import judge
 from floquid.periodic import Fit, assemble, entries_of, equal_multipliers, fit, groups
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._complete import completed
+from floquid.pipeline._complete import completed, whole_periods
 from floquid.pipeline._doubts import too_low, wrong_own_period, wrong_period
 from floquid.pipeline._independent import COPIED, sum_of_others
 from floquid.pipeline._prepare import Prepared, blas_threads, prepare, settings_of
@@ -20,7 +20,6 @@ from floquid.pipeline._refuse import NO_NEWS
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import Lifting, Start, cut, start_of
 from floquid.pipeline._validated import validated
-from floquid.sync import rejoin
 
 
 def identify(
@@ -136,10 +135,10 @@ def _fitted(
     if start.modal is not None and model is not None:
         groups_of = search and settings.harmonics is None
         begin = groups(start.modal, start.lifted) if groups_of else entries_of(model)
-    records = tuple(rejoin(hit) for hit in cutting.cycles) if cutting.synchronous else prepared.responses
+    records = whole_periods(prepared, cutting) if cutting.synchronous else prepared.responses
     return fit(
         records,
-        [ConstantPeriod(period=start.lifted.period) for _ in records] if cutting.synchronous else prepared.clocks,
+        prepared.clocks,
         start=begin,
         known=start.known,
         lifted=start.whole if cutting.synchronous else None,

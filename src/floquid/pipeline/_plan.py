@@ -50,8 +50,8 @@ class Plan:
     """The responses, where they were lifted."""
     modal: ModalModel | None = None
     """The modal model, where residues were left free."""
-    padding: int = 0
-    """Harmonics that were fitted beyond those of `fitted`."""
+    whitening: NDArray[np.float64] | None = None
+    """The filter of each channel that makes its noise white; `noise` is that after it."""
     records: tuple[Record, ...] = ()
     """The records, where they were fitted as sampled: with their clocks' channels for `whole`, without otherwise."""
     rows: tuple[tuple[int, ...], ...] = ()
@@ -70,6 +70,7 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
         "fitted": bare if free or model.estimates is None else _fitted(model),
         **_choices(analysis, bare),
         "noise": analysis.noise,
+        "whitening": analysis.whitening,
         "whole": whole,
         "estimated": model.estimates is not None,
     }
@@ -85,7 +86,6 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
             clean=tuple(clean),
             lifted=analysis.lifted,
             modal=analysis.modal if free else None,
-            padding=0 if free or model.estimates is not None else 1,
         )
     return _as_sampled(analysis, common)
 

@@ -179,7 +179,7 @@ def steps(analysis: Analysis) -> list[str]:
     records = analysis.measured or analysis.records
     done = [step for record in records for step in record.provenance.steps]
     done += analysis.synchronisation
-    if analysis.fit is None and (words := whitening_words(analysis.lifted)):
+    if words := whitening_words(analysis):
         done.append(words)
     done += [step for step in analysis.model.provenance.steps if step not in done]
     return list(dict.fromkeys(_sentence(step) for step in done))

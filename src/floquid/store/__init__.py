@@ -10,7 +10,8 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
     /warnings                       texts
     /held, synchronisation          1 where residues were held to their harmonics; sentences on the records
     /fit/                           of records fitted as they were sampled: noise (channels, hits), period_std,
-                                    own_period, reasons, doubts; measured/hit1, ... and free/hit1, ..., records as they
+                                    own_period, misfit, whitening (channels, taps) where the noise was coloured,
+                                    reasons, doubts; measured/hit1, ... and free/hit1, ..., records as they
                                     were read and without the forced response, each as in records/, `clock/` in place of
                                     a constant period: kind, channel or times, pulses and periods per revolution;
                                     shafts/hit1, ..., the angle of the shaft where it was measured: the pulses' times,

@@ -68,7 +68,7 @@ LIFTED = (
 )
 
 WHITENING = Item("whitening", axes=("channels", "taps"))
-"""Of responses that were whitened along the record; absent otherwise."""
+"""Of responses, and of a fit, that were whitened along the record; absent otherwise."""
 
 MODAL = (
     Item("multipliers", "complex", ("modes",)),
@@ -137,6 +137,9 @@ FIT = (
 
 OWN_PERIOD = Item("own_period", axes=("difference and deviation",), optional=True)
 """Of the fit too."""
+
+MISFIT = Item("misfit")
+"""Of the fit too; absent in older files."""
 
 SHAFT = (
     Item("periods_per_revolution"),

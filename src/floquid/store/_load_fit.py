@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import Fit, ForcedResponse
 from floquid.store import _layout as layout
@@ -41,9 +44,21 @@ def get_fit(file: h5py.File, model: PeriodicModel) -> Stored:
         free=free,
         period_std=values["period_std"],
         own_period=None if own is None else (float(own[0]), float(own[1])),
+        misfit=get(group, layout.MISFIT) if layout.MISFIT.name in group else 1.0,
+        whitening=_whitening(group, model),
         **get_fields(group, layout.CHOICE),
     )
     return found, measured, shafts
+
+
+def _whitening(group: h5py.Group, model: PeriodicModel) -> NDArray[np.float64] | None:
+    """The whitening filters, if there are any and they can be those of the model's channels."""
+    if layout.WHITENING.name not in group:
+        return None
+    taps = get(group, layout.WHITENING)
+    if taps.shape[0] != len(model.channels) or taps.shape[1] < 2 or not np.isfinite(taps).all():
+        raise DamagedError(f"fit/whitening is no filter of {len(model.channels)} channels")
+    return taps
 
 
 def _forced(group: h5py.Group, model: PeriodicModel) -> ForcedResponse | None:

@@ -128,6 +128,9 @@ def _put_refinement(group: h5py.Group, found: Refinement, state: StateModel | No
 def _put_fit(group: h5py.Group, fit: Fit, measured: tuple[Record, ...], shafts: tuple[ShaftAngle, ...]) -> None:
     put_fields(group, layout.FIT, fit)
     put(group, layout.OWN_PERIOD, fit.own_period)
+    put(group, layout.MISFIT, fit.misfit)
+    if fit.whitening is not None:
+        put(group, layout.WHITENING, fit.whitening)
     put_fields(group, layout.CHOICE, fit)
     if fit.forced is not None:
         put_fields(group.create_group("forced"), layout.FORCED, fit.forced)

@@ -47,7 +47,7 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         "order_choice": None if analysis.choice is None else _choice(analysis.choice),
         "n_cycles": max(c.n_cycles for c in analysis.cycles),
         "n_phases": analysis.cycles[0].n_phases,
-        "noise_whitening": None if analysis.lifted.whitening is None else analysis.lifted.whitening.tolist(),
+        "noise_whitening": None if analysis.whitening is None else analysis.whitening.tolist(),
         "modes": mode_entries(model, weights),
         "periodicity": None if analysis.periodicity is None else _periodicity(analysis.periodicity),
         "forced": None if analysis.fit is None or analysis.fit.forced is None else _forced(analysis.fit.forced),

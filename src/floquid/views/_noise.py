@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lifting import Lifted
 from floquid.pipeline import Analysis
 
 
-def colour(lifted: Lifted) -> NDArray[np.float64]:
+def colour(whitening: NDArray[np.float64]) -> NDArray[np.float64]:
     """How much more noise there is before the whitening filter of each channel (channels,) [-]."""
-    turns = 2j * np.pi * np.arange(512) / 512 * lifted.n_phases / lifted.period
-    return np.asarray(np.sqrt(np.mean(np.abs(lifted.gain(turns)) ** -2.0, axis=-1)), np.float64)
+    gain = np.fft.fft(whitening, 512, axis=1)
+    return np.asarray(np.sqrt(np.mean(np.abs(gain) ** -2.0, axis=1)), np.float64)
 
 
 def raw_noise(analysis: Analysis) -> NDArray[np.float64]:
@@ -28,6 +27,6 @@ def raw_noise(analysis: Analysis) -> NDArray[np.float64]:
     numpy.ndarray
         The deviations (channels, hits) [units of the channels]; where the noise is coloured, of all of it together.
     """
-    if analysis.fit is not None or analysis.lifted.whitening is None:
+    if analysis.whitening is None:
         return analysis.noise
-    return analysis.noise * colour(analysis.lifted)[:, None]
+    return analysis.noise * colour(analysis.whitening)[:, None]

@@ -180,13 +180,16 @@ def _filtered(
     The gain is (channels, modes, harmonics); the samples that have no past are missing.
     """
     model, values = own.model, own.record.values
-    taps = analysis.lifted.whitening if analysis.fit is None else None
+    # Where the speed wanders, the filter makes other lines of each: there the noise is taken as it is.
+    taps = None if analysis.shafts else analysis.whitening
     rates = model.exponents[:, None] + 1j * model.fundamental * model.harmonics
     if taps is None:
         return values, np.ones((len(values), *rates.shape), np.complex128), own.noise
     after = np.array([np.convolve(row, own_taps)[: len(row)] for row, own_taps in zip(values, taps, strict=True)])
     after[:, : taps.shape[1] - 1] = np.nan
-    return after, analysis.lifted.gain(rates), analysis.noise[:, hit]
+    delays = np.arange(taps.shape[1]) / own.record.sample_rate
+    gain = np.tensordot(taps, np.exp(-np.multiply.outer(delays, rates)), 1)
+    return after, gain, analysis.noise[:, hit]
 
 
 def _strongest(analysis: Analysis) -> list[tuple[int, int]]:

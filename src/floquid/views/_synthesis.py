@@ -77,8 +77,8 @@ def response_of(analysis: Analysis, hit: int, channels: list[int]) -> Response:
         passed = periods_later(analysis, hit) * whole.period
         coefficients = coefficients * np.exp(whole.exponents * passed)[:, None, None, None]
         later = _begin(analysis, hit) - record.start + passed
-        if analysis.lifted.whitening is not None:
-            noise = noise * colour(analysis.lifted)[channels]
+    if analysis.whitening is not None:
+        noise = noise * colour(analysis.whitening)[channels]
     names = [record.channels[row].name for row in channels]
     model = PeriodicModel(
         exponents=whole.exponents,

@@ -97,24 +97,24 @@ def passed_words(validation: Validation) -> str:
     )
 
 
-def whitening_words(lifted: Lifted) -> str:
+def whitening_words(found: Lifted | Analysis) -> str:
     """What was done about noise that is coloured along the record, in a sentence.
 
     Parameters
     ----------
-    lifted
-        The lifted responses.
+    found
+        The lifted responses, or what `identify` found.
 
     Returns
     -------
     str
         The words; empty where nothing was done.
     """
-    if lifted.whitening is None:
+    if found.whitening is None:
         return ""
-    taps = lifted.whitening.shape[1] - 1
-    those = [c.name for c, own in zip(lifted.channels, lifted.whitening, strict=True) if own[1:].any()]
-    where = "all channels" if len(those) == lifted.n_channels else ", ".join(those)
+    channels, taps = found.channels if isinstance(found, Lifted) else found.model.channels, found.whitening.shape[1] - 1
+    those = [c.name for c, own in zip(channels, found.whitening, strict=True) if own[1:].any()]
+    where = "all channels" if len(those) == len(channels) else ", ".join(those)
     return (
         f"The noise is coloured along the record in {where}: a filter of {taps} tap{'s' if taps != 1 else ''} makes it "
         "white, and poles are found after it."
