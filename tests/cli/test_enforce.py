@@ -15,7 +15,7 @@ def forced(here):
     """A record with a forced response, three times a revolution, in one channel."""
     values = simulated().values.copy()
     times = np.arange(values.shape[1]) / simulated().sample_rate
-    values[1] += 0.2 * np.abs(values[1]).max() * np.cos(3.0 * times)
+    values[1] += 0.04 * np.abs(values[1]).max() * np.cos(3.0 * times)
     save_npz(here / "good.npz", values)
     return here
 

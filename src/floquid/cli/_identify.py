@@ -17,6 +17,7 @@ from floquid.cli._record_options import RecordOptions
 from floquid.cli._records import check_files, read_records
 from floquid.cli._settings import Choices, IdentifierName, load_choices
 from floquid.cli._terminal import print_analysis, print_folder
+from floquid.errors import IdentificationError
 from floquid.pipeline import identify as identify_records
 from floquid.reconstruction import Form
 
@@ -87,7 +88,7 @@ def identify(
         not.
     enforce
         End with exit code 3 and the reasons where the model does not pass its checks; the result is written all the
-        same.
+        same. A model that fails, since it leaves many times the noise, ends with exit code 1 in any case.
     out
         A folder for result.h5, summary.json, settings.toml, figures/ and report.html, a page for the browser.
     format
@@ -131,6 +132,8 @@ def identify(
     else:
         print_analysis(analysis)
         print_folder(out)
+    if analysis.failed:
+        raise IdentificationError(analysis.warnings[0])
     if enforce and analysis.validation is not None and not analysis.validation.passed:
         reasons = analysis.validation.reasons or analysis.validation.unmet
         raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *reasons]))

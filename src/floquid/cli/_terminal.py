@@ -33,7 +33,9 @@ LEGEND = (
 )
 DEVIATIONS = "digits in brackets are one standard deviation in the last digits"
 NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does)"
+FAILS = "there are no standard deviations, since the model fails"
 NOISE = "White noise found, standard deviation"
+LEFT = "What the model leaves, noise and all, standard deviation"
 RARE = 0.01
 """The probability of a structure's misfit below which it is told that chance seldom leaves as much."""
 
@@ -47,11 +49,13 @@ def print_analysis(analysis: Analysis) -> None:
     """The record, the modes, A(t) and the warnings, in that order."""
     console = terminal()
     _print_record(console, analysis)
-    print_title(console, f"Modes: order {analysis.model.order}, conjugates counted one by one")
+    modes = "Modes of a model that fails" if analysis.failed else "Modes"
+    print_title(console, f"{modes}: order {analysis.model.order}, conjugates counted one by one")
     print_modes(console, analysis)
     used = {word for r in upper_modes(analysis.model) for word in mode_notes(analysis, r)}
     meanings = [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]
-    deviations = NO_DEVIATIONS if analysis.model.exponent_std is None else DEVIATIONS
+    without = FAILS if analysis.failed else NO_DEVIATIONS
+    deviations = without if analysis.model.exponent_std is None else DEVIATIONS
     kept = ", as asked for" if analysis.settings.harmonics is not None else " that rise above the noise"
     kept += ", the residues held to them" if analysis.held else ""
     legend = f"A row with ± is a conjugate pair; {deviations}. {LEGEND}; m: harmonics of the shape{kept}"
@@ -104,7 +108,8 @@ def _print_record(console: Console, analysis: Analysis) -> None:
     for sentence in analysis.synchronisation:
         console.print(f"  {sentence}")
     coloured = analysis.whitening is not None
-    print_title(console, "Noise found, standard deviation after the whitening filter" if coloured else NOISE)
+    title = "Noise found, standard deviation after the whitening filter" if coloured else NOISE
+    print_title(console, LEFT if analysis.failed else title)
     console.print(_noise_table(analysis))
     print_whitening(console, analysis)
     if coloured:

@@ -14,7 +14,7 @@ from floquid.periodic._candidates import EXPECTED
 from floquid.periodic._constrained import Held, settled
 from floquid.periodic._harmonics import GAP
 from floquid.periodic._held import chosen_bands, shapes
-from floquid.periodic._moves import Limits, State, coefficients_of
+from floquid.periodic._moves import Limits, State, coefficients_of, joined
 from floquid.periodic._peaks import Rest, strongest
 from floquid.periodic._residual import noise_of, rests_of
 from floquid.periodic._scores import differences, equality, spread_of_harmonics
@@ -50,12 +50,13 @@ UNTOLD = 0.5
 
 def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -> Searched:
     """The fit with its final bands, its real multipliers, and the period if it is a parameter."""
+    if search:
+        state, _ = centred(state, state.held.entries.bands)
+        state = joined(_with_real_ones(state, state.held.entries.bands)[0], limits)
     state, bands = with_final_bands(state, limits)
     if limits.choose:
         state = _with_room(state, limits)
     state, bands = centred(state, bands)
-    if search:
-        state, bands = _with_real_ones(state, bands)
     if free_period:
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
         state = state.with_fit(settled(state.blocks, replace(state.held.entries, free_period=True), hold=True))

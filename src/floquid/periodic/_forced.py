@@ -27,7 +27,8 @@ class ForcedResponse:
     coefficients
         F (channels, hits, harmonics) [units of the channels].
     coefficient_std
-        Their deviations, that of the real part as the real part (channels, hits, harmonics).
+        Their deviations, that of the real part as the real part (channels, hits, harmonics); None if not estimated, as
+        the deviations of the others are then.
     offset, offset_std
         b and its deviation (channels, hits) [units of the channels]; zero where there is none.
     drift, drift_std
@@ -42,11 +43,11 @@ class ForcedResponse:
 
     harmonics: NDArray[np.int64]
     coefficients: NDArray[np.complex128]
-    coefficient_std: NDArray[np.complex128]
+    coefficient_std: NDArray[np.complex128] | None
     offset: NDArray[np.float64]
-    offset_std: NDArray[np.float64]
+    offset_std: NDArray[np.float64] | None
     drift: NDArray[np.float64]
-    drift_std: NDArray[np.float64]
+    drift_std: NDArray[np.float64] | None
     revolution: float
     channels: tuple[Channel, ...]
     speed_dependent: bool = False
@@ -55,10 +56,14 @@ class ForcedResponse:
         of, put = "ForcedResponse", object.__setattr__
         put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
         shape = (len(self.channels), "hits", len(self.harmonics))
-        for name in ("coefficients", "coefficient_std"):
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=shape, dtype=np.complex128))
+        put(self, "coefficients", frozen_array(self.coefficients, "coefficients", of, axes=shape, dtype=np.complex128))
+        shape, rows = self.coefficients.shape, self.coefficients.shape[:2]
+        if self.coefficient_std is not None:
+            std = frozen_array(self.coefficient_std, "coefficient_std", of, axes=shape, dtype=np.complex128)
+            put(self, "coefficient_std", std)
         for name in ("offset", "offset_std", "drift", "drift_std"):
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=self.coefficients.shape[:2]))
+            if getattr(self, name) is not None or not name.endswith("std"):
+                put(self, name, frozen_array(getattr(self, name), name, of, axes=rows))
         put(self, "revolution", positive(self.revolution, "revolution", of, unit="s"))
 
     @property

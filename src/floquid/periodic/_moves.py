@@ -340,7 +340,7 @@ def _equal(state: State, limits: Limits) -> list[_Pair]:
     for k, one in enumerate(free):
         for j in range(k + 1, len(free)):
             other = free[j]
-            if entries.real[one] or entries.real[other]:
+            if entries.real[one] != entries.real[other]:
                 continue
             sign, m, gap = differences(entries, int(one), int(other)) or (1, 0, 0j)
             ends = sign * entries.bands[other] + m
@@ -348,11 +348,14 @@ def _equal(state: State, limits: Limits) -> list[_Pair]:
                 continue
             if max(ends.max(), entries.bands[one, 1]) - min(ends.min(), entries.bands[one, 0]) > 2 * limits.most:
                 continue
-            ties = np.zeros((2, len(covariance)))
+            ties = np.zeros((1 if entries.real[one] else 2, len(covariance)))
             ties[0, [k, j]] = -1.0, 1.0
-            ties[1, [turn[k], turn[j]]] = -1.0, sign
+            if not entries.real[one]:
+                ties[1, [turn[k], turn[j]]] = -1.0, sign
+            elif abs(gap.imag) > 1e-9 * entries.fundamental:
+                continue  # one turns by half a turn more
             spread = ties @ covariance @ ties.T
-            own = np.array([gap.real, gap.imag])
+            own = np.array([gap.real, gap.imag])[: len(ties)]
             if not (np.diag(spread) > 0.0).all():
                 continue
             score = float(own @ np.linalg.lstsq(spread, own, rcond=1e-12)[0])

@@ -17,6 +17,9 @@ from floquid.reconstruction import Refinement, StateModel
 from floquid.sync import ShaftAngle
 from floquid.validation import Validation
 
+FAILED = 3.0
+"""Times the noise that a fit leaves from which on it is no model of the record: then it has no deviations."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Analysis:
@@ -46,6 +49,9 @@ class Analysis:
         The angle of the shaft in each record that has a tachometer or an azimuth.
     held
         Whether the residues were held to their harmonics in the end.
+    misfit
+        The rms of what the fit leaves over the level of its noise, the largest of all channels and hits: 1 where only
+        noise is left. A little more has made the deviations of the model as much wider. None without such a fit.
     periodicity
         Whether the response is that of a periodic system at all; None where it could not be tested.
     validation
@@ -69,10 +75,16 @@ class Analysis:
     measured: tuple[Record, ...] = ()
     shafts: tuple[ShaftAngle, ...] = ()
     held: bool = False
+    misfit: float | None = None
     periodicity: Periodicity | None = None
     validation: Validation | None = None
     synchronisation: tuple[str, ...] = ()
     warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def failed(self) -> bool:
+        """Whether the fit leaves so many times the noise that the model is none of the record: no deviations then."""
+        return self.misfit is not None and self.misfit >= FAILED
 
     @property
     def noise(self) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ from floquid.lti import fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._deviations import failure, poles_alone, widened, widening, with_misfit
 from floquid.pipeline._doubts import ambiguity, below_modes, misfit, warnings, wrong_angles
 from floquid.pipeline._prepare import Prepared, unsteady
 from floquid.pipeline._settings import Settings
@@ -58,6 +59,10 @@ def completed(
         Without a verdict.
     """
     missing, doubt = doubts
+    fails = "" if fitted is None else failure(fitted, settings)
+    if fails and settings.states and settings.structure:
+        raise IdentificationError(f"{fails}\n  A state matrix with a structure cannot be fitted to it.")
+    fitted = None if fitted is None else with_misfit(fitted)
     model = free if fitted is None else fitted.model
     assert model is not None
     said = prepared.findings + (() if start.floor is None else (below_modes(start.floor),))
@@ -84,13 +89,18 @@ def completed(
     changed = modal is None or (fitted is not None and (unlike or not _alike(model, free)))
     if changed:
         modal = fit_residues(model.multipliers, lifted.responses)
+    assert modal is not None
+    if fails:
+        modal = poles_alone(modal)
+        choice = None if choice is None else replace(choice, model=modal)
     if fitted is not None and changed and settings.order is None:
         choice = Choice(order=model.order, model=modal, reasons=fitted.reasons, doubts=fitted.doubts)
 
     def again(exponents: NDArray[np.complex128]) -> Estimates:
+        factor = widening(None if fitted is None else fitted.misfit)
         if measured is None:
-            return estimate_at(model, exponents, lifted=lifted)
-        return by_samples(replace(measured, model=model), prepared.clocks, exponents)
+            return widened(estimate_at(model, exponents, lifted=lifted), factor)
+        return widened(by_samples(replace(measured, model=model), prepared.clocks, exponents), factor)
 
     state, refinement = state_of(model, settings, again, report)
     shafts = prepared.shafts
@@ -115,9 +125,10 @@ def completed(
         measured=whole_periods(prepared, cutting) if unlike else (),
         shafts=shafts,
         held=fitted is not None,
+        misfit=None if fitted is None else fitted.misfit,
         periodicity=tested,
         synchronisation=(*said, *(() if measured is None else _said_of(measured, _out_of_step(prepared, cutting)))),
-        warnings=tuple(" ".join(word.split()) for word in (missing, doubt, bent, *uneven, blurred) if word)
+        warnings=tuple(" ".join(word.split()) for word in (fails, missing, doubt, bent, *uneven, blurred) if word)
         + ambiguity(choice)
         + (() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None))
         + warnings(model),

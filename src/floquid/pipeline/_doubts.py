@@ -22,6 +22,7 @@ from floquid.periodic import (
     spacing,
     synchrony,
 )
+from floquid.pipeline._analysis import FAILED
 from floquid.pipeline._prepare import Prepared
 from floquid.sync import ShaftAngle
 
@@ -191,13 +192,14 @@ def too_low(order: int, choice: Choice) -> str:
 
 
 def misfit(found: Fit) -> str:
-    """What speaks against a fit that leaves more than noise; empty when nothing does."""
-    if found.misfit <= MISFIT:
+    """What speaks against a fit that leaves more than noise, though not so much that it fails; empty when nothing."""
+    if not MISFIT < found.misfit < FAILED:
         return ""
     return (
-        f"What the fit leaves is {found.misfit:.3g} times the noise: harmonics are missing, or a mode is several that "
-        "fold onto one another, and exponents are bent by more than their deviations say. Allow more harmonics, or "
-        "finish with `constrained=False` (`--no-constrained`)."
+        f"What the fit leaves is {found.misfit:.3g} times the noise: harmonics are missing, a mode is several that "
+        "fold onto one another, or there is something that is no mode. Deviations are as many times those of the noise "
+        "alone; exponents may be bent by more still. Allow more harmonics, or finish with `constrained=False` "
+        "(`--no-constrained`)."
     )
 
 

@@ -56,7 +56,8 @@ def identify(
     InputError
         A record or an option is not possible.
     IdentificationError
-        No mode rises above the noise, the record is too short, or the result would look right and be wrong.
+        No mode rises above the noise, the record is too short, or the result would look right and be wrong. A model
+        that leaves many times the noise is returned, but it fails: `Analysis.failed`, its first warning, its verdict.
     """
     prepared = prepare(records, settings_of(settings, options, "identify"), report=report)
     faults = prepared.faults
@@ -65,7 +66,8 @@ def identify(
             found = _identified(prepared, report)
         except IdentificationError as error:
             raise IdentificationError("\n  ".join([str(error), *faults])) from None
-        found = replace(found, warnings=(*faults, *_of_sums(found), *found.warnings))
+        first = found.warnings[: int(found.failed)]  # that the model fails
+        found = replace(found, warnings=(*first, *faults, *_of_sums(found), *found.warnings[len(first) :]))
         return validated(found, report=report) if prepared.settings.validate else found
 
 
@@ -73,8 +75,11 @@ def _of_sums(found: Analysis) -> tuple[str, ...]:
     """What is said of a channel that shares its noise with others; refused if it has next to none of its own.
 
     Too low an order leaves modes in what is taken for noise, which are alike in channels that are independent: where
-    the order was given, nothing is refused. Noise that the structure itself makes is shared, too.
+    the order was given, nothing is refused. Noise that the structure itself makes is shared, too. What a model that
+    fails leaves is no noise at all.
     """
+    if found.failed:
+        return ()
     words, beside = sum_of_others(found)
     if not words:
         return ()

@@ -9,10 +9,10 @@ import numpy as np
 
 from floquid.core import ConstantPeriod, Record
 from floquid.errors import FloquidError
-from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._analysis import FAILED, Analysis
 from floquid.pipeline._prepare import prepared_of
 from floquid.sync import ShaftAngle, rejoin
-from floquid.validation import Validation, validate
+from floquid.validation import Criterion, Validation, validate
 
 
 def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: None) -> Analysis:
@@ -57,7 +57,23 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
             tones=np.zeros((*analysis.noise.shape, 0)),
             lines=np.zeros((*analysis.noise.shape, 0)),
         )
-    return replace(analysis, validation=verdict)
+    return replace(analysis, validation=_with_misfit(verdict, analysis))
+
+
+def _with_misfit(verdict: Validation, analysis: Analysis) -> Validation:
+    """The verdict with what the fit leaves as one more number: a model that fails does not pass, whatever else does."""
+    if analysis.misfit is None:
+        return verdict
+    reasons = verdict.reasons
+    if analysis.failed:
+        reasons = (f"The model fails: it leaves {analysis.misfit:.3g} times the noise of the record.", *reasons)
+    return replace(
+        verdict,
+        metrics={**verdict.metrics, "misfit": analysis.misfit},
+        criteria={**verdict.criteria, "misfit": Criterion(limit=FAILED)},
+        passed=verdict.passed and not analysis.failed,
+        reasons=reasons,
+    )
 
 
 def responses_of_model(analysis: Analysis) -> tuple[tuple[Record, ...], list[ConstantPeriod | ShaftAngle]]:

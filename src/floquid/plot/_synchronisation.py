@@ -126,7 +126,7 @@ def _limit(axes: Axes, values: np.ndarray, widths: np.ndarray) -> None:
 def _verdict(found: Synchronisation) -> str:
     """What the slips say, in words."""
     if not np.isfinite(found.relative):
-        return "The response does not tell its period: no mode with two harmonics is seen in two stretches."
+        return "The response does not tell its period: no mode with two harmonics that holds is seen in two stretches."
     value, std = 1e6 * found.relative, 1e6 * found.relative_std
     digits = max(0, 1 - int(np.floor(np.log10(std)))) if std > 0 else 3
     off = abs(value) / std if std > 0 else 0.0

@@ -82,6 +82,7 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
         summary=words.summary_line(case),
         under=words.under_verdict(analysis),
         bands=analysis.model.exponent_std is not None,
+        fails=analysis.failed,
         told=analysis.model.unselected is not None,
         given=analysis.settings.harmonics is not None,
         reasons=[] if analysis.validation is None else analysis.validation.reasons,

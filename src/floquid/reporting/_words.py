@@ -34,6 +34,7 @@ CRITERIA = {
     "colour": ("squared autocorrelations of what is left", "-"),
     "multipliers": ("multipliers of A(t) against the model's, over what they may differ by", "-"),
     "liouville": ("integrated trace of A(t) against the exponents, over what it may differ by", "-"),
+    "misfit": ("what the fit leaves over the level of its noise, worst response", "-"),
     "composition": ("largest relative difference of Φ(t + T), integrated, and Φ(t) Φ(T)", "-"),
 }
 """What each number of the validation is, and its unit."""
@@ -69,6 +70,8 @@ class ModeRow:
 def verdict(analysis: Analysis) -> tuple[str, str]:
     """A word for the page's style, and the sentence."""
     found = analysis.validation
+    if analysis.failed:
+        return "failed", "The model fails."
     if found is None:
         return "open", "The model was not checked: validation was switched off."
     if found.passed:
@@ -79,6 +82,8 @@ def verdict(analysis: Analysis) -> tuple[str, str]:
 def under_verdict(analysis: Analysis) -> str:
     """What the verdict means for a reader."""
     found = analysis.validation
+    if analysis.failed:
+        return "What it leaves of the record is many times the noise: do not use the numbers below."
     if found is None:
         return "Identify with validation to know whether it can be believed."
     if found.passed:

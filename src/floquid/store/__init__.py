@@ -8,7 +8,8 @@ numbers are float64, integers int64, texts UTF-8. A complex number is a compound
 without content (a null dataspace) stands for None: "not estimated", or "not given". The datasets are::
 
     /warnings                       texts
-    /held, synchronisation          1 where residues were held to their harmonics; sentences on the records
+    /held, misfit, synchronisation  1 where residues were held to their harmonics, what they then leave over the noise;
+                                    sentences on the records
     /fit/                           of records fitted as they were sampled: noise (channels, hits), period_std,
                                     own_period, misfit, whitening (channels, taps) where the noise was coloured,
                                     reasons, doubts; measured/hit1, ... and free/hit1, ..., records as they
@@ -42,8 +43,8 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     (channels, hits, tones) left at turns, lines (channels, hits, lines) left at
                                     harmonics of modes; metrics/ and limits/, both of fit, held_out_error,
                                     held_out_stretch, period, tone, harmonic, line, colour, mode, multipliers,
-                                    liouville, composition; at_least: those of the limits that are the least allowed;
-                                    absent where nothing was validated
+                                    liouville, composition, misfit; at_least: those of the limits that are the least
+                                    allowed; absent where nothing was validated
     /state/                         times, transition (times, n, n), system (times, n, n), condition, states,
                                     system_std, transition_std, coordinates (what the states are, in words),
                                     provenance/; a null dataset when no A(t) was asked for

@@ -126,6 +126,9 @@ ESTIMATES = (
 HELD = Item("held", "integer")
 """1 where the residues were held to their harmonics in the end; absent in older files."""
 
+MISFIT = Item("misfit", optional=True)
+"""What the fit leaves over its noise; absent in older files."""
+
 SYNCHRONISATION = Item("synchronisation", "text", ("sentences",))
 """Absent in older files."""
 
@@ -168,9 +171,11 @@ SPLINE = (
 FORCED = (
     Item("harmonics", "integer", ("harmonics",)),
     Item("coefficients", "complex", ("channels", "hits", "harmonics"), unit="that of the channel"),
-    Item("coefficient_std", "complex", ("channels", "hits", "harmonics"), unit="that of the channel"),
-    *(Item(name, axes=("channels", "hits"), unit="that of the channel") for name in ("offset", "offset_std")),
-    *(Item(name, axes=("channels", "hits"), unit="that of the channel a second") for name in ("drift", "drift_std")),
+    Item("coefficient_std", "complex", ("channels", "hits", "harmonics"), unit="that of the channel", optional=True),
+    Item("offset", axes=("channels", "hits"), unit="that of the channel"),
+    Item("offset_std", axes=("channels", "hits"), unit="that of the channel", optional=True),
+    Item("drift", axes=("channels", "hits"), unit="that of the channel a second"),
+    Item("drift_std", axes=("channels", "hits"), unit="that of the channel a second", optional=True),
     Item("revolution", unit="s"),
     Item("speed_dependent", "integer"),
 )

@@ -133,7 +133,8 @@ def _read(file: h5py.File) -> Analysis:
     model = _get_model(group_in(file, "model"))
     _check_together(lifting, lifted, modal, model)
     state = _get_state(file)
-    fit, measured, shafts = get_fit(file, model)
+    misfit = get(file, layout.MISFIT) if layout.MISFIT.name in file else None
+    fit, measured, shafts = get_fit(file, model, misfit)
     return Analysis(
         settings=settings,
         records=records,
@@ -149,6 +150,7 @@ def _read(file: h5py.File) -> Analysis:
         shafts=shafts,
         periodicity=_get_periodicity(file),
         held=layout.HELD.name in file and get(file, layout.HELD) == 1,
+        misfit=misfit,
         synchronisation=get(file, layout.SYNCHRONISATION) if layout.SYNCHRONISATION.name in file else (),
         validation=_get_validation(file, model),
         warnings=get(file, layout.WARNINGS),

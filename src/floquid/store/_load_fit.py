@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Stored = tuple[Fit | None, tuple[Record, ...], tuple[ShaftAngle, ...]]
 
 
-def get_fit(file: h5py.File, model: PeriodicModel) -> Stored:
+def get_fit(file: h5py.File, model: PeriodicModel, misfit: float | None) -> Stored:
     """The fit, the records as measured, and the angle of each shaft; nothing where records were lifted."""
     if "fit" not in file:
         return None, (), ()
@@ -44,7 +44,7 @@ def get_fit(file: h5py.File, model: PeriodicModel) -> Stored:
         free=free,
         period_std=values["period_std"],
         own_period=None if own is None else (float(own[0]), float(own[1])),
-        misfit=get(group, layout.MISFIT) if layout.MISFIT.name in group else 1.0,
+        misfit=1.0 if misfit is None else misfit,
         whitening=_whitening(group, model),
         **get_fields(group, layout.CHOICE),
     )

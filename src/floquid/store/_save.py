@@ -69,6 +69,7 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
         file.attrs["floquid"] = version
         put(file, layout.WARNINGS, analysis.warnings)
         put(file, layout.HELD, int(analysis.held))
+        put(file, layout.MISFIT, analysis.misfit)
         put(file, layout.SYNCHRONISATION, analysis.synchronisation)
         if analysis.periodicity is not None:
             _put_periodicity(file.create_group("periodicity"), analysis.periodicity)

@@ -24,6 +24,8 @@ def summary(analysis: Analysis) -> dict[str, Any]:
     is synchronised. `validation` has the verdict on the model with its numbers and their limits. `noise_whitening` has
     the filter of each channel that took the colour of the noise off. `periodicity` says whether the response is that of
     a periodic system at all: probabilities, and the share of its mode that each harmonic has and would be seen at.
+    `misfit` is what the fit leaves over its noise, null where there is none, and `failed` whether it is so much that
+    the model fails: then no exponent and no shape has a deviation.
     `system` has A(t) over the period and its deviations, what its states are (`coordinates`), and, where it was fitted
     with a structure, that structure, its parameters, and how well it fits.
 
@@ -43,6 +45,8 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         "format": "floquid-summary/1",
         "period": model.period,
         "period_std": _period_std(analysis),
+        "misfit": analysis.misfit,
+        "failed": analysis.failed,
         "order": model.order,
         "order_choice": None if analysis.choice is None else _choice(analysis.choice),
         "n_cycles": max(c.n_cycles for c in analysis.cycles),
@@ -59,6 +63,8 @@ def summary(analysis: Analysis) -> dict[str, Any]:
 
 
 def _period_std(analysis: Analysis) -> float | None:
+    if analysis.failed:
+        return None
     if analysis.fit is not None and analysis.fit.period_std is not None:
         return analysis.fit.period_std
     return analysis.shafts[0].period_std if analysis.shafts else None
@@ -70,7 +76,7 @@ def _forced(forced: ForcedResponse) -> dict[str, Any]:
         "revolution": forced.revolution,
         "harmonics": forced.harmonics.tolist(),
         "coefficients": _pairs(forced.coefficients),
-        "coefficients_std": _pairs(forced.coefficient_std),
+        "coefficients_std": None if forced.coefficient_std is None else _pairs(forced.coefficient_std),
         "offset": forced.offset.tolist(),
         "drift": forced.drift.tolist(),
     }

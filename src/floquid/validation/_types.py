@@ -55,6 +55,7 @@ class Validation:
         largest share of the response left in a harmonic of a mode beside its band. `line`: the largest amplitude of any
         other line, over the noise. `colour`: squared autocorrelations. Of A(t) integrated: `multipliers` and
         `liouville`, differences from the model over what they may be, and `composition`, the relative error of Φ.
+        `misfit`, which `identify` adds: what its fit leaves over the level of its noise.
     criteria
         The limit of each of them.
     passed

@@ -179,9 +179,11 @@ def _period(case: Case, found: Findings) -> None:
     slip = abs(relative) * cycles * 2.0 * case.highest
     if not found.add("period", abs(relative) / std if slip > NEGLIGIBLE_SLIP else 0.0, SIGNIFICANT):
         period = case.model.period * (1.0 + relative)
+        # A model that fails has no deviations: then what it leaves says nothing of that of the period either.
+        deviation = "" if case.model.covariance is None else f" ± {case.model.period * std:.1g}"
         found.reasons.append(
             sentence(
-                f"the response repeats with {period:.10g} ± {case.model.period * std:.1g} s, not with the period of "
+                f"the response repeats with {period:.10g}{deviation} s, not with the period of "
                 f"the model, {case.model.period:.10g} s",
                 "Correct the period, or let it be found (`estimate_period`).",
             )

@@ -100,7 +100,7 @@ def synchronisation(analysis: Analysis, hit: int = 0) -> Synchronisation:
               \Re \sum_r a_r \sum_m B_{r,c,m}\, e^{\lambda_r t_k + i m (\theta(t_k) + \delta)} \Big)^2
 
     so that an error of an exponent, which turns all lines of a mode alike, is none of the slip. Only a mode of two
-    harmonics or more tells it. Where the response has died there are no stretches.
+    harmonics or more tells it. Where the response has died there are no stretches; a model that fails tells nothing.
 
     Parameters
     ----------
@@ -122,12 +122,12 @@ def synchronisation(analysis: Analysis, hit: int = 0) -> Synchronisation:
     checked(analysis, "synchronisation", hit=hit)
     own = response_of(analysis, hit, list(range(len(analysis.model.channels))))
     times, angles = instants(own.record, own.clock, own.model.fundamental)
-    pieces, lines = _stretches(own, angles), _strongest(analysis)
+    pieces, lines = _stretches(own, angles), [] if analysis.failed else _strongest(analysis)
     values, gain, noise = _filtered(analysis, own, hit)
     slip, slip_std = np.full((2, len(pieces)), np.nan)
     phases, phases_std = np.full((2, len(lines), len(pieces)), np.nan)
     last = 0.0
-    for number, piece in enumerate(pieces):
+    for number, piece in enumerate([] if analysis.failed else pieces):
         seen = Stretch.of(own.model, times[piece], angles[piece], values[:, piece], gain, noise)
         slip[number], slip_std[number] = seen.slip(last)
         phases[:, number], phases_std[:, number] = seen.phases(lines)

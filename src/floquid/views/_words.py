@@ -138,4 +138,6 @@ def period_words(analysis: Analysis) -> str:
     if std is None and analysis.shafts:
         std = analysis.shafts[0].period_std
     period = analysis.model.period
+    if analysis.failed:
+        return f"{period:.8g}"
     return f"{period:.8g}" if std is None else with_error(period, std)

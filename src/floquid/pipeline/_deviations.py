@@ -1,0 +1,117 @@
+"""What a misfit makes of the deviations: those of a fit that leaves more than noise are wider, or there are none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from floquid.core import Estimates, PeriodicModel
+from floquid.lti import ModalModel
+from floquid.periodic import Fit, ForcedResponse
+from floquid.pipeline._analysis import FAILED
+from floquid.pipeline._settings import Settings
+
+BENT = 1.1
+"""The misfit up to which the deviations are those of the noise alone: estimates of a level differ by as much."""
+
+
+def widening(misfit: float | None) -> float:
+    """What the deviations are multiplied by: 1 where only noise is left, or nothing is known."""
+    return misfit if misfit is not None and misfit > BENT else 1.0
+
+
+def with_misfit(found: Fit) -> Fit:
+    """The fit with the deviations that its misfit leaves: wider by it, or none where the model fails.
+
+    What is left is no noise then, and moves the exponents by more than noise of its size: a deviation would be made up.
+
+    Parameters
+    ----------
+    found
+        The fit, with the deviations of noise alone.
+
+    Returns
+    -------
+    Fit
+        With the same exponents and shapes.
+    """
+    factor = widening(found.misfit)
+    if factor == 1.0:
+        return found
+    if found.misfit >= FAILED:
+        return replace(
+            found,
+            model=replace(found.model, covariance=None, coefficient_std=None, estimates=None, unselected=None),
+            forced=None if found.forced is None else _without_deviations(found.forced),
+            period_std=None,
+            own_period=None,
+        )
+    own = found.own_period
+    return replace(
+        found,
+        model=_wider(found.model, factor),
+        forced=None if found.forced is None else _wider_forced(found.forced, factor),
+        period_std=None if found.period_std is None else factor * found.period_std,
+        own_period=None if own is None else (own[0], factor * own[1]),
+    )
+
+
+def widened(estimates: Estimates, factor: float) -> Estimates:
+    """The same estimates with deviations larger by a factor: of the parameters, and of the noise of each row."""
+    if factor == 1.0:
+        return estimates
+    return replace(estimates, covariance=factor**2 * estimates.covariance, spread=factor**2 * estimates.spread)
+
+
+def poles_alone(modal: ModalModel) -> ModalModel:
+    """The modal model without any deviation."""
+    return replace(modal, covariance=None, residue_spread=None, residue_slope=None)
+
+
+def failure(found: Fit, settings: Settings) -> str:
+    """That the model fails, what was seen, and what to try; empty where it does not fail."""
+    if found.misfit < FAILED:
+        return ""
+    ways = []
+    if settings.order is not None:
+        ways.append("let the order be found, or ask for a higher one (`order`, `--order`)")
+    if settings.harmonics is not None:
+        ways.append("allow more harmonics (`harmonics`, `--harmonics`)")
+    if settings.forced == "none":
+        ways.append("let a forced response be fitted (`forced`, `--forced`)")
+    ways.append(
+        "look at the record for steps, glitches and clipping; and, since what is left may be a nonlinearity, leave out "
+        "its first periods, where it is largest (`skip`, `--skip`)"
+    )
+    return (
+        f"The model fails: what it leaves of the record is {found.misfit:.3g} times the noise. How far its exponents "
+        "and shapes are from those of the system cannot be told: they have no deviations. To try: "
+        f"{'; '.join(ways)}."
+    )
+
+
+def _wider(model: PeriodicModel, factor: float) -> PeriodicModel:
+    """The model with deviations larger by a factor, its joint covariance likewise."""
+    estimates, unselected = (
+        None if own is None else widened(own, factor) for own in (model.estimates, model.unselected)
+    )
+    return replace(
+        model,
+        covariance=None if model.covariance is None else factor**2 * model.covariance,
+        coefficient_std=None if model.coefficient_std is None else factor * model.coefficient_std,
+        estimates=estimates,
+        unselected=unselected,
+    )
+
+
+def _wider_forced(forced: ForcedResponse, factor: float) -> ForcedResponse:
+    """The forced response with deviations larger by a factor."""
+    names = ("coefficient_std", "offset_std", "drift_std")
+    own = {name: getattr(forced, name) for name in names}
+    return replace(forced, **{name: None if std is None else factor * np.asarray(std) for name, std in own.items()})
+
+
+def _without_deviations(forced: ForcedResponse) -> ForcedResponse:
+    """The forced response without deviations."""
+    return replace(forced, coefficient_std=None, offset_std=None, drift_std=None)
