@@ -113,6 +113,9 @@ class Held:
         # What nothing is known of may be anything, up to another branch.
         found = np.diag(np.full(len(size), self.entries.fundamental**2))
         found[own] = sandwich(self.information[own], self.gauss_newton[own])
+        lost = ~(np.diag(found) >= 0.0) | ~np.isfinite(found).all(axis=1)
+        found[lost], found[:, lost] = 0.0, 0.0
+        found[lost, lost] = self.entries.fundamental**2
         return found if self.further is None else found + np.diag(self.further)
 
 

@@ -57,6 +57,8 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
     if limits.choose:
         state = _with_room(state, limits)
     state, bands = centred(state, bands)
+    if search:
+        state, bands = _with_real_ones(state, bands)
     if free_period:
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
         state = state.with_fit(settled(state.blocks, replace(state.held.entries, free_period=True), hold=True))

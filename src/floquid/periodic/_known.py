@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lifting import Lifted, largest_values
+from floquid.lifting import Lifted, largest_values, whitened, whitening_filter
 from floquid.lti import ERA, ModalModel, TimeResponses
 
 GENEROUS = 64
@@ -110,25 +110,31 @@ def without_known(
     ModalModel
         The generous poles.
     """
-    era = ERA()
-    order = max(1, min(GENEROUS, int(lifted.responses.lengths.max()) // 3))
-    modal = era.extract(era.prepare(lifted.responses), order)
     count = round(nu) if nu >= 1.0 else 1
     roots = [k / count for k in range(count // 2 + 1)]
-    poles = _apart(modal, roots, int(lifted.responses.lengths.max()))
+    modal = _generous(lifted)
+    # Judged where the noise is white: else what is loud near a known multiplier passes for a forced response.
+    taps = whitening_filter(lifted, modal)
+    judged = lifted if taps is None else whitened(lifted, taps)
+    poles = _apart(modal if taps is None else _generous(judged), roots, int(judged.responses.lengths.max()))
     known = Known(tuple(roots), True)
     for root in (None, *roots):
-        less = (
-            Known(known.roots, False)
-            if root is None
-            else Known(tuple(r for r in known.roots if r != root), known.drift)
-        )
-        if _gain(lifted, poles, less, known) < _limit(lifted, less, known):
+        kept = tuple(r for r in known.roots if r != root)
+        less = Known(known.roots, False) if root is None else Known(kept, known.drift)
+        if _gain(judged, poles, less, known) < _limit(judged, less, known):
             known = less
     if not known:
         return lifted, known, modal
+    poles = _apart(modal, roots, int(lifted.responses.lengths.max()))
     free, turns = _subtracted(lifted, poles, known, speeds)
     return free, Known(known.roots, known.drift, turns), modal
+
+
+def _generous(lifted: Lifted) -> ModalModel:
+    """More poles than there are modes."""
+    era = ERA()
+    order = max(1, min(GENEROUS, int(lifted.responses.lengths.max()) // 3))
+    return era.extract(era.prepare(lifted.responses), order)
 
 
 def _apart(modal: ModalModel, roots: Sequence[float], n_cycles: int) -> NDArray[np.complex128]:

@@ -16,6 +16,7 @@ from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._deviations import failure, poles_alone, widened, widening, with_misfit
+from floquid.pipeline._colour import PEAKED
 from floquid.pipeline._doubts import ambiguity, below_modes, misfit, warnings, wrong_angles
 from floquid.pipeline._prepare import Prepared, unsteady
 from floquid.pipeline._settings import Settings
@@ -94,7 +95,8 @@ def completed(
         modal = poles_alone(modal)
         choice = None if choice is None else replace(choice, model=modal)
     if fitted is not None and changed and settings.order is None:
-        choice = Choice(order=model.order, model=modal, reasons=fitted.reasons, doubts=fitted.doubts)
+        peaked = tuple(doubt for doubt in (() if choice is None else choice.doubts) if doubt == PEAKED)
+        choice = Choice(order=model.order, model=modal, reasons=fitted.reasons, doubts=(*peaked, *fitted.doubts))
 
     def again(exponents: NDArray[np.complex128]) -> Estimates:
         factor = widening(None if fitted is None else fitted.misfit)

@@ -141,9 +141,6 @@ FIT = (
 OWN_PERIOD = Item("own_period", axes=("difference and deviation",), optional=True)
 """Of the fit too."""
 
-MISFIT = Item("misfit")
-"""Of the fit too; absent in older files."""
-
 SHAFT = (
     Item("periods_per_revolution"),
     *(Item(name, axes=("pulses",), unit=unit) for name, unit in (("times", "s"), ("residuals", "rad"))),
