@@ -16,7 +16,7 @@ FEWEST = 256
 """Samples of a channel below which noise is not told from what was not fitted."""
 
 
-def residual_filter(blocks: Sequence[Block], held: Held) -> NDArray[np.float64] | None:
+def residual_filter(blocks: Sequence[Block], held: Held, *, least: float = 0.0) -> NDArray[np.float64] | None:
     """The filter of each channel that whitens what a fit leaves (channels, taps); None where that is white.
 
     By the Yule-Walker equations for the residual of all hits together; of a wandering speed one for all channels, since
@@ -28,6 +28,8 @@ def residual_filter(blocks: Sequence[Block], held: Held) -> NDArray[np.float64] 
         The samples.
     held
         The fit.
+    least
+        The sum of squared correlations of the most coloured channel below which it is taken for white.
 
     Returns
     -------
@@ -54,7 +56,10 @@ def residual_filter(blocks: Sequence[Block], held: Held) -> NDArray[np.float64] 
         correlations = np.broadcast_to(correlations.mean(axis=0), correlations.shape)
         numbers = np.full(len(numbers), numbers.sum())
     level = correlations[:, :1]
-    return filters_of(correlations / np.where(level > 0.0, level, 1.0), numbers)
+    correlations = correlations / np.where(level > 0.0, level, 1.0)
+    if np.sum(correlations[:, 1:] ** 2, axis=1).max() < least:
+        return None
+    return filters_of(correlations, numbers)
 
 
 def through(blocks: Sequence[Block], taps: NDArray[np.float64] | None) -> Sequence[Block]:

@@ -47,6 +47,9 @@ MOST_ENTRIES = 24
 ROUNDS = 4
 """How often modes and bands may change."""
 
+STRONG = 0.1
+"""The sum of squared correlations from which on what few modes leave is coloured noise and no weak mode."""
+
 SURELY = 10.0
 """A peak so far above the limit is no noise."""
 
@@ -194,11 +197,16 @@ def fit(
     state = _begun(samples.search, begin if samples.projected else base.joined(begin), limits)
     report("fitting the samples")
     taps = None if lifted is None else lifted.whitening
-    if not isinstance(samples.final[0], LiftedBlock) and search:
-        # Few modes are there yet, none of them noise: what they leave tells its colour.
-        state, taps = _whitened(state, limits, report)
-        samples = replace(samples, search=state.blocks, final=state.blocks)
+    as_sampled = not isinstance(samples.final[0], LiftedBlock) and search
+    if as_sampled:
+        # Few modes are there yet, none of them noise: what they leave tells a strong colour.
+        state, taps = _whitened(with_lines(state, replace(limits, loud=True), report), limits, report, least=STRONG)
     state = _searched(state, limits, search, report)
+    if as_sampled and taps is None:
+        state, taps = _whitened(state, limits, report, least=0.0)
+        state = state if taps is None else _searched(state, limits, search, report)
+    if as_sampled:
+        samples = replace(samples, search=state.blocks, final=state.blocks)
     if samples.projected:
         # The forced response was at every phase for itself: now it has the harmonics that are there.
         state = _begun(samples.final, base.joined(state.held.entries), limits)
@@ -257,11 +265,11 @@ def _begun(blocks: tuple[Block, ...], entries: Entries, limits: Limits) -> State
     return state.with_noise(limits.floor)
 
 
-def _whitened(state: State, limits: Limits, report: Callable[[str], None]) -> tuple[State, NDArray[np.float64] | None]:
-    """The fit of the samples after the filter that whitens what the first modes leave, and that filter."""
-    loud = replace(limits, loud=True)
-    state = with_lines(state, loud, report)
-    taps = residual_filter(state.blocks, state.held)
+def _whitened(
+    state: State, limits: Limits, report: Callable[[str], None], *, least: float
+) -> tuple[State, NDArray[np.float64] | None]:
+    """The fit of the samples after the filter that whitens what is left, and that filter; None where it is white."""
+    taps = residual_filter(state.blocks, state.held, least=least)
     after = None if taps is None else filtered_blocks(state.blocks, taps)
     if taps is None or after is None:
         return state, None
@@ -272,9 +280,10 @@ def _whitened(state: State, limits: Limits, report: Callable[[str], None]) -> tu
 def _searched(state: State, limits: Limits, search: bool, report: Callable[[str], None]) -> State:
     """With bands and modes changed until nothing does."""
     passed: list[float] = []
+    refused: set[bytes] = set()
     for number in range(ROUNDS):
         before = state.held.entries
-        state = with_bands(released(state), limits)
+        state = with_bands(released(state), limits, refused=refused)
         if not search:
             break
         if len(state.held.entries.exponents):

@@ -15,7 +15,7 @@ from floquid.periodic._blocks import Block
 from floquid.periodic._constrained import Held, evaluated, settled
 from floquid.periodic._harmonics import GAP, bands_at, select_bands
 
-FEW = 6
+FEW = 3
 """Steps of that fit: what has hardly any information may go on for ever."""
 
 SHORT = 2.0

@@ -150,7 +150,7 @@ def coefficients_of(entries: Entries) -> int:
     return len(sines) + int(sines.sum())
 
 
-def with_bands(state: State, limits: Limits, level: float = STRICT) -> State:
+def with_bands(state: State, limits: Limits, level: float = STRICT, *, refused: set[bytes] | None = None) -> State:
     """With the bands of the harmonics that rise above the noise.
 
     They end where taking the last harmonic away would raise the cost by what noise explains, and go on to the outermost
@@ -163,9 +163,12 @@ def with_bands(state: State, limits: Limits, level: float = STRICT) -> State:
     chosen = chosen_bands(state.blocks, wide, level, each=True)
     inner = _narrowed(state, level)
     bands = np.stack([np.minimum(inner[:, 0], chosen[:, 0]), np.maximum(inner[:, 1], chosen[:, 1])], axis=1)
-    narrower = _refitted(state, chosen, limits.most, level) if (chosen != bands).any() else None
+    key, refused = chosen.tobytes() + bands.tobytes(), set() if refused is None else refused
+    again = (chosen != bands).any() and key not in refused
+    narrower = _refitted(state, chosen, limits.most, level) if again else None
     if narrower is not None:
         return narrower
+    refused.add(key)
     if (bands == entries.bands).all():
         return state
     held = state.settled(replace(entries, bands=bands))
