@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from floquid import IdentificationError, bootstrap, export_modes, identify, load, report, save
 from floquid.pipeline import _complete as complete
 from floquid.pipeline import validated
-from floquid.pipeline._deviations import BENT, with_misfit
+from floquid.pipeline._deviations import BENT, widening_of, with_misfit
 from floquid.reporting._words import under_verdict, verdict
 from floquid.store import summary
 from floquid.systems import JeffcottRotor
@@ -64,6 +64,7 @@ def test_a_sound_fit_keeps_the_deviations_of_noise(sound):
         patch.setattr(complete, "with_misfit", lambda found: found)
         plain = identify(RECORD)
     assert 0.9 < sound.misfit < BENT
+    assert widening_of(sound) == 1.0
     assert not sound.failed
     assert sound.validation.passed
     assert sound.warnings == ()
@@ -92,7 +93,7 @@ def test_what_is_fitted_to_the_model_is_as_much_wider():
     options = {"order": 4, "states": ["X", "Y"], "structure": "auto", "output_error": True, "validate": False}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(complete, "with_misfit", lambda found: found)
-        patch.setattr(complete, "widening", lambda misfit: 1.0)
+        patch.setattr(complete, "widening", lambda misfit, records: 1.0)
         plain = identify(beside(3.0), **options)
     wide = identify(beside(3.0), **options)
     assert plain.refinement.names == wide.refinement.names
@@ -113,6 +114,28 @@ def test_deviations_of_a_forced_response_widen_too(forced):
     # The deviation of the period is in that of the multipliers.
     assert_allclose(wide.model.multiplier_std, 2.0 * found.model.multiplier_std)
     assert forced.failed
+
+
+def test_chance_widens_nothing_in_a_short_record():
+    """The level of the noise is estimated from what is left: of few samples it is known to a tenth only."""
+    rotor, misfits = JeffcottRotor(damping=0.02), []
+    for seed in range(6):
+        short = rotor.simulate(n_periods=30, samples_per_period=8, noise=0.01, seed=seed)
+        found = identify(short, order=4, validate=False)
+        misfits.append(found.misfit)
+        assert widening_of(found) == 1.0
+    assert max(misfits) > BENT
+
+
+def test_a_bootstrap_takes_wider_deviations_for_bounds(bent):
+    plain, wide = bent
+    plain = bootstrap(replace(plain, misfit=1.0), draws=40, workers=1)
+    wide = bootstrap(wide, draws=40, workers=1)
+    assert not plain.exponents.bound
+    assert plain.holds
+    assert wide.exponents.bound
+    assert wide.holds
+    assert any("they also count what is left beside noise" in reason for reason in wide.reasons)
 
 
 @pytest.mark.parametrize("which", ["failing", "forced"])
@@ -183,7 +206,7 @@ def test_it_is_in_the_file(failing, forced, tmp_path):
 def test_what_needs_deviations_refuses_a_model_that_fails(failing):
     with pytest.raises(IdentificationError, match=r"The model fails.*\n  A state matrix with a structure cannot"):
         identify(RECORD, order=2, states=["X"], structure="auto")
-    with pytest.raises(IdentificationError, match=r"The model fails.*say nothing"):
+    with pytest.raises(IdentificationError, match=r"The model fails.*\n  Records drawn from it say nothing"):
         bootstrap(failing, draws=20)
 
 

@@ -18,7 +18,7 @@ from floquid._checks import describe, input_error, integer
 from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._deviations import widening
+from floquid.pipeline._deviations import widening_of
 from floquid.pipeline._draws import Draw, drawn
 from floquid.pipeline._plan import Plan, plan_of
 from floquid.pipeline._spread import MATERIAL, Spread
@@ -188,9 +188,8 @@ class Bootstrap:
                 said.append(f"{WORDS[spread.name]} ({np.median(1.0 / ratios):.3g} times as large in the median)")
         if not said:
             return []
-        words = (
-            "as they should be: they also count harmonics left out, and what is left beside noise, which no draw shows"
-        )
+        beside = "what is left beside noise" if self.exponents.bound else "what harmonics that are left out may do"
+        words = f"as they should be: they also count {beside}, which no draw shows"
         return [f"The deviations of {' and '.join(said)} are larger than the draws spread, {words}."]
 
     def _on_bias(self) -> list[str]:
@@ -284,8 +283,7 @@ def bootstrap(
         must = "be an Analysis"
         raise input_error("analysis", OF, must, f"is {describe(analysis)}", "Pass what `identify` gave.")
     if analysis.failed:
-        words = f"The model fails: what it leaves of the record is {analysis.misfit:.3g} times the noise."
-        raise IdentificationError(f"{words} Records drawn from it say nothing of how far off it is.")
+        raise IdentificationError(f"{analysis.warnings[0]}\n  Records drawn from it say nothing of how far off it is.")
     count = integer(draws, "draws", OF, at_least=FEWEST, remedy="A deviation of so few draws says nothing.")
     first = integer(seed, "seed", OF, at_least=0)
     if not isinstance(whole, (bool, np.bool_)):
@@ -350,7 +348,7 @@ def _gathered(analysis: Analysis, found: Sequence[Draw], seed: int, whole: bool)
     damping = np.divide(-np.real(exponents), size, out=np.zeros_like(size), where=size > 0)
     upper = _upper(model)
     moved = analysis.fit is not None and analysis.fit.period_std is not None
-    bent = widening(analysis.misfit) > 1.0  # what is left beside noise is in the deviations, and in no draw
+    bent = widening_of(analysis) > 1.0  # what is left beside noise is in the deviations, and in no draw
 
     def spread(name: str, unit: str, estimate: NDArray, values: NDArray, std: NDArray | None, own: NDArray) -> Spread:
         return Spread(name=name, unit=unit, estimate=estimate, draws=values, asymptotic=std, distinct=own, bound=bent)

@@ -99,7 +99,7 @@ def completed(
         choice = Choice(order=model.order, model=modal, reasons=fitted.reasons, doubts=(*peaked, *fitted.doubts))
 
     def again(exponents: NDArray[np.complex128]) -> Estimates:
-        factor = widening(None if fitted is None else fitted.misfit)
+        factor = 1.0 if fitted is None else widening(fitted.misfit, fitted.free)
         if measured is None:
             return widened(estimate_at(model, exponents, lifted=lifted), factor)
         return widened(by_samples(replace(measured, model=model), prepared.clocks, exponents), factor)

@@ -2,23 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from floquid.core import Estimates, PeriodicModel
+from floquid.core import Estimates, PeriodicModel, Record
 from floquid.lti import ModalModel
 from floquid.periodic import Fit, ForcedResponse
-from floquid.pipeline._analysis import FAILED
+from floquid.pipeline._analysis import FAILED, Analysis
 from floquid.pipeline._settings import Settings
+from floquid.sync import rejoin
 
 BENT = 1.1
-"""The misfit up to which the deviations are those of the noise alone: estimates of a level differ by as much."""
+"""The misfit up to which the deviations are those of the noise alone, in a long record."""
+
+SCATTER = 5.0
+"""What the misfit of noise alone may be above one, times the root of the number of samples: its level is estimated."""
 
 
-def widening(misfit: float | None) -> float:
-    """What the deviations are multiplied by: 1 where only noise is left, or nothing is known."""
-    return misfit if misfit is not None and misfit > BENT else 1.0
+def widening(misfit: float | None, records: Sequence[Record]) -> float:
+    """What the deviations are multiplied by: 1 where only noise is left, or nothing is known.
+
+    Parameters
+    ----------
+    misfit
+        What the fit leaves over the level of the noise.
+    records
+        What was fitted; NaN marks missing samples.
+    """
+    if misfit is None:
+        return 1.0
+    fewest = min(int(np.isfinite(record.values).sum(axis=1).min()) for record in records)
+    return misfit if misfit > max(BENT, 1.0 + SCATTER / np.sqrt(max(fewest, 1))) else 1.0
+
+
+def widening_of(analysis: Analysis) -> float:
+    """What the deviations of an analysis were multiplied by."""
+    fitted = analysis.fit.free if analysis.fit is not None else [rejoin(hit) for hit in analysis.cycles]
+    return widening(analysis.misfit, fitted)
 
 
 def with_misfit(found: Fit) -> Fit:
@@ -36,7 +58,7 @@ def with_misfit(found: Fit) -> Fit:
     Fit
         With the same exponents and shapes.
     """
-    factor = widening(found.misfit)
+    factor = widening(found.misfit, found.free)
     if factor == 1.0:
         return found
     if found.misfit >= FAILED:
