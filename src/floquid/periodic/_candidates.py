@@ -12,11 +12,12 @@ from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import PLAIN
 from floquid.periodic._constrained import settled
-from floquid.periodic._moves import ROUGHLY, Limits, State, coefficients_of, joined, limit_of, modes_of, with_bands
+from floquid.periodic._moves import joined
 from floquid.periodic._peaks import Peak, Rest, peaks
 from floquid.periodic._record_block import RecordBlock
 from floquid.periodic._residual import rests_of
 from floquid.periodic._scores import score_step
+from floquid.periodic._state import ROUGHLY, Limits, State, coefficients_of, limit_of, modes_of, with_bands
 
 AT_ONCE = 3
 """Peaks that are tried together."""

@@ -1,4 +1,4 @@
-"""Noise that is coloured along a record as it was sampled, and blocks of the record after the filter that whitens it."""
+"""Noise that is coloured along a record as it was sampled, and blocks after the filter that whitens it."""
 
 from __future__ import annotations
 

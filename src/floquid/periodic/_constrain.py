@@ -15,9 +15,9 @@ from floquid.periodic._constrained import settled
 from floquid.periodic._final import centred, with_final_bands
 from floquid.periodic._held import model_of
 from floquid.periodic._lifted_block import LiftedBlock
-from floquid.periodic._moves import Limits, State, with_bands
 from floquid.periodic._residual import noise_left
 from floquid.periodic._start import equal_multipliers
+from floquid.periodic._state import Limits, State, with_bands
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,10 +72,10 @@ class Linear:
 
 @dataclass(frozen=True, slots=True)
 class ByColumn:
-    """Gradient and matrices if each column had an exponent of its own: its decay, then its frequency, of all columns.
+    """Gradient and matrices if each column had an exponent of its own: the decays, then the frequencies.
 
-    Whatever ties these together (one exponent a mode, a split mode, the period) is a matrix A of parameters by them: its
-    gradient is A g and its Gauss-Newton matrix A J Aᵀ, so that one linearisation answers every question of that kind.
+    Whatever ties these together (one exponent a mode, a split mode, the period) is a matrix A of parameters by them:
+    its gradient is A g and its Gauss-Newton matrix A J Aᵀ, so that one linearisation answers all such questions.
     """
 
     gradient: NDArray[np.float64]
@@ -103,7 +103,7 @@ class Held:
     information: NDArray[np.float64]
     by_column: ByColumn
     further: NDArray[np.float64] | None = None
-    """What is added to the variances of the real parameters (parameters,): modes that are clusters. None for nothing."""
+    """What is added to the variances of the parameters of modes that are clusters (parameters,); None for nothing."""
 
     def covariance(self) -> NDArray[np.float64]:
         """Of the real parameters (parameters, parameters): the sandwich of information and scatter."""

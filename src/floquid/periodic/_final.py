@@ -14,11 +14,12 @@ from floquid.periodic._candidates import EXPECTED
 from floquid.periodic._constrained import Held, settled
 from floquid.periodic._harmonics import GAP
 from floquid.periodic._held import chosen_bands, shapes
-from floquid.periodic._moves import Limits, State, coefficients_of, joined
+from floquid.periodic._moves import joined
 from floquid.periodic._peaks import Rest, strongest
 from floquid.periodic._residual import noise_of, rests_of
 from floquid.periodic._scores import differences, equality, spread_of_harmonics
 from floquid.periodic._searched import Searched
+from floquid.periodic._state import Limits, State, coefficients_of
 
 LOOSE = 0.02
 """The probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm."""
@@ -144,7 +145,7 @@ def _apart(entries: Entries, one: int, other: int) -> float:
 
 
 def _with_clusters(state: State) -> tuple[State, tuple[int, ...]]:
-    """With the spread of the harmonics' own exponents in the variances of modes that are several, and which these are."""
+    """With the spread of the harmonics' own exponents in the variances of clusters, and which modes these are."""
     clusters, held = _doubtful(state.held, CLUSTER), state.held
     if not clusters:
         return state, ()

@@ -205,7 +205,7 @@ def unselected(blocks: Sequence[Block], found: Held, bands: NDArray[np.int64], m
     try:
         wide = evaluated(blocks, replace(found.entries, bands=bands).padded(GAP + 1, most))
         scale = np.sqrt(np.maximum(np.diag(wide.information), 0.0))
-        step = np.linalg.solve(wide.information, wide.gradient)
+        step = np.asarray(np.linalg.solve(wide.information, wide.gradient), np.float64)
         if np.abs(step * scale).max(initial=0.0) > SHORT:
             wide = settled(blocks, wide, at_rest=0.1, iterations=FEW)
         else:

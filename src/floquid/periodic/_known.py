@@ -139,7 +139,7 @@ def _generous(lifted: Lifted) -> ModalModel:
 
 def _apart(modal: ModalModel, roots: Sequence[float], n_cycles: int) -> NDArray[np.complex128]:
     """Logarithms of the multipliers, of the upper half, that are told from the known ones."""
-    logs = np.log(modal.multipliers)
+    logs = np.asarray(np.log(modal.multipliers), np.complex128)
     logs = logs[(logs.imag >= -1e-12) & (logs.real > -4.0) & (logs.real < 2.0)]
     for root in roots:
         logs = logs[np.abs(logs - 2j * np.pi * root) * n_cycles > MERGED]
@@ -149,7 +149,7 @@ def _apart(modal: ModalModel, roots: Sequence[float], n_cycles: int) -> NDArray[
 def _columns(poles: NDArray[np.complex128], n_cycles: int) -> NDArray[np.float64]:
     """Real columns of the poles (cycles, columns), what grows being counted from the end."""
     counts = np.arange(n_cycles)[:, None] - np.where(poles.real > 0, n_cycles - 1, 0)
-    powers = np.exp(counts * poles)
+    powers = np.asarray(np.exp(counts * poles), np.complex128)
     return np.concatenate([powers.real, powers.imag], axis=1)
 
 

@@ -17,10 +17,11 @@ from floquid.periodic._blocks import TREND, Block
 from floquid.periodic._candidates import forced_entries, with_lines
 from floquid.periodic._constrained import Held, evaluated, settled
 from floquid.periodic._held import shapes
-from floquid.periodic._moves import Limits, State, without_needless
+from floquid.periodic._moves import without_needless
 from floquid.periodic._record_block import GappyBlock, RecordBlock
 from floquid.periodic._record_blocks import record_blocks
 from floquid.periodic._residual import noise_left, rests_of
+from floquid.periodic._state import Limits, State
 
 MOST_LINES = 60
 """Lines that are looked for at most, a pair counted once."""

@@ -23,6 +23,9 @@ BANDS = 8
 DECAYS = 8
 """Decay rates looked at, from one over the record to `FASTEST` over a period."""
 
+FEW_DECAYS = 4
+"""The same where nothing is to be fitted, and a look is enough."""
+
 FASTEST = 0.7
 
 GROWTH = (2.0, 6.0)
@@ -148,7 +151,7 @@ def strongest(
     Peak
         The strongest.
     """
-    return peaks(blocks, rests, period, false_alarm, passed, most=1)[0]
+    return peaks(blocks, rests, period, false_alarm, passed, most=1, decays=FEW_DECAYS)[0]
 
 
 def peaks(
@@ -159,6 +162,7 @@ def peaks(
     passed: Sequence[float] = (),
     *,
     most: int,
+    decays: int = DECAYS,
 ) -> list[Peak]:
     """The exponentials that take most out of what is left, at most so many, apart from one another, strongest first.
 
@@ -167,8 +171,8 @@ def peaks(
     from scipy.special import chdtri
 
     span = max(rest.span for rest in rests)
-    decays = np.geomspace(1.0 / span, max(FASTEST / period, 2.0 / span), DECAYS)
-    rates = np.concatenate([decays, -np.array(GROWTH) / span])
+    looked_at = np.geomspace(1.0 / span, max(FASTEST / period, 2.0 / span), decays)
+    rates = np.concatenate([looked_at, -np.array(GROWTH) / span])
     gains, omegas = zip(*(_gains(rests, rate) for rate in rates), strict=True)
     gain, omega = np.concatenate(gains), np.concatenate(omegas)
     rate = np.repeat(rates, [len(own) for own in omegas])
@@ -195,7 +199,7 @@ def _gains(rests: Sequence[Rest], rate: float) -> tuple[NDArray[np.float64], NDA
     # What comes after a fast decay has died is not looked at, and its lines are as wide as it is fast.
     length = min(grid, DIED / rate) if rate > 0.0 else grid
     lines = _fast_length(2.0 * (length / step + 1.0))
-    omega = 2.0 * np.pi * np.fft.rfftfreq(lines, step)
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(lines, step), np.float64)
     gain = np.zeros(len(omega))
     for rest in rests:
         gain += _gain(rest, rate, omega, lines, min(rest.values.shape[1], lines))

@@ -112,7 +112,7 @@ class RecordBlock(Block):
             before = replace(self, **cut(early), values=self.values[:, early], ends=ends)
         return replace(self, **cut(slice(order, None)), values=values, ends=ends, taps=taps, before=before)
 
-    @cached_property
+    @property
     def largest(self) -> NDArray[np.float64]:
         """The largest size of a sample (rows,)."""
         return np.abs(self.values).max(axis=1)
@@ -205,7 +205,7 @@ class RecordBlock(Block):
 
 @dataclass(frozen=True)
 class GappyBlock(Block):
-    """Samples evenly spaced but for some that are missing: sums over all, with any values there, less those of these."""
+    """Evenly spaced samples of which some are missing: sums over all, with any values there, less those of these."""
 
     whole: RecordBlock
     """All samples of the grid, the missing ones filled with values of any kind."""

@@ -156,7 +156,7 @@ def period_step(held: Held) -> tuple[float, float] | None:
 
 
 def differences(entries: Entries, one: int, other: int) -> tuple[int, int, complex] | None:
-    """Sign, whole fundamentals and what is left of λ_other = λ_one + imω, λ_other conjugated for sign -1; the nearest."""
+    """Sign, whole fundamentals m and what is left of λ_other = λ_one + imω, λ_other conjugated for sign -1."""
     best = None
     for sign in (1, -1):
         value = entries.exponents[other] if sign > 0 else entries.exponents[other].conjugate()

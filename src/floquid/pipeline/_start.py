@@ -198,7 +198,8 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
         chosen = settings if floors[0] is None else replace(settings, noise_floor=floors[0])
         whole = lifted if floors[0] is None else lift(cutting.cycles, floor=floors[0])
         free, known = _without_forced(whole, prepared, cutting)
-        if any(_wander(clock, record) > FAR for clock, record in zip(prepared.shafts, prepared.responses)):
+        turning = zip(prepared.shafts, prepared.responses, strict=False)
+        if any(_wander(shaft, record) > FAR for shaft, record in turning):
             return Start(whole=whole, lifted=free, known=known, modal=None, choice=None)
         try:
             free, modal, choice = find_poles(free, chosen, report)

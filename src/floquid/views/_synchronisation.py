@@ -188,8 +188,8 @@ def _filtered(
     after = np.array([np.convolve(row, own_taps)[: len(row)] for row, own_taps in zip(values, taps, strict=True)])
     after[:, : taps.shape[1] - 1] = np.nan
     delays = np.arange(taps.shape[1]) / own.record.sample_rate
-    gain = np.tensordot(taps, np.exp(-np.multiply.outer(delays, rates)), 1)
-    return after, gain, analysis.noise[:, hit]
+    gain = np.asarray(np.tensordot(taps, np.exp(-np.multiply.outer(delays, rates)), 1), np.complex128)
+    return np.asarray(after, np.float64), gain, analysis.noise[:, hit]
 
 
 def _strongest(analysis: Analysis) -> list[tuple[int, int]]:

@@ -1,0 +1,151 @@
+"""The forced response in a fit of samples: which harmonics it has, what they are, and the records without it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import Channel, ConstantPeriod, Record
+from floquid.errors import IdentificationError
+from floquid.periodic._bands import Entries
+from floquid.periodic._blocks import PLAIN, SPEED, SPEED_RATE, SPEED_SQUARED, TREND
+from floquid.periodic._candidates import forced_entries
+from floquid.periodic._constrained import evaluated, settled
+from floquid.periodic._forced import ForcedResponse
+from floquid.periodic._held import estimates_of, shapes
+from floquid.periodic._known import Known
+from floquid.periodic._record_block import GappyBlock, RecordBlock
+from floquid.periodic._record_blocks import record_blocks
+from floquid.periodic._searched import Searched
+from floquid.sync import ShaftAngle
+
+USUAL = (1, 2)
+"""Harmonics of the revolution that are always looked at where the forced response is to be found."""
+
+KEPT = 1e-6
+"""The probability at which noise may pass for a harmonic of the forced response."""
+
+
+def forced_turns(
+    forced: str | Sequence[int], known: Known | None, most: int, nu: float
+) -> tuple[list[float], bool] | None:
+    """Turns a period of the harmonics that are fitted in any case, and whether a drift is; None without any."""
+    if known is not None and isinstance(forced, str) and forced == "auto":
+        return (sorted({0.0, *(turn for turn in known.turns if turn <= most)}), known.drift) if known else None
+    listed = _listed(forced, most, nu)
+    drift = known is None or known.drift
+    return None if listed is None else ([0.0, *(j / nu for j in listed)], drift)
+
+
+def _listed(forced: str | Sequence[int], most: int, nu: float) -> tuple[int, ...] | None:
+    """The harmonics of the revolution that are fitted in any case; None without a forced response."""
+    remedy = 'Pass "auto", "none" or harmonics of the revolution, as (1, 2).'
+    if isinstance(forced, str):
+        if forced not in ("auto", "none"):
+            raise input_error("forced", "fit", "be auto, none or a list of whole numbers", f"is {forced!r}", remedy)
+        return None if forced == "none" else tuple(j for j in USUAL if j / nu <= most)
+    chosen = tuple(dict.fromkeys(int(j) for j in forced))
+    for j in chosen:
+        if j < 1 or j / nu > most:
+            must = f"lie between 1 and {int(most * nu)}, what the sampling shows"
+            raise input_error("forced", "fit", must, f"has {j}", "Ask for lower harmonics, or sample faster.")
+    return chosen
+
+
+def forced_base(chosen: tuple[list[float], bool] | None, fundamental: float, *, wanders: bool) -> Entries:
+    """What is fitted in any case: offset, drift and the harmonics listed, let follow the speed where it wanders."""
+    if chosen is None:
+        return forced_entries([], fundamental)
+    turns, drift = chosen
+    base = forced_entries(turns, fundamental)
+    if drift:
+        base = base.joined(forced_entries([0.0], fundamental, factor=TREND))
+    for factor in (SPEED, SPEED_SQUARED, SPEED_RATE) if wanders else ():
+        base = base.joined(forced_entries([turn for turn in turns if turn], fundamental, factor=factor))
+    return base
+
+
+def without_noise(found: Searched) -> Searched:
+    """Without those harmonics of the forced response, offset and drift that noise explains."""
+    from scipy.special import chdtri
+
+    both, entries = shapes(found.blocks, found.held), found.held.entries
+    place = int(np.flatnonzero(both.harmonics == 0)[0])
+    kept = ~entries.fixed
+    for entry in np.flatnonzero(entries.fixed):
+        value, std = both.coefficients[entry, ..., place], both.std[entry, ..., place]
+        parts = [(value.real, std.real)] + ([] if entries.real[entry] else [(value.imag, std.imag)])
+        score = sum(float(np.sum(np.divide(v, s, out=np.zeros_like(v), where=s > 0) ** 2)) for v, s in parts)
+        kept[entry] = score > chdtri(len(parts) * value.size, KEPT)
+    # What follows the speed is kept with its harmonic alone.
+    plain = entries.offsets[kept & entries.fixed & (entries.factors == PLAIN)]
+    follows = entries.fixed & (entries.factors > TREND)
+    kept &= ~follows | (np.abs(entries.offsets[:, None] - plain) < 1e-9).any(axis=1)
+    if kept.all():
+        return found
+    less = entries.picked(np.flatnonzero(kept))
+    held = evaluated(found.blocks, less)
+    with suppress(IdentificationError, np.linalg.LinAlgError):
+        held = settled(found.blocks, less)
+    return replace(found, held=held, bands=found.bands[kept])
+
+
+def forced_of(found: Searched, nu: float, channels: tuple[Channel, ...], *, wanders: bool) -> ForcedResponse | None:
+    """The forced response of a fit; None where nothing of it is there."""
+    entries = found.held.entries
+    if not entries.fixed.any():
+        return None
+    both = shapes(found.blocks, found.held)
+    place = int(np.flatnonzero(both.harmonics == 0)[0])
+    values, std = both.coefficients[..., place], both.std[..., place]
+    plain = entries.fixed & (entries.factors == PLAIN)
+    turning = sorted(np.flatnonzero(plain & (entries.offsets > 0)), key=lambda e: entries.offsets[e])
+    nothing = np.zeros(values.shape[1:])
+
+    def alone(which: NDArray[np.bool_], scale: NDArray[np.float64] | float = 1.0) -> tuple[NDArray, NDArray]:
+        own = np.flatnonzero(which)
+        return (values[own[0]].real / scale, std[own[0]].real / scale) if len(own) else (nothing, nothing)
+
+    offset, offset_std = alone(plain & (entries.offsets == 0.0))
+    half = np.ones(nothing.shape)
+    for block in found.blocks:
+        half[block.rows, block.hit] = block.half if isinstance(block, (RecordBlock, GappyBlock)) else 1.0
+    drift, drift_std = alone(entries.fixed & (entries.factors == TREND), half)
+    return ForcedResponse(
+        harmonics=np.array([round(entries.offsets[e] * nu) for e in turning], np.int64),
+        coefficients=np.moveaxis(values[turning], 0, -1) if turning else np.zeros((*nothing.shape, 0), complex),
+        coefficient_std=np.moveaxis(std[turning], 0, -1) if turning else np.zeros((*nothing.shape, 0), complex),
+        offset=offset,
+        offset_std=offset_std,
+        drift=drift,
+        drift_std=drift_std,
+        revolution=2.0 * np.pi / entries.fundamental * nu,
+        channels=channels,
+        speed_dependent=wanders,
+    )
+
+
+def free_records(
+    records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], found: Searched, nu: float
+) -> tuple[Record, ...]:
+    """The records without what is fixed in the fit."""
+    entries = found.held.entries
+    if not entries.fixed.any():
+        return tuple(records)
+    columns, whole = entries.columns(), estimates_of(found.blocks, found.held)
+    # A column without a sine counts once, the others with their conjugates.
+    share = np.where(entries.sines(), 1.0, 0.5) * entries.fixed[columns.modes]
+    values = [np.array(record.values) for record in records]
+    for block in record_blocks(records, clocks, nu)[0]:
+        coefficients = whole.coefficients[:, block.rows, block.hit] * share[:, None] * block.scales(columns)[:, None]
+        _, left = block.rest(columns, coefficients)
+        taken = ~np.isnan(records[block.hit].values[block.rows[0]])
+        values[block.hit][np.ix_(block.rows, np.flatnonzero(taken))] = left
+    for array in values:
+        array.flags.writeable = False
+    return tuple(replace(record, values=array) for record, array in zip(records, values, strict=True))
