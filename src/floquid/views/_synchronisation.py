@@ -188,7 +188,7 @@ def _filtered(
     after = np.array([np.convolve(row, own_taps)[: len(row)] for row, own_taps in zip(values, taps, strict=True)])
     after[:, : taps.shape[1] - 1] = np.nan
     delays = np.arange(taps.shape[1]) / own.record.sample_rate
-    gain = np.tensordot(taps, np.exp(-np.multiply.outer(delays, rates)), 1)
+    gain = np.tensordot(taps.astype(np.complex128), np.exp(-np.multiply.outer(delays, rates)), 1)
     return after, gain, analysis.noise[:, hit]
 
 
