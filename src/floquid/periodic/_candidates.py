@@ -72,7 +72,7 @@ def with_lines(
             passed.append(found[0].exponent.imag)
             refused += 1
             continue
-        state = joined(more, limits)
+        state = joined(more, limits) if limits.choose else more
         report(f"searching for modes: {int((~state.held.entries.fixed).sum())} found")
     return state
 

@@ -52,7 +52,8 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
     """The fit with its final bands, its real multipliers, and the period if it is a parameter."""
     if search:
         state, _ = centred(state, state.held.entries.bands)
-        state = joined(_with_real_ones(state, state.held.entries.bands)[0], limits)
+        state, _ = _with_real_ones(state, state.held.entries.bands)
+        state = joined(state, limits) if limits.choose else state
     state, bands = with_final_bands(state, limits)
     if limits.choose:
         state = _with_room(state, limits)

@@ -288,7 +288,9 @@ def _searched(state: State, limits: Limits, search: bool, report: Callable[[str]
             break
         if len(state.held.entries.exponents):
             report("parting and joining modes")
-            state = without_needless(joined(parted(state, limits), limits), limits)
+            # Bands that are given stay: modes are not parted or joined then.
+            state = joined(parted(state, limits), limits) if limits.choose else state
+            state = without_needless(state, limits)
         if number and _same(before, state.held.entries):
             break
         state = with_lines(state, limits, report, passed)

@@ -235,14 +235,14 @@ def without_needless(state: State, limits: Limits) -> State:
             if complex(entries.exponents[entry]) in refused:
                 continue
             if rises[entry] > REFITTED * bounds[entry]:
-                less = _shared(state, entry, limits) if not entries.fixed[entry] else None
+                less = _shared(state, entry) if limits.choose and not entries.fixed[entry] else None
                 if less is None:
                     continue
                 state = state.with_fit(less)
                 break
             less = _without(state, entry, bounds[entry])
-            if less is None and not entries.fixed[entry]:
-                less = _shared(state, entry, limits)
+            if less is None and limits.choose and not entries.fixed[entry]:
+                less = _shared(state, entry)
             if less is not None:
                 state = state.with_fit(less)
                 break
@@ -265,7 +265,7 @@ def _without(state: State, entry: int, bound: float) -> Held | None:
     return now if now.cost < state.held.cost + bound else None
 
 
-def _shared(state: State, entry: int, limits: Limits) -> Held | None:
+def _shared(state: State, entry: int) -> Held | None:
     """The fit without one entry, its harmonics given to all modes that fold next to it; None where that is no better.
 
     Where two modes share a line, what is found there by itself lies between them.

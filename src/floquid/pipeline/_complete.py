@@ -16,8 +16,8 @@ from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._deviations import failure, poles_alone, widened, widening, with_misfit
-from floquid.pipeline._colour import PEAKED
-from floquid.pipeline._doubts import ambiguity, below_modes, misfit, warnings, wrong_angles
+from floquid.pipeline._colour import ALL_PEAKED, PEAKED
+from floquid.pipeline._doubts import STILL, ambiguity, below_modes, misfit, warnings, wrong_angles
 from floquid.pipeline._prepare import Prepared, unsteady
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import BRIDGED, Lifting, Start, filled, steady_clock
@@ -98,6 +98,8 @@ def completed(
         peaked = tuple(doubt for doubt in (() if choice is None else choice.doubts) if doubt == PEAKED)
         choice = Choice(order=model.order, model=modal, reasons=fitted.reasons, doubts=(*peaked, *fitted.doubts))
 
+    _refuse_peaks(model, choice, settings)
+
     def again(exponents: NDArray[np.complex128]) -> Estimates:
         factor = 1.0 if fitted is None else widening(fitted.misfit, fitted.free)
         if measured is None:
@@ -150,6 +152,21 @@ def by_samples(
         whitening=found.whitening,
         forced=found.forced,
     )
+
+
+def _refuse_peaks(model: PeriodicModel, choice: Choice | None, settings: Settings) -> None:
+    """Refuse modes of which none is known to decay, where the noise has a peak.
+
+    Raises
+    ------
+    IdentificationError
+        There is no other mode.
+    """
+    std = model.exponent_std
+    if choice is None or std is None or settings.identifier is not None or PEAKED not in choice.doubts:
+        return
+    if (np.abs(model.exponents.real) < STILL * std.real).all():
+        raise IdentificationError(ALL_PEAKED)
 
 
 def _alike(model: PeriodicModel, other: PeriodicModel | None) -> bool:
