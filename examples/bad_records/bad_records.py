@@ -265,7 +265,7 @@ LIFTED = [
     ),
     Bad(name="a constant", make=alone(np.ones_like, 0.0), answer="refused", words="is constant (1)"),
     Bad(name="a constant and noise", make=alone(np.ones_like), answer="refused", words="no mode rises above"),
-    Bad(name="one impulse", make=alone(lambda t: 1.0 * (t == t[5])), answer="doubted", words="weakly determined"),
+    Bad(name="one impulse", make=alone(lambda t: 1.0 * (t == t[5])), answer="refused", words="no mode rises above"),
     Bad(
         name="a step",
         make=alone(lambda t: 1.0 * (t > 30.0)),
@@ -329,14 +329,15 @@ SAMPLED = [
     Bad(
         name="growth by e^60, as sampled",
         make=made(samples=12.1, exponents=(0.75 + 0.7j,), noise=0.0),
-        answer="refused",
-        words="could not be fitted by a mode; it grows",
+        answer="modes",
+        words="grow",
+        truth=(0.75 + 0.7j,),
     ),
     Bad(
         name="a decay by a factor of 20 in a period, as sampled",
         make=made(samples=12.1, exponents=(-1.5 + 0.7j,)),
         answer="refused",
-        words="could not be fitted by a mode; it decays",
+        words="no mode rises above",
     ),
     Bad(
         name="red noise, as sampled",

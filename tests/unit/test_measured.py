@@ -9,7 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, IdentificationError, InputError, Record, identify, load, save
-from floquid.periodic import fit
+from floquid.lifting import lift
+from floquid.periodic import Synchrony, fit
 from floquid.pipeline import Settings, _doubts, prepare
 from floquid.plot import FIGURES, save_figures
 from floquid.sync import resample, shaft_angle
@@ -131,29 +132,46 @@ def test_a_period_that_tears_modes_by_as_much_as_they_decay_is_refused():
 
 @cache
 def drifting():
-    """A fit with a period 3e-4 off, six deviations and more, and the records."""
+    """A fit with a period 3e-4 off, six deviations and more, the free response lifted, and the records."""
     record = steady(200, share=1.0003)
     found = fit([record], [record.clock], forced="none")
     assert found.own_period[0] < -6.0 * found.own_period[1]
-    return found, prepare(record)
+    return found, lift(resample(found.free, [record.clock])), prepare(record)
 
 
-def test_harmonics_that_turn_say_that_the_period_is_wrong():
+def vague(_):
+    """An estimate from the response alone that would let any period near 2π pass."""
+    return 6.284, 0.01
+
+
+@pytest.mark.parametrize("torn", [None, Synchrony(relative=1e-6, std=1e-5, slip=0.01)])
+def test_harmonics_that_turn_are_not_overruled(monkeypatch, torn):
+    monkeypatch.setattr(_doubts, "_period_alone", vague)
+    monkeypatch.setattr(_doubts, "spacing", lambda *_: torn)
     said = _doubts.wrong_own_period(*drifting())
     assert "does not repeat" in said
     assert float(said.split("its own is ")[1].split(" ")[0]) == pytest.approx(2.0 * np.pi, abs=1e-3)
 
 
 @pytest.mark.parametrize("own", [None, (0.0, 1e-5), (3e-4, 1e-3), (1e-9, 1e-11)])
-def test_what_no_deviation_or_no_sample_shows_says_nothing(own):
-    found, prepared = drifting()
-    assert _doubts.wrong_own_period(replace(found, own_period=own), prepared) == ""
+def test_what_no_deviation_or_no_sample_shows_says_nothing(monkeypatch, own):
+    monkeypatch.setattr(_doubts, "spacing", lambda *_: None)
+    monkeypatch.setattr(_doubts, "_period_alone", vague)
+    found, lifted, prepared = drifting()
+    assert _doubts.wrong_own_period(replace(found, own_period=own), lifted, prepared) == ""
 
 
-def test_a_step_that_no_fit_can_tell_says_nothing():
-    """A turn of many radians: modes that are none make it."""
-    found, prepared = drifting()
-    assert _doubts.wrong_own_period(replace(found, own_period=(1.2, 0.03)), prepared) == ""
+def test_a_step_that_no_fit_can_tell_is_overruled(monkeypatch):
+    """A turn of many radians: modes that are none make it. The response alone decides."""
+    found, lifted, prepared = drifting()
+    monkeypatch.setattr(_doubts, "spacing", lambda *_: None)
+    monkeypatch.setattr(_doubts, "_period_alone", vague)
+    many = replace(found, own_period=(1.2, 0.03))
+    assert _doubts.wrong_own_period(many, lifted, prepared) == ""
+    monkeypatch.setattr(_doubts, "_period_alone", lambda _: None)
+    assert _doubts.wrong_own_period(many, lifted, prepared) == ""
+    monkeypatch.setattr(_doubts, "_period_alone", lambda _: (6.4, 0.01))
+    assert "its own is 6.4 " in _doubts.wrong_own_period(many, lifted, prepared)
 
 
 def test_an_imbalance_that_is_left_in_is_named():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,18 @@ from floquid._checks import input_error
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries
-from floquid.periodic._constrained import settled
-from floquid.periodic._final import centred, with_final_bands
-from floquid.periodic._held import model_of
+from floquid.periodic._blocks import Block
+from floquid.periodic._constrained import evaluated, settled
+from floquid.periodic._final import LOOSE, PADDING, centred
+from floquid.periodic._harmonics import GAP
+from floquid.periodic._held import chosen_bands, model_of
 from floquid.periodic._lifted_block import LiftedBlock
 from floquid.periodic._residual import noise_left
 from floquid.periodic._start import equal_multipliers
-from floquid.periodic._state import Limits, State, with_bands
+from floquid.periodic._state import State
+
+ROUNDS = 4
+"""How often bands may be chosen again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +81,29 @@ def constrain(model: PeriodicModel, lifted: Lifted, *, false_alarm: float = 1e-6
         remedy = "Keep the model as it is: `constrained=False`."
         raise input_error("model", "constrain", must, f"{got} their modes apart", remedy)
     most, blocks, entries = (lifted.n_phases - 1) // 2, LiftedBlock.all_of(lifted), Entries.of(model)
-    state, bands = State(blocks, settled(blocks, entries)), entries.bands
     if choose:
-        limits = Limits(most=most, modes=len(bands), mode_alarm=0.0, harmonic_alarm=false_alarm, forced=np.zeros(0))
-        state, bands = centred(*with_final_bands(with_bands(state, limits), limits))
+        state, bands = centred(*_with_own_bands(blocks, entries, most, false_alarm))
+    else:
+        state, bands = State(blocks, settled(blocks, entries)), entries.bands
     found = model_of(blocks, state.held, bands, channels=model.channels, provenance=model.provenance, most=most)
     return Constrained(found, noise_left(blocks, state.held))
+
+
+def _with_own_bands(
+    blocks: tuple[Block, ...], entries: Entries, most: int, false_alarm: float
+) -> tuple[State, NDArray[np.int64]]:
+    """The fit with bands chosen again by its own deviations until they stay, and those that rise above the noise.
+
+    Of modes that fold onto one another free residues give each the harmonics of both. Fitted so, hardly any is told
+    from zero: what is told is kept, and the others come back where they are needed.
+    """
+    found, bands = settled(blocks, entries.padded(PADDING, most)), entries.bands
+    for _ in range(ROUNDS):
+        wide = evaluated(blocks, replace(found.entries, bands=entries.bands).padded(GAP + 1, most))
+        loose = chosen_bands(blocks, wide, LOOSE, each=True)
+        bands = chosen_bands(blocks, wide, false_alarm)
+        if (loose == entries.bands).all():
+            break
+        entries = replace(found.entries, bands=loose)
+        found = settled(blocks, entries.padded(PADDING, most))
+    return State(blocks, found), bands
