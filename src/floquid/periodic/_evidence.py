@@ -48,11 +48,8 @@ def evidence(found: Searched) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Sentences for the modes, and sentences against them."""
     entries, peak = found.held.entries, found.peak
     count = int((~entries.fixed).sum())
-    words = "One mode was" if count == 1 else f"{count} modes, a pair counted once, were"
-    found_how = (
-        f"{words} found one after another in the spectrum of what is left, none of them explained by noise or as a "
-        "harmonic of another."
-    )
+    words = "One mode is" if count == 1 else f"{count} modes, a pair counted once, are"
+    found_how = f"{words} needed: noise explains none of them, nor do the harmonics of another."
     against = (*clusters(found), *doubles(found), *combinations(found))
     share = peak.gain / peak.limit
     where = f"{abs(peak.exponent.imag) / (2.0 * np.pi):.4g} Hz"

@@ -42,8 +42,11 @@ CLUSTER = 1e-3
 ROOM = 2
 """Harmonics more on each side then."""
 
-AXIS = 3.0
+AXIS = 4.0
 """Deviations from the axis up to which it is tried to take a multiplier for a real one."""
+
+REAL = 1e-3
+"""The probability at which noise may move a real multiplier off the axis."""
 
 UNTOLD = 0.5
 """The deviation of an exponent, over its decay, from which on it is a column that is there and no mode to report."""
@@ -209,13 +212,17 @@ def _padded(entries: Entries, bands: NDArray[np.int64], most: int) -> Entries:
     return replace(entries, bands=padded)
 
 
-def criterion(state: State, found: Held) -> float:
-    """Akaike's: the misfit, and two for each number that is fitted."""
-    return found.cost + 2.0 * (len(found.gradient) + coefficients_of(found.entries) * state.rows)
+def _simpler(state: State, found: Held) -> bool:
+    """Whether a fit with fewer numbers does: noise explains what it leaves more."""
+    from scipy.special import chdtri
+
+    fewer = len(state.held.gradient) - len(found.gradient)
+    fewer += state.rows * (coefficients_of(state.held.entries) - coefficients_of(found.entries))
+    return fewer > 0 and found.cost - state.held.cost < float(chdtri(fewer, REAL))
 
 
 def _with_real_ones(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.int64]]:
-    """With each pair whose multipliers may be one real multiplier taken for that, where the criterion says so."""
+    """With each pair whose multipliers may be one real multiplier taken for that, where noise explains the rest."""
     for entry in np.flatnonzero(~state.held.entries.fixed & ~state.held.entries.real):
         entries = state.held.entries
         value, omega = entries.exponents[entry], entries.fundamental
@@ -234,7 +241,7 @@ def _with_real_ones(state: State, bands: NDArray[np.int64]) -> tuple[State, NDAr
         trial = replace(entries, real=real, exponents=exponents, offsets=offsets, bands=ends)
         with suppress(IdentificationError, np.linalg.LinAlgError):
             found = settled(state.blocks, state.evaluated(trial), at_rest=1e-2, iterations=10)
-            if criterion(state, found) <= criterion(state, state.held):
+            if _simpler(state, found):
                 state, bands = state.with_fit(found), bands.copy()
                 bands[entry] = kept
     return state, bands

@@ -322,7 +322,7 @@ def _result(
     """What was found, as it is reported."""
     names = records[0].channels
     reasons, doubts = evidence(found)
-    colour = coloured(found) + (_endless(found) if search else ())
+    colour = (coloured(found) if taps is None else ()) + (_endless(found) if search else ())
     try:
         model = model_of(
             found.blocks,

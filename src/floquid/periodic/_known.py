@@ -18,6 +18,9 @@ from floquid.lti import ERA, ModalModel, TimeResponses
 GENEROUS = 64
 """Poles that take any free response with them; at most one in three cycles."""
 
+FEWEST = 8
+"""Cycles below which what is known is not told from a free response, for each of its multipliers."""
+
 MERGED = 1.0
 """Over the record: a pole that decays or turns by less than this beside a known multiplier is not told from it."""
 
@@ -113,6 +116,8 @@ def without_known(
     count = round(nu) if nu >= 1.0 else 1
     roots = [k / count for k in range(count // 2 + 1)]
     modal = _generous(lifted)
+    if lifted.responses.lengths.min() < FEWEST * count:
+        return lifted, Known(), modal
     # Judged where the noise is white: else what is loud near a known multiplier passes for a forced response.
     taps = whitening_filter(lifted, modal)
     judged = lifted if taps is None else whitened(lifted, taps)

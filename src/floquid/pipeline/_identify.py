@@ -108,7 +108,10 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
         # Modes that are missing turn in what is left as a wrong period would.
         doubt = "" if missing else _refused(prepared, wrong_period(model, start.lifted, prepared))
     if model is None or (settings.constrained and model.covariance is not None and not equal_multipliers(model)):
-        fitted = _fitted(prepared, cutting, start, model, settings, report)
+        # Of a period that is trusted against the response, harmonics come apart: they are no modes to be looked for.
+        free = settings.order is None and settings.identifier is None and settings.harmonics is None
+        search = model is None or (free and not doubt)
+        fitted = _fitted(prepared, cutting, start, model, settings, search, report)
         if not (doubt or missing):
             doubt = _refused(prepared, wrong_own_period(fitted, start.lifted, prepared, report))
     return completed(prepared, cutting, start, model, fitted, settings, (missing, doubt), report)
@@ -131,15 +134,14 @@ def _fitted(
     start: Start,
     model: PeriodicModel | None,
     settings: Settings,
+    search: bool,
     report: Callable[[str], None],
 ) -> Fit:
     """The fit of the samples, started at the poles of the lifted responses."""
     report("holding the residues to their harmonics")
-    search = settings.order is None and settings.identifier is None
     begin = None
     if start.modal is not None and model is not None:
-        groups_of = search and settings.harmonics is None
-        begin = groups(start.modal, start.lifted) if groups_of else entries_of(model)
+        begin = groups(start.modal, start.lifted) if search else entries_of(model)
     records = whole_periods(prepared, cutting) if cutting.synchronous else prepared.responses
     return fit(
         records,
