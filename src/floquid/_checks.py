@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import fields
 from math import isfinite
 from numbers import Integral, Real
-from typing import Any
+from types import MappingProxyType
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -14,6 +16,36 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from floquid.errors import InputError
 
 _LONGEST_NAME, _LONGEST_PART = 200, 4000
+
+
+class Rebuilt:
+    """A frozen dataclass that copies and pickles rebuild by its constructor: arrays stay read-only, checks hold."""
+
+    __slots__ = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """The constructor with the fields that it takes; of a read-only mapping a plain one, which can be pickled."""
+        taken = {field.name: getattr(self, field.name) for field in fields(cast("Any", self)) if field.init}
+        plain = {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in taken.items()}
+        return _rebuilt, (type(self), plain)
+
+
+def _rebuilt(kind: type[Rebuilt], values: dict[str, Any]) -> Rebuilt:
+    """An object of its fields as a pickle or a copy holds them: made for it alone, so no array need be copied again."""
+    for value in values.values():
+        _seal(value)
+    return kind(**values)
+
+
+def _seal(value: object) -> None:
+    """Make an array read-only, and those in tuples and mappings."""
+    if isinstance(value, np.ndarray):
+        value.flags.writeable = False
+    elif isinstance(value, (tuple, list)):
+        for one in value:
+            _seal(one)
+    elif isinstance(value, dict):
+        _seal(tuple(value.values()))
 
 
 def input_error(argument: str, of: str, must: str, got: str, remedy: str = "") -> InputError:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import finite, frozen_array, input_error, integer, positive
+from floquid._checks import Rebuilt, finite, frozen_array, input_error, integer, positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +110,7 @@ class AzimuthSignal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PulseTimes:
+class PulseTimes(Rebuilt):
     """The times of pulses, told by another instrument.
 
     Parameters

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import finite, frozen_array, input_error
+from floquid._checks import Rebuilt, finite, frozen_array, input_error
 from floquid.core._channel import Channel
 from floquid.core._provenance import Provenance
 from floquid.core._record import as_channels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Cycles:
+class Cycles(Rebuilt):
     """Samples at P equally spaced phases of each of N periods.
 
     Parameters

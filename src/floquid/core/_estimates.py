@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import finite, frozen_array, input_error, positive
+from floquid._checks import Rebuilt, finite, frozen_array, input_error, positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Estimates:
+class Estimates(Rebuilt):
     r"""What a fit says of exponents and of every coefficient that it had, with their joint covariance.
 
     The parameters are p = (Re λ, Im λ, ω), and one *term* (r, m) is the coefficient B of harmonic m of mode r. Errors

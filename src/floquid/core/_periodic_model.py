@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array, input_error, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.core._channel import Channel
 from floquid.core._estimates import Estimates
 from floquid.core._provenance import Provenance
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PeriodicModel:
+class PeriodicModel(Rebuilt):
     r"""The free response as Floquet modes with periodic shapes.
 
     .. math:: y_h(t) = \sum_r \sum_m B_{r,h,m}\, e^{(\lambda_r + i m \omega) t}, \qquad \omega = 2\pi/T

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import finite, frozen_array, input_error, positive
+from floquid._checks import Rebuilt, finite, frozen_array, input_error, positive
 from floquid.core._channel import Channel, channels_named
 from floquid.core._clock import Clock
 from floquid.core._provenance import Provenance
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Record:
+class Record(Rebuilt):
     """Samples of several channels at a constant rate: sample n is at `start` + n/`sample_rate` [s].
 
     Parameters

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array, input_error, integer, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet import _product
 from floquid.floquet._arithmetic import assembled
 from floquid.floquet._conversion import after_jumps
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DiscretePeriodicSystem:
+class DiscretePeriodicSystem(Rebuilt):
     r"""A linear periodic system in steps of time, P of them a period.
 
     .. math:: x_{k+1} = A_k x_k + B_k u_k, \qquad y_k = C_k x_k + D_k u_k, \qquad A_{k+P} = A_k, \ldots

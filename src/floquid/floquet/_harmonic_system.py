@@ -8,7 +8,7 @@ from typing import NamedTuple, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array, input_error, integer, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet._fourier import Needs, fourier, reach
 from floquid.floquet._hill import hill
 from floquid.floquet._hill_matrix import block_toeplitz, speeds
@@ -26,7 +26,7 @@ _OF_JUMPS = 64  # harmonics that are given by default where jumps or kinks make 
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class HarmonicSystem:
+class HarmonicSystem(Rebuilt):
     r"""A periodic system in harmonics, cut off at N: a system that does not vary in time.
 
     .. math:: s\,\mathcal X = (\mathcal A - \mathcal N)\,\mathcal X + \mathcal B\,\mathcal U, \qquad
@@ -130,7 +130,7 @@ class HarmonicSystem:
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class HarmonicTransfer:
+class HarmonicTransfer(Rebuilt):
     r"""What a periodic system answers to one exponential: exponentials at all harmonics beside it.
 
     .. math:: u(t) = u\, e^{i\Omega t} \quad\Rightarrow\quad y(t) = \sum_k H_k(i\Omega)\, u\, e^{i(\Omega + k\omega) t}

@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array, input_error, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.floquet._fourier import of_function
 from floquid.floquet._hill_matrix import modulo
 from floquid.floquet._hill_select import Problem, Truncated
@@ -32,7 +32,7 @@ class HillOutcome(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class HillModes:
+class HillModes(Rebuilt):
     r"""The modes of x' = A(t) x from Hill's truncated harmonic problem.
 
     .. math:: x(t) = e^{\lambda_r t} \sum_m c_{r,m}\, e^{i m \omega t}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, final, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array, input_error
+from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.errors import InputError
 from floquid.floquet._discrete import DiscretePeriodicSystem, checked_phase
 
@@ -23,7 +23,7 @@ Label: TypeAlias = tuple[int, str]
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LiftedSystem:
+class LiftedSystem(Rebuilt):
     r"""A time-invariant system with the responses of a periodic one; `DiscretePeriodicSystem.lifted` makes it.
 
     .. math:: x_{h+1} = A x_h + B u_h, \qquad y_h = C x_h + D u_h

@@ -17,7 +17,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
+from floquid._checks import Rebuilt, input_error
 from floquid._files import readable_file
 from floquid.errors import InputError
 
@@ -67,7 +67,7 @@ class LinSignals:
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LinFile:
+class LinFile(Rebuilt):
     """A linearisation file, as it says it; None for what it does not say.
 
     Parameters

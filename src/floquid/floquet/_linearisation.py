@@ -9,7 +9,7 @@ from typing import Literal, final
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array, input_error, integer, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet._lin_file import LinSignals
 from floquid.floquet._units import balanced_units
 
@@ -22,7 +22,7 @@ _BLADE = re.compile(r"\bblade (\d{1,2})\b|\bBD_(\d{1,2})\b", re.IGNORECASE)
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class AzimuthResolution:
+class AzimuthResolution(Rebuilt):
     r"""Whether the azimuths resolve A(ψ): the sizes of its harmonics.
 
     .. math:: s_k = \frac{\sqrt{2 - \delta_{k0}}\;\lVert D^{-1} A_k D \rVert_F}
@@ -64,7 +64,7 @@ class AzimuthResolution:
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OpenFastLinearisation:
+class OpenFastLinearisation(Rebuilt):
     r"""A turbine of any number of blades, linearised at azimuths of one revolution, in its own coordinates.
 
     .. math:: \dot x = A(\psi)\,x + B(\psi)\,u, \qquad y = C(\psi)\,x + D(\psi)\,u, \qquad \psi = \Omega t

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import input_error, integer
+from floquid._checks import Rebuilt, input_error, integer
 from floquid.floquet import _product
 from floquid.floquet._exponents import balanced, refuse_lost
 from floquid.floquet._system_matrix import StateMatrix
@@ -17,7 +17,7 @@ _NEGATIVE = 1e-4  # rad: a multiplier that near to the negative axis has a real 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FloquetLyapunov:
+class FloquetLyapunov(Rebuilt):
     r"""A change of states that makes x' = A(t) x constant.
 
     .. math:: x = P(t)\, z, \qquad \dot z = R\, z, \qquad \Phi(t, 0) = P(t)\, e^{Rt}\, P(0)^{-1}

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array, input_error, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.floquet._between_samples import interpolant
 from floquid.floquet._given import as_array, checked_breaks, checked_period, refuse_repeated_end
 from floquid.floquet._matrix import AbstractPeriodicMatrix
@@ -18,7 +18,7 @@ Interpolation: TypeAlias = Literal["fourier", "cubic", "linear"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FunctionMatrix(AbstractPeriodicMatrix):
+class FunctionMatrix(Rebuilt, AbstractPeriodicMatrix):
     """M(t) as a callable.
 
     Parameters
@@ -213,7 +213,7 @@ class HarmonicMatrix(AbstractPeriodicMatrix):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SampledMatrix(AbstractPeriodicMatrix):
+class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
     """M(t) from its samples in one period.
 
     Parameters

@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import input_error, integer
+from floquid._checks import Rebuilt, input_error, integer
 from floquid.floquet import _product
 from floquid.floquet._collocation import Factors
 from floquid.floquet._exponents import balanced, principal_order, refuse_lost, trace_integral
@@ -35,7 +35,7 @@ class ModesOutcome(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FloquetModes:
+class FloquetModes(Rebuilt):
     r"""The modes of x' = A(t) x.
 
     .. math:: x(t) = \sum_r p_r(t)\, e^{\lambda_r t}\, q_r, \qquad

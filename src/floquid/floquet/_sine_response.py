@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import finite, frozen_array, input_error, positive
+from floquid._checks import Rebuilt, finite, frozen_array, input_error, positive
 from floquid.floquet._harmonic_system import respond
 from floquid.floquet._hill import hill
 from floquid.floquet._hill_modes import growth_doubt, refuse_undamped
@@ -17,7 +17,7 @@ from floquid.floquet._system import PeriodicSystem
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SineResponse:
+class SineResponse(Rebuilt):
     r"""The steady response to u(t) = Re(U e^{iΩt}).
 
     .. math:: y(t) = \mathrm{Re} \sum_k Y_k\, e^{i(\Omega + k\omega) t}

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._bar import bar
-from floquid._checks import finite, frozen_array, input_error, integer, positive
+from floquid._checks import Rebuilt, finite, frozen_array, input_error, integer, positive
 from floquid.floquet._edges import Samples, added, bisect, boundary, refine, samples, taken, thin_bands
 from floquid.floquet._family import Family, family
 from floquid.floquet._spectra import Spectra
@@ -39,7 +39,7 @@ class Instability(IntEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StabilityMap:
+class StabilityMap(Rebuilt):
     """Where a periodic system is unstable; `stability_map` makes it.
 
     Parameters

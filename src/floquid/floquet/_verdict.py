@@ -10,7 +10,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array, positive
+from floquid._checks import Rebuilt, frozen_array, positive
 from floquid.floquet._modes import FloquetModes
 from floquid.floquet._transition import TOLERANCE
 
@@ -29,7 +29,7 @@ class Verdict(Enum):
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stability:
+class Stability(Rebuilt):
     """Whether a periodic system is stable.
 
     Parameters

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
+from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import Channel, Cycles, Provenance
 from floquid.lti import TimeResponses, white_noise_std
 
@@ -29,7 +29,7 @@ SMALLEST, LARGEST = 1e-75, 1e75
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Lifted:
+class Lifted(Rebuilt):
     """The responses at all phases of all channels, as responses of one LTI system sampled once a period.
 
     Output `channel * n_phases + phase` and input `hit` of `responses` is the sequence of samples of that channel at
@@ -62,6 +62,14 @@ class Lifted:
     provenance: Provenance
     floor: float | NDArray[np.float64] = ROUNDING
     whitening: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        of, put = "Lifted", object.__setattr__
+        if isinstance(self.floor, np.ndarray):
+            put(self, "floor", frozen_array(self.floor, "floor", of, axes=(self.n_channels, self.n_hits)))
+        if self.whitening is not None:
+            axes = (self.n_channels, "taps")
+            put(self, "whitening", frozen_array(self.whitening, "whitening", of, axes=axes))
 
     @property
     def n_channels(self) -> int:

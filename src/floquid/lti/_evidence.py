@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import Rebuilt, frozen_array
 from floquid.lti._exponentials import Fit, polish
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PAIR, PoleSet
@@ -21,7 +22,7 @@ SKETCHED = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evidence:
+class Evidence(Rebuilt):
     """How clearly an order stands out from its neighbours.
 
     Parameters
@@ -73,6 +74,15 @@ class Evidence:
     independent: float
     cost: float
     degrees: float
+
+    def __post_init__(self) -> None:
+        of, put = "Evidence", object.__setattr__
+        multipliers = frozen_array(self.multipliers, "multipliers", of, axes=("entries",), dtype=np.complex128)
+        put(self, "multipliers", multipliers)
+        shapes = {"rises": (), "limits": (), "firm_limits": (), "deviations": (2,)}
+        for name, more in shapes.items():
+            axes = (len(multipliers), *more)
+            put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, finite=False))
 
 
 def removed(found: Fit, factors: Sequence[Factor], limits: NDArray[np.float64]) -> tuple[NDArray[np.float64], Fit]:

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array, input_error, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, positive
 
 
 class Outcome(Enum):
@@ -34,7 +34,7 @@ class Outcome(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TimeResponses:
+class TimeResponses(Rebuilt):
     """Free responses of one LTI system, sampled together.
 
     Parameters
@@ -95,7 +95,7 @@ class TimeResponses:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Composites:
+class Composites(Rebuilt):
     """Mean magnitudes of the spectra of all responses over their noise; on white noise alone, `WHITE`.
 
     Parameters
@@ -120,7 +120,7 @@ class Composites:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ModalModel:
+class ModalModel(Rebuilt):
     r"""Poles and residues of a free response sampled at `dt`.
 
     .. math:: y_{oi}[k] = \sum_r R_{r,o,i}\, \mu_r^k, \qquad \mu_r = e^{\lambda_r\, dt}

@@ -8,7 +8,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array, input_error, integer, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.lti import ModalModel
 
 
@@ -57,7 +57,7 @@ class Tolerances:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Criteria:
+class Criteria(Rebuilt):
     """How well each order fits, whatever found its poles: the residues are those that leave least.
 
     Parameters
@@ -92,7 +92,7 @@ class Criteria:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Indicators:
+class Indicators(Rebuilt):
     """What can be seen of the number of modes before any model is fitted.
 
     Parameters
@@ -152,7 +152,7 @@ class Indicators:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OrderScan:
+class OrderScan(Rebuilt):
     """The models of several orders, and which of their poles stay from one to the next.
 
     Parameters

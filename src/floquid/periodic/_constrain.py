@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
+from floquid._checks import Rebuilt, input_error
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries
@@ -26,7 +26,7 @@ ROUNDS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Constrained:
+class Constrained(Rebuilt):
     """What the constrained fit gives.
 
     Parameters

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array, input_error
+from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.lifting import Lifted
@@ -50,7 +50,7 @@ SURELY = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fit:
+class Fit(Rebuilt):
     """What the fit of the samples gives.
 
     Parameters

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array, positive
+from floquid._checks import Rebuilt, frozen_array, positive
 from floquid.core import Channel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ForcedResponse:
+class ForcedResponse(Rebuilt):
     r"""The periodic response to what drives the system once a revolution and at its harmonics.
 
     .. math:: y_f(t) = b + d\,(t - \bar t) + 2 \Re \sum_{j > 0} F_j\, e^{i j \varphi(t)}

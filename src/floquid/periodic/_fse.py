@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array, input_error, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.lti import AbstractIdentifier
@@ -21,7 +21,7 @@ from floquid.periodic._record_block import RecordBlock
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Family:
+class Family(Rebuilt):
     """Lines λ + imω of one mode, and their average.
 
     Parameters
@@ -54,7 +54,7 @@ class Family:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FSE:
+class FSE(Rebuilt):
     """What the FSE method gives.
 
     Parameters

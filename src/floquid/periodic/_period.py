@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array, input_error, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
@@ -68,7 +68,7 @@ class PeriodCandidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PeriodEstimate:
+class PeriodEstimate(Rebuilt):
     """What a response says of its period.
 
     Parameters

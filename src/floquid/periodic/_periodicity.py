@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import finite, frozen_array, input_error
+from floquid._checks import Rebuilt, finite, frozen_array, input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.lifting import Lifted
 from floquid.periodic._own_lines import spacing_probability
@@ -38,7 +38,7 @@ SMALLEST = 1e-300
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PartialTests:
+class PartialTests(Rebuilt):
     """The same test on parts of the harmonics, one a harmonic, a mode or a channel.
 
     Parameters
@@ -67,7 +67,7 @@ class PartialTests:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Periodicity:
+class Periodicity(Rebuilt):
     r"""Whether a response is that of a periodic system.
 
     The null hypothesis is a constant system seen by sensors that stand still in it: of every mode the zeroth harmonic

@@ -14,7 +14,7 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from floquid._bar import bar
-from floquid._checks import describe, input_error, integer
+from floquid._checks import Rebuilt, describe, input_error, integer
 from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.pipeline._analysis import Analysis
@@ -73,7 +73,7 @@ class AbstractDraws(ABC):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bootstrap:
+class Bootstrap(Rebuilt):
     """What `bootstrap` found: the spread of each quantity, its elements as in the `PeriodicModel` or `StateModel`.
 
     Parameters
@@ -186,11 +186,9 @@ class Bootstrap:
             ratios = spread.ratios()
             if spread.bound and (spread.spare() < FAMILY_WISE / max(len(ratios), 1)).any():
                 said.append(f"{WORDS[spread.name]} ({np.median(1.0 / ratios):.3g} times as large in the median)")
-        if not said:
-            return []
         beside = "what is left beside noise" if self.exponents.bound else "what harmonics that are left out may do"
         words = f"as they should be: they also count {beside}, which no draw shows"
-        return [f"The deviations of {' and '.join(said)} are larger than the draws spread, {words}."]
+        return [f"The deviations of {' and '.join(said)} are larger than the draws spread, {words}."] if said else []
 
     def _on_bias(self) -> list[str]:
         from scipy.special import ndtri

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
+from floquid._checks import Rebuilt, input_error
 from floquid.core import ConstantPeriod, Cycles, Estimates, PeriodicModel, Provenance, Record
 from floquid.errors import FloquidError, IdentificationError
 from floquid.lifting import Lifted, lift, whitened
@@ -34,7 +34,7 @@ FADED = 1e-8
 
 
 @dataclass(frozen=True, slots=True)
-class Draw:
+class Draw(Rebuilt):
     """What was found in one draw, in the order of the modes drawn from; nothing but the order where that is another.
 
     Parameters

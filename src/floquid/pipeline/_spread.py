@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array, input_error
+from floquid._checks import Rebuilt, frozen_array, input_error
 
 STRUCTURAL = 1e-12
 """The share of a quantity's largest deviation below which one is rounding: the element is what it is by definition."""
@@ -17,7 +17,7 @@ MATERIAL = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spread:
+class Spread(Rebuilt):
     r"""One quantity over the draws of a bootstrap.
 
     .. math:: s^2 = \frac{1}{B - 1} \sum_b (\theta_b - \bar\theta)^2, \qquad

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array
+from floquid._checks import Rebuilt, frozen_array
 from floquid.reconstruction._state_model import StateModel
 from floquid.reconstruction._structure import AbstractStructure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Refinement:
+class Refinement(Rebuilt):
     """A state matrix of given structure, fitted to all that a record says.
 
     Parameters

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array
+from floquid._checks import Rebuilt, frozen_array
 from floquid.core import Provenance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StateModel:
+class StateModel(Rebuilt):
     r"""Φ(t, t0) and A(t) at instants of one period, with t0 the first of them.
 
     .. math:: x(t) = \Phi(t, t_0)\, x(t_0), \qquad \dot x = A(t)\, x

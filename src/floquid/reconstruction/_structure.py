@@ -10,13 +10,13 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import finite, input_error, integer
+from floquid._checks import Rebuilt, finite, input_error, integer
 
 Symmetry = Literal["none", "symmetric", "skew", "diagonal"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Block:
+class Block(Rebuilt):
     r"""One block of a state matrix, a matrix that is periodic in time.
 
     .. math:: M(t) = M_0 + \sum_{k=1}^{H} M_k^c \cos k\omega t + M_k^s \sin k\omega t

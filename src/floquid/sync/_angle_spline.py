@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array
+from floquid._checks import Rebuilt, frozen_array
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -30,7 +30,7 @@ Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class AngleSpline:
+class AngleSpline(Rebuilt):
     """A B-spline of the angle over [first, last] with the covariance of its coefficients, straight beyond its ends.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array, input_error
+from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import AzimuthSignal, PulseTimes, Record, TachometerSignal, channels_named
 from floquid.sync._angle_spline import AngleFit, AngleSpline, fit_angle
 from floquid.sync._azimuth import unwrap_azimuth
@@ -31,7 +31,7 @@ Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ShaftAngle:
+class ShaftAngle(Rebuilt):
     r"""The angle of the shaft over time with its uncertainty, and what may be said of the speed.
 
     .. math:: \theta(t) = \sum_j c_j B_j(t), \qquad \theta(t_k) = 2 \pi n_k / L + g_{n_k \bmod L} - g_0 + \epsilon_k

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array
+from floquid._checks import Rebuilt, frozen_array
 from floquid.floquet import AbstractPeriodicMatrix, FunctionMatrix, PiecewiseMatrix
 
 Entries: TypeAlias = Callable[[NDArray[np.float64]], list[list[object]]]
@@ -17,7 +17,7 @@ Entries: TypeAlias = Callable[[NDArray[np.float64]], list[list[object]]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ReferenceSystem:
+class ReferenceSystem(Rebuilt):
     """A(t) with its exponents.
 
     Parameters

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array
+from floquid._checks import Rebuilt, frozen_array
 from floquid.testing._bounds import Known, bound_of, known_model
 from floquid.testing._separable import columns_of, least_cost
 
@@ -28,7 +28,7 @@ TIME_CONSTANTS = 12.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Findable:
+class Findable(Rebuilt):
     """What the responses of a known model can tell about each of its poles.
 
     Parameters

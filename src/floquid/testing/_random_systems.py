@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array, input_error, integer
+from floquid._checks import Rebuilt, frozen_array, input_error, integer
 from floquid.core import ConstantPeriod, Cycles, PeriodicModel, Record
 from floquid.lti import TimeResponses
 from floquid.testing._findable import Findable, findable
@@ -90,7 +90,7 @@ class Ranges:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RandomSystem:
+class RandomSystem(Rebuilt):
     """A known system, the records to be had of it, and their noise.
 
     Parameters

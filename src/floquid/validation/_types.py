@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import finite, frozen_array, input_error
+from floquid._checks import Rebuilt, finite, frozen_array, input_error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +41,7 @@ class Criterion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Validation:
+class Validation(Rebuilt):
     """The verdict on a model.
 
     Parameters

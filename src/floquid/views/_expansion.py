@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array
+from floquid._checks import Rebuilt, frozen_array
 from floquid.core import PeriodicModel
 from floquid.lti import ModalModel
 from floquid.periodic import assemble
@@ -16,7 +16,7 @@ from floquid.views._modes import below, checked, frozen, paired, periods_later
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Expansion:
+class Expansion(Rebuilt):
     """The coefficients of a residue, of as many harmonics as a period has samples.
 
     Parameters

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array
+from floquid._checks import Rebuilt, frozen_array
 from floquid.pipeline import Analysis
 from floquid.views._modes import checked, is_real, upper_modes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Family:
+class Family(Rebuilt):
     """The lines |Im λ + mω| of one mode.
 
     Parameters

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array, integer
+from floquid._checks import Rebuilt, frozen_array, integer
 from floquid.core import PeriodicModel
 from floquid.views._modes import below
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ShapeCurves:
+class ShapeCurves(Rebuilt):
     """The shape of a mode in every channel over one period.
 
     Parameters

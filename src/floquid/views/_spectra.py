@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array
+from floquid._checks import Rebuilt, frozen_array
 from floquid.lti import WHITE
 from floquid.pipeline import Analysis
 from floquid.views._modes import below, checked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spectrum:
+class Spectrum(Rebuilt):
     """The magnitudes of a transform, with those that noise alone would have.
 
     Parameters

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array
+from floquid._checks import Rebuilt, frozen_array
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
 from floquid.views._families import families
@@ -30,7 +30,7 @@ LINES = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Synchronisation:
+class Synchronisation(Rebuilt):
     r"""By how much the response is ahead of the phase that the clock gives it, in stretches of the record.
 
     Parameters

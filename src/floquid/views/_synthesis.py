@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import frozen_array, positive
+from floquid._checks import Rebuilt, frozen_array, positive
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
@@ -17,7 +17,7 @@ from floquid.views._noise import colour
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Synthesis:
+class Synthesis(Rebuilt):
     """One channel of a record, the model's response, and their difference.
 
     Parameters
