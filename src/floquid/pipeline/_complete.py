@@ -69,6 +69,10 @@ def completed(
     unlike = fitted is not None and (not cutting.synchronous or fitted.forced is not None)
     measured = fitted if unlike else None
     cycles, lifted, records = cutting.cycles, start.lifted, prepared.records
+    resampled = not cutting.synchronous and fitted is None
+    if resampled:
+        # What was lifted, from which a file makes it again.
+        records = tuple(rejoin(hit) for hit in cycles)
     if fitted is not None and unlike:
         report("resampling the free response")
         cycles, lifted = _lifted_again(prepared, fitted, settings)
@@ -118,7 +122,7 @@ def completed(
         refinement=refinement,
         choice=choice,
         fit=measured,
-        measured=prepared.records if unlike else (),
+        measured=prepared.records if unlike or resampled else (),
         shafts=shafts,
         held=fitted is not None,
         misfit=None if fitted is None else fitted.misfit,
