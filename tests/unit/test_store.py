@@ -499,6 +499,42 @@ def test_what_was_measured_comes_back(rig, tmp_path):
     assert list(differences(back.model, back.fit.model)) == []
 
 
+def test_the_angle_of_the_shaft_comes_back(tmp_path):
+    """Of each record, with what it rests on: pulses, spline, its own deviations."""
+    hits = [Run(n_periods=60, seed=seed).record() for seed in (1, 2)]
+    found = identify(hits, validate=False)
+    save(found, tmp_path / "r.h5")
+    back = load(tmp_path / "r.h5")
+    assert len(found.shafts) == 2
+    assert list(differences(found.shafts, back.shafts)) == []
+    for one, other, record in zip(found.shafts, back.shafts, hits, strict=True):
+        assert np.array_equal(one.angle(record.times[100:-100]), other.angle(record.times[100:-100]))
+        assert np.array_equal(one.angle_std(record.times[100:-100]), other.angle_std(record.times[100:-100]))
+
+
+@pytest.mark.parametrize("of", ["a tachometer", "gaps"])
+def test_records_that_were_resampled_come_back_without_a_fit(of, tmp_path):
+    """Residues left free: what was lifted is in the file, and beside it what was measured, with the shaft's angle."""
+    record = Run(n_periods=60, seed=1, imbalance=0.0, wander=0.0).record()
+    if of == "gaps":
+        whole = ROTOR.simulate(n_periods=40, samples_per_period=8, noise=0.01)
+        values = whole.values.copy()
+        values[:, 100:104] = np.nan
+        record = replace(whole, values=values)
+    found = identify(record, constrained=False, validate=False)
+    assert found.fit is None
+    assert len(found.shafts) == (of == "a tachometer")
+    save(found, tmp_path / "r.h5")
+    back = load(tmp_path / "r.h5")
+    for name in ("records", "measured", "shafts", "model", "modal"):
+        assert list(differences(getattr(found, name), getattr(back, name))) == [], name
+    assert list(differences(found.measured, (record,))) == []
+    with h5py.File(tmp_path / "r.h5", "r+") as file:
+        del file["measured/hit1"]
+    with pytest.raises(InputError, match="measured"):
+        load(tmp_path / "r.h5")
+
+
 def test_the_reasons_of_a_fit_come_back_where_the_order_was_given(rig, tmp_path):
     save(replace(rig, choice=None), tmp_path / "r.h5")
     back = load(tmp_path / "r.h5")

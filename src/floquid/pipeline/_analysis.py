@@ -44,7 +44,7 @@ class Analysis:
         The fit of the records as they were sampled, with the forced response; None where lifting was enough. Then
         `records` are the free response alone, resampled to whole samples a period.
     measured
-        The records as they were read, where `fit` is.
+        The records as they were read, where `records` are resampled.
     shafts
         The angle of the shaft in each record that has a tachometer or an azimuth.
     held

@@ -70,6 +70,10 @@ def completed(
     unlike = fitted is not None and (not cutting.synchronous or fitted.forced is not None)
     measured = fitted if unlike else None
     cycles, lifted, records = cutting.cycles, start.lifted, prepared.records
+    resampled = not cutting.synchronous and fitted is None
+    if resampled:
+        # What was lifted, from which a file makes it again.
+        records = tuple(rejoin(hit) for hit in cycles)
     if fitted is not None and not unlike:
         # Whatever follows is weighted by the noise that the fit of the samples leaves, as that fit is.
         lifted = start.whole.with_noise(fitted.noise)
@@ -126,7 +130,7 @@ def completed(
         refinement=refinement,
         choice=choice,
         fit=measured,
-        measured=whole_periods(prepared, cutting) if unlike else (),
+        measured=prepared.records if resampled else whole_periods(prepared, cutting) if unlike else (),
         shafts=shafts,
         held=fitted is not None,
         misfit=None if fitted is None else fitted.misfit,

@@ -20,6 +20,7 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     spline/ (first, last, slope, knots, coefficients, degree, covariance); forced/, the
                                     forced response: harmonics of the revolution, coefficients, coefficient_std, offset,
                                     offset_std, drift, drift_std, revolution, speed_dependent
+    /measured/, shafts/             as in fit/, of records that were resampled and not fitted as sampled
     /periodicity/                   of a model whose periodicity was tested: statistic, degrees, p_value, level, power,
                                     spacing_p, harmonics, exponents (modes,), channels, sizes and limits (modes,
                                     harmonics), untested (cases, 2), locked; by_harmonic/, by_mode/ and by_channel/,

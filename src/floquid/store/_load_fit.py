@@ -21,16 +21,16 @@ Stored = tuple[Fit | None, tuple[Record, ...], tuple[ShaftAngle, ...]]
 
 
 def get_fit(file: h5py.File, model: PeriodicModel, misfit: float | None) -> Stored:
-    """The fit, the records as measured, and the angle of each shaft; nothing where records were lifted."""
+    """The fit, the records as measured, and the angle of each shaft; nothing where records were lifted as they are."""
+    n_hits = model.coefficients.shape[2]
     if "fit" not in file:
-        return None, (), ()
-    group, n_hits = group_in(file, "fit"), model.coefficients.shape[2]
+        return (None, *_measured(file, n_hits)) if "measured" in file else (None, (), ())
+    group = group_in(file, "fit")
     if "measured" not in group:
         raise DamagedError("it is of an early floquid, which did not keep the record as it was measured")
-    measured = tuple(get_record(hit) for hit in get_hits(group, "measured", n_hits))
+    measured, shafts = _measured(group, n_hits)
     free = tuple(get_record(hit) for hit in get_hits(group, "free", n_hits))
-    shafts = tuple(get_shaft(hit) for hit in get_hits(group, "shafts", n_hits)) if "shafts" in group else ()
-    _check_records(measured, free, shafts, model)
+    _check_records(measured, free, model)
     values = get_fields(group, layout.FIT)
     if values["noise"].shape != model.coefficients.shape[1:3]:
         raise DamagedError(f"fit/noise has the shape {values['noise'].shape}")
@@ -72,13 +72,21 @@ def _forced(group: h5py.Group, model: PeriodicModel) -> ForcedResponse | None:
     return forced
 
 
-def _check_records(
-    measured: tuple[Record, ...], free: tuple[Record, ...], shafts: tuple[ShaftAngle, ...], model: PeriodicModel
-) -> None:
+def _measured(group: h5py.Group, n_hits: int) -> tuple[tuple[Record, ...], tuple[ShaftAngle, ...]]:
+    """The records as they were read, and the angle of the shaft in each that has one."""
+    measured = tuple(get_record(hit) for hit in get_hits(group, "measured", n_hits))
+    shafts = tuple(get_shaft(hit) for hit in get_hits(group, "shafts", n_hits)) if "shafts" in group else ()
+    for hit, was in enumerate(measured, start=1):
+        if (was.clock is None) or (isinstance(was.clock, ConstantPeriod) == bool(shafts)):
+            where = str(group.name).strip("/")
+            name = f"{where}/measured/hit{hit}" if where else f"measured/hit{hit}"
+            raise DamagedError(f"{name} has no clock that goes with the angle of a shaft in the file")
+    return measured, shafts
+
+
+def _check_records(measured: tuple[Record, ...], free: tuple[Record, ...], model: PeriodicModel) -> None:
     """Refuse records that are not those of one fit."""
     names = [channel.name for channel in model.channels]
     for hit, (was, own) in enumerate(zip(measured, free, strict=True), start=1):
         if [channel.name for channel in own.channels] != names or own.n_samples != was.n_samples:
             raise DamagedError(f"fit/free/hit{hit} is not the response that fit/measured/hit{hit} holds")
-        if (was.clock is None) or (isinstance(was.clock, ConstantPeriod) == bool(shafts)):
-            raise DamagedError(f"fit/measured/hit{hit} has no clock that goes with the angle of a shaft in the file")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from floquid._checks import describe, input_error
 from floquid._files import atomic_path
-from floquid.core import PeriodicModel, Record
+from floquid.core import PeriodicModel
 from floquid.lti import AbstractIdentifier
 from floquid.periodic import Fit, Periodicity
 from floquid.pipeline import Analysis, Settings
@@ -21,7 +21,6 @@ from floquid.store._identifiers import to_text
 from floquid.store._layout import Item
 from floquid.store._put import put, put_fields, put_numbers
 from floquid.store._save_records import put_channels, put_provenance, put_record, put_shaft
-from floquid.sync import ShaftAngle
 from floquid.validation import Validation
 
 if TYPE_CHECKING:
@@ -73,8 +72,11 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
         put(file, layout.SYNCHRONISATION, analysis.synchronisation)
         if analysis.periodicity is not None:
             _put_periodicity(file.create_group("periodicity"), analysis.periodicity)
-        if analysis.fit is not None:
-            _put_fit(file.create_group("fit"), analysis.fit, analysis.measured, analysis.shafts)
+        if analysis.fit is None:
+            _put_measured(file, analysis)
+        else:
+            _put_fit(group := file.create_group("fit"), analysis.fit)
+            _put_measured(group, analysis)
         _put_settings(file.create_group("settings"), analysis.settings)
         for number, record in enumerate(analysis.records, start=1):
             put_record(file.create_group(f"records/hit{number}"), record)
@@ -126,7 +128,7 @@ def _put_refinement(group: h5py.Group, found: Refinement, state: StateModel | No
         _put_state(group.create_group("state"), found.state)
 
 
-def _put_fit(group: h5py.Group, fit: Fit, measured: tuple[Record, ...], shafts: tuple[ShaftAngle, ...]) -> None:
+def _put_fit(group: h5py.Group, fit: Fit) -> None:
     put_fields(group, layout.FIT, fit)
     put(group, layout.OWN_PERIOD, fit.own_period)
     put(group, layout.MISFIT, fit.misfit)
@@ -135,10 +137,15 @@ def _put_fit(group: h5py.Group, fit: Fit, measured: tuple[Record, ...], shafts: 
     put_fields(group, layout.CHOICE, fit)
     if fit.forced is not None:
         put_fields(group.create_group("forced"), layout.FORCED, fit.forced)
-    for name, records in (("measured", measured), ("free", fit.free)):
-        for number, record in enumerate(records, start=1):
-            put_record(group.create_group(f"{name}/hit{number}"), record)
-    for number, shaft in enumerate(shafts, start=1):
+    for number, record in enumerate(fit.free, start=1):
+        put_record(group.create_group(f"free/hit{number}"), record)
+
+
+def _put_measured(group: h5py.Group, analysis: Analysis) -> None:
+    """The records as they were read, and the angle of the shaft in each, where records in the file are resampled."""
+    for number, record in enumerate(analysis.measured, start=1):
+        put_record(group.create_group(f"measured/hit{number}"), record)
+    for number, shaft in enumerate(analysis.shafts, start=1):
         put_shaft(group.create_group(f"shafts/hit{number}"), shaft)
 
 
