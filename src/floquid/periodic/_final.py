@@ -17,9 +17,9 @@ from floquid.periodic._held import chosen_bands, shapes
 from floquid.periodic._moves import joined
 from floquid.periodic._peaks import Rest, strongest
 from floquid.periodic._residual import noise_of, rests_of
-from floquid.periodic._scores import differences, equality, spread_of_harmonics
+from floquid.periodic._scores import differences, equality, spread_of_harmonics, sure_columns
 from floquid.periodic._searched import Searched
-from floquid.periodic._state import Limits, State, coefficients_of
+from floquid.periodic._state import STRICT, Limits, State, coefficients_of
 
 LOOSE = 0.02
 """The probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm."""
@@ -110,12 +110,19 @@ def with_final_bands(state: State, limits: Limits) -> tuple[State, NDArray[np.in
     return state.with_fit(settled(state.blocks, state.held, hold=True)), entries.bands
 
 
-def _doubtful(held: Held, alarm: float) -> list[int]:
+def _sure(state: State) -> NDArray[np.bool_]:
+    """Which columns are surely no noise: what others ask for says nothing (columns,)."""
+    from scipy.special import chdtri
+
+    return sure_columns(state.blocks, state.held, float(chdtri(2 * state.rows, STRICT)))
+
+
+def _doubtful(held: Held, sure: NDArray[np.bool_], alarm: float) -> list[int]:
     """The modes whose harmonics do not have one exponent, but for that probability each."""
     from scipy.special import chdtrc
 
     free = np.flatnonzero(~held.entries.fixed & ~held.entries.real)
-    tests = [(int(entry), *equality(held, int(entry))) for entry in free]
+    tests = [(int(entry), *equality(held, int(entry), sure)) for entry in free]
     return [entry for entry, score, degrees in tests if degrees and chdtrc(degrees, score) < alarm]
 
 
@@ -124,7 +131,7 @@ def _with_room(state: State, limits: Limits) -> State:
 
     What is left out of a mode on the lines of another bends that one.
     """
-    doubtful, entries = _doubtful(state.held, DOUBTFUL), state.held.entries
+    doubtful, entries = _doubtful(state.held, _sure(state), DOUBTFUL), state.held.entries
     if not doubtful:
         return state
     near = [
@@ -149,13 +156,14 @@ def _apart(entries: Entries, one: int, other: int) -> float:
 
 def _with_clusters(state: State) -> tuple[State, tuple[int, ...]]:
     """With the spread of the harmonics' own exponents in the variances of clusters, and which modes these are."""
-    clusters, held = _doubtful(state.held, CLUSTER), state.held
+    sure, held = _sure(state), state.held
+    clusters = _doubtful(held, sure, CLUSTER)
     if not clusters:
         return state, ()
     entries, free = held.entries, np.flatnonzero(~held.entries.fixed)
     further = np.zeros(len(held.gradient))
     for entry in clusters:
-        decay, turn = spread_of_harmonics(held, entry)
+        decay, turn = spread_of_harmonics(held, entry, sure)
         further[int(np.searchsorted(free, entry))] = decay
         further[len(free) + int(np.searchsorted(free[~entries.real[free]], entry))] = turn
     return state.with_fit(replace(held, further=further)), tuple(clusters)

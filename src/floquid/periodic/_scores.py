@@ -76,21 +76,27 @@ class ColumnsLeft:
         return np.flatnonzero(self._left % self._n == column)
 
 
-def equality(held: Held, entry: int) -> tuple[float, int]:
-    """The chi-square of the harmonics of a mode having one exponent, and its degrees of freedom (Rao's score test)."""
-    columns, ties = np.flatnonzero(held.entries.columns().modes == entry), held.entries.ties()
+def sure_columns(blocks: Sequence[Block], held: Held, limit: float) -> NDArray[np.bool_]:
+    """Which columns would raise the cost by more than the limit if they were taken away (columns,)."""
+    left = ColumnsLeft(blocks, held)
+    return np.array([left.rise(column) > limit for column in range(len(held.entries.sines()))], bool)
+
+
+def equality(held: Held, entry: int, sure: NDArray[np.bool_]) -> tuple[float, int]:
+    """The chi-square of the sure harmonics of a mode having one exponent, and its degrees of freedom (Rao's test)."""
+    columns, ties = np.flatnonzero((held.entries.columns().modes == entry) & sure), held.entries.ties()
     if len(columns) < 2:
         return 0.0, 0
     gain = score_gain(held, _parted(ties, columns)) - score_gain(held, ties)
     return max(gain, 0.0), 2 * (len(columns) - 1)
 
 
-def spread_of_harmonics(held: Held, entry: int) -> tuple[float, float]:
-    r"""The weighted variance of the exponents that the harmonics of a mode ask for by themselves, of both parts [1/s²].
+def spread_of_harmonics(held: Held, entry: int, sure: NDArray[np.bool_]) -> tuple[float, float]:
+    r"""The weighted variance of the exponents that the sure harmonics of a mode ask for, of both parts [1/s²].
 
     .. math:: s^2 = \sum_m w_m (\lambda_m - \bar\lambda)^2 \Big/ \sum_m w_m, \qquad w_m = 1/\operatorname{var} \lambda_m
     """
-    columns, ties = np.flatnonzero(held.entries.columns().modes == entry), held.entries.ties()
+    columns, ties = np.flatnonzero((held.entries.columns().modes == entry) & sure), held.entries.ties()
     gradient, _, information = held.by_column.tied(_parted(ties, columns))
     inverse, count = _solved(information, np.eye(len(information))), len(columns)
     step, variance = inverse @ gradient, np.maximum(np.diag(inverse), 1e-300)
