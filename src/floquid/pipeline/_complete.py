@@ -15,8 +15,8 @@ from floquid.lti import fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._deviations import failure, poles_alone, widened, widening, with_misfit
 from floquid.pipeline._colour import ALL_PEAKED, PEAKED
+from floquid.pipeline._deviations import failure, poles_alone, widened, widening, with_misfit
 from floquid.pipeline._doubts import STILL, ambiguity, below_modes, misfit, warnings, wrong_angles
 from floquid.pipeline._prepare import Prepared, unsteady
 from floquid.pipeline._settings import Settings
