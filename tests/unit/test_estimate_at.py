@@ -116,7 +116,7 @@ def test_a_forced_response_is_fitted_again_beside_the_modes():
     assert here.covariance == pytest.approx(known.covariance, rel=0.02, abs=1e-4 * np.abs(known.covariance).max())
     own, too_small = (np.diag(each.covariance)[:-1] for each in (here, bare))
     assert (too_small < own).all()
-    assert (too_small < 0.999 * own).any()
+    assert (too_small < 0.9995 * own).any()  # an offset and one harmonic: no drift is fitted where there is none
 
 
 def test_a_free_period_takes_its_step_too():

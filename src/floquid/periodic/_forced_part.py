@@ -92,7 +92,10 @@ def without_noise(found: Searched) -> Searched:
     held = evaluated(found.blocks, less)
     with suppress(IdentificationError, np.linalg.LinAlgError):
         held = settled(found.blocks, less)
-    return replace(found, held=held, bands=found.bands[kept])
+    # Fixed entries are no parameters: what was added to the variances stays with the modes.
+    places = tuple(int(kept[:entry].sum()) for entry in found.clusters)
+    held = replace(held, further=found.held.further)
+    return replace(found, held=held, bands=found.bands[kept], clusters=places)
 
 
 def forced_of(found: Searched, nu: float, channels: tuple[Channel, ...], *, wanders: bool) -> ForcedResponse | None:

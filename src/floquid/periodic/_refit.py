@@ -129,7 +129,7 @@ def own_period(
     if now.information[-1, -1] <= 0.0:
         return None
     covariance = now.covariance()
-    if not covariance[-1, -1] > 0.0:
+    if not 0.0 < covariance[-1, -1] < model.fundamental**2:
         return None
     step = float((covariance @ now.gradient)[-1])
     return -step / model.fundamental, float(np.sqrt(covariance[-1, -1])) / model.fundamental
