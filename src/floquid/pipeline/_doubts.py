@@ -44,6 +44,12 @@ TURNED = 1.0
 SEVERAL = 6
 """Exponents from which on modes without a second harmonic may be harmonics that a wrong period tore apart."""
 
+EVIDENT = 0.1
+"""Equal decays say something where the deviation of their difference is below this share of the decay."""
+
+CHANCE = 0.1
+"""Fundamentals within which two modes are near whole ones apart by chance too often to say anything."""
+
 FOLDED = 10.0
 """Decays within which modes that fold onto one another may be one."""
 
@@ -114,9 +120,11 @@ def _folded(model: PeriodicModel) -> bool:
     values = model.exponents
     gap = values[:, None] - values[None, :]
     turns = np.rint(gap.imag / model.fundamental)
-    near = np.abs(gap.imag - turns * model.fundamental) < FOLDED * np.abs(values.real)
+    width = FOLDED * np.abs(values.real)
+    # Of modes as wide as that, some are near whole fundamentals apart by chance.
+    near = (np.abs(gap.imag - turns * model.fundamental) < width) & (width < CHANCE * model.fundamental)
     deviation = np.hypot(std.real[:, None], std.real[None, :])
-    alike = (np.abs(gap.real) < 5.0 * deviation) & (deviation < 0.5 * np.abs(values.real))
+    alike = (np.abs(gap.real) < 5.0 * deviation) & (deviation < EVIDENT * np.abs(values.real))
     itself = np.abs(values[:, None] - values[None, :].conj()) == 0
     pairs = near & alike & (turns != 0) & ~itself
     return bool(2 * pairs.any(axis=1).sum() >= model.order)
