@@ -173,8 +173,7 @@ def fit(
     if harmonics is not None and harmonics > most:
         must = f"be at most {most}, below half of the samples a period"
         raise input_error("harmonics", "fit", must, f"is {harmonics}", "Ask for fewer, or sample faster.")
-    nu, omega = samples.nu, samples.fundamental
-    auto = isinstance(forced, str) and forced == "auto"
+    nu, omega, auto = samples.nu, samples.fundamental, isinstance(forced, str) and forced == "auto"
     base = forced_base(forced_turns(forced, known, most, nu), omega, wanders=samples.wanders)
     limits = Limits(
         most=most,
@@ -197,9 +196,15 @@ def fit(
         # Few modes are there yet, none of them noise: what they leave tells a strong colour.
         state, taps = _whitened(with_lines(state, replace(limits, loud=True), report), limits, report, least=STRONG)
     state = _searched(state, limits, search, report)
-    if as_sampled and taps is None:
-        state, taps = _whitened(state, limits, report, least=0.0)
-        state = state if taps is None else _searched(state, limits, search, report)
+    if as_sampled:
+        # Judged again by what all modes leave of the samples as they are.
+        plain = state if taps is None else _begun(samples.final, state.held.entries, limits)
+        again, found = _whitened(plain, limits, report, least=0.0)
+        if taps is not None or found is not None:
+            state, taps = (
+                with_bands(again, limits) if taps is not None else _searched(again, limits, search, report),
+                found,
+            )
     if as_sampled:
         samples = replace(samples, search=state.blocks, final=state.blocks)
     if samples.projected:
@@ -299,8 +304,8 @@ def _same(one: Entries, other: Entries) -> bool:
 
 def _check_order(found: Searched, order: int | None) -> None:
     """Refuse a fit without as many poles as were asked for."""
-    free = ~found.held.entries.fixed
-    reached = int(2 * free.sum() - (free & found.held.entries.real).sum())
+    free, real = ~found.held.entries.fixed, found.held.entries.real
+    reached = int(2 * free.sum() - (free & real).sum())
     if order is not None and reached != order:
         raise IdentificationError(
             f"Identification ended without a result: order {order} cannot be reached, {reached} is what was found. Ask "
