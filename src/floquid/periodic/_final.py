@@ -131,7 +131,9 @@ def _with_room(state: State, limits: Limits) -> State:
 
     What is left out of a mode on the lines of another bends that one.
     """
-    doubtful, entries = _doubtful(state.held, _sure(state), DOUBTFUL), state.held.entries
+    # Room does little harm: here all harmonics are asked, those of noise too.
+    everything = np.ones(len(state.held.entries.sines()), bool)
+    doubtful, entries = _doubtful(state.held, everything, DOUBTFUL), state.held.entries
     if not doubtful:
         return state
     near = [

@@ -197,9 +197,8 @@ def fit(
         state, taps = _whitened(with_lines(state, replace(limits, loud=True), report), limits, report, least=STRONG)
     state = _searched(state, limits, search, report)
     if as_sampled:
-        # Judged again by what all modes leave of the samples as they are.
         plain = state if taps is None else _begun(samples.final, state.held.entries, limits)
-        again, found = _whitened(plain, limits, report, least=0.0)
+        again, found = _whitened(plain, limits, report, least=STRONG)
         if taps is not None or found is not None:
             state, taps = (
                 with_bands(again, limits) if taps is not None else _searched(again, limits, search, report),
@@ -306,7 +305,7 @@ def _check_order(found: Searched, order: int | None) -> None:
     """Refuse a fit without as many poles as were asked for."""
     free, real = ~found.held.entries.fixed, found.held.entries.real
     reached = int(2 * free.sum() - (free & real).sum())
-    if order is not None and reached != order:
+    if order not in (None, reached):
         raise IdentificationError(
             f"Identification ended without a result: order {order} cannot be reached, {reached} is what was found. Ask "
             "for that order, or let it be found."
