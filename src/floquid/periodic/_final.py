@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 
@@ -157,18 +158,42 @@ def _apart(entries: Entries, one: int, other: int) -> float:
 
 
 def _with_clusters(state: State) -> tuple[State, tuple[int, ...]]:
-    """With the spread of the harmonics' own exponents in the variances of clusters, and which modes these are."""
+    """With the spread of the harmonics' own exponents in the variances of clusters, and which modes these are.
+
+    Modes that fold next to their own conjugate have the variances that they would have with its harmonics fitted, too.
+    Those are not fitted: the cost is even about the point between both, and the fit would end there.
+    """
     sure, held = _sure(state), state.held
-    clusters = _doubtful(held, sure, CLUSTER)
-    if not clusters:
-        return state, ()
     entries, free = held.entries, np.flatnonzero(~held.entries.fixed)
+    clusters = _doubtful(held, sure, CLUSTER)
     further = np.zeros(len(held.gradient))
+
+    def own(entry: int) -> list[int]:
+        turns = free[~entries.real[free]]
+        return [int(np.searchsorted(free, entry)), len(free) + int(np.searchsorted(turns, entry))]
+
+    for entry, off, wide in _mirrored(entries):
+        more = np.diag(state.evaluated(wide).covariance()) - np.diag(held.covariance())
+        further[own(entry)] = np.clip(more[own(entry)], 0.0, (2.0 * off) ** 2)
     for entry in clusters:
-        decay, turn = spread_of_harmonics(held, entry, sure)
-        further[int(np.searchsorted(free, entry))] = decay
-        further[len(free) + int(np.searchsorted(free[~entries.real[free]], entry))] = turn
-    return state.with_fit(replace(held, further=further)), tuple(clusters)
+        further[own(entry)] += spread_of_harmonics(held, entry, sure)
+    return (state.with_fit(replace(held, further=further)) if further.any() else state), tuple(clusters)
+
+
+def _mirrored(entries: Entries) -> Iterator[tuple[int, float, Entries]]:
+    """Each mode that folds next to its own conjugate, how far it is from the point between both, and wider entries.
+
+    Those have the conjugate's harmonics in its band: each line then holds both. Left out of the one, they move the
+    other, but hardly beyond it.
+    """
+    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
+        value, (low, high) = entries.exponents[entry], entries.bands[entry]
+        half = round(2.0 * value.imag / entries.fundamental)
+        off = abs(value.imag - 0.5 * half * entries.fundamental)
+        if off < BESIDE * abs(value.real) and low + high != -half:
+            bands = entries.bands.copy()
+            bands[entry] = min(low, -half - high), max(high, -half - low)
+            yield int(entry), off, replace(entries, bands=bands)
 
 
 def centred(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.int64]]:
