@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from floquid.core import PeriodicModel, Record
 from floquid.errors import FloquidError
 from floquid.lifting import Lifted, largest_values
-from floquid.lti import ModalModel
 from floquid.order import Choice
 from floquid.periodic import (
     CONFIDENT,
@@ -55,9 +54,6 @@ FOLDED = 10.0
 
 ROUNDED = 4.0
 """Deviations within which a period is a whole number of sampling intervals."""
-
-SURE = 1e-3
-"""The deviation of its logarithm, over the number of poles, below which that says something."""
 
 
 def wrong_period(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> str:
@@ -222,19 +218,6 @@ def below_modes(floor: float) -> str:
         f"There is hardly any noise, and what modes leave is none: a nonlinearity, most likely. The record is believed "
         f"down to {floor:g} of the largest value of each channel (`noise_floor`)."
     )
-
-
-def driven(modal: ModalModel) -> bool:
-    """Whether a pole is that of a forced response: a multiplier of 1 or of -1, as sure as one can be."""
-    if modal.covariance is None:
-        return False
-    order = modal.order
-    std = np.sqrt(np.diag(modal.covariance)) * modal.dt
-    logs = modal.poles * modal.dt
-    still = np.abs(logs.real) < STILL * std[:order] + 1e-12
-    turn = np.minimum(np.abs(logs.imag), np.abs(np.pi - np.abs(logs.imag)))
-    sure = std[:order] * modal.order < SURE
-    return bool((still & (turn < STILL * std[order:] + 1e-12) & sure).any())
 
 
 def ambiguity(choice: Choice | None) -> tuple[str, ...]:
