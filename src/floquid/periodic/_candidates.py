@@ -98,7 +98,7 @@ def _added(state: State, rests: Sequence[Rest], found: Sequence[Peak], limits: L
             continue
         new = more.picked(range(len(entries.exponents), len(more.exponents)))
         if len(new.exponents):
-            bound += limit_of(state, new, limits.mode_alarm)
+            bound += limit_of(state, new, limits)
         else:
             from scipy.special import chdtri
 

@@ -14,23 +14,21 @@ from floquid.errors import IdentificationError
 from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries
 from floquid.periodic._blocks import Block
-from floquid.periodic._candidates import forced_entries, with_lines
-from floquid.periodic._colour import filtered_blocks, residual_filter
-from floquid.periodic._constrained import settled
+from floquid.periodic._candidates import forced_entries
 from floquid.periodic._evidence import coloured, evidence
 from floquid.periodic._final import finished
 from floquid.periodic._forced import ForcedResponse
-from floquid.periodic._forced_part import forced_base, forced_of, forced_turns, free_records, without_noise
+from floquid.periodic._forced_part import angle_std, forced_base, forced_of, forced_turns, free_records, without_noise
 from floquid.periodic._held import model_of
 from floquid.periodic._known import Known
 from floquid.periodic._lifted_block import LiftedBlock
-from floquid.periodic._moves import joined, parted, without_needless
 from floquid.periodic._record_block import RecordBlock
 from floquid.periodic._record_blocks import record_blocks
 from floquid.periodic._residual import noise_of
+from floquid.periodic._rounds import begun, searched, searched_white
 from floquid.periodic._scores import period_step
 from floquid.periodic._searched import Searched
-from floquid.periodic._state import ROUGHLY, Limits, State, released, with_bands
+from floquid.periodic._state import Limits
 from floquid.sync import ShaftAngle
 
 HIGHEST = 64
@@ -38,12 +36,6 @@ HIGHEST = 64
 
 MOST_ENTRIES = 24
 """Modes, a pair counted once, that are looked for at most."""
-
-ROUNDS = 4
-"""How often modes and bands may change."""
-
-STRONG = 0.1
-"""The sum of squared correlations from which on what few modes leave is coloured noise and no weak mode."""
 
 SURELY = 10.0
 """A peak so far above the limit is no noise."""
@@ -184,31 +176,22 @@ def fit(
         choose=harmonics is None,
         width=harmonics or 0,
         floor=noise_floor,
+        angle_std=angle_std(clocks, records),
     )
     begin = forced_entries([], omega) if start is None else replace(start, fundamental=omega)
     if harmonics is not None:
         begin = replace(begin, bands=np.tile([-harmonics, harmonics], (len(begin.exponents), 1)))
-    state = _begun(samples.search, begin if samples.projected else base.joined(begin), limits)
+    state = begun(samples.search, begin if samples.projected else base.joined(begin), limits)
     report("fitting the samples")
     taps = None if lifted is None else lifted.whitening
-    as_sampled = not isinstance(samples.final[0], LiftedBlock) and search
-    if as_sampled:
-        # Few modes are there yet, none of them noise: what they leave tells a strong colour.
-        state, taps = _whitened(with_lines(state, replace(limits, loud=True), report), limits, report, least=STRONG)
-    state = _searched(state, limits, search, report)
-    if as_sampled:
-        plain = state if taps is None else _begun(samples.final, state.held.entries, limits)
-        again, found = _whitened(plain, limits, report, least=STRONG)
-        if taps is not None or found is not None:
-            state, taps = (
-                with_bands(again, limits) if taps is not None else _searched(again, limits, search, report),
-                found,
-            )
-    if as_sampled:
+    if search and not isinstance(samples.final[0], LiftedBlock):
+        state, taps = searched_white(state, limits, report)
         samples = replace(samples, search=state.blocks, final=state.blocks)
+    else:
+        state = searched(state, limits, search, report)
     if samples.projected:
         # The forced response was at every phase for itself: now it has the harmonics that are there.
-        state = _begun(samples.final, base.joined(state.held.entries), limits)
+        state = begun(samples.final, base.joined(state.held.entries), limits)
     found = finished(state, limits, search=search, free_period=free_period)
     if not (~found.held.entries.fixed).any():
         raise IdentificationError(_no_mode(found))
@@ -256,49 +239,6 @@ class _Samples:
             return _Samples(search, final, 2.0 * np.pi / lifted.period, nu, (lifted.n_phases - 1) // 2)
         blocks, fundamental, nu = record_blocks(records, clocks, nu)
         return _Samples(blocks, blocks, fundamental, nu, _most(records, 2.0 * np.pi / fundamental))
-
-
-def _begun(blocks: tuple[Block, ...], entries: Entries, limits: Limits) -> State:
-    """The fit nearest to the start, with the noise that it leaves."""
-    state = State(blocks, settled(blocks, entries, at_rest=ROUGHLY, hold=True))
-    return state.with_noise(limits.floor)
-
-
-def _whitened(
-    state: State, limits: Limits, report: Callable[[str], None], *, least: float
-) -> tuple[State, NDArray[np.float64] | None]:
-    """The fit of the samples after the filter that whitens what is left, and that filter; None where it is white."""
-    taps = residual_filter(state.blocks, state.held, least=least)
-    after = None if taps is None else filtered_blocks(state.blocks, taps)
-    if taps is None or after is None:
-        return state, None
-    report(f"the noise is coloured along the record: whitened by {taps.shape[1] - 1} taps")
-    return _begun(after, state.held.entries, limits), taps
-
-
-def _searched(state: State, limits: Limits, search: bool, report: Callable[[str], None]) -> State:
-    """With bands and modes changed until nothing does."""
-    passed: list[float] = []
-    refused: set[bytes] = set()
-    for number in range(ROUNDS):
-        before = state.held.entries
-        state = with_bands(released(state), limits, refused=refused)
-        if not search:
-            break
-        if len(state.held.entries.exponents):
-            report("parting and joining modes")
-            # Bands that are given stay: modes are not parted or joined then.
-            state = joined(parted(state, limits), limits) if limits.choose else state
-            state = without_needless(state, limits)
-        if number and _same(before, state.held.entries):
-            break
-        state = with_lines(state, limits, report, passed)
-    return state
-
-
-def _same(one: Entries, other: Entries) -> bool:
-    """Whether modes and bands are the same."""
-    return len(one.exponents) == len(other.exponents) and bool((one.bands == other.bands).all())
 
 
 def _check_order(found: Searched, order: int | None) -> None:

@@ -70,6 +70,16 @@ def forced_base(chosen: tuple[list[float], bool] | None, fundamental: float, *, 
     return base
 
 
+def angle_std(clocks: Sequence[ConstantPeriod | ShaftAngle], records: Sequence[Record]) -> tuple[float, ...]:
+    """The deviation of the system's angle over each record, as the shaft has it [rad]; none of constant periods."""
+    found = []
+    for clock, record in zip(clocks, records, strict=True):
+        if isinstance(clock, ShaftAngle):
+            own = clock.angle_std(np.clip(record.times, clock.first, clock.last))
+            found.append(float(np.sqrt(np.mean(own**2))) * clock.periods_per_revolution)
+    return tuple(found)
+
+
 def without_noise(found: Searched) -> Searched:
     """Without those harmonics of the forced response, offset and drift that noise explains."""
     from scipy.special import chdtri

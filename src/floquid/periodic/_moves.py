@@ -28,7 +28,7 @@ def without_needless(state: State, limits: Limits) -> State:
     while True:
         entries, rises = state.held.entries, removal_rises(state.blocks, state.held)
         those = np.flatnonzero(modes_of(entries))
-        bounds = {int(e): limit_of(state, entries.picked([e]), limits.mode_alarm) for e in those}
+        bounds = {int(e): limit_of(state, entries.picked([e]), limits) for e in those}
         ranked = sorted(those.tolist(), key=lambda e: rises[e] / bounds[e])
         for entry in ranked:
             if complex(entries.exponents[entry]) in refused:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
-from floquid.periodic._blocks import Block
+from floquid.periodic._blocks import PLAIN, Block
 from floquid.periodic._constrained import Held, evaluated, settled, weighted
 from floquid.periodic._harmonics import GAP
 from floquid.periodic._held import chosen_bands
@@ -50,6 +50,8 @@ class Limits:
         See `choose`.
     floor
         The share of the largest free response that the noise is taken to be at least.
+    angle_std
+        The deviation of the system's angle in each hit [rad]; empty where a constant period says it (hits,).
     loud
         Whether lines are looked for that are far above any noise alone, coloured or not.
     """
@@ -62,6 +64,7 @@ class Limits:
     choose: bool = True
     width: int = 0
     floor: float = 1e-12
+    angle_std: tuple[float, ...] = ()
     loud: bool = False
 
 
@@ -128,12 +131,30 @@ def modes_of(entries: Entries) -> NDArray[np.bool_]:
     return ~entries.fixed | (entries.exponents != 0.0)
 
 
-def limit_of(state: State, entries: Entries, alarm: float) -> float:
-    """What noise takes out of the cost by entries beside others, but for that probability."""
+def limit_of(state: State, entries: Entries, limits: Limits) -> float:
+    """What modes beside others may take out of the cost without being any: noise, and errors of the shaft's angle.
+
+    Noise takes more with the probability `mode_alarm` alone.
+    """
     from scipy.special import chdtri
 
     parameters = int((~entries.fixed).sum() + (~entries.fixed & ~entries.real).sum())
-    return float(chdtri(parameters + state.rows * coefficients_of(entries), alarm))
+    noise = float(chdtri(parameters + state.rows * coefficients_of(entries), limits.mode_alarm))
+    return noise + (_blurred(state, limits.angle_std) if limits.angle_std else 0.0)
+
+
+def _blurred(state: State, angle_std: tuple[float, ...]) -> float:
+    r"""What errors of the angle leave of the forced response: the most that one line may hold.
+
+    .. math:: \frac 12 \sum_{c,h} N_h \sum_j (j\, a_{c,h,j}\, \sigma_{\theta,h} / s_{c,h})^2
+    """
+    columns, total = state.held.entries.columns(), 0.0
+    own = state.held.entries.fixed[columns.modes] & (columns.factors[columns.modes] == PLAIN)
+    for block, linear in zip(state.blocks, state.held.linear, strict=True):
+        squares = np.sum([part**2 for part in np.split(linear.coefficients, 2)], axis=0)[own]
+        share = (columns.turns[own] * angle_std[block.hit]) ** 2 @ squares
+        total += 0.5 * block.n_samples * float(share @ (1.0 / block.noise**2))
+    return total
 
 
 def coefficients_of(entries: Entries) -> int:

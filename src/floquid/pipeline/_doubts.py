@@ -109,7 +109,7 @@ def _single(model: PeriodicModel) -> bool:
 
 
 def _folded(model: PeriodicModel) -> bool:
-    """Whether two modes of equal decay are nearly whole fundamentals apart, as a wrong period tears one into."""
+    """Whether two modes of equal decay fold next to one another, as a wrong period tears one into."""
     std = model.exponent_std
     if std is None:
         return False
@@ -122,7 +122,7 @@ def _folded(model: PeriodicModel) -> bool:
     deviation = np.hypot(std.real[:, None], std.real[None, :])
     alike = (np.abs(gap.real) < 5.0 * deviation) & (deviation < EVIDENT * np.abs(values.real))
     itself = np.abs(values[:, None] - values[None, :].conj()) == 0
-    pairs = near & alike & (turns != 0) & ~itself
+    pairs = near & alike & ~itself & ~np.eye(model.order, dtype=bool)
     return bool(2 * pairs.any(axis=1).sum() >= model.order)
 
 

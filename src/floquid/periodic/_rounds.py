@@ -1,0 +1,81 @@
+"""The fit of samples in rounds of bands, modes and lines until nothing changes; whitened where noise is coloured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.periodic._bands import Entries
+from floquid.periodic._blocks import Block
+from floquid.periodic._candidates import with_lines
+from floquid.periodic._colour import filtered_blocks, residual_filter
+from floquid.periodic._constrained import settled
+from floquid.periodic._moves import joined, parted, without_needless
+from floquid.periodic._state import ROUGHLY, Limits, State, released, with_bands
+
+ROUNDS = 4
+"""How often modes and bands may change."""
+
+STRONG = 0.1
+"""The sum of squared correlations from which on what modes leave is coloured noise and no weak mode."""
+
+Report = Callable[[str], None]
+
+
+def begun(blocks: tuple[Block, ...], entries: Entries, limits: Limits) -> State:
+    """The fit nearest to the start, with the noise that it leaves."""
+    state = State(blocks, settled(blocks, entries, at_rest=ROUGHLY, hold=True))
+    return state.with_noise(limits.floor)
+
+
+def searched(state: State, limits: Limits, search: bool, report: Report) -> State:
+    """With bands, and with `search` modes, changed until nothing does."""
+    passed: list[float] = []
+    refused: set[bytes] = set()
+    for number in range(ROUNDS):
+        before = state.held.entries
+        state = with_bands(released(state), limits, refused=refused)
+        if not search:
+            break
+        if len(state.held.entries.exponents):
+            report("parting and joining modes")
+            # Bands that are given stay: modes are not parted or joined then.
+            state = joined(parted(state, limits), limits) if limits.choose else state
+            state = without_needless(state, limits)
+        if number and _same(before, state.held.entries):
+            break
+        state = with_lines(state, limits, report, passed)
+    return state
+
+
+def searched_white(state: State, limits: Limits, report: Report) -> tuple[State, NDArray[np.float64] | None]:
+    """The same after the filter that whitens what is left, and that filter (channels, taps); None where it is white.
+
+    The colour is judged twice: by what few modes leave, none of which is noise yet, and by what all of them leave.
+    """
+    plain = state.blocks
+    state, taps = _whitened(with_lines(state, replace(limits, loud=True), report), limits, report)
+    state = searched(state, limits, True, report)
+    if taps is None:
+        again, taps = _whitened(state, limits, report)
+        return (state if taps is None else searched(again, limits, True, report)), taps
+    again, taps = _whitened(begun(plain, state.held.entries, limits), limits, report)
+    return with_bands(again, limits), taps
+
+
+def _whitened(state: State, limits: Limits, report: Report) -> tuple[State, NDArray[np.float64] | None]:
+    """The fit of the samples after the filter that whitens what is left, and that filter; None where it is white."""
+    taps = residual_filter(state.blocks, state.held, least=STRONG)
+    after = None if taps is None else filtered_blocks(state.blocks, taps)
+    if taps is None or after is None:
+        return state, None
+    report(f"the noise is coloured along the record: whitened by {taps.shape[1] - 1} taps")
+    return begun(after, state.held.entries, limits), taps
+
+
+def _same(one: Entries, other: Entries) -> bool:
+    """Whether modes and bands are the same."""
+    return len(one.exponents) == len(other.exponents) and bool((one.bands == other.bands).all())
