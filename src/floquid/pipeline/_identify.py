@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from floquid._checks import input_error
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
@@ -20,6 +22,9 @@ from floquid.pipeline._refuse import NO_NEWS
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import Lifting, Start, cut, start_of
 from floquid.pipeline._validated import validated
+
+SAME = 1e-12
+"""The difference below which two multipliers are one."""
 
 
 def identify(
@@ -107,14 +112,24 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
             missing = too_low(settings.order, judge(start.lifted.responses, start.modal))
         # Modes that are missing turn in what is left as a wrong period would.
         doubt = "" if missing else _refused(prepared, wrong_period(model, start.lifted, prepared))
-    if model is None or (settings.constrained and model.covariance is not None and not equal_multipliers(model)):
+    twice = model is not None and equal_multipliers(model)
+    if model is None or (settings.constrained and model.covariance is not None):
         # Of a period that is trusted against the response, harmonics come apart: they are no modes to be looked for.
         free = settings.order is None and settings.identifier is None and settings.harmonics is None
         search = model is None or (free and not doubt)
-        fitted = _fitted(prepared, cutting, start, model, settings, search, report)
-        if not (doubt or missing):
+        if search or not twice:
+            fitted = _fitted(prepared, cutting, start, model, settings, search, report)
+        if twice and fitted is not None and model is not None and fitted.model.order <= _distinct(model):
+            fitted = None  # two modes have one multiplier indeed, and only residues free in each hit tell them apart
+        if fitted is not None and not (doubt or missing):
             doubt = _refused(prepared, wrong_own_period(fitted, start.lifted, prepared, report))
     return completed(prepared, cutting, start, model, fitted, settings, (missing, doubt), report)
+
+
+def _distinct(model: PeriodicModel) -> int:
+    """The number of multipliers of a model that are not equal."""
+    gaps = np.abs(np.subtract.outer(model.multipliers, model.multipliers))
+    return model.order - int(np.tril(gaps < SAME, -1).any(axis=1).sum())
 
 
 def _refused(prepared: Prepared, doubt: str) -> str:
