@@ -9,6 +9,7 @@ Everything starts from what `prepare` makes of records: the responses, what ties
 from floquid.periodic import CONFIDENT
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._bootstrap import AbstractDraws, Bootstrap, bootstrap
+from floquid.pipeline._complete import lifted_views, samples_of
 from floquid.pipeline._draws import Draw
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
@@ -31,6 +32,8 @@ __all__ = [
     "find_poles",
     "identify",
     "lifted",
+    "lifted_views",
     "prepare",
+    "samples_of",
     "validated",
 ]

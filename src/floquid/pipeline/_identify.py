@@ -11,8 +11,8 @@ from floquid.errors import IdentificationError
 from floquid.lifting import floor_of
 from floquid.order import judge
 from floquid.periodic import Fit, assemble, entries_of, equal_multipliers, fit, groups
-from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._complete import completed, whole_periods
+from floquid.pipeline._analysis import Analysis, clocks_of
+from floquid.pipeline._complete import completed, free_residues, samples_of
 from floquid.pipeline._doubts import too_low, wrong_own_period, wrong_period
 from floquid.pipeline._independent import COPIED, sum_of_others
 from floquid.pipeline._prepare import Prepared, blas_threads, prepare, settings_of
@@ -97,7 +97,7 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     report("estimating the noise")
     start = start_of(prepared, cutting, report)
     settings = settings if start.floor is None else replace(settings, noise_floor=start.floor)
-    model, fitted, missing, doubt = None, None, "", ""
+    model, missing, doubt = None, "", ""
     if start.modal is not None:
         report("expanding the shapes in harmonics")
         model = assemble(
@@ -114,7 +114,9 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
         fitted = _fitted(prepared, cutting, start, model, settings, search, report)
         if not (doubt or missing):
             doubt = _refused(prepared, wrong_own_period(fitted, start.lifted, prepared, report))
-    return completed(prepared, cutting, start, model, fitted, settings, (missing, doubt), report)
+    else:
+        fitted = free_residues(prepared, cutting, start, model)
+    return completed(prepared, start, model, fitted, settings, (missing, doubt), report)
 
 
 def _refused(prepared: Prepared, doubt: str) -> str:
@@ -142,10 +144,10 @@ def _fitted(
     begin = None
     if start.modal is not None and model is not None:
         begin = groups(start.modal, start.lifted) if search else entries_of(model)
-    records = whole_periods(prepared, cutting) if cutting.synchronous else prepared.responses
+    records = samples_of(prepared.records, prepared.shafts, settings)
     return fit(
         records,
-        prepared.clocks,
+        clocks_of(records, prepared.shafts),
         start=begin,
         known=start.known,
         lifted=start.whole if cutting.synchronous else None,

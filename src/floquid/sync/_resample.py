@@ -222,6 +222,7 @@ def _resampled(record: Record, cut: _Cut, phases: int, reach: float, band: float
         periods=cut.lengths(kept),
         channels=record.channels,
         provenance=record.provenance.then(step),
+        first_cycle=cut.first + kept.start,
     )
 
 
