@@ -13,7 +13,6 @@ from floquid._checks import input_error
 from floquid._files import readable_file
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import FloquidError, InputError
-from floquid.lifting import Lifted
 from floquid.lti import Composites, ModalModel, Outcome
 from floquid.order import Choice
 from floquid.periodic import PartialTests, Periodicity
@@ -125,7 +124,9 @@ def _read(file: h5py.File, version: int) -> Analysis:
     check_padding(file, fit.free)
     cycles, lifted = lifted_views(fit, shafts, settings)
     modal = _get_modal(group_in(file, "modal"))
-    _check_together(lifted, modal, model)
+    stored, needed = modal.residues.shape[1:], lifted.responses.values.shape[:2]
+    if stored != needed:
+        raise DamagedError(f"modal/residues is {stored}, but the records give {needed}")
     state = _get_state(file)
     return Analysis(
         settings=settings,
@@ -204,18 +205,6 @@ def _get_validation(file: h5py.File, model: PeriodicModel) -> Validation | None:
         raise DamagedError(f"validation/fit has the shape {values['fit'].shape}")
     criteria = {name: Criterion(limit=limit, at_least=name in least) for name, limit in limits.items()}
     return Validation(**values | {"metrics": metrics, "criteria": criteria, "passed": values["passed"] == 1})
-
-
-def _check_together(lifted: Lifted, modal: ModalModel, model: PeriodicModel) -> None:
-    """Refuse parts that each are possible but do not belong to one analysis."""
-    outputs, hits, _ = lifted.responses.values.shape
-    pairs = {
-        "modal/residues": (modal.residues.shape[1:], (outputs, hits)),
-        "model/channels": ([c.name for c in model.channels], [c.name for c in lifted.channels]),
-    }
-    for name, (stored, needed) in pairs.items():
-        if stored != needed:
-            raise DamagedError(f"{name} is {stored}, but the records give {needed}")
 
 
 def _get_settings(group: h5py.Group) -> Settings:

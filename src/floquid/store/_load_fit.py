@@ -63,7 +63,9 @@ def _fit(
     names, noise = [channel.name for channel in model.channels], found["noise"]
     period, taps, held = found["own_period"], found["whitening"], found["held"] == 1
     for hit, (was, own) in enumerate(zip(samples, free, strict=True), start=1):
-        if [channel.name for channel in own.channels] != names or (held and own.n_samples != was.n_samples):
+        if names != (needed := [channel.name for channel in own.channels]):
+            raise DamagedError(f"model/channels is {names}, but the records give {needed}")
+        if held and own.n_samples != was.n_samples:
             raise DamagedError(f"fit/free/hit{hit} is not the response that the record holds")
     if noise.shape != model.coefficients.shape[1:3]:
         raise DamagedError(f"noise has the shape {noise.shape}, but the model gives {model.coefficients.shape[1:3]}")
