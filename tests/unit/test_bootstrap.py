@@ -108,10 +108,7 @@ def test_what_is_drawn_from_is_what_the_model_makes_of_the_record(name):
     """The records less it are noise, of the size that was found: the samples are those of the record."""
     whole = analysis(name)
     plan = plan_of(whole, False)
-    used = whole.measured or [floquid.sync.rejoin(cycles) for cycles in whole.cycles]
-    if name == "tachometer":
-        used = whole.fit.free  # of the record's own instants, without what is forced
-    for hit, (own, clean) in enumerate(zip(used, plan.clean, strict=True)):
+    for hit, (own, clean) in enumerate(zip(whole.fit.free, plan.clean, strict=True)):
         assert_array_equal(np.isnan(own.values), np.isnan(clean))
         left = np.sqrt(np.nanmean((own.values - clean) ** 2, axis=1))
         assert_allclose(left, whole.noise[:, hit], rtol=0.1)
@@ -528,7 +525,7 @@ def test_the_whole_again_has_clock_and_forced_response_as_they_were():
     plan = plan_of(whole, True)
     (rows,) = plan.rows
     assert rows == (0, 2, 3, 4)
-    left = whole.measured[0].values[list(rows)] - plan.clean[0]
+    left = whole.records[0].values[list(rows)] - plan.clean[0]
     assert_allclose(left.std(axis=1), whole.noise[:, 0], rtol=0.1)
     one = draw(plan, SeedSequence(0))
     off = (one.exponents - whole.model.exponents) / whole.model.exponent_std.real
@@ -539,9 +536,7 @@ def test_a_draw_of_the_whole_is_an_identification_of_its_record():
     plan = plan_of(analysis("gaps"), True)
     (seed,) = SeedSequence(5).spawn(1)
     (values,) = noisy(plan, default_rng(seed))
-    again = identify(
-        dataclasses.replace(analysis("gaps").measured[0], values=values), states=["X", "Y"], validate=False
-    )
+    again = identify(dataclasses.replace(analysis("gaps").records[0], values=values), states=["X", "Y"], validate=False)
     one = draw(plan, seed)
     assert_allclose(one.exponents, again.model.exponents, rtol=1e-12)
     assert_allclose(one.system, again.state.system[::10], rtol=1e-9, atol=1e-12)

@@ -201,6 +201,7 @@ def samples_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...], settin
         return responses
     found = []
     for record, clock, hit in zip(responses, clocks, segment(responses), strict=True):
+        assert isinstance(clock, ConstantPeriod)
         before = round(((hit.first_phase - clock.phase(record.start)) % 1.0) * hit.n_phases) % hit.n_phases
         start = record.start + before / record.sample_rate
         own = ConstantPeriod(period=clock.period, origin=start - hit.first_phase * clock.period)

@@ -24,8 +24,9 @@ def get_fit(file: h5py.File, model: PeriodicModel, settings: Settings) -> Stored
     """The records used, the angle of the shaft in each that has one, and the fit."""
     records, shafts = _records(file, "records", model)
     samples, group = samples_of(records, shafts, settings), group_in(file, "fit")
-    free = group_in(group, "free") if "free" in group else {}
-    own = tuple(get_record(free[f"hit{n}"]) if f"hit{n}" in free else one for n, one in enumerate(samples, start=1))
+    names = [f"free/hit{number}" for number in range(1, model.n_hits + 1)]
+    pairs = zip(names, samples, strict=True)
+    own = tuple(get_record(group_in(group, name)) if name in group else one for name, one in pairs)
     return records, shafts, _fit(group, get_fields(group, layout.FIT), model, own, samples)
 
 
