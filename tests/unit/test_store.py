@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import floquid
-from floquid.core import AzimuthSignal, Channel, Provenance, PulseTimes, Record
+from floquid.core import AzimuthSignal, Channel, ConstantPeriod, Provenance, PulseTimes, Record
 from floquid.errors import InputError
 from floquid.pipeline import Settings, identify
 from floquid.reconstruction import Block
@@ -533,6 +533,50 @@ def test_residues_that_were_left_free_are_a_fit_that_comes_back(of, tmp_path):
         load(tmp_path / "r.h5")
 
 
+def offset(record):
+    """Beside a forced response."""
+    return replace(record, values=record.values + 0.5)
+
+
+def with_a_gap(record):
+    values = record.values.copy()
+    values[:, 100:104] = np.nan
+    return replace(record, values=values)
+
+
+def ringing(n_periods=80, seed=1, **options):
+    return ROTOR.simulate(n_periods=n_periods, samples_per_period=8, noise=0.01, seed=seed, **options).select(
+        ["X", "Y"]
+    )
+
+
+KINDS = {
+    "an offset, the record begins within a period": (lambda: [offset(record) for record in two_hits()], {}),
+    "gaps": (lambda: with_a_gap(ringing()), {}),
+    "gaps and an offset": (lambda: offset(with_a_gap(ringing())), {}),
+    "a rate out of step": (lambda: replace(ringing(), sample_rate=1.3), {}),
+    "phases of their own": (lambda: [ringing(), replace(ringing(seed=2, impulse_deg=75.0), start=5.0).with_clock(
+        ConstantPeriod(period=ROTOR.period, origin=5.3))], {}),
+    "its own period": (ringing, {"estimate_period": True, "period": 1.002 * ROTOR.period}),
+    "free residues, an offset": (lambda: offset(ringing()), {"constrained": False}),
+    "free residues, gaps and an offset": (lambda: offset(with_a_gap(ringing())), {"constrained": False}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_result_of_every_kind_of_record_comes_back(kind, tmp_path):
+    """To the last bit: fit, cycles, lifted responses; and the records are those that were given."""
+    make, options = KINDS[kind]
+    given = make()
+    found = identify(given, validate=False, **options)
+    save(found, tmp_path / "r.h5")
+    assert list(differences(found, load(tmp_path / "r.h5"))) == []
+    records = given if isinstance(given, list) else [given]
+    assert [record.values.tobytes() for record in found.records] == [record.values.tobytes() for record in records]
+    assert found.model is found.fit.model
+    assert found.held == ("constrained" not in options)
+
+
 def test_a_free_response_is_in_the_file_only_where_it_is_not_the_record(full, rig, tmp_path):
     for found, inside in ((full, False), (rig, True)):
         save(found, tmp_path / "r.h5")
@@ -570,6 +614,7 @@ def test_every_kind_of_clock_comes_back_and_an_orbit(rig, clock, tmp_path):
     [
         ("records/hit1/clock/kind", "Pendulum", "clock/kind is 'Pendulum'"),
         ("records/hit1/clock/channel", 3.0, "must be text"),
+        ("model/period", 1e-9, "have periods of at least two samples"),
         ("shafts/hit1/spline/knots", np.array([0.0, 1.0]), "is no spline of an angle"),
         ("shafts/hit1/spline/coefficients", np.full(4, np.nan), "is no spline of an angle"),
         ("shafts/hit1/times", np.array([0.0, 1.0]), "differ in length"),

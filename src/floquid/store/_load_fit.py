@@ -44,12 +44,13 @@ def fit_of_version_1(file: h5py.File, model: PeriodicModel, settings: Settings) 
     if "measured" in group:
         name = "records" if group is file else "free"
         own = tuple(get_record(hit) for hit in get_hits(group, name, model.n_hits))
-    found = {"period_std": None, "own_period": None, "whitening": None, "reasons": (), "doubts": (), "held": 0}
+    found: dict[str, Any] = dict.fromkeys(("period_std", "own_period", "misfit", "whitening"))
+    found |= {"held": 0, "reasons": (), "doubts": ()}
     for place in (file, group_in(file, "lifted") if group is file else group):
         found |= get_fields(place, [item for item in layout.FIT if item.name in place])
     found["held"] = int(group is not file or found["held"] == 1)
-    # Early files of held residues do not have it.
-    found["misfit"] = found.get("misfit") or (1.0 if found["held"] else None)
+    if found["held"] and found["misfit"] is None:  # of an early file
+        found["misfit"] = 1.0
     return records, shafts, _fit(group, found, model, own or samples, samples)
 
 
