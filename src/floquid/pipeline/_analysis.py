@@ -38,7 +38,7 @@ class Analysis:
         The free response cut into periods, resampled to whole samples a period where it has none; lifted (and whitened
         along the record where the noise is coloured); and the modal model of the lifted responses.
     model
-        The periodic model: exponents and shapes.
+        The periodic model of the fit: exponents and shapes.
     state
         Φ and A(t), when states were asked for.
     refinement
