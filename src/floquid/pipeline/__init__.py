@@ -2,6 +2,7 @@
 
 Everything starts from what `prepare` makes of records: the responses, what ties each to the phase, and what was done.
 `lifted` stops after lifting, and `find_poles` goes on from there to poles and noise.
+`samples_of` are the samples that are fitted, and `lifted_views` what a fit leaves of them, cut into periods and lifted.
 `validated` adds the verdict on a model.
 `bootstrap` checks the deviations of an `Analysis` by drawing records from its model.
 """
