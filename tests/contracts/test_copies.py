@@ -74,7 +74,7 @@ def analysis(name):
 ANALYSES = {
     "lifted": ("state", "validation", "choice", "periodicity"),
     "structure": ("state", "refinement", "validation"),
-    "tachometer": ("fit", "shafts", "measured", "validation"),
+    "tachometer": ("fit", "shafts", "records", "validation"),
     "coloured": ("lifted", "choice"),
     "failing": ("validation",),
 }

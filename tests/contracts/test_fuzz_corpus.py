@@ -302,11 +302,11 @@ def test_a_matrix_whose_states_have_a_billion_letters(tmp_path, watch):
 def test_hits_so_unequal_that_the_zeros_behind_them_are_a_bomb(tmp_path):
     path = tmp_path / "result.h5"
     path.write_bytes(seeds.RESULT.read_bytes())
-    long = SimpleNamespace(n_channels=2, n_phases=8, n_cycles=100_000)
-    short = SimpleNamespace(n_channels=2, n_phases=8, n_cycles=1)
+    long = SimpleNamespace(n_channels=2, n_samples=800_000)
+    short = SimpleNamespace(n_channels=2, n_samples=8)
     with h5py.File(path) as file:
         check_padding(file, [long, *[short] * 80])  # 1.04e9 bytes
-        with pytest.raises(DamagedError, match="84 hits, filled up to 100000 periods, would take 1075200000 bytes"):
+        with pytest.raises(DamagedError, match="84 hits, filled up to 800000 samples, would take 1075200000 bytes"):
             check_padding(file, [long, *[short] * 83])
 
 

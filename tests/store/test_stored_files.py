@@ -1,15 +1,19 @@
 """Result files of every released version are read. Each is kept with the script that wrote it."""
 
 import importlib.util
+import shutil
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
 from floquid.core import Channel
+from floquid.errors import InputError
 from floquid.lti import Outcome
 from floquid.pipeline import Settings
 from floquid.store import load, save
+from floquid.views import synthesis
 
 FILES = Path(__file__).parent / "files"
 
@@ -88,10 +92,52 @@ def test_version_1_can_be_written_again(found, tmp_path):
     assert again.settings == found.settings
 
 
-def test_the_script_of_version_1_still_runs(tmp_path):
-    """Its numbers may change with the algorithms; that it writes a result that is read must not."""
-    spec = importlib.util.spec_from_file_location("write_result_v1", FILES / "write_result_v1.py")
+@pytest.mark.parametrize("name", ["plain", "sampled", "resampled"])
+def test_what_was_fitted_in_version_1(name, tmp_path):
+    """Lifted as it is; as sampled beside a forced response; resampled, residues free: each with its records and fit."""
+    found = load(FILES / f"result_v1_{name}.h5")
+    with np.load(FILES / f"result_v1_{name}.npz", allow_pickle=False) as file:
+        truth = {key: file[key] for key in file.files}
+    seen = synthesis(found, len(found.model.channels) - 1)
+    read = {
+        "noise": found.noise,
+        "exponents": found.model.exponents,
+        "residues": found.modal.residues,
+        "lifted": found.lifted.responses.values,
+        "times": seen.times,
+        "residual": seen.residual,
+        "values": found.cycles[0].values if name == "plain" else found.records[0].values,
+    }
+    if name == "sampled":
+        times = found.records[0].times[10:-10]
+        read |= {"free": seen.measured, "forced": found.fit.forced.coefficients, "angle": found.shafts[0].angle(times)}
+    assert read.keys() == truth.keys() - {"misfit"}
+    for key, value in read.items():
+        np.testing.assert_allclose(value, truth[key], rtol=1e-9, atol=1e-12, err_msg=key)
+    assert found.held == (name != "resampled")
+    assert found.misfit == (truth["misfit"] if found.held else None)
+    assert bool(found.fit.reasons) == (name == "sampled")
+    save(found, tmp_path / "again.h5")
+    again = load(tmp_path / "again.h5")
+    for key in ("held", "misfit", "shafts", "settings"):
+        assert repr(getattr(again, key)) == repr(getattr(found, key))
+    assert np.array_equal(again.lifted.responses.values, found.lifted.responses.values)
+    assert np.array_equal(again.fit.free[0].values, found.fit.free[0].values, equal_nan=True)
+
+
+def test_an_early_file_without_its_records_is_refused(tmp_path):
+    shutil.copy(FILES / "result_v1_sampled.h5", tmp_path / "r.h5")
+    with h5py.File(tmp_path / "r.h5", "r+") as file:
+        del file["fit/measured"]
+    with pytest.raises(InputError, match="an early floquid, which did not keep the record"):
+        load(tmp_path / "r.h5")
+
+
+@pytest.mark.parametrize("name", ["result_v1", "result_v1_plain", "result_v1_sampled", "result_v1_resampled"])
+def test_the_scripts_of_version_1_still_run(name, tmp_path):
+    """Their numbers may change with the algorithms; that each writes a result that is read must not."""
+    spec = importlib.util.spec_from_file_location(name, FILES / f"write_{name}.py")
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
     script.main(tmp_path)
-    assert load(tmp_path / "result_v1.h5").model.order == 4
+    assert load(tmp_path / f"{name}.h5").model.order == 4

@@ -108,10 +108,7 @@ def test_what_is_drawn_from_is_what_the_model_makes_of_the_record(name):
     """The records less it are noise, of the size that was found: the samples are those of the record."""
     whole = analysis(name)
     plan = plan_of(whole, False)
-    used = whole.measured or [floquid.sync.rejoin(cycles) for cycles in whole.cycles]
-    if name == "tachometer":
-        used = whole.fit.free  # of the record's own instants, without what is forced
-    for hit, (own, clean) in enumerate(zip(used, plan.clean, strict=True)):
+    for hit, (own, clean) in enumerate(zip(whole.fit.free, plan.clean, strict=True)):
         assert_array_equal(np.isnan(own.values), np.isnan(clean))
         left = np.sqrt(np.nanmean((own.values - clean) ** 2, axis=1))
         assert_allclose(left, whole.noise[:, hit], rtol=0.1)
@@ -170,7 +167,9 @@ def test_the_quick_fit_and_that_of_lifted_responses_are_the_same():
     quick = draw(plan, SeedSequence(3))
     bands = (plan.fitted.coefficients != 0).any(axis=(0, 1, 2))
     assert bands.sum() > (plan.model.coefficients != 0).any(axis=(0, 1, 2)).sum()
-    lifted = draws_of._lifted(plan.lifted, plan.settings, noisy(plan, default_rng(SeedSequence(3))))
+    drawn_ones = zip(plan.records, noisy(plan, default_rng(SeedSequence(3))), strict=True)
+    records = [dataclasses.replace(like, values=values) for like, values in drawn_ones]
+    lifted = draws_of._lifted(plan.lifted, plan.settings, records)
     held = constrain(plan.fitted, lifted, choose=False).model
     assert_allclose(quick.exponents, held.exponents, rtol=1e-9)
 
@@ -476,8 +475,16 @@ def test_an_interrupt_ends_it_and_leaves_no_process(tmp_path):
 # Draws that fail, and draws identified from the beginning.
 
 
+def louder(found, factor):
+    """The same result with so much more noise to draw."""
+    noise = factor * found.noise
+    return dataclasses.replace(
+        found, fit=dataclasses.replace(found.fit, noise=noise), lifted=found.lifted.with_noise(noise)
+    )
+
+
 def test_draws_that_fail_are_counted_and_said():
-    loud = dataclasses.replace(analysis(), lifted=analysis().lifted.with_noise(300.0 * analysis().noise))
+    loud = louder(analysis(), 300.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of numbers that run away
         checked = bootstrap(loud, draws=40, seed=5, workers=1)
@@ -528,7 +535,7 @@ def test_the_whole_again_has_clock_and_forced_response_as_they_were():
     plan = plan_of(whole, True)
     (rows,) = plan.rows
     assert rows == (0, 2, 3, 4)
-    left = whole.measured[0].values[list(rows)] - plan.clean[0]
+    left = whole.records[0].values[list(rows)] - plan.clean[0]
     assert_allclose(left.std(axis=1), whole.noise[:, 0], rtol=0.1)
     one = draw(plan, SeedSequence(0))
     off = (one.exponents - whole.model.exponents) / whole.model.exponent_std.real
@@ -539,9 +546,7 @@ def test_a_draw_of_the_whole_is_an_identification_of_its_record():
     plan = plan_of(analysis("gaps"), True)
     (seed,) = SeedSequence(5).spawn(1)
     (values,) = noisy(plan, default_rng(seed))
-    again = identify(
-        dataclasses.replace(analysis("gaps").measured[0], values=values), states=["X", "Y"], validate=False
-    )
+    again = identify(dataclasses.replace(analysis("gaps").records[0], values=values), states=["X", "Y"], validate=False)
     one = draw(plan, seed)
     assert_allclose(one.exponents, again.model.exponents, rtol=1e-12)
     assert_allclose(one.system, again.state.system[::10], rtol=1e-9, atol=1e-12)
@@ -550,9 +555,7 @@ def test_a_draw_of_the_whole_is_an_identification_of_its_record():
 def test_orders_that_come_out_otherwise_are_counted():
     """Of a mode that hardly rises above the noise, the order is found in some draws and not in others."""
     weak = identify(record(periods=40, noise=0.02), order=4, validate=False)
-    loud = dataclasses.replace(
-        weak, lifted=weak.lifted.with_noise(80.0 * weak.noise), settings=dataclasses.replace(weak.settings, order=None)
-    )
+    loud = dataclasses.replace(louder(weak, 80.0), settings=dataclasses.replace(weak.settings, order=None))
     checked = bootstrap(loud, draws=40, seed=1, workers=1, whole=True)
     assert 2 <= checked.n_used < 40
     assert len(set(checked.orders[checked.orders > 0].tolist())) > 1

@@ -78,7 +78,7 @@ def overlaps(figure):
 def test_time_record_draws_the_record_and_one_lifted_response(found):
     figure = time_record(found, "Y", phase=3, hit=1)
     (axes,) = figure.axes
-    record = found.records[1]
+    record = found.fit.free[1]
     times, values = drawn(axes, "Y")
     assert np.array_equal(times, record.times)
     assert np.array_equal(values, record.values[1])
@@ -127,9 +127,9 @@ def test_time_record_labels(found):
 def test_small_and_large_values_have_their_power_in_the_unit(found, factor, unit, label, ticks):
     records = tuple(
         replace(r, values=r.values * factor, channels=(Channel(name="X", unit=unit), *r.channels[1:]))
-        for r in found.records
+        for r in found.fit.free
     )
-    figure = time_record(replace(found, records=records))
+    figure = time_record(replace(found, fit=replace(found.fit, free=records)))
     (axes,) = figure.axes
     assert axes.get_ylabel() == label
     assert np.array_equal(drawn(axes, "X")[1], records[0].values[0])
@@ -162,9 +162,9 @@ def test_time_record_refuses(found, arguments, words):
 def test_the_inset_never_covers_the_record(found):
     """Also when the response does not decay: the record then gets the lower part of the axes."""
     steady = tuple(
-        replace(r, values=np.sin(np.arange(r.n_samples))[None] + [[3.0], [1], [1], [1]]) for r in found.records
+        replace(r, values=np.sin(np.arange(r.n_samples))[None] + [[3.0], [1], [1], [1]]) for r in found.fit.free
     )
-    for analysis in (found, replace(found, records=steady)):
+    for analysis in (found, replace(found, fit=replace(found.fit, free=steady))):
         figure = time_record(analysis)
         (axes,) = figure.axes
         box = axes.child_axes[0].get_tightbbox(rendered(figure))
@@ -412,9 +412,9 @@ def every_figure(found):
         name="a $dollar$ name_with all of 80 characters, as some programs export them, and more", unit="m/s^2"
     )
     channels = (odd, *found.model.channels[1:])
-    records = tuple(replace(r, values=r.values * 1e-5, channels=channels) for r in found.records)
+    records = tuple(replace(r, values=r.values * 1e-5, channels=channels) for r in found.fit.free)
     yield time_record(found)
-    yield time_record(replace(found, records=records), hit=1)
+    yield time_record(replace(found, fit=replace(found.fit, free=records)), hit=1)
     yield composite(found)
     yield system_elements(found.state, truth=(times, ROTOR.system(times)))
     yield system_elements(state(6, std=True))

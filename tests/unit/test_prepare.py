@@ -12,9 +12,9 @@ import floquid.pipeline as chain
 from floquid import ConstantPeriod, IdentificationError, InputError, PulseTimes, Record, identify, load, save
 from floquid.core import Channel, TachometerSignal
 from floquid.lifting import lift
+from floquid.pipeline._complete import by_cycles
 from floquid.pipeline._draws import draw
 from floquid.pipeline._plan import plan_of
-from floquid.pipeline._validated import responses_of_model
 from floquid.readers import write
 from floquid.sync import ShaftAngle
 from floquid.systems import JeffcottRotor, Run
@@ -98,6 +98,11 @@ def found(case):
     return record, options, identify(record, validate=False, **options)
 
 
+def as_lifted(analysis):
+    """Whether cycles hold all that was fitted."""
+    return by_cycles(analysis.fit, analysis.shafts, analysis.settings)
+
+
 def names(record):
     return [channel.name for channel in record.channels]
 
@@ -105,7 +110,7 @@ def names(record):
 @EVERY
 def test_identify_starts_from_what_is_prepared(case):
     record, options, analysis = found(case)
-    prepared, used = chain.prepare(record, **options), analysis.measured or analysis.records
+    prepared, used = chain.prepare(record, **options), analysis.records
     assert len(prepared.records) == len(prepared.responses) == len(prepared.clocks) == len(used)
     for own, taken, response in zip(prepared.records, used, prepared.responses, strict=True):
         assert_array_equal(own.values, taken.values)
@@ -122,7 +127,7 @@ def test_lifted_responses_are_of_the_same_channels_and_cycles(case):
     assert names(lifted) == [channel.name for channel in analysis.model.channels]
     assert lifted.responses.lengths.tolist() == [cycles.n_cycles for cycles in analysis.cycles]
     assert lifted.period == pytest.approx(analysis.model.period, rel=1e-5)
-    if analysis.fit is None:
+    if as_lifted(analysis):
         assert_array_equal(lifted.responses.values, lift(analysis.cycles).responses.values)
     again = chain.lifted(chain.prepare(record, **options))
     assert_array_equal(again.responses.values, lifted.responses.values)
@@ -154,10 +159,10 @@ def test_a_scan_that_is_typed_is_of_the_same_channels_and_cycles(case, tmp_path,
 def test_draws_and_checks_are_of_the_same_channels_and_clocks(case):
     record, options, analysis = found(case)
     prepared, plan = chain.prepare(record, **options), plan_of(analysis, whole=True)
-    records, clocks = responses_of_model(analysis)
+    records, clocks = analysis.fit.free, analysis.clocks
     assert [names(one) for one in records] == [names(one) for one in prepared.responses]
     assert len(plan.clean) == len(records) == len(clocks)
-    if analysis.fit is None:
+    if as_lifted(analysis):
         lengths = [hit.n_cycles * hit.n_phases for hit in analysis.cycles]
         assert [clean.shape for clean in plan.clean] == [(len(names(records[0])), n) for n in lengths]
         return
@@ -180,7 +185,7 @@ def test_a_loaded_result_has_the_clocks_that_were_found(tmp_path):
     save(analysis, tmp_path / "result.h5")
     back, plan = load(tmp_path / "result.h5"), plan_of(analysis, whole=False)
     again = plan_of(back, whole=False)
-    times = analysis.measured[0].times
+    times = analysis.records[0].times
     np.testing.assert_allclose(again.clocks[0].angle(times), plan.clocks[0].angle(times), rtol=1e-12)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import floquid
-from floquid.core import AzimuthSignal, Channel, Provenance, PulseTimes, Record
+from floquid.core import AzimuthSignal, Channel, ConstantPeriod, Provenance, PulseTimes, Record
 from floquid.errors import InputError
 from floquid.pipeline import Settings, identify
 from floquid.reconstruction import Block
@@ -52,7 +52,8 @@ def full():
     refinement = replace(found.refinement, structure=structure)
     wide = found.model.unselected
     model = replace(found.model, unselected=replace(wide, bend=0.1j * wide.scales))
-    return replace(found, model=model, refinement=refinement, warnings=("of the first kind", "of the second"))
+    fit = replace(found.fit, model=model)
+    return replace(found, model=model, fit=fit, refinement=refinement, warnings=("of the first kind", "of the second"))
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +62,8 @@ def bare():
     record = ROTOR.simulate(n_periods=30, samples_per_period=8, noise=0.01)
     found = identify(record, order=4)
     modal = replace(found.modal, covariance=None, residue_spread=None, residue_slope=None, residual_std=None, stats={})
-    return replace(found, modal=modal, model=replace(found.model, covariance=None, coefficient_std=None))
+    model = replace(found.model, covariance=None, coefficient_std=None)
+    return replace(found, modal=modal, model=model, fit=replace(found.fit, model=model))
 
 
 @pytest.fixture
@@ -240,7 +242,7 @@ def test_the_file_describes_itself(saved):
     """Version and units are attributes, complex numbers are compounds of r and i, and the page names each dataset."""
     names = []
     with h5py.File(saved) as file:
-        assert dict(file.attrs) == {"format": "floquid-result", "version": 1, "floquid": floquid.__version__}
+        assert dict(file.attrs) == {"format": "floquid-result", "version": 2, "floquid": floquid.__version__}
         assert dict(file["model/exponents"].attrs) == {"axes": "modes", "unit": "1/s"}
         kind = file["model/exponents"].id.get_type()
         assert [kind.get_member_name(k) for k in range(kind.get_nmembers())] == [b"r", b"i"]
@@ -296,11 +298,11 @@ DAMAGE = {
     "a version in words": (attribute("version", "one"), "its version is 'one'"),
     "several versions": (attribute("version", [1, 2]), "its version is array"),
     "version zero": (attribute("version", 0), "its version is"),
-    "a later version": (attribute("version", 2), "is of version 2, written by floquid"),
+    "a later version": (attribute("version", 3), "is of version 3, written by floquid"),
     "no settings": (drop("settings"), "it has no group /settings"),
     "no model": (drop("model"), "it has no group /model"),
     "no modal": (drop("modal"), "it has no group /modal"),
-    "no lifted": (drop("lifted"), "it has no group /lifted"),
+    "no fit": (drop("fit"), "it has no group /fit"),
     "no records": (drop("records"), "it has no group /records/hit1"),
     "no second record": (drop("records/hit2"), "it has no group /records/hit2"),
     "no state": (drop("state"), "it has no group /state"),
@@ -315,7 +317,7 @@ DAMAGE = {
     "a link to nowhere": (swap("model", h5py.SoftLink("/nowhere")), "/model is a link"),
     "real exponents": (swap("model/exponents", np.ones(4)), "/model/exponents must be complex, (modes)"),
     "single precision": (swap("model/period", np.float32(1)), "/model/period must be real, a single value"),
-    "texts for numbers": (swap("lifted/noise", ["loud"]), "/lifted/noise must be real, (channels, hits)"),
+    "texts for numbers": (swap("fit/noise", ["loud"]), "/fit/noise must be real, (channels, hits)"),
     "numbers for texts": (swap("modal/outcome", 3.0), "/modal/outcome must be text, a single value"),
     "None where there must be a value": (swap("model/period", h5py.Empty("f8")), "/model/period must be real"),
     "one exponent less": (swap("model/exponents", np.ones(3, complex)), "Argument `coefficients`"),
@@ -324,14 +326,12 @@ DAMAGE = {
     "a small system": (swap("state/system", np.ones((50, 3, 3))), "Argument `system`"),
     "infinite residues": (swap("modal/residues", np.full((4, 24, 2), np.inf, complex)), "Argument `residues`"),
     "a negative period": (swap("records/hit1/period", -1.0), "Argument `period` of `ConstantPeriod`"),
-    "no clock": (swap("records/hit1/period", h5py.Empty("f8")), "have a clock"),
-    "another rate": (swap("records/hit2/sample_rate", 1.5), "have the same sample rate"),
+    "no clock": (swap("records/hit1/period", h5py.Empty("f8")), "records/hit1 has no clock that goes with the angle"),
+    "another rate": (swap("records/hit2/sample_rate", 150.0), "have at least one whole period"),
     "a channel without a unit": (swap("records/hit1/channels/unit", ["mm", "mm"]), "differ in length"),
     "an unknown quantity": (swap("model/channels/quantity", ["luck"] * 3), "Argument `quantity`"),
-    "other lengths": (swap("lifted/lengths", np.array([28, 23])), "lengths is [28, 23], but the records give"),
-    "other phases": (swap("lifted/n_phases", 9), "n_phases is 9, but the records give 8"),
-    "another first phase": (swap("lifted/first_phase", 0.5), "first_phase is 0.5, but the records give 0.25"),
-    "noise of one hit": (swap("lifted/noise", np.ones((3, 1))), "noise is (3, 1), but the records give (3, 2)"),
+    "noise of one hit": (swap("fit/noise", np.ones((3, 1))), "noise has the shape (3, 1), but the model gives (3, 2)"),
+    "a filter of two channels": (swap("fit/whitening", np.ones((2, 3))), "whitening is no filter of 3 channels"),
     "residues of others": (swap("modal/residues", np.ones((4, 8, 2), complex)), "modal/residues is (8, 2)"),
     "channels of others": (swap("model/channels/name", ["a", "b", "c"]), "model/channels is ['a', 'b', 'c']"),
     "an unknown outcome": (swap("modal/outcome", "MAGIC"), "/modal/outcome is 'MAGIC'"),
@@ -365,7 +365,7 @@ def test_a_damaged_file_is_refused_in_words(saved, scenario):
 def test_the_damage_is_what_is_refused(saved):
     """The same handling without a change is accepted, so each refusal above is for its own reason."""
     with h5py.File(saved, "r+") as file:
-        kept = {name: file[name][()] for name in ("model/period", "lifted/lengths", "modal/residues")}
+        kept = {name: file[name][()] for name in ("model/period", "fit/noise", "modal/residues")}
         for name, data in kept.items():
             swap(name, data)(file)
     load(saved)
@@ -490,13 +490,11 @@ def rig():
 
 
 def test_what_was_measured_comes_back(rig, tmp_path):
-    """Cycles and lifted responses are made again, from records whose resampling is in their history by then."""
+    """Cycles and lifted responses are made again, to the last bit."""
     save(rig, tmp_path / "r.h5")
     back = load(tmp_path / "r.h5")
-    assert back.lifted.responses.dt == pytest.approx(rig.lifted.responses.dt, rel=1e-14)
-    same = replace(back, cycles=rig.cycles, lifted=rig.lifted, fit=replace(back.fit, model=rig.fit.model))
-    assert list(differences(rig, same)) == []
-    assert list(differences(back.model, back.fit.model)) == []
+    assert list(differences(rig, back)) == []
+    assert back.model is back.fit.model
 
 
 def test_the_angle_of_the_shaft_comes_back(tmp_path):
@@ -513,8 +511,8 @@ def test_the_angle_of_the_shaft_comes_back(tmp_path):
 
 
 @pytest.mark.parametrize("of", ["a tachometer", "gaps"])
-def test_records_that_were_resampled_come_back_without_a_fit(of, tmp_path):
-    """Residues left free: what was lifted is in the file, and beside it what was measured, with the shaft's angle."""
+def test_residues_that_were_left_free_are_a_fit_that_comes_back(of, tmp_path):
+    """Out of step: the resampled response that the fit is of is in the file, beside what was measured."""
     record = Run(n_periods=60, seed=1, imbalance=0.0, wander=0.0).record()
     if of == "gaps":
         whole = ROTOR.simulate(n_periods=40, samples_per_period=8, noise=0.01)
@@ -522,17 +520,68 @@ def test_records_that_were_resampled_come_back_without_a_fit(of, tmp_path):
         values[:, 100:104] = np.nan
         record = replace(whole, values=values)
     found = identify(record, constrained=False, validate=False)
-    assert found.fit is None
+    assert not found.held
+    assert found.misfit is None
     assert len(found.shafts) == (of == "a tachometer")
     save(found, tmp_path / "r.h5")
     back = load(tmp_path / "r.h5")
-    for name in ("records", "measured", "shafts", "model", "modal"):
-        assert list(differences(getattr(found, name), getattr(back, name))) == [], name
-    assert list(differences(found.measured, (record,))) == []
+    assert list(differences(found, back)) == []
+    assert list(differences(found.records, (record,))) == []
     with h5py.File(tmp_path / "r.h5", "r+") as file:
-        del file["measured/hit1"]
-    with pytest.raises(InputError, match="measured"):
+        del file["fit/free"]
+    with pytest.raises(InputError, match=r"no whole|missing samples|constant period|whole number"):
         load(tmp_path / "r.h5")
+
+
+def offset(record):
+    """Beside a forced response."""
+    return replace(record, values=record.values + 0.5)
+
+
+def with_a_gap(record):
+    values = record.values.copy()
+    values[:, 100:104] = np.nan
+    return replace(record, values=values)
+
+
+def ringing(n_periods=80, seed=1, **options):
+    return ROTOR.simulate(n_periods=n_periods, samples_per_period=8, noise=0.01, seed=seed, **options).select(
+        ["X", "Y"]
+    )
+
+
+KINDS = {
+    "an offset, the record begins within a period": (lambda: [offset(record) for record in two_hits()], {}),
+    "gaps": (lambda: with_a_gap(ringing()), {}),
+    "gaps and an offset": (lambda: offset(with_a_gap(ringing())), {}),
+    "a rate out of step": (lambda: replace(ringing(), sample_rate=1.3), {}),
+    "phases of their own": (lambda: [ringing(), replace(ringing(seed=2, impulse_deg=75.0), start=5.0).with_clock(
+        ConstantPeriod(period=ROTOR.period, origin=5.3))], {}),
+    "its own period": (ringing, {"estimate_period": True, "period": 1.002 * ROTOR.period}),
+    "free residues, an offset": (lambda: offset(ringing()), {"constrained": False}),
+    "free residues, gaps and an offset": (lambda: offset(with_a_gap(ringing())), {"constrained": False}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_result_of_every_kind_of_record_comes_back(kind, tmp_path):
+    """To the last bit: fit, cycles, lifted responses; and the records are those that were given."""
+    make, options = KINDS[kind]
+    given = make()
+    found = identify(given, validate=False, **options)
+    save(found, tmp_path / "r.h5")
+    assert list(differences(found, load(tmp_path / "r.h5"))) == []
+    records = given if isinstance(given, list) else [given]
+    assert [record.values.tobytes() for record in found.records] == [record.values.tobytes() for record in records]
+    assert found.model is found.fit.model
+    assert found.held == ("constrained" not in options)
+
+
+def test_a_free_response_is_in_the_file_only_where_it_is_not_the_record(full, rig, tmp_path):
+    for found, inside in ((full, False), (rig, True)):
+        save(found, tmp_path / "r.h5")
+        with h5py.File(tmp_path / "r.h5") as file:
+            assert ("free" in file["fit"]) == inside
 
 
 def test_the_reasons_of_a_fit_come_back_where_the_order_was_given(rig, tmp_path):
@@ -552,25 +601,25 @@ def test_the_reasons_of_a_fit_come_back_where_the_order_was_given(rig, tmp_path)
     ids=["azimuth", "pulse times"],
 )
 def test_every_kind_of_clock_comes_back_and_an_orbit(rig, clock, tmp_path):
-    orbit = np.random.default_rng(0).standard_normal((rig.measured[0].n_channels, 7))
-    record = replace(rig.measured[0], clock=clock, orbit=orbit)
-    changed = replace(rig, measured=(record,))
+    orbit = np.random.default_rng(0).standard_normal((rig.records[0].n_channels, 7))
+    record = replace(rig.records[0], clock=clock, orbit=orbit)
+    changed = replace(rig, records=(record,))
     save(changed, tmp_path / "r.h5")
-    back = load(tmp_path / "r.h5").measured[0]
+    back = load(tmp_path / "r.h5").records[0]
     assert list(differences(record, back)) == []
 
 
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
-        ("fit/measured/hit1/clock/kind", "Pendulum", "clock/kind is 'Pendulum'"),
-        ("fit/measured/hit1/clock/channel", 3.0, "must be text"),
-        ("fit/shafts/hit1/spline/knots", np.array([0.0, 1.0]), "is no spline of an angle"),
-        ("fit/shafts/hit1/spline/coefficients", np.full(4, np.nan), "is no spline of an angle"),
-        ("fit/shafts/hit1/times", np.array([0.0, 1.0]), "differ in length"),
-        ("fit/free/hit1/values", np.zeros((4, 7)), "not the response that fit/measured/hit1 holds"),
-        ("fit/measured", None, "an early floquid, which did not keep the record"),
-        ("fit/shafts", None, "no clock that goes with the angle of a shaft"),
+        ("records/hit1/clock/kind", "Pendulum", "clock/kind is 'Pendulum'"),
+        ("records/hit1/clock/channel", 3.0, "must be text"),
+        ("model/period", 1e-9, "have periods of at least two samples"),
+        ("shafts/hit1/spline/knots", np.array([0.0, 1.0]), "is no spline of an angle"),
+        ("shafts/hit1/spline/coefficients", np.full(4, np.nan), "is no spline of an angle"),
+        ("shafts/hit1/times", np.array([0.0, 1.0]), "differ in length"),
+        ("fit/free/hit1/values", np.zeros((4, 7)), "not the response that the record holds"),
+        ("shafts", None, "no clock that goes with the angle of a shaft"),
         ("fit/own_period", np.zeros(3), "fit/own_period has the shape"),
     ],
 )

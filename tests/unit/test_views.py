@@ -18,7 +18,6 @@ from floquid.pipeline import identify
 from floquid.reconstruction import StateModel
 from floquid.store import load, save
 from floquid.systems import JeffcottRotor, Run
-from floquid.views._modes import periods_later
 
 ROTOR = JeffcottRotor(damping=0.02)
 OMEGA = 2.0 * np.pi / ROTOR.period
@@ -191,7 +190,7 @@ def test_coefficients_of_a_fit_have_their_floor():
     values = np.array(record.values)
     values[:, 700:703] = np.nan
     analysis = identify(replace(record, values=values))
-    assert analysis.fit is not None
+    assert "Fitted as sampled: missing samples." in analysis.synchronisation
     seen = views.expansion(analysis, 0, 0)
     assert seen.harmonics[seen.kept].tolist() == [-1, 0, 1]
     own = analysis.model.coefficients[0, 0, 0]
@@ -231,14 +230,14 @@ def odd():
 
 
 def test_synthesis_of_a_record_fitted_as_sampled(odd):
-    assert odd.fit is not None
+    assert "Fitted as sampled: missing samples." in odd.synchronisation
     seen = views.synthesis(odd, 0)
     record = odd.fit.free[0]
     assert seen.times == pytest.approx(record.times)
-    assert np.array_equal(np.isnan(seen.measured), np.isnan(odd.measured[0].values[0]))
+    assert np.array_equal(np.isnan(seen.measured), np.isnan(odd.records[0].values[0]))
     assert np.isnan(seen.predicted[[41, 102]]).all()
     assert np.isnan(seen.residual).sum() == 7
-    phase = odd.measured[0].clock.phase(7.0)
+    phase = odd.records[0].clock.phase(7.0)
     expected = odd.model.response(seen.times - 7.0 + phase * odd.model.period)[0, 0]
     there = np.isfinite(seen.predicted)
     assert seen.predicted[there] == pytest.approx(expected[there], abs=1e-9)
@@ -289,7 +288,18 @@ def test_residues_of_a_record_that_begins_later_are_the_models(odd):
     residue = views.identified_residue(odd, mode, 0)
     shape = odd.model.shapes(odd.lifted.phase_times)[mode, 0, 0]
     assert np.abs(residue - shape).max() < 0.02 * np.abs(shape).max()
-    assert periods_later(odd, 0) > 0
+    assert odd.cycles[0].first_cycle > 0
+
+
+def test_points_of_lifted_responses_begin_at_the_first_phase():
+    """A record that begins in the middle of a period, beside a forced response."""
+    record = ROTOR.simulate(n_periods=80, samples_per_period=P, noise=0.01, seed=1, first_phase=0.25)
+    record = replace(record, values=record.values[:, 1:] + 0.3)
+    found = identify(record, validate=False)
+    assert found.fit.forced.offset.any()
+    seen, (times, values) = views.synthesis(found, 1), views.lifted_points(found, 1)
+    assert times == pytest.approx(seen.times[::P])
+    assert np.array_equal(values, seen.measured[::P])
 
 
 # Branches.
@@ -483,20 +493,6 @@ def test_two_modes_of_one_multiplier_have_a_residue_each(found):
     twice = replace(found, model=bare, modal=modal)
     one, other = (np.abs(views.identified_residue(twice, mode, 0)) for mode in (0, 2))
     assert not np.allclose(one, other)
-
-
-def test_the_periods_before_a_growing_response_are_counted():
-    """Residues made from the model's, 7 periods later: but for its sign a real multiplier has its growth alone."""
-    record = half_a_turn()
-    values = np.array(record.values)
-    values[0, 700:703] = np.nan
-    decays = identify(replace(record, values=values), order=1, validate=False)
-    assert decays.fit is not None
-    model = replace(decays.model, estimates=None, unselected=None, exponents=-decays.model.exponents.conj())
-    times = decays.lifted.phase_times + 7.0 * model.period
-    residues = model.shapes(times)[0, 0, 0] * np.exp(model.exponents[0] * times)
-    modal = replace(decays.modal, multipliers=model.multipliers, residues=residues.reshape(decays.modal.residues.shape))
-    assert periods_later(replace(decays, model=model, modal=modal), 0) == 7
 
 
 def test_deviations_of_shapes_of_some_modes_are_those_of_all(found):

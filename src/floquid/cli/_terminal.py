@@ -93,17 +93,14 @@ def print_folder(folder: Path | None, *others: str) -> None:
 
 
 def _print_record(console: Console, analysis: Analysis) -> None:
-    first, cycles = (analysis.measured or analysis.records)[0], analysis.cycles
-    hits = ", ".join(str(c.n_cycles) for c in cycles)
-    samples = f"{counted(cycles[0].n_phases, 'sample')} a period, {hits} periods"
-    if analysis.fit is not None:
-        samples = f"{first.sample_rate * analysis.model.period:.6g} samples a period, over {hits} whole periods"
+    first, cycles = analysis.records[0], analysis.cycles
+    samples = counted(f"{first.sample_rate * analysis.model.period:.6g}", "sample")
     console.print(
         f"{counted(len(cycles), 'record')}, {counted(first.n_channels, 'channel')} at {first.sample_rate:.8g} Hz; "
-        f"period {period_words(analysis)} s (ω = {analysis.model.fundamental:.6g} rad/s): {samples}."
+        f"period {period_words(analysis)} s (ω = {analysis.model.fundamental:.6g} rad/s): {samples} a period, "
+        f"{', '.join(str(c.n_cycles) for c in cycles)} periods."
     )
-    records = analysis.measured or analysis.records
-    for step in dict.fromkeys(step for record in records for step in record.provenance.steps):
+    for step in dict.fromkeys(step for record in analysis.records for step in record.provenance.steps):
         console.print(f"  {step}", style="dim")
     for sentence in analysis.synchronisation:
         console.print(f"  {sentence}")
@@ -136,7 +133,7 @@ def _noise_table(analysis: Analysis) -> Table:
     for title in titles:
         table.add_column(title, justify="right")
         table.add_column("of the peak", justify="right")
-    for channel, own, peak in zip(analysis.records[0].channels, noise, peaks, strict=True):
+    for channel, own, peak in zip(analysis.model.channels, noise, peaks, strict=True):
         shown = range(several) if several <= 2 else (int(np.argmin(own / peak)), int(np.argmax(own / peak)))
         unit = f" {channel.unit}" if channel.unit != "-" else ""
         cells = [cell for hit in shown for cell in (f"{own[hit]:.3g}{unit}", f"{100 * own[hit] / peak[hit]:.2g} %")]
@@ -291,6 +288,6 @@ def print_whole(console: Console, table: Table) -> None:
     Console(file=console.file, width=width, markup=False, emoji=False, highlight=False).print(table)
 
 
-def counted(number: int, word: str) -> str:
+def counted(number: int | str, word: str) -> str:
     """A number of things: 1 record, 2 records."""
-    return f"{number} {word}" + ("" if number == 1 else "s")
+    return f"{number} {word}" + ("" if str(number) == "1" else "s")

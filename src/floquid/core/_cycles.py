@@ -26,6 +26,8 @@ class Cycles(Rebuilt):
         The length of each cycle (cycles,) [s].
     first_phase
         The phase of `values[:, 0, :]`, in periods, in [0, 1).
+    first_cycle
+        The whole periods from the clock's phase zero to the first of them.
     channels
         One `Channel` a row of `values`.
     provenance
@@ -42,6 +44,7 @@ class Cycles(Rebuilt):
     first_phase: float
     channels: tuple[Channel, ...]
     provenance: Provenance = field(default_factory=Provenance)
+    first_cycle: int = 0
 
     def __init__(
         self,
@@ -51,6 +54,7 @@ class Cycles(Rebuilt):
         first_phase: float = 0.0,
         channels: Sequence[Channel | str],
         provenance: Provenance | None = None,
+        first_cycle: int = 0,
     ) -> None:
         named = as_channels(channels, "Cycles")
         array = frozen_array(values, "values", "Cycles", axes=(len(named), "phases", "cycles"), missing=True)
@@ -68,6 +72,7 @@ class Cycles(Rebuilt):
         put(self, "first_phase", phase)
         put(self, "channels", named)
         put(self, "provenance", provenance if provenance is not None else Provenance())
+        put(self, "first_cycle", first_cycle)
 
     @property
     def n_channels(self) -> int:

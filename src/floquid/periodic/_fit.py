@@ -54,14 +54,15 @@ class Fit(Rebuilt):
     noise
         The deviation of what is left (channels, hits) [units of the channels].
     free
-        The records without the forced response.
+        What was fitted, without the forced response.
     period_std
         The deviation of the period [s]; None where it was not a parameter.
     own_period
         (own period - period given)/period given as the response has it, a linear estimate, and its deviation; None
         where the period was a parameter, the shaft tells it, or the response does not.
-    misfit
-        The rms of what is left over the level of its noise, the largest of all channels and hits; 1 where it is noise.
+    held, misfit
+        Whether the residues are held to their harmonics, and not free at each phase; the rms of what is left over the
+        level of its noise, the largest of all channels and hits: 1 where it is noise, None where residues are free.
     whitening
         The filter of each channel along the record that made its noise white (channels, taps); None where it was.
     reasons, doubts
@@ -74,14 +75,14 @@ class Fit(Rebuilt):
     free: tuple[Record, ...]
     period_std: float | None
     own_period: tuple[float, float] | None
-    misfit: float = 1.0
+    held: bool = True
+    misfit: float | None = None
     whitening: NDArray[np.float64] | None = None
     reasons: tuple[str, ...]
     doubts: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        noise = frozen_array(self.noise, "noise", "Fit", axes=("channels", "hits"))
-        object.__setattr__(self, "noise", noise)
+        object.__setattr__(self, "noise", frozen_array(self.noise, "noise", "Fit", axes=("channels", "hits")))
 
 
 def fit(

@@ -2,6 +2,7 @@
 
 Everything starts from what `prepare` makes of records: the responses, what ties each to the phase, and what was done.
 `lifted` stops after lifting, and `find_poles` goes on from there to poles and noise.
+`samples_of` are the samples that are fitted, and `lifted_views` what a fit leaves of them, cut into periods and lifted.
 `validated` adds the verdict on a model.
 `bootstrap` checks the deviations of an `Analysis` by drawing records from its model.
 """
@@ -9,6 +10,7 @@ Everything starts from what `prepare` makes of records: the responses, what ties
 from floquid.periodic import CONFIDENT
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._bootstrap import AbstractDraws, Bootstrap, bootstrap
+from floquid.pipeline._complete import lifted_views, samples_of
 from floquid.pipeline._draws import Draw
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
@@ -31,6 +33,8 @@ __all__ = [
     "find_poles",
     "identify",
     "lifted",
+    "lifted_views",
     "prepare",
+    "samples_of",
     "validated",
 ]

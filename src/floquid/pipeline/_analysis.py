@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Cycles, PeriodicModel, Provenance, Record
+from floquid.core import ConstantPeriod, Cycles, PeriodicModel, Provenance, Record
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.order import Choice
@@ -29,29 +30,23 @@ class Analysis:
     ----------
     settings
         The options used.
-    records, cycles, lifted, modal
-        The stages: records as used, cut into periods, lifted (and whitened along the record where the noise is
-        coloured), and the modal model of the lifted responses.
+    records
+        The records used, as they were measured, with their clocks.
+    fit
+        The fit: its model, the forced response beside it, and the free response that is left.
+    cycles, lifted, modal
+        The free response cut into periods, resampled to whole samples a period where it has none; lifted (and whitened
+        along the record where the noise is coloured); and the modal model of the lifted responses.
     model
-        The periodic model: exponents and shapes.
+        The periodic model of the fit: exponents and shapes.
     state
         Φ and A(t), when states were asked for.
     refinement
         The fit of A(t) with a structure, when one was asked for; its `state` is this one.
     choice
         What speaks for the order found and against it; None where the order was given.
-    fit
-        The fit of the records as they were sampled, with the forced response; None where lifting was enough. Then
-        `records` are the free response alone, resampled to whole samples a period.
-    measured
-        The records as they were read, where `records` are resampled.
     shafts
         The angle of the shaft in each record that has a tachometer or an azimuth.
-    held
-        Whether the residues were held to their harmonics in the end.
-    misfit
-        The rms of what the fit leaves over the level of its noise, the largest of all channels and hits: 1 where only
-        noise is left. A little more has made the deviations of the model as much wider. None without such a fit.
     periodicity
         Whether the response is that of a periodic system at all; None where it could not be tested.
     validation
@@ -64,6 +59,7 @@ class Analysis:
 
     settings: Settings
     records: tuple[Record, ...]
+    fit: Fit
     cycles: tuple[Cycles, ...]
     lifted: Lifted
     modal: ModalModel
@@ -71,32 +67,64 @@ class Analysis:
     state: StateModel | None = None
     refinement: Refinement | None = None
     choice: Choice | None = None
-    fit: Fit | None = None
-    measured: tuple[Record, ...] = ()
     shafts: tuple[ShaftAngle, ...] = ()
-    held: bool = False
-    misfit: float | None = None
     periodicity: Periodicity | None = None
     validation: Validation | None = None
     synchronisation: tuple[str, ...] = ()
     warnings: tuple[str, ...] = field(default=())
 
     @property
+    def clocks(self) -> tuple[ConstantPeriod | ShaftAngle, ...]:
+        """What ties each free response of the fit to the phase."""
+        return clocks_of(self.fit.free, self.shafts)
+
+    @property
+    def held(self) -> bool:
+        """Whether the residues were held to their harmonics in the end."""
+        return self.fit.held
+
+    @property
+    def misfit(self) -> float | None:
+        """The rms of what the fit leaves over the level of its noise: 1 where only noise is left.
+
+        The largest of all channels and hits. A little more has made the deviations of the model as much wider. None
+        where residues were left free.
+        """
+        return self.fit.misfit
+
+    @property
     def failed(self) -> bool:
         """Whether the fit leaves so many times the noise that the model is none of the record: no deviations then."""
-        return self.misfit is not None and self.misfit >= FAILED
+        return fails(self.fit)
+
+    @property
+    def period_std(self) -> float | None:
+        """The deviation of the period [s]; None where it was given, and of a model that fails."""
+        if self.failed or (self.fit.period_std is None and not self.shafts):
+            return None
+        return self.shafts[0].period_std if self.fit.period_std is None else self.fit.period_std
 
     @property
     def noise(self) -> NDArray[np.float64]:
         """The deviation of the noise (channels, hits) [units of the channels]."""
-        return self.lifted.noise if self.fit is None else self.fit.noise
+        return self.fit.noise
 
     @property
     def whitening(self) -> NDArray[np.float64] | None:
         """The filter of each channel along the record that made its noise white (channels, taps); None without one."""
-        return self.lifted.whitening if self.fit is None else self.fit.whitening
+        return self.fit.whitening
 
     @property
     def provenance(self) -> Provenance:
         """Where the result comes from."""
         return self.model.provenance
+
+
+def fails(found: Fit) -> bool:
+    """Whether a fit leaves so many times the noise that its model is none of the record."""
+    return found.misfit is not None and found.misfit >= FAILED
+
+
+def clocks_of(responses: Sequence[Record], shafts: tuple[ShaftAngle, ...]) -> tuple[ConstantPeriod | ShaftAngle, ...]:
+    """What ties each response to the phase: the angle of its shaft, unless it has a constant period of its own."""
+    return tuple(own.clock for own in responses if isinstance(own.clock, ConstantPeriod)) or shafts

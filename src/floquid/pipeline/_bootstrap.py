@@ -345,7 +345,7 @@ def _gathered(analysis: Analysis, found: Sequence[Draw], seed: int, whole: bool)
     size = np.abs(exponents)
     damping = np.divide(-np.real(exponents), size, out=np.zeros_like(size), where=size > 0)
     upper = _upper(model)
-    moved = analysis.fit is not None and analysis.fit.period_std is not None
+    period_std = analysis.fit.period_std
     bent = widening_of(analysis) > 1.0  # what is left beside noise is in the deviations, and in no draw
 
     def spread(name: str, unit: str, estimate: NDArray, values: NDArray, std: NDArray | None, own: NDArray) -> Spread:
@@ -378,9 +378,9 @@ def _gathered(analysis: Analysis, found: Sequence[Draw], seed: int, whole: bool)
             model.coefficient_std,
             upper[:, None, None, None],
         ),
-        period=spread("period", "s", np.array(model.period), periods, np.array(analysis.fit.period_std), np.array(True))
-        if moved and analysis.fit is not None
-        else None,
+        period=None
+        if period_std is None
+        else spread("period", "s", np.array(model.period), periods, np.array(period_std), np.array(True)),
         system=of_state("system", "1/s in the units of the states"),
         transition=of_state("transition", ""),
         n_draws=len(found),

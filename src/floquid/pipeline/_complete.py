@@ -4,49 +4,49 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import ConstantPeriod, Cycles, Estimates, PeriodicModel, Record
 from floquid.errors import IdentificationError
-from floquid.lifting import Lifted, lift, whitened
+from floquid.lifting import Lifted, lift, unlift, whitened
 from floquid.lti import fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
-from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._colour import ALL_PEAKED, PEAKED
 from floquid.pipeline._deviations import failure, poles_alone, widened, widening, with_misfit
 from floquid.pipeline._doubts import STILL, ambiguity, below_modes, misfit, warnings, wrong_angles
-from floquid.pipeline._prepare import Prepared, unsteady
+from floquid.pipeline._prepare import Prepared, unsteady, without_clock
 from floquid.pipeline._settings import Settings
-from floquid.pipeline._start import BRIDGED, Lifting, Start, filled, steady_clock
-from floquid.pipeline._state import state_of
+from floquid.pipeline._start import BRIDGED, Lifting, Start, filled, out_of_step, steady_clock
+from floquid.pipeline._state import Again, state_of
 from floquid.sync import ShaftAngle, rejoin, resample, segment
 
 
 def completed(
     prepared: Prepared,
-    cutting: Lifting,
     start: Start,
     free: PeriodicModel | None,
-    fitted: Fit | None,
+    fitted: Fit,
     settings: Settings,
     doubts: tuple[str, str],
     report: Callable[[str], None],
 ) -> Analysis:
-    """The analysis of a fit; of the model with free residues where there is none.
+    """The analysis of a fit.
 
     Parameters
     ----------
     prepared
         The responses and their clocks.
-    cutting, start
-        The lifted responses, and their poles.
+    start
+        The poles of the lifted responses.
     free
-        The model whose residues are free at each phase.
+        The model whose residues are free at each phase; None where the fit did not start from one.
     fitted
-        The fit of the samples; None leaves that model.
+        The fit.
     settings
         The options as used.
     doubts
@@ -60,68 +60,46 @@ def completed(
         Without a verdict.
     """
     missing, doubt = doubts
-    fails = "" if fitted is None else failure(fitted, settings)
+    fails = failure(fitted, settings)
     if fails and settings.states and settings.structure:
         raise IdentificationError(f"{fails}\n  A state matrix with a structure cannot be fitted to it.")
-    fitted = None if fitted is None else with_misfit(fitted)
-    model = free if fitted is None else fitted.model
-    assert model is not None
+    fitted, shafts = with_misfit(fitted), prepared.shafts
     said = prepared.findings + (() if start.floor is None else (below_modes(start.floor),))
-    unlike = fitted is not None and (not cutting.synchronous or fitted.forced is not None)
-    measured = fitted if unlike else None
-    cycles, lifted, records = cutting.cycles, start.lifted, prepared.records
-    resampled = not cutting.synchronous and fitted is None
-    if resampled:
-        # What was lifted, from which a file makes it again.
-        records = tuple(rejoin(hit) for hit in cycles)
-    if fitted is not None and not unlike:
-        # Whatever follows is weighted by the noise that the fit of the samples leaves, as that fit is.
-        lifted = start.whole.with_noise(fitted.noise)
-        model = replace(model, provenance=lifted.provenance)
-    elif fitted is not None:
+    whole = by_cycles(fitted, shafts, settings)
+    if not whole:
         report("resampling the free response")
-        cycles, lifted = _lifted_again(prepared, cutting, fitted, settings)
-        records = tuple(rejoin(hit) for hit in cycles)
-        model = replace(model, provenance=lifted.provenance)
-        if model.order >= max(hit.n_cycles for hit in cycles) - 1:
-            raise IdentificationError(
-                f"The record holds {max(hit.n_cycles for hit in cycles)} whole periods, too few for the {model.order} "
-                "poles that were found in it. Record longer, or check the period."
-            )
-    elif fitted is not None:
-        lifted = lifted.with_noise(fitted.noise)
+    cycles, lifted = lifted_views(fitted, shafts, settings)
+    model = replace(fitted.model, provenance=lifted.provenance)
+    fitted = replace(fitted, model=model)
+    if not whole and model.order >= max(hit.n_cycles for hit in cycles) - 1:
+        raise IdentificationError(
+            f"The record holds {max(hit.n_cycles for hit in cycles)} whole periods, too few for the {model.order} "
+            "poles that were found in it. Record longer, or check the period."
+        )
     choice, modal = start.choice, start.modal
-    changed = modal is None or (fitted is not None and (unlike or not _alike(model, free)))
+    changed = modal is None or not whole or not _alike(model, free)
     if changed:
         modal = fit_residues(model.multipliers, lifted.responses)
     assert modal is not None
     if fails:
         modal = poles_alone(modal)
         choice = None if choice is None else replace(choice, model=modal)
-    if fitted is not None and changed and settings.order is None:
+    if changed and settings.order is None:
         peaked = tuple(doubt for doubt in (() if choice is None else choice.doubts) if doubt == PEAKED)
         choice = Choice(order=model.order, model=modal, reasons=fitted.reasons, doubts=(*peaked, *fitted.doubts))
 
     _refuse_peaks(model, choice, settings)
-
-    def again(exponents: NDArray[np.complex128]) -> Estimates:
-        factor = 1.0 if fitted is None else widening(fitted.misfit, fitted.free)
-        if measured is None:
-            return widened(estimate_at(model, exponents, lifted=lifted), factor)
-        return widened(by_samples(replace(measured, model=model), prepared.clocks, exponents), factor)
-
-    state, refinement = state_of(model, settings, again, report)
-    shafts = prepared.shafts
+    state, refinement = state_of(model, settings, again_of(fitted, lifted, shafts, settings), report)
     uneven = tuple(unsteady(shaft) for shaft in shafts if not shaft.steady)
-    blurred = wrong_angles(fitted, shafts, prepared.responses) if shafts and fitted is not None else ""
-    bent = "" if fitted is None else misfit(fitted)
+    blurred = wrong_angles(fitted, shafts, prepared.responses) if shafts else ""
     tested = None
     if model.unselected is not None:
         # Resampling moves lines by more than their deviations.
-        tested = periodicity(model) if unlike else periodicity(model, lifted=lifted)
+        tested = periodicity(model, lifted=lifted if whole else None)
     return Analysis(
         settings=settings,
-        records=records,
+        records=prepared.records,
+        fit=fitted,
         cycles=cycles,
         lifted=lifted,
         modal=modal,
@@ -129,33 +107,51 @@ def completed(
         state=state,
         refinement=refinement,
         choice=choice,
-        fit=measured,
-        measured=prepared.records if resampled else whole_periods(prepared, cutting) if unlike else (),
         shafts=shafts,
-        held=fitted is not None,
-        misfit=None if fitted is None else fitted.misfit,
         periodicity=tested,
-        synchronisation=(*said, *(() if measured is None else _said_of(measured, _out_of_step(prepared, cutting)))),
-        warnings=tuple(" ".join(word.split()) for word in (fails, missing, doubt, bent, *uneven, blurred) if word)
+        synchronisation=(*said, *_said_of(fitted, why_sampled(fitted, shafts, settings))),
+        warnings=tuple(
+            " ".join(word.split()) for word in (fails, missing, doubt, misfit(fitted), *uneven, blurred) if word
+        )
         + ambiguity(choice)
         + (() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None))
         + warnings(model),
     )
 
 
-def by_samples(
-    found: Fit, clocks: Sequence[ConstantPeriod | ShaftAngle], exponents: NDArray[np.complex128]
-) -> Estimates:
-    """The estimates of a fit, its samples linearised anew at given exponents."""
-    return estimate_at(
-        found.model,
-        exponents,
-        records=found.free,
-        clocks=clocks,
-        noise=found.noise,
-        whitening=found.whitening,
-        forced=found.forced,
+def free_residues(prepared: Prepared, cutting: Lifting, start: Start, model: PeriodicModel) -> Fit:
+    """The model whose residues are free at each phase, as the fit of what it is a model of: the lifted responses."""
+    records = samples_of(prepared.records, prepared.shafts, prepared.settings)
+    if not cutting.synchronous:
+        records = tuple(rejoin(hit) for hit in cutting.cycles)
+    pairs = zip(records, unlift(start.raw), strict=True)
+    return Fit(
+        model=model,
+        forced=None,
+        noise=start.lifted.noise,
+        free=tuple(replace(record, values=rejoin(hit).values) for record, hit in pairs),
+        period_std=None,
+        own_period=None,
+        held=False,
+        whitening=start.lifted.whitening,
+        reasons=(),
+        doubts=(),
     )
+
+
+def again_of(fitted: Fit, lifted: Lifted, shafts: tuple[ShaftAngle, ...], settings: Settings) -> Again:
+    """What linearises a fit anew at given exponents: of its cycles where they hold all of it, else of its samples."""
+    data: dict[str, Any] = {"lifted": lifted}
+    if not by_cycles(fitted, shafts, settings):
+        names = ("noise", "whitening", "forced")
+        data = {"records": fitted.free, "clocks": clocks_of(fitted.free, shafts)}
+        data |= {name: getattr(fitted, name) for name in names}
+    factor = widening(fitted.misfit, fitted.free)
+
+    def again(exponents: NDArray[np.complex128]) -> Estimates:
+        return widened(estimate_at(fitted.model, exponents, **data), factor)
+
+    return again
 
 
 def _refuse_peaks(model: PeriodicModel, choice: Choice | None, settings: Settings) -> None:
@@ -182,56 +178,78 @@ def _alike(model: PeriodicModel, other: PeriodicModel | None) -> bool:
     return bool((gaps.min(axis=0, initial=np.inf) < reach).all())
 
 
-def whole_periods(prepared: Prepared, cutting: Lifting) -> tuple[Record, ...]:
-    """The samples that are fitted, as they were measured: those of whole periods where records are cut into them."""
-    if not cutting.synchronous:
-        return prepared.records
+def samples_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...], settings: Settings) -> tuple[Record, ...]:
+    """The responses that are fitted, as they were measured.
+
+    Parameters
+    ----------
+    records
+        The records used.
+    shafts
+        The angle of the shaft in each; none where periods are constant.
+    settings
+        The options.
+
+    Returns
+    -------
+    tuple of Record
+        Where they are whole samples a period, of whole periods; their clocks then have the phase of the cycles.
+    """
+    responses = tuple(without_clock(record) for record in records)
+    clocks = clocks_of(responses, shafts)
+    if out_of_step(responses, clocks, settings):
+        return responses
     found = []
-    for record, clock, hit in zip(prepared.records, prepared.clocks, cutting.cycles, strict=True):
+    for record, clock, hit in zip(responses, clocks, segment(responses), strict=True):
         assert isinstance(clock, ConstantPeriod)
         before = round(((hit.first_phase - clock.phase(record.start)) % 1.0) * hit.n_phases) % hit.n_phases
-        samples = slice(before, before + hit.n_cycles * hit.n_phases)
-        found.append(
-            replace(record, values=record.values[:, samples], start=record.start + before / record.sample_rate)
-        )
+        start = record.start + before / record.sample_rate
+        own = ConstantPeriod(period=clock.period, origin=start - hit.first_phase * clock.period)
+        found.append(replace(rejoin(hit), start=start, clock=own))
     return tuple(found)
 
 
-def _lifted_again(
-    prepared: Prepared, cutting: Lifting, fitted: Fit, settings: Settings
-) -> tuple[tuple[Cycles, ...], Lifted]:
-    """The free response lifted, resampled to whole samples a period if it has none: for the eye, not for the fit."""
-    if cutting.synchronous:
-        cycles = segment(fitted.free)
-        lifted, taps = lift(cycles, floor=settings.noise_floor), fitted.whitening
-        if taps is not None and taps.shape[1] <= lifted.n_phases:
-            lifted = whitened(lifted, taps)
-        return cycles, lifted.with_noise(fitted.noise)
-    period = fitted.model.period
-    pairs = zip(_clocks(prepared, fitted), fitted.free, strict=True)
-    steady = [steady_clock(clock, record, period) for clock, record in pairs]
-    bridged = filled(fitted.free, [BRIDGED * period] * len(steady))
-    cycles = resample(bridged, steady)
-    return cycles, lift(cycles, floor=settings.noise_floor)
+def lifted_views(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -> tuple[tuple[Cycles, ...], Lifted]:
+    """The free response of a fit cut into periods and lifted: its samples where they are whole a period, or resampled.
+
+    Parameters
+    ----------
+    fitted
+        The fit.
+    shafts
+        The angle of the shaft in each record; none where periods are constant.
+    settings
+        The options.
+
+    Returns
+    -------
+    tuple of Cycles
+        One a hit.
+    Lifted
+        Through the filter, and with the noise, of the fit; without them where it is resampled, for the eye alone.
+    """
+    if why_sampled(fitted, shafts, settings):
+        period = fitted.model.period
+        pairs = zip(clocks_of(fitted.free, shafts), fitted.free, strict=True)
+        steady = [steady_clock(clock, record, period) for clock, record in pairs]
+        cycles = resample(filled(fitted.free, [BRIDGED * period] * len(steady)), steady)
+        return cycles, lift(cycles, floor=settings.noise_floor)
+    cut = zip(segment(fitted.free), fitted.free, strict=True)
+    cycles = tuple(replace(hit, provenance=record.provenance) for hit, record in cut)
+    lifted, taps = lift(cycles, floor=settings.noise_floor), fitted.whitening
+    if taps is not None and taps.shape[1] <= lifted.n_phases:
+        lifted = whitened(lifted, taps)
+    return cycles, lifted.with_noise(fitted.noise)
 
 
-def _clocks(prepared: Prepared, fitted: Fit) -> tuple:
-    """What ties each free response to the phase."""
-    own = tuple(record.clock for record in fitted.free)
-    return prepared.clocks if prepared.shafts or any(clock is None for clock in own) else own
+def why_sampled(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -> str:
+    """Why samples were fitted at their own times; empty where their cycles are cut out of them."""
+    return out_of_step(fitted.free, clocks_of(fitted.free, shafts), settings) if fitted.held else ""
 
 
-def _out_of_step(prepared: Prepared, cutting: Lifting) -> str:
-    """Why records are not whole samples a period as they are; empty where they are."""
-    if cutting.synchronous:
-        return ""
-    if prepared.shafts:
-        return "a shaft angle that is measured"
-    if prepared.settings.estimate_period:
-        return "a period that is fitted too"
-    if any(np.isnan(record.values).any() for record in prepared.responses):
-        return "missing samples"
-    return "a period that is no whole number of samples"
+def by_cycles(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -> bool:
+    """Whether the cycles hold all that was fitted: they are its samples, with no forced response beside them."""
+    return fitted.forced is None and not why_sampled(fitted, shafts, settings)
 
 
 def _said_of(found: Fit, why: str) -> tuple[str, ...]:

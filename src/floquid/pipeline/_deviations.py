@@ -10,9 +10,8 @@ import numpy as np
 from floquid.core import Estimates, PeriodicModel, Record
 from floquid.lti import ModalModel
 from floquid.periodic import Fit, ForcedResponse
-from floquid.pipeline._analysis import FAILED, Analysis
+from floquid.pipeline._analysis import Analysis, fails
 from floquid.pipeline._settings import Settings
-from floquid.sync import rejoin
 
 BENT = 1.1
 """The misfit up to which the deviations are those of the noise alone, in a long record."""
@@ -39,8 +38,7 @@ def widening(misfit: float | None, records: Sequence[Record]) -> float:
 
 def widening_of(analysis: Analysis) -> float:
     """What the deviations of an analysis were multiplied by."""
-    fitted = analysis.fit.free if analysis.fit is not None else [rejoin(hit) for hit in analysis.cycles]
-    return widening(analysis.misfit, fitted)
+    return widening(analysis.misfit, analysis.fit.free)
 
 
 def with_misfit(found: Fit) -> Fit:
@@ -61,7 +59,7 @@ def with_misfit(found: Fit) -> Fit:
     factor = widening(found.misfit, found.free)
     if factor == 1.0:
         return found
-    if found.misfit >= FAILED:
+    if fails(found):
         return replace(
             found,
             model=replace(found.model, covariance=None, coefficient_std=None, estimates=None, unselected=None),
@@ -93,7 +91,7 @@ def poles_alone(modal: ModalModel) -> ModalModel:
 
 def failure(found: Fit, settings: Settings) -> str:
     """That the model fails, what was seen, and what to try; empty where it does not fail."""
-    if found.misfit < FAILED:
+    if not fails(found):
         return ""
     ways = []
     if settings.order is not None:

@@ -197,7 +197,7 @@ def too_low(order: int, choice: Choice) -> str:
 
 def misfit(found: Fit) -> str:
     """What speaks against a fit that leaves more than noise, though not so much that it fails; empty when nothing."""
-    if not MISFIT < found.misfit < FAILED:
+    if found.misfit is None or not MISFIT < found.misfit < FAILED:
         return ""
     return (
         f"What the fit leaves is {found.misfit:.3g} times the noise: harmonics are missing, a mode is several that "

@@ -12,18 +12,17 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, input_error
-from floquid.core import ConstantPeriod, Cycles, Estimates, PeriodicModel, Provenance, Record
+from floquid.core import Estimates, PeriodicModel, Record
 from floquid.errors import FloquidError, IdentificationError
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
 from floquid.periodic import assemble, constrain, estimate_at, refit
-from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._complete import by_samples
+from floquid.pipeline._complete import again_of
 from floquid.pipeline._identify import identify
 from floquid.pipeline._plan import Plan, without_states
-from floquid.pipeline._prepare import prepared_of
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import Again, state_of
+from floquid.sync import segment
 
 NEVER = 1e-300
 """The probability below which the structure of A(t) is refused: the free model that is drawn from has a misfit already,
@@ -93,14 +92,10 @@ def _memory(taps: NDArray[np.float64], longest: int) -> int:
 
 def _fitted(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
     """The same modes and bands fitted anew, and A(t) as before."""
-    if plan.lifted is None:
-        records = [replace(record, values=own) for record, own in zip(plan.records, values, strict=True)]
-        clocks = plan.clocks
-    else:
-        records = [_record(plan.lifted, own) for own in values]
-        clocks = [ConstantPeriod(period=plan.lifted.period)] * len(records)
+    records = [replace(record, values=own) for record, own in zip(plan.records, values, strict=True)]
+    clocks = plan.clocks
     if plan.lifted is not None and (plan.modal is not None or plan.lifted.whitening is not None):
-        lifted = _lifted(plan.lifted, plan.settings, values)
+        lifted = _lifted(plan.lifted, plan.settings, records)
         found = (
             constrain(plan.fitted, lifted, choose=False).model
             if plan.modal is None
@@ -159,27 +154,12 @@ def _selected(plan: Plan, found: PeriodicModel) -> PeriodicModel:
     )
 
 
-def _lifted(like: Lifted, settings: Settings, values: Sequence[NDArray[np.float64]]) -> Lifted:
+def _lifted(like: Lifted, settings: Settings, records: Sequence[Record]) -> Lifted:
     """The lifted responses of a draw, through the same filter and with the same noise."""
-    cycles = [_cycles(like, own) for own in values]
-    found = lift(cycles, floor=settings.noise_floor)
+    found = lift(segment(records), floor=settings.noise_floor)
     if like.whitening is not None:
         found = whitened(found, like.whitening)
     return found.with_noise(like.noise)
-
-
-def _cycles(like: Lifted, values: NDArray[np.float64]) -> Cycles:
-    """Samples (channels, samples) cut into periods; a filter's first phase is that of its output."""
-    phases = like.n_phases
-    past = 0 if like.whitening is None else like.whitening.shape[1] - 1
-    cut = np.ascontiguousarray(values.reshape(len(values), -1, phases).transpose(0, 2, 1))
-    cut.flags.writeable = False
-    return Cycles(
-        values=cut,
-        periods=np.full(cut.shape[2], like.period),
-        first_phase=like.first_phase - past / phases,
-        channels=like.channels,
-    )
 
 
 def _free(plan: Plan, lifted: Lifted, modal: ModalModel) -> PeriodicModel:
@@ -199,43 +179,15 @@ def _identified(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
     given = {"channels": channels, "tach": None, "azimuth": None, "orbit": False, "find_hits": False, "skip": 0.0}
     # A(t) comes after: with a structure it might be refused.
     settings = replace(without_states(plan.settings), **given, validate=False)
-    if plan.lifted is not None:
-        settings = replace(settings, period=None)
-        records = [_record(plan.lifted, own) for own in values]
-    else:
-        records = []
-        for record, rows, own in zip(plan.records, plan.rows, values, strict=True):
-            mixed = record.values.copy()
-            mixed[list(rows)] = own
-            records.append(replace(record, values=mixed))
+    records = []
+    for record, rows, own in zip(plan.records, plan.rows, values, strict=True):
+        mixed = record.values.copy()
+        mixed[list(rows)] = own
+        records.append(replace(record, values=mixed))
     found = identify(records, settings)
     if found.model.order != plan.model.order:
         return Draw(found.model.order)
-    return _compared(plan, found.model, _again(found))
-
-
-def _again(found: Analysis) -> Again:
-    """What linearises the records of an analysis anew."""
-
-    def again(exponents: NDArray[np.complex128]) -> Estimates:
-        if found.fit is None:
-            return estimate_at(found.model, exponents, lifted=found.lifted)
-        return by_samples(found.fit, prepared_of(found).clocks, exponents)
-
-    return again
-
-
-def _record(like: Lifted, values: NDArray[np.float64]) -> Record:
-    """Samples (channels, samples) as a record of their own."""
-    past = 0 if like.whitening is None else like.whitening.shape[1] - 1
-    return Record(
-        values=values,
-        sample_rate=like.n_phases / like.period,
-        channels=like.channels,
-        clock=ConstantPeriod(period=like.period),
-        start=(like.first_phase - past / like.n_phases) * like.period,
-        provenance=Provenance(steps=("drawn from a model",)),
-    )
+    return _compared(plan, found.model, again_of(found.fit, found.lifted, found.shafts, found.settings))
 
 
 def aligned(model: PeriodicModel, found: PeriodicModel) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:

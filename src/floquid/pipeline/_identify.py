@@ -13,8 +13,8 @@ from floquid.errors import IdentificationError
 from floquid.lifting import floor_of
 from floquid.order import judge
 from floquid.periodic import Fit, assemble, entries_of, equal_multipliers, fit, groups
-from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._complete import completed, whole_periods
+from floquid.pipeline._analysis import Analysis, clocks_of
+from floquid.pipeline._complete import completed, free_residues, samples_of
 from floquid.pipeline._doubts import too_low, wrong_own_period, wrong_period
 from floquid.pipeline._independent import COPIED, sum_of_others
 from floquid.pipeline._prepare import Prepared, blas_threads, prepare, settings_of
@@ -102,7 +102,7 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     report("estimating the noise")
     start = start_of(prepared, cutting, report)
     settings = settings if start.floor is None else replace(settings, noise_floor=start.floor)
-    model, fitted, missing, doubt = None, None, "", ""
+    model, missing, doubt = None, "", ""
     if start.modal is not None:
         report("expanding the shapes in harmonics")
         model = assemble(
@@ -112,7 +112,7 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
             missing = too_low(settings.order, judge(start.lifted.responses, start.modal))
         # Modes that are missing turn in what is left as a wrong period would.
         doubt = "" if missing else _refused(prepared, wrong_period(model, start.lifted, prepared))
-    twice = model is not None and equal_multipliers(model)
+    twice, fitted = model is not None and equal_multipliers(model), None
     if model is None or (settings.constrained and model.covariance is not None):
         # Of a period that is trusted against the response, harmonics come apart: they are no modes to be looked for.
         free = settings.order is None and settings.identifier is None and settings.harmonics is None
@@ -123,7 +123,10 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
             fitted = None  # two modes have one multiplier indeed, and only residues free in each hit tell them apart
         if fitted is not None and not (doubt or missing):
             doubt = _refused(prepared, wrong_own_period(fitted, start.lifted, prepared, report))
-    return completed(prepared, cutting, start, model, fitted, settings, (missing, doubt), report)
+    if fitted is None:
+        assert model is not None
+        fitted = free_residues(prepared, cutting, start, model)
+    return completed(prepared, start, model, fitted, settings, (missing, doubt), report)
 
 
 def _distinct(model: PeriodicModel) -> int:
@@ -157,10 +160,10 @@ def _fitted(
     begin = None
     if start.modal is not None and model is not None:
         begin = groups(start.modal, start.lifted) if search else entries_of(model)
-    records = whole_periods(prepared, cutting) if cutting.synchronous else prepared.responses
+    records = samples_of(prepared.records, prepared.shafts, settings)
     return fit(
         records,
-        prepared.clocks,
+        clocks_of(records, prepared.shafts),
         start=begin,
         known=start.known,
         lifted=start.whole if cutting.synchronous else None,

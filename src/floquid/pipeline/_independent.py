@@ -11,7 +11,6 @@ from floquid.periodic import unexplained
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._doubts import QUIET
 from floquid.pipeline._refuse import name_of
-from floquid.pipeline._validated import responses_of_model
 
 OWN = 0.1
 """What a channel has beside the others, over its noise, below which it has no noise of its own: 1 % of its power."""
@@ -51,8 +50,8 @@ def sum_of_others(analysis: Analysis) -> tuple[str, float]:
     float
         What it has beside them, over its noise.
     """
-    records, clocks = responses_of_model(analysis)
-    left = unexplained(analysis.model, records, clocks)
+    records = analysis.fit.free
+    left = unexplained(analysis.model, records, analysis.clocks)
     if len({record.sample_rate for record in records}) > 1:
         return "", 1.0
     n = min(record.n_samples for record in records)

@@ -13,7 +13,7 @@ from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic import instants
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._prepare import prepared_of
+from floquid.pipeline._complete import by_cycles, samples_of, why_sampled
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import states_of
 from floquid.reconstruction import choices, text_of
@@ -44,77 +44,52 @@ class Plan:
     whole: bool
     estimated: bool
     """Whether the model has the joint covariance of its coefficients, as what draws give should then have."""
-    free_period: bool = False
+    free_period: bool
     """Whether the period is fitted too."""
-    lifted: Lifted | None = None
-    """The responses, where they were lifted."""
-    modal: ModalModel | None = None
+    lifted: Lifted | None
+    """The lifted responses, where they hold all that was fitted: then a fit of them is the cheaper one."""
+    modal: ModalModel | None
     """The modal model, where residues were left free."""
-    whitening: NDArray[np.float64] | None = None
+    whitening: NDArray[np.float64] | None
     """The filter of each channel that makes its noise white; `noise` is that after it."""
-    records: tuple[Record, ...] = ()
-    """The records, where they were fitted as sampled: with their clocks' channels for `whole`, without otherwise."""
-    rows: tuple[tuple[int, ...], ...] = ()
+    records: tuple[Record, ...]
+    """The records that draws take the place of: with their clocks' channels for `whole`, without otherwise."""
+    rows: tuple[tuple[int, ...], ...]
     """The rows of `records` that are responses."""
-    clocks: tuple[ConstantPeriod | ShaftAngle, ...] = ()
+    clocks: tuple[ConstantPeriod | ShaftAngle, ...]
+    """What ties each to the phase."""
 
 
 def plan_of(analysis: Analysis, whole: bool) -> Plan:
     """What the draws need."""
-    model = analysis.model
+    model, fit, shafts, settings = analysis.model, analysis.fit, analysis.shafts, analysis.settings
     bare = replace(model, covariance=None, estimates=None, unselected=None)
-    # Free residues have no harmonics to hold: then the poles are refined, and the shapes expanded again.
-    free = analysis.fit is None and not analysis.held
-    common: dict[str, Any] = {
-        "model": bare,
-        "fitted": bare if free or model.estimates is None else _fitted(model),
-        **_choices(analysis, bare),
-        "noise": analysis.noise,
-        "whitening": analysis.whitening,
-        "whole": whole,
-        "estimated": model.estimates is not None,
-    }
-    # All that was fitted is drawn from: of a weak mode, what is not kept may be much of what the record says.
-    if analysis.fit is None:
-        clean = []
-        for hit, cycles in enumerate(analysis.cycles):
-            samples = np.arange(cycles.n_cycles * cycles.n_phases)
-            times = (cycles.first_phase + samples / cycles.n_phases) * model.period
-            clean.append(_response(common["fitted"], hit, times, model.fundamental * times))
-        return Plan(
-            **common,
-            clean=tuple(clean),
-            lifted=analysis.lifted,
-            modal=analysis.modal if free else None,
-        )
-    return _as_sampled(analysis, common)
-
-
-def _as_sampled(analysis: Analysis, common: dict[str, Any]) -> Plan:
-    """The plan for records that were fitted as they were sampled."""
-    model, whole, fit = analysis.model, common["whole"], analysis.fit
-    assert fit is not None
-    prepared = prepared_of(analysis)
-    responses, clocks = prepared.responses, prepared.clocks
+    # Free residues have no harmonics to hold: then the poles are refined, and the shapes expanded again. All that was
+    # fitted is drawn from: of a weak mode, what is not kept may be much of what the record says.
+    fitted = bare if not fit.held or model.estimates is None else _fitted(model)
+    measured = samples_of(analysis.records, shafts, settings) if whole and fit.held else fit.free
     clean = []
-    for hit, (record, clock) in enumerate(zip(responses, clocks, strict=True)):
-        own = _response(common["fitted"], hit, *instants(record, clock, model.fundamental))
-        if whole:
-            # The forced response as it was found, wherever the speed took it.
-            own += record.values - fit.free[hit].values
-        clean.append(np.where(np.isnan(record.values), np.nan, own))
-    rows = []
-    for record, response in zip(prepared.records, responses, strict=True):
-        names = {channel.name for channel in response.channels}
-        rows.append(tuple(row for row, channel in enumerate(record.channels) if channel.name in names))
-    records = prepared.records if whole else responses
+    for hit, (record, clock, seen) in enumerate(zip(fit.free, analysis.clocks, measured, strict=True)):
+        own = _response(fitted, hit, *instants(record, clock, model.fundamental))
+        # The forced response as it was found, wherever the speed took it; NaN where a sample is missing.
+        clean.append(own + (seen.values - record.values))
+    records = analysis.records if whole and why_sampled(fit, shafts, settings) else fit.free
+    names = {channel.name for channel in model.channels}
     return Plan(
-        **common,
+        model=bare,
+        fitted=fitted,
+        **_choices(analysis, bare),
         clean=tuple(clean),
-        records=records,
-        rows=tuple(rows),
-        clocks=clocks,
+        noise=fit.noise,
+        whole=whole,
+        estimated=model.estimates is not None,
         free_period=fit.period_std is not None,
+        lifted=analysis.lifted if by_cycles(fit, shafts, settings) else None,
+        modal=None if fit.held else analysis.modal,
+        whitening=fit.whitening,
+        records=records,
+        rows=tuple(tuple(row for row, c in enumerate(record.channels) if c.name in names) for record in records),
+        clocks=analysis.clocks,
     )
 
 

@@ -10,7 +10,6 @@ from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.errors import IdentificationError
 from floquid.periodic import estimate_period
-from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._before import faults_of, hits_of, later, missing_of, responses_of, without_orbit
 from floquid.pipeline._refuse import refuse_copies, refuse_period, refuse_short, refuse_unlike, refuse_unusable
 from floquid.pipeline._settings import Settings
@@ -105,30 +104,6 @@ def prepare(
     except IdentificationError as error:
         raise IdentificationError("\n  ".join([str(error), *faults])) from None
     return replace(found, faults=faults)
-
-
-def prepared_of(analysis: Analysis) -> Prepared:
-    """What an analysis started from, with the clocks that it found: nothing is worked out anew.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found, or `load` read.
-
-    Returns
-    -------
-    Prepared
-        Without findings and faults, which are among the words of the analysis.
-    """
-    records = analysis.measured or analysis.records
-    clocks = analysis.shafts or tuple(r.clock for r in records if isinstance(r.clock, ConstantPeriod))
-    return Prepared(
-        settings=analysis.settings,
-        records=records,
-        responses=tuple(without_clock(record) for record in records),
-        clocks=clocks,
-        shafts=analysis.shafts,
-    )
 
 
 def settings_of(settings: Settings | None, options: dict[str, object], of: str) -> Settings:

@@ -75,6 +75,8 @@ class Start:
         The lifted responses with the forced response in them, through the filter that whitens the noise.
     lifted
         The same without the forced response.
+    raw
+        Those before the filter.
     known
         What the forced response was taken to be; None where none was to be looked for.
     modal, choice
@@ -85,6 +87,7 @@ class Start:
 
     whole: Lifted
     lifted: Lifted
+    raw: Lifted
     known: Known | None
     modal: ModalModel | None
     choice: Choice | None
@@ -98,7 +101,7 @@ def cut(prepared: Prepared) -> Lifting:
     period of the model is.
     """
     settings, speeds = prepared.settings, None
-    synchronous = _as_they_are(prepared)
+    synchronous = not out_of_step(prepared.responses, prepared.clocks, settings)
     if synchronous:
         cycles = segment(prepared.responses)
     else:
@@ -170,17 +173,19 @@ def _followed(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
     return found / np.where(size > 0.0, size, 1.0)
 
 
-def _as_they_are(prepared: Prepared) -> bool:
-    """Whether the records are whole samples a period as they are."""
-    if prepared.shafts or prepared.settings.estimate_period:
-        return False
-    if any(np.isnan(record.values).any() for record in prepared.responses):
-        return False
+def out_of_step(responses: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], settings: Settings) -> str:
+    """Why responses are not whole samples a period as they are; empty where they are."""
+    if any(isinstance(clock, ShaftAngle) for clock in clocks):
+        return "a shaft angle that is measured"
+    if settings.estimate_period:
+        return "a period that is fitted too"
+    if any(np.isnan(record.values).any() for record in responses):
+        return "missing samples"
     try:
-        segment(prepared.responses)
+        segment(responses)
     except NotSynchronousError:
-        return False
-    return True
+        return "a period that is no whole number of samples"
+    return ""
 
 
 def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Start:
@@ -197,12 +202,12 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
     while True:
         chosen = settings if floors[0] is None else replace(settings, noise_floor=floors[0])
         whole = lifted if floors[0] is None else lift(cutting.cycles, floor=floors[0])
-        free, known = _without_forced(whole, prepared, cutting)
+        raw, known = _without_forced(whole, prepared, cutting)
         turning = zip(prepared.shafts, prepared.responses, strict=False)
         if any(_wander(shaft, record) > FAR for shaft, record in turning):
-            return Start(whole=whole, lifted=free, known=known, modal=None, choice=None)
+            return Start(whole=whole, lifted=raw, raw=raw, known=known, modal=None, choice=None)
         try:
-            free, modal, choice = find_poles(free, chosen, report)
+            free, modal, choice = find_poles(raw, chosen, report)
         except UnsettledError:
             if len(floors) == 1:
                 raise
@@ -213,6 +218,7 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
         return Start(
             whole=replace(whole, floor=free.floor).with_noise(free.noise) if known else free,
             lifted=free,
+            raw=raw,
             known=known,
             modal=modal,
             choice=choice,

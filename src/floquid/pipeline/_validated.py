@@ -7,11 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from floquid.core import ConstantPeriod, Record
 from floquid.errors import FloquidError
 from floquid.pipeline._analysis import FAILED, Analysis
-from floquid.pipeline._prepare import prepared_of
-from floquid.sync import ShaftAngle, rejoin
 from floquid.validation import Criterion, Validation, validate
 
 
@@ -32,12 +29,11 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
     Analysis
         With its `validation`.
     """
-    records, clocks = responses_of_model(analysis)
     try:
         verdict = validate(
             analysis.model,
-            records,
-            clocks,
+            analysis.fit.free,
+            analysis.clocks,
             noise=analysis.noise,
             state=analysis.state,
             whitening=analysis.whitening,
@@ -74,12 +70,3 @@ def _with_misfit(verdict: Validation, analysis: Analysis) -> Validation:
         passed=verdict.passed and not analysis.failed,
         reasons=reasons,
     )
-
-
-def responses_of_model(analysis: Analysis) -> tuple[tuple[Record, ...], list[ConstantPeriod | ShaftAngle]]:
-    """The free responses that the model is one of, and what ties each to the phase."""
-    if analysis.fit is not None and analysis.measured:
-        return analysis.fit.free, list(prepared_of(analysis).clocks)
-    # Rejoined, records begin where the model's time zero is.
-    records = tuple(rejoin(hit) for hit in analysis.cycles)
-    return records, [ConstantPeriod(period=analysis.model.period) for _ in records]

@@ -64,7 +64,7 @@ def synthesis(
     Raises
     ------
     InputError
-        There is no such channel or hit, or the analysis was read from a file that lacks the angle of its shaft.
+        There is no such channel or hit.
     """
     of = "synthesis"
     if not isinstance(analysis, Analysis):
@@ -104,7 +104,7 @@ def synthesis(
 
 def _draw_close(axes: Axes, found: Synthesis, length: float) -> None:
     """The samples of the first cycles as rings, and the response through them."""
-    inside = found.times <= found.times[0] + length
+    inside = found.times <= found.times[0] + length * (1.0 + 1e-9)
     times = found.times[inside]
     axes.plot(times, found.measured[inside], **_DATA, markersize=3.6, markeredgewidth=0.8, label="measured")
     axes.plot(times, found.predicted[inside], **_MODEL, linewidth=1.2, label="model")

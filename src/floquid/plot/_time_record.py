@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
-from floquid.core import ConstantPeriod, Cycles, channels_named
+from floquid.core import Cycles, channels_named
 from floquid.pipeline import Analysis
 from floquid.plot._several import degrees_a_period
 from floquid.plot._style import BLUE, VERMILION, finish, label_values, new_figure, plain, style
-from floquid.views import envelope
+from floquid.views import envelope, lifted_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +38,7 @@ def time_record(
     points: int = 4000,
     periods_per_revolution: int | None = None,
 ) -> Figure:
-    """The record of one channel, and circles at the samples of one phase: one lifted response.
+    """The free response of one channel, and circles at the samples of one phase: one lifted response.
 
     An inset shows the first cycles (Allen 2009, figure 2). A long record is drawn by its envelope.
 
@@ -70,8 +70,8 @@ def time_record(
         There is no such channel, phase or hit.
     """
     of = "time_record"
-    _below(hit, len(analysis.records), "hit", of)
-    record, cycles = analysis.records[hit], analysis.cycles[hit]
+    _below(hit, len(analysis.cycles), "hit", of)
+    record, cycles = analysis.fit.free[hit], analysis.cycles[hit]
     row = 0
     if channel is not None:
         row = channels_named(record.channels, [channel], argument="channel", of=of)[0]
@@ -79,14 +79,14 @@ def time_record(
     integer(inset_cycles, "inset_cycles", of, at_least=1)
     integer(points, "points", of, at_least=2)
     times, values = record.times, record.values[row]
-    first = _first_sample(analysis, hit) + phase
-    instants = times[first :: cycles.n_phases][: cycles.n_cycles]
+    period = analysis.model.period
+    instants = lifted_points(analysis, row, hit)[0] + phase / cycles.n_phases * period
     samples = cycles.values[row, phase]
     with style():
         figure = new_figure(7.0, 4.0)
         axes = figure.add_subplot()
         shown = record.channels[row]
-        label = plain(shown.name) + (f", hit {hit + 1}" if len(analysis.records) > 1 else "")
+        label = plain(shown.name) + (f", hit {hit + 1}" if len(analysis.cycles) > 1 else "")
         axes.plot(*envelope(times, values, points), color=BLUE, linewidth=0.7, label=label)
         marks = _marks(cycles, phase, periods_per_revolution)
         ring: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "color": VERMILION}
@@ -95,7 +95,7 @@ def time_record(
         largest = float(np.nanmax(np.abs(values)))
         label_values(axes, shown.name, shown.unit, largest)
         _make_room(axes, times, values)
-        end = min(int(first + inset_cycles * cycles.n_phases) + 1, len(times))
+        end = int(np.searchsorted(times, instants[0] + inset_cycles * period + 0.5 / record.sample_rate))
         inset = axes.inset_axes(INSET)
         inset.plot(*envelope(times[:end], values[:end], points), color=BLUE)
         near = instants <= times[end - 1]
@@ -117,14 +117,6 @@ def _marks(cycles: Cycles, phase: int, periods_per_revolution: int | None) -> st
     if periods_per_revolution > MOST_ANGLES:
         return f"shaft at {first:.4g}° and every {step:.4g}° from there"
     return "shaft at " + " or ".join(f"{first + step * number:.4g}°" for number in range(periods_per_revolution))
-
-
-def _first_sample(analysis: Analysis, hit: int) -> int:
-    """The index in the record of the first sample of its first cycle."""
-    record, cycles = analysis.records[hit], analysis.cycles[hit]
-    assert isinstance(record.clock, ConstantPeriod)
-    ahead = (cycles.first_phase - record.clock.phase(record.start)) % 1.0
-    return round(ahead * cycles.n_phases) % cycles.n_phases
 
 
 def _make_room(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64]) -> None:

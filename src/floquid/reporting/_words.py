@@ -156,7 +156,7 @@ def summary_line(case: Case) -> str:
     analysis, model = case.analysis, case.analysis.model
     counts = [str(cycles.n_cycles) for cycles in analysis.cycles]
     hits = " and ".join([", ".join(counts[:-1]), counts[-1]] if len(counts) > 1 else counts)
-    first = (analysis.measured or analysis.records)[0]
+    first = analysis.records[0]
     records = "1 record" if len(analysis.records) == 1 else f"{len(analysis.records)} records"
     modes = "1 mode" if len(case.modes) == 1 else f"{len(case.modes)} modes"
     channels = "1 channel" if len(model.channels) == 1 else f"{len(model.channels)} channels"
@@ -181,8 +181,7 @@ def evidence(analysis: Analysis) -> list[tuple[str, list[str]]]:
 
 def steps(analysis: Analysis) -> list[str]:
     """What was done to the records, in order, each step once."""
-    records = analysis.measured or analysis.records
-    done = [step for record in records for step in record.provenance.steps]
+    done = [step for record in analysis.records for step in record.provenance.steps]
     done += analysis.synchronisation
     if words := whitening_words(analysis):
         done.append(words)
@@ -197,8 +196,7 @@ def _sentence(step: str) -> str:
 
 def sources(analysis: Analysis) -> list[str]:
     """Where the records come from."""
-    records = analysis.measured or analysis.records
-    return list(dict.fromkeys(source for record in records for source in record.provenance.sources))
+    return list(dict.fromkeys(source for record in analysis.records for source in record.provenance.sources))
 
 
 def noise_rows(analysis: Analysis) -> list[tuple[str, str, list[str]]]:

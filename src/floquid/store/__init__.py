@@ -2,34 +2,32 @@
 
 `result.h5` is an HDF5 file, so MATLAB, Julia and others read it too. Nothing in it is code: loading runs nothing.
 
-Attributes of the file: `format` is "floquid-result", `version` is 1, `floquid` is the version of floquid that wrote it.
+Attributes of the file: `format` is "floquid-result", `version` is 2, `floquid` is the version of floquid that wrote it.
 Every array names its `axes`, slowest first (as C and Python have them), and its `unit` if it has one. Real
 numbers are float64, integers int64, texts UTF-8. A complex number is a compound of float64 `r` and `i`. A dataset
 without content (a null dataspace) stands for None: "not estimated", or "not given". The datasets are::
 
     /warnings                       texts
-    /held, misfit, synchronisation  1 where residues were held to their harmonics, what they then leave over the noise;
-                                    sentences on the records
-    /fit/                           of records fitted as they were sampled: noise (channels, hits), period_std,
-                                    own_period, misfit, whitening (channels, taps) where the noise was coloured,
-                                    reasons, doubts; measured/hit1, ... and free/hit1, ..., records as they
-                                    were read and without the forced response, each as in records/, `clock/` in place of
-                                    a constant period: kind, channel or times, pulses and periods per revolution;
-                                    shafts/hit1, ..., the angle of the shaft where it was measured: the pulses' times,
-                                    residuals, lines and kept, jitter, geometry, counts, wander, steady, reasons, and
-                                    spline/ (first, last, slope, knots, coefficients, degree, covariance); forced/, the
-                                    forced response: harmonics of the revolution, coefficients, coefficient_std, offset,
-                                    offset_std, drift, drift_std, revolution, speed_dependent
-    /measured/, shafts/             as in fit/, of records that were resampled and not fitted as sampled
+    /synchronisation                sentences on the records
+    /fit/                           noise (channels, hits), period_std, own_period (the difference and its deviation),
+                                    held (1 where residues were held to their harmonics), misfit (what they then leave
+                                    over the noise), whitening (channels, taps) where the noise was coloured, reasons,
+                                    doubts; forced/, the forced response, where there is one: harmonics of the
+                                    revolution, coefficients, coefficient_std, offset, offset_std, drift, drift_std,
+                                    revolution, speed_dependent; free/hit1, ..., what was fitted without it, each as in
+                                    records/, where that is not the response that the records have
+    /shafts/hit1, hit2, .../        the angle of the shaft where it was measured: the pulses' times, residuals, lines
+                                    and kept, jitter, geometry, counts, wander, steady, reasons, and spline/ (first,
+                                    last, slope, knots, coefficients, degree, covariance)
     /periodicity/                   of a model whose periodicity was tested: statistic, degrees, p_value, level, power,
                                     spacing_p, harmonics, exponents (modes,), channels, sizes and limits (modes,
                                     harmonics), untested (cases, 2), locked; by_harmonic/, by_mode/ and by_channel/,
                                     each of statistics, degrees, p_values, adjusted (parts,)
     /settings/                      period, channels, order, harmonics, ...: one dataset a field of `Settings`
-    /records/hit1, hit2, .../       the records as used: values (channels, samples), sample_rate, start,
-                                    period and origin of the clock, orbit where there is one, channels/,
-                                    provenance/
-    /lifted/                        n_phases, first_phase, lengths (hits,), noise (channels, hits)
+    /records/hit1, hit2, .../       the records used, as they were measured: values (channels, samples), sample_rate,
+                                    start, period and origin of the clock, or clock/ in place of a constant period
+                                    (kind, channel or times, pulses and periods per revolution), orbit where there is
+                                    one, channels/, provenance/
     /modal/                         multipliers (modes,), residues (modes, outputs, inputs), dt, covariance,
                                     residue_spread, residue_slope, residual_std, outcome (a name), stats/
     /choice/                        reasons, doubts: sentences for and against the order, where it was found
@@ -55,8 +53,11 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
     .../channels/                   name, quantity, unit, location, direction, each (channels,)
     .../provenance/                 sources, steps
 
-The cycles and the lifted responses are not in the file: they are cut from the records again, and the lifted noise is
-that of the file. A field of `Settings` younger than the file has its default.
+The cycles and the lifted responses are not in the file: they are made of the free response again. A field of
+`Settings` younger than the file has its default. Files of version 1 are read: there `held` and `misfit` are beside
+`fit/`, which only records fitted as they were sampled have, with measured/ and shafts/ in it; their `records/` are the
+free response resampled, and without `fit/` and `measured/` they are the records used, lifted with the noise in
+`lifted/`.
 """
 
 from floquid.store._draws import DrawFile

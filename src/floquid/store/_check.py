@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from floquid._checks import input_error, printable
-from floquid.core import Cycles
+from floquid.core import Record
 from floquid.core._hdf5_limits import check_size
 from floquid.core._hdf5_texts import HeapError, HeapTexts, address_of
 from floquid.core._limits import LARGE, PACKED
@@ -99,7 +99,7 @@ def check_content(file: h5py.File, path: Path) -> None:
                     raise DamagedError(f"its {n_bytes} bytes declare to unpack into {total} and more")
 
 
-def check_padding(file: h5py.File, cycles: Sequence[Cycles]) -> None:
+def check_padding(file: h5py.File, records: Sequence[Record]) -> None:
     """Refuse many short hits beside a long one, all of which are filled up to its length when they are lifted.
 
     Raises
@@ -107,10 +107,10 @@ def check_padding(file: h5py.File, cycles: Sequence[Cycles]) -> None:
     DamagedError
         That would take more than so large a file can hold.
     """
-    longest = max((hit.n_cycles for hit in cycles), default=0)
-    filled = 8 * longest * sum(hit.n_channels * hit.n_phases for hit in cycles)
+    longest = max((hit.n_samples for hit in records), default=0)
+    filled = 8 * longest * sum(hit.n_channels for hit in records)
     if filled > LARGE and filled > PACKED * Path(file.filename).stat().st_size:
-        raise DamagedError(f"its {len(cycles)} hits, filled up to {longest} periods, would take {filled} bytes")
+        raise DamagedError(f"its {len(records)} hits, filled up to {longest} samples, would take {filled} bytes")
 
 
 def _checked(dataset: Any, where: str, source: _Source, heap: HeapTexts, n_bytes: int) -> int:

@@ -1,4 +1,4 @@
-"""What is in a result file of version 1: one `Item` a dataset. `save` and `load` both go by these tables."""
+"""What is in a result file: one `Item` a dataset. `save` and `load` both go by these tables."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 FORMAT = "floquid-result"
-VERSION = 1
+VERSION = 2
 
 Kind = Literal["real", "integer", "complex", "text"]
 
@@ -59,16 +59,6 @@ SIGNALS = {
 
 ORBIT = Item("orbit", axes=("channels", "phases"), unit="that of the channel")
 """Of a record about a periodic orbit that is known; absent otherwise."""
-
-LIFTED = (
-    Item("n_phases", "integer"),
-    Item("first_phase", unit="periods"),
-    Item("lengths", "integer", ("hits",), unit="periods"),
-    Item("noise", axes=("channels", "hits"), unit="that of the channel"),
-)
-
-WHITENING = Item("whitening", axes=("channels", "taps"))
-"""Of responses, and of a fit, that were whitened along the record; absent otherwise."""
 
 MODAL = (
     Item("multipliers", "complex", ("modes",)),
@@ -123,23 +113,19 @@ ESTIMATES = (
 )
 """Of the groups `estimates` and `unselected` of the model; absent where there are none, and in older files."""
 
-HELD = Item("held", "integer")
-"""1 where the residues were held to their harmonics in the end; absent in older files."""
-
-MISFIT = Item("misfit", optional=True)
-"""What the fit leaves over its noise; absent in older files."""
-
 SYNCHRONISATION = Item("synchronisation", "text", ("sentences",))
 """Absent in older files."""
 
 FIT = (
     Item("noise", axes=("channels", "hits"), unit="that of the channel"),
     Item("period_std", unit="s", optional=True),
+    Item("own_period", axes=("difference and deviation",), optional=True),
+    Item("held", "integer"),
+    Item("misfit", optional=True),
+    Item("whitening", axes=("channels", "taps"), optional=True),
+    *CHOICE,
 )
-"""Of records that were fitted as they were sampled; absent otherwise. The records in the file are the free response."""
-
-OWN_PERIOD = Item("own_period", axes=("difference and deviation",), optional=True)
-"""Of the fit too."""
+"""In version 1 of records fitted as sampled alone; `held` and `misfit` are those of the file there, if it has them."""
 
 SHAFT = (
     Item("periods_per_revolution"),

@@ -8,26 +8,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid._files import readable_file
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import FloquidError, InputError
-from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import Composites, ModalModel, Outcome
 from floquid.order import Choice
 from floquid.periodic import PartialTests, Periodicity
-from floquid.pipeline import Analysis, Settings
+from floquid.pipeline import Analysis, Settings, lifted_views
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
 from floquid.store import _layout as layout
 from floquid.store._check import attributes_of, check_content, check_padding
 from floquid.store._get import DamagedError, dataset_in, get, get_fields, group_in
 from floquid.store._identifiers import from_text
 from floquid.store._layout import Item
-from floquid.store._load_fit import get_fit
-from floquid.store._load_records import get_channels, get_provenance, get_record
-from floquid.sync import segment
+from floquid.store._load_fit import fit_of_version_1, get_fit
+from floquid.store._load_records import get_channels, get_provenance
 from floquid.validation import Criterion, Validation
 
 if TYPE_CHECKING:
@@ -40,7 +37,7 @@ AGAIN = "Write it again: `floquid identify ... --out DIR`, or `save(analysis, pa
 def load(path: str | PathLike[str]) -> Analysis:
     """The analysis in a file that `save` wrote, every intermediate included.
 
-    The records are cut into periods and lifted again, which gives the same numbers; nothing is identified again.
+    The free response is cut into periods and lifted again, which gives the same numbers; nothing is identified again.
 
     Parameters
     ----------
@@ -88,9 +85,9 @@ def _loaded(file: Path) -> Analysis:
         if not h5py.is_hdf5(file):
             raise input_error("path", "load", MUST, f"{file} is no HDF5 file", AGAIN)
         with h5py.File(file, "r") as opened:
-            _check_format(attributes_of(opened, file), file)
+            version = _version(attributes_of(opened, file), file)
             check_content(opened, file)
-            return _read(opened)
+            return _read(opened, version)
     except DamagedError as error:
         detail = str(error)
     except FloquidError as error:
@@ -102,8 +99,8 @@ def _loaded(file: Path) -> Analysis:
     raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {detail}", AGAIN)
 
 
-def _check_format(said: dict[str, Any], path: Path) -> None:
-    """Refuse another program's file, and one of a later layout."""
+def _version(said: dict[str, Any], path: Path) -> int:
+    """The version of the layout; another program's file is refused, and one of a later layout."""
     kind, version = said.get("format"), said.get("version")
     if not isinstance(kind, str) or kind != layout.FORMAT:
         raise input_error("path", "load", MUST, f"{path} has no attribute `format` of {layout.FORMAT!r}", AGAIN)
@@ -117,27 +114,24 @@ def _check_format(said: dict[str, Any], path: Path) -> None:
             f"{path} is of version {version}, written by floquid {said.get('floquid')}",
             "Update floquid.",
         )
+    return int(version)
 
 
-def _read(file: h5py.File) -> Analysis:
+def _read(file: h5py.File, version: int) -> Analysis:
     settings = _get_settings(group_in(file, "settings"))
-    lifting = get_fields(group_in(file, "lifted"), layout.LIFTED)
-    records = tuple(get_record(group_in(file, f"records/hit{n + 1}")) for n in range(len(lifting["lengths"])))
-    cycles = segment(records)
-    check_padding(file, cycles)
-    lifted = lift(cycles, floor=settings.noise_floor)
-    if layout.WHITENING.name in group_in(file, "lifted"):
-        lifted = whitened(lifted, _filters(group_in(file, "lifted"), lifted))
-    lifted = lifted.with_noise(lifting["noise"])
-    modal = _get_modal(group_in(file, "modal"))
     model = _get_model(group_in(file, "model"))
-    _check_together(lifting, lifted, modal, model)
+    records, shafts, fit = (fit_of_version_1 if version == 1 else get_fit)(file, model, settings)
+    check_padding(file, fit.free)
+    cycles, lifted = lifted_views(fit, shafts, settings)
+    modal = _get_modal(group_in(file, "modal"))
+    stored, needed = modal.residues.shape[1:], lifted.responses.values.shape[:2]
+    if stored != needed:
+        raise DamagedError(f"modal/residues is {stored}, but the records give {needed}")
     state = _get_state(file)
-    misfit = get(file, layout.MISFIT) if layout.MISFIT.name in file else None
-    fit, measured, shafts = get_fit(file, model, misfit)
     return Analysis(
         settings=settings,
         records=records,
+        fit=fit,
         cycles=cycles,
         lifted=lifted,
         modal=modal,
@@ -145,24 +139,12 @@ def _read(file: h5py.File) -> Analysis:
         state=state,
         refinement=_get_refinement(file, state),
         choice=_get_choice(file, modal),
-        fit=fit,
-        measured=measured,
         shafts=shafts,
         periodicity=_get_periodicity(file),
-        held=layout.HELD.name in file and get(file, layout.HELD) == 1,
-        misfit=misfit,
         synchronisation=get(file, layout.SYNCHRONISATION) if layout.SYNCHRONISATION.name in file else (),
         validation=_get_validation(file, model),
         warnings=get(file, layout.WARNINGS),
     )
-
-
-def _filters(group: h5py.Group, lifted: Lifted) -> NDArray[np.float64]:
-    """The whitening filters, if they can be those of these responses."""
-    taps = get(group, layout.WHITENING)
-    if taps.shape[0] != lifted.n_channels or not 1 < taps.shape[1] <= lifted.n_phases or not np.isfinite(taps).all():
-        raise DamagedError(f"whitening is no filter of {lifted.n_channels} channels")
-    return taps
 
 
 def _get_model(group: h5py.Group) -> PeriodicModel:
@@ -223,24 +205,6 @@ def _get_validation(file: h5py.File, model: PeriodicModel) -> Validation | None:
         raise DamagedError(f"validation/fit has the shape {values['fit'].shape}")
     criteria = {name: Criterion(limit=limit, at_least=name in least) for name, limit in limits.items()}
     return Validation(**values | {"metrics": metrics, "criteria": criteria, "passed": values["passed"] == 1})
-
-
-def _check_together(lifting: dict[str, Any], lifted: Lifted, modal: ModalModel, model: PeriodicModel) -> None:
-    """Refuse parts that each are possible but do not belong to one analysis."""
-    outputs, hits, _ = lifted.responses.values.shape
-    pairs = {
-        "n_phases": (lifting["n_phases"], lifted.n_phases),
-        "lengths": (lifting["lengths"].tolist(), lifted.responses.lengths.tolist()),
-        "noise": (lifting["noise"].shape, (lifted.n_channels, hits)),
-        "modal/residues": (modal.residues.shape[1:], (outputs, hits)),
-        "model/channels": ([c.name for c in model.channels], [c.name for c in lifted.channels]),
-        "model/coefficients": (model.n_hits, hits),
-    }
-    for name, (stored, needed) in pairs.items():
-        if stored != needed:
-            raise DamagedError(f"{name} is {stored}, but the records give {needed}")
-    if abs(lifting["first_phase"] - lifted.first_phase) > 1e-9:
-        raise DamagedError(f"first_phase is {lifting['first_phase']}, but the records give {lifted.first_phase}")
 
 
 def _get_settings(group: h5py.Group) -> Settings:

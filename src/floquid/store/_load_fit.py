@@ -1,64 +1,82 @@
-"""The fit of records as they were sampled, read: what was measured, the angle of the shaft, the free response."""
+"""The records of a result file with what was fitted to them, read."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import Fit, ForcedResponse
+from floquid.pipeline import Settings, samples_of
 from floquid.store import _layout as layout
-from floquid.store._get import DamagedError, get, get_fields, group_in
+from floquid.store._get import DamagedError, get_fields, group_in
 from floquid.store._load_records import get_hits, get_record, get_shaft
 from floquid.sync import ShaftAngle
 
 if TYPE_CHECKING:
     import h5py
 
-Stored = tuple[Fit | None, tuple[Record, ...], tuple[ShaftAngle, ...]]
+Stored = tuple[tuple[Record, ...], tuple[ShaftAngle, ...], Fit]
 
 
-def get_fit(file: h5py.File, model: PeriodicModel, misfit: float | None) -> Stored:
-    """The fit, the records as measured, and the angle of each shaft; nothing where records were lifted as they are."""
-    n_hits = model.coefficients.shape[2]
-    if "fit" not in file:
-        return (None, *_measured(file, n_hits)) if "measured" in file else (None, (), ())
-    group = group_in(file, "fit")
-    if "measured" not in group:
+def get_fit(file: h5py.File, model: PeriodicModel, settings: Settings) -> Stored:
+    """The records used, the angle of the shaft in each that has one, and the fit."""
+    records, shafts = _records(file, "records", model)
+    samples, group = samples_of(records, shafts, settings), group_in(file, "fit")
+    names = [f"free/hit{number}" for number in range(1, model.n_hits + 1)]
+    pairs = zip(names, samples, strict=True)
+    own = tuple(get_record(group_in(group, name)) if name in group else one for name, one in pairs)
+    return records, shafts, _fit(group, get_fields(group, layout.FIT), model, own, samples)
+
+
+def fit_of_version_1(file: h5py.File, model: PeriodicModel, settings: Settings) -> Stored:
+    """The same of a file whose `records` are those used where there is no group `measured`, else the free response.
+
+    `measured` and `shafts` are in the group `fit`, if there is one: of samples fitted out of step, or beside a forced
+    response.
+    """
+    group = group_in(file, "fit") if "fit" in file else file
+    if group is not file and "measured" not in group:
         raise DamagedError("it is of an early floquid, which did not keep the record as it was measured")
-    measured, shafts = _measured(group, n_hits)
-    free = tuple(get_record(hit) for hit in get_hits(group, "free", n_hits))
-    _check_records(measured, free, model)
-    values = get_fields(group, layout.FIT)
-    if values["noise"].shape != model.coefficients.shape[1:3]:
-        raise DamagedError(f"fit/noise has the shape {values['noise'].shape}")
-    own = get(group, layout.OWN_PERIOD)
-    if own is not None and len(own) != 2:
-        raise DamagedError(f"fit/own_period has the shape {own.shape}")
-    found = Fit(
-        model=model,
-        forced=_forced(group, model),
-        noise=values["noise"],
-        free=free,
-        period_std=values["period_std"],
-        own_period=None if own is None else (float(own[0]), float(own[1])),
-        misfit=1.0 if misfit is None else misfit,
-        whitening=_whitening(group, model),
-        **get_fields(group, layout.CHOICE),
-    )
-    return found, measured, shafts
+    records, shafts = _records(group, "measured" if "measured" in group else "records", model)
+    samples, own = samples_of(records, shafts, settings), None
+    if "measured" in group:
+        name = "records" if group is file else "free"
+        own = tuple(get_record(hit) for hit in get_hits(group, name, model.n_hits))
+    found: dict[str, Any] = dict.fromkeys(("period_std", "own_period", "misfit", "whitening"))
+    found |= {"held": 0, "reasons": (), "doubts": ()}
+    for place in (file, group_in(file, "lifted") if group is file else group):
+        found |= get_fields(place, [item for item in layout.FIT if item.name in place])
+    found["held"] = int(group is not file or found["held"] == 1)
+    if found["held"] and found["misfit"] is None:  # of an early file
+        found["misfit"] = 1.0
+    return records, shafts, _fit(group, found, model, own or samples, samples)
 
 
-def _whitening(group: h5py.Group, model: PeriodicModel) -> NDArray[np.float64] | None:
-    """The whitening filters, if there are any and they can be those of the model's channels."""
-    if layout.WHITENING.name not in group:
-        return None
-    taps = get(group, layout.WHITENING)
-    if taps.shape[0] != len(model.channels) or taps.shape[1] < 2 or not np.isfinite(taps).all():
-        raise DamagedError(f"fit/whitening is no filter of {len(model.channels)} channels")
-    return taps
+def _fit(
+    group: h5py.Group,
+    found: dict[str, Any],
+    model: PeriodicModel,
+    free: tuple[Record, ...],
+    samples: tuple[Record, ...],
+) -> Fit:
+    """The fit, its parts being such as belong together."""
+    names, noise = [channel.name for channel in model.channels], found["noise"]
+    period, taps, held = found["own_period"], found["whitening"], found["held"] == 1
+    for hit, (was, own) in enumerate(zip(samples, free, strict=True), start=1):
+        if names != (needed := [channel.name for channel in own.channels]):
+            raise DamagedError(f"model/channels is {names}, but the records give {needed}")
+        if held and own.n_samples != was.n_samples:
+            raise DamagedError(f"fit/free/hit{hit} is not the response that the record holds")
+    if noise.shape != model.coefficients.shape[1:3]:
+        raise DamagedError(f"noise has the shape {noise.shape}, but the model gives {model.coefficients.shape[1:3]}")
+    if period is not None and len(period) != 2:
+        raise DamagedError(f"fit/own_period has the shape {period.shape}")
+    if taps is not None and (taps.shape[0] != len(names) or taps.shape[1] < 2 or not np.isfinite(taps).all()):
+        raise DamagedError(f"whitening is no filter of {len(names)} channels")
+    found |= {"own_period": None if period is None else (float(period[0]), float(period[1])), "held": held}
+    return Fit(model=model, forced=_forced(group, model), free=free, **found)
 
 
 def _forced(group: h5py.Group, model: PeriodicModel) -> ForcedResponse | None:
@@ -72,21 +90,12 @@ def _forced(group: h5py.Group, model: PeriodicModel) -> ForcedResponse | None:
     return forced
 
 
-def _measured(group: h5py.Group, n_hits: int) -> tuple[tuple[Record, ...], tuple[ShaftAngle, ...]]:
-    """The records as they were read, and the angle of the shaft in each that has one."""
-    measured = tuple(get_record(hit) for hit in get_hits(group, "measured", n_hits))
-    shafts = tuple(get_shaft(hit) for hit in get_hits(group, "shafts", n_hits)) if "shafts" in group else ()
-    for hit, was in enumerate(measured, start=1):
-        if (was.clock is None) or (isinstance(was.clock, ConstantPeriod) == bool(shafts)):
-            where = str(group.name).strip("/")
-            name = f"{where}/measured/hit{hit}" if where else f"measured/hit{hit}"
-            raise DamagedError(f"{name} has no clock that goes with the angle of a shaft in the file")
-    return measured, shafts
-
-
-def _check_records(measured: tuple[Record, ...], free: tuple[Record, ...], model: PeriodicModel) -> None:
-    """Refuse records that are not those of one fit."""
-    names = [channel.name for channel in model.channels]
-    for hit, (was, own) in enumerate(zip(measured, free, strict=True), start=1):
-        if [channel.name for channel in own.channels] != names or own.n_samples != was.n_samples:
-            raise DamagedError(f"fit/free/hit{hit} is not the response that fit/measured/hit{hit} holds")
+def _records(group: h5py.Group, name: str, model: PeriodicModel) -> tuple[tuple[Record, ...], tuple[ShaftAngle, ...]]:
+    """The records as they were measured, and the angle of the shaft in each that has one."""
+    records = tuple(get_record(hit) for hit in get_hits(group, name, model.n_hits))
+    shafts = tuple(get_shaft(hit) for hit in get_hits(group, "shafts", model.n_hits)) if "shafts" in group else ()
+    for hit, record in enumerate(records, start=1):
+        if (record.clock is None) or (isinstance(record.clock, ConstantPeriod) == bool(shafts)):
+            where = f"{str(group.name).strip('/')}/{name}/hit{hit}".strip("/")
+            raise DamagedError(f"{where} has no clock that goes with the angle of a shaft in the file")
+    return records, shafts

@@ -9,12 +9,14 @@ from numbers import Integral, Real
 from os import PathLike
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from floquid._checks import describe, input_error
 from floquid._files import atomic_path
 from floquid.core import PeriodicModel
 from floquid.lti import AbstractIdentifier
-from floquid.periodic import Fit, Periodicity
-from floquid.pipeline import Analysis, Settings
+from floquid.periodic import Periodicity
+from floquid.pipeline import Analysis, Settings, samples_of
 from floquid.reconstruction import Refinement, StateModel, text_of
 from floquid.store import _layout as layout
 from floquid.store._identifiers import to_text
@@ -67,26 +69,15 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
         file.attrs["version"] = layout.VERSION
         file.attrs["floquid"] = version
         put(file, layout.WARNINGS, analysis.warnings)
-        put(file, layout.HELD, int(analysis.held))
-        put(file, layout.MISFIT, analysis.misfit)
         put(file, layout.SYNCHRONISATION, analysis.synchronisation)
         if analysis.periodicity is not None:
             _put_periodicity(file.create_group("periodicity"), analysis.periodicity)
-        if analysis.fit is None:
-            _put_measured(file, analysis)
-        else:
-            _put_fit(group := file.create_group("fit"), analysis.fit)
-            _put_measured(group, analysis)
+        _put_fit(file.create_group("fit"), analysis)
         _put_settings(file.create_group("settings"), analysis.settings)
         for number, record in enumerate(analysis.records, start=1):
             put_record(file.create_group(f"records/hit{number}"), record)
-        lifted = analysis.lifted
-        group = file.create_group("lifted")
-        values = (lifted.n_phases, lifted.first_phase, lifted.responses.lengths, lifted.noise)
-        for item, value in zip(layout.LIFTED, values, strict=True):
-            put(group, item, value)
-        if lifted.whitening is not None:
-            put(group, layout.WHITENING, lifted.whitening)
+        for number, shaft in enumerate(analysis.shafts, start=1):
+            put_shaft(file.create_group(f"shafts/hit{number}"), shaft)
         group = file.create_group("modal")
         put_fields(group, layout.MODAL, analysis.modal)
         put(group, layout.OUTCOME, analysis.modal.outcome.name)
@@ -128,25 +119,16 @@ def _put_refinement(group: h5py.Group, found: Refinement, state: StateModel | No
         _put_state(group.create_group("state"), found.state)
 
 
-def _put_fit(group: h5py.Group, fit: Fit) -> None:
+def _put_fit(group: h5py.Group, analysis: Analysis) -> None:
+    """The fit, with its free response where that is not what the records are."""
+    fit = analysis.fit
     put_fields(group, layout.FIT, fit)
-    put(group, layout.OWN_PERIOD, fit.own_period)
-    put(group, layout.MISFIT, fit.misfit)
-    if fit.whitening is not None:
-        put(group, layout.WHITENING, fit.whitening)
-    put_fields(group, layout.CHOICE, fit)
     if fit.forced is not None:
         put_fields(group.create_group("forced"), layout.FORCED, fit.forced)
-    for number, record in enumerate(fit.free, start=1):
-        put_record(group.create_group(f"free/hit{number}"), record)
-
-
-def _put_measured(group: h5py.Group, analysis: Analysis) -> None:
-    """The records as they were read, and the angle of the shaft in each, where records in the file are resampled."""
-    for number, record in enumerate(analysis.measured, start=1):
-        put_record(group.create_group(f"measured/hit{number}"), record)
-    for number, shaft in enumerate(analysis.shafts, start=1):
-        put_shaft(group.create_group(f"shafts/hit{number}"), shaft)
+    samples = samples_of(analysis.records, analysis.shafts, analysis.settings)
+    for number, (record, own) in enumerate(zip(fit.free, samples, strict=True), start=1):
+        if not np.array_equal(record.values, own.values, equal_nan=True):
+            put_record(group.create_group(f"free/hit{number}"), record)
 
 
 def _put_validation(group: h5py.Group, validation: Validation) -> None:

@@ -44,7 +44,7 @@ def summary(analysis: Analysis) -> dict[str, Any]:
     return {
         "format": "floquid-summary/1",
         "period": model.period,
-        "period_std": _period_std(analysis),
+        "period_std": analysis.period_std,
         "misfit": analysis.misfit,
         "failed": analysis.failed,
         "order": model.order,
@@ -54,20 +54,12 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         "noise_whitening": None if analysis.whitening is None else analysis.whitening.tolist(),
         "modes": mode_entries(model, weights),
         "periodicity": None if analysis.periodicity is None else _periodicity(analysis.periodicity),
-        "forced": None if analysis.fit is None or analysis.fit.forced is None else _forced(analysis.fit.forced),
+        "forced": None if analysis.fit.forced is None else _forced(analysis.fit.forced),
         "synchronisation": list(analysis.synchronisation),
         "system": None if analysis.state is None else _system(analysis.state, analysis.refinement),
         "validation": None if analysis.validation is None else _validation(analysis.validation),
         "warnings": list(analysis.warnings),
     }
-
-
-def _period_std(analysis: Analysis) -> float | None:
-    if analysis.failed:
-        return None
-    if analysis.fit is not None and analysis.fit.period_std is not None:
-        return analysis.fit.period_std
-    return analysis.shafts[0].period_std if analysis.shafts else None
 
 
 def _forced(forced: ForcedResponse) -> dict[str, Any]:

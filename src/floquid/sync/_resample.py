@@ -131,7 +131,8 @@ class _Cut:
                 f"one record of {record.duration:.6g} s holds {max(high - low, 0.0):.3g} periods",
                 "Check the unit of the period, or use a longer record.",
             )
-        bounds = instants(clock, np.arange(first, last + 1.0))
+        # Of more periods than samples, which are refused below, not all bounds are made: there may be any number.
+        bounds = instants(clock, np.arange(first, min(last, first + record.n_samples) + 1.0))
         if not (np.diff(bounds) > 0).all():
             must = "have an angle that grows over each record"
             raise input_error("clocks", "resample", must, "one turns back", "Leave out the part where the shaft does.")
@@ -222,6 +223,7 @@ def _resampled(record: Record, cut: _Cut, phases: int, reach: float, band: float
         periods=cut.lengths(kept),
         channels=record.channels,
         provenance=record.provenance.then(step),
+        first_cycle=cut.first + kept.start,
     )
 
 

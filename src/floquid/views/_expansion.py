@@ -12,7 +12,7 @@ from floquid.core import PeriodicModel
 from floquid.lti import ModalModel
 from floquid.periodic import assemble
 from floquid.pipeline import Analysis
-from floquid.views._modes import below, checked, frozen, paired, periods_later
+from floquid.views._modes import below, checked, frozen, paired
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,7 +122,7 @@ def identified_residue(analysis: Analysis, mode: int, channel: int, hit: int = 0
     below(mode, model.order, "mode", of)
     own = int(paired(model.multipliers, modal.multipliers)[mode])
     delayed = lifted.by_channel(modal.residues[own])[channel, :, hit]
-    passed = lifted.phase_times + periods_later(analysis, hit) * model.period
+    passed = lifted.phase_times + analysis.cycles[hit].first_cycle * model.period
     found = delayed * np.exp(-model.exponents[mode] * passed)
     if lifted.whitening is None:
         return found
@@ -152,7 +152,7 @@ def _floor(
     own = int(paired(model.multipliers, whole.multipliers)[mode])
     moved = round((whole.exponents[own].imag - model.exponents[mode].imag) / model.fundamental)
     deviations = np.abs(whole.coefficient_std[own, channel, hit])
-    deviations = deviations * np.exp(-model.exponents[mode].real * periods_later(analysis, hit) * model.period)
+    deviations = deviations * np.exp(-model.exponents[mode].real * analysis.cycles[hit].first_cycle * model.period)
     known = dict(zip((whole.harmonics + moved).tolist(), deviations.tolist(), strict=True))
     return np.array([known.get(int(m), 0.0) or np.nan for m in harmonics])
 

@@ -12,9 +12,6 @@ from floquid.pipeline import Analysis
 EVIDENT = 4.0
 """Standard deviations from which on a growth is one."""
 
-LARGEST = 300.0
-"""The exponent of a growth up to which the squares of its steps are still numbers."""
-
 
 def upper_modes(model: PeriodicModel) -> tuple[int, ...]:
     """The modes of a model, one of each conjugate pair: the one of positive imaginary part, or a real one.
@@ -111,32 +108,6 @@ def paired(one: NDArray[np.complex128], other: NDArray[np.complex128]) -> NDArra
     rows, columns = linear_sum_assignment(off)
     found[rows] = columns
     return found.astype(np.int64)
-
-
-def periods_later(analysis: Analysis, hit: int) -> int:
-    r"""The whole periods from the model's phase zero to the first cycle of a hit.
-
-    .. math:: R_{r} = \mu_r^k R^0_{r}
-
-    Records that were fitted as they were sampled are resampled afterwards, and the first whole cycle that has the
-    samples to interpolate from may begin periods after the record does. k is the one at which the residues of the
-    cycles are nearest to the model's.
-    """
-    model, modal, lifted = analysis.model, analysis.modal, analysis.lifted
-    if analysis.fit is None:
-        return 0
-    most = 2 * int(lifted.responses.lengths[hit]) + 64
-    fastest = float(model.exponents.real.max()) * model.period
-    most = min(most, int(LARGEST / fastest) + 1) if fastest > 0.0 else most
-    own = paired(model.multipliers, modal.multipliers)
-    weight = 1.0 / analysis.noise[:, hit, None]
-    seen = lifted.by_channel(modal.residues[own])[..., hit] * weight
-    turned = np.exp(np.multiply.outer(model.exponents, lifted.phase_times))[:, None]
-    given = model.shapes(lifted.phase_times)[:, :, hit] * turned * weight
-    cross, size = np.sum(given.conj() * seen, axis=(1, 2)), np.sum(np.abs(given) ** 2, axis=(1, 2))
-    steps = np.exp(np.multiply.outer(np.arange(most), model.exponents * model.period))
-    cost = np.sum(np.abs(steps) ** 2 * size - 2.0 * (steps.conj() * cross).real, axis=1)
-    return int(np.argmin(cost))
 
 
 def frozen(values: NDArray) -> NDArray:

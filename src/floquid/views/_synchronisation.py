@@ -136,7 +136,7 @@ def synchronisation(analysis: Analysis, hit: int = 0) -> Synchronisation:
     turns = np.interp(middle, np.arange(len(times)), angles) / (2.0 * np.pi)
     relative, relative_std, offset, misfit = _line(2.0 * np.pi * turns, slip, slip_std)
     return Synchronisation(
-        times=own.record.start + own.later + middle / own.record.sample_rate,
+        times=own.record.start + middle / own.record.sample_rate,
         cycles=turns,
         slip=slip,
         slip_std=slip_std,

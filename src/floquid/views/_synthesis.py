@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,8 @@ from floquid._checks import Rebuilt, frozen_array, positive
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
-from floquid.sync import ShaftAngle, rejoin
-from floquid.views._modes import checked, frozen, periods_later
+from floquid.sync import ShaftAngle
+from floquid.views._modes import checked, frozen
 from floquid.views._noise import colour
 
 
@@ -50,53 +50,38 @@ class Synthesis(Rebuilt):
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """One hit as it was identified from: the record, its clock, the model of that hit alone, the record's own time."""
+    """One hit as it was identified from: the record, its clock, the model of that hit alone."""
 
     record: Record
     clock: ConstantPeriod | ShaftAngle
     model: PeriodicModel
-    later: float
-    """What is added to the record's times to give those of the file [s]."""
     noise: NDArray[np.float64]
     """The deviation of the noise, before any whitening filter (channels,) [units of the channels]."""
 
 
 def response_of(analysis: Analysis, hit: int, channels: list[int]) -> Response:
     """The free response of some channels of one hit, with the model that counts from its phase zero."""
-    whole, later, noise = analysis.model, 0.0, analysis.noise[channels, hit]
-    coefficients = whole.coefficients[:, channels][:, :, [hit]]
-    if analysis.fit is not None:
-        record, own = analysis.fit.free[hit], analysis.measured[hit].clock
-        clock = analysis.shafts[hit] if analysis.shafts else own
-        assert isinstance(clock, (ConstantPeriod, ShaftAngle))
-    else:
-        cycles = analysis.cycles[hit]
-        record, clock = rejoin(replace(cycles, periods=np.full(cycles.n_cycles, whole.period))), None
-        clock = ConstantPeriod(period=whole.period)
-        # Rejoined, the record begins where the model's time zero is, or whole periods after it.
-        passed = periods_later(analysis, hit) * whole.period
-        coefficients = coefficients * np.exp(whole.exponents * passed)[:, None, None, None]
-        later = _begin(analysis, hit) - record.start + passed
+    whole, record, noise = analysis.model, analysis.fit.free[hit], analysis.noise[channels, hit]
     if analysis.whitening is not None:
         noise = noise * colour(analysis.whitening)[channels]
     names = [record.channels[row].name for row in channels]
     model = PeriodicModel(
         exponents=whole.exponents,
-        coefficients=coefficients,
+        coefficients=whole.coefficients[:, channels][:, :, [hit]],
         harmonics=whole.harmonics,
         period=whole.period,
         channels=[whole.channels[row] for row in channels],
     )
-    return Response(record=record.select(names), clock=clock, model=model, later=later, noise=noise)
+    return Response(record=record.select(names), clock=analysis.clocks[hit], model=model, noise=noise)
 
 
 def lifted_points(analysis: Analysis, channel: int, hit: int = 0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     r"""The first sample of each cycle, at its own instant: what one of the lifted responses is made of.
 
-    .. math:: t_k = t_0 + (k + j)\,T
+    .. math:: t_k = t_0 + (k + j + p)\,T
 
-    (Allen 2009, eq. 7.) Of a record that was lifted they are samples of the record. One that was fitted as it was
-    sampled is resampled afterwards, at equal times: its first cycle begins j whole periods after phase zero.
+    (Allen 2009, eq. 7.) Where the free response is whole samples a period they are samples of it. Else it is resampled
+    at equal times: its first cycle begins j whole periods, and its first phase p, after phase zero.
 
     Parameters
     ----------
@@ -117,21 +102,9 @@ def lifted_points(analysis: Analysis, channel: int, hit: int = 0) -> tuple[NDArr
     """
     checked(analysis, "lifted_points", channel=channel, hit=hit)
     cycles, own = analysis.cycles[hit], response_of(analysis, hit, [channel])
-    values = np.array(cycles.values[channel, 0])
-    if analysis.fit is None:
-        return frozen(own.record.times[:: cycles.n_phases] + own.later), frozen(values)
     after, _ = instants(own.record, own.clock, own.model.fundamental)
-    passed = (periods_later(analysis, hit) + np.arange(len(values))) * own.model.period
-    return frozen(own.record.start - after[0] + passed), frozen(values)
-
-
-def _begin(analysis: Analysis, hit: int) -> float:
-    """The time of the first sample of the first cycle [s]."""
-    record, cycles = analysis.records[hit], analysis.cycles[hit]
-    assert isinstance(record.clock, ConstantPeriod)
-    ahead = (cycles.first_phase - record.clock.phase(record.start)) % 1.0
-    samples = round(ahead * cycles.n_phases) % cycles.n_phases
-    return record.start + samples / record.sample_rate
+    passed = (cycles.first_cycle + cycles.first_phase + np.arange(cycles.n_cycles)) * own.model.period
+    return frozen(own.record.start - after[0] + passed), frozen(np.array(cycles.values[channel, 0]))
 
 
 def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
@@ -139,8 +112,8 @@ def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
 
     .. math:: \hat y(t) = \sum_{r,m} B_{r,m}\, e^{(\lambda_r + i m\omega) t}
 
-    (Allen 2009, eq. 12.) The record is the one identified from: whole periods, and without a forced response that was
-    fitted beside the modes. A record that was fitted as it was sampled is the measured one, at its own times.
+    (Allen 2009, eq. 12.) The record is the one identified from, at its own times: of whole periods, where it is whole
+    samples a period, and without a forced response that was fitted beside the modes.
 
     Parameters
     ----------
@@ -164,7 +137,7 @@ def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
     (left,) = unexplained(own.model, [own.record], [own.clock])
     measured = own.record.values[0]
     return Synthesis(
-        times=frozen(own.record.times + own.later),
+        times=own.record.times,
         measured=measured,
         predicted=frozen(measured - left[0]),
         residual=frozen(left[0]),

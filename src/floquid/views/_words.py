@@ -134,10 +134,5 @@ def period_words(analysis: Analysis) -> str:
     str
         The number.
     """
-    std = None if analysis.fit is None else analysis.fit.period_std
-    if std is None and analysis.shafts:
-        std = analysis.shafts[0].period_std
-    period = analysis.model.period
-    if analysis.failed:
-        return f"{period:.8g}"
+    period, std = analysis.model.period, analysis.period_std
     return f"{period:.8g}" if std is None else with_error(period, std)
