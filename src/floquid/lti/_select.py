@@ -86,6 +86,10 @@ class Threshold:
         return found.cost + pairs * self.of(2) + (len(found.poles) - pairs) * self.of(1)
 
 
+CROWD = 48
+"""Poles of a start, tested one by one, from which on they are no modes: what is left is not white along the record."""
+
+
 @lru_cache(maxsize=256)
 def rise_limit(probability: float, degrees: float, samples: float) -> float:
     """The rise that noise exceeds with `probability`: `degrees` times the limit of an F ratio.
@@ -123,6 +127,9 @@ def choose(
         begin = prune_linear(plausible(start(order)), factors, (threshold.of(1), threshold.of(2)))
         if 2 * begin.order > order and order < starts[-1]:
             continue
+        if begin.order > CROWD:
+            report(f"start of order {order}: {begin.order} poles, more than are searched through")
+            return (best, ended, Residual.of(best.poles, factors)) if ended else (fit(begin, factors), False, noise)
         now, settled = _settle(polish(begin, factors), factors, threshold, most)
         report(f"start of order {order}: {now.poles.order} poles kept")
         if not ended or threshold.penalised(now) < threshold.penalised(best) - 1e-6 * abs(best.cost):

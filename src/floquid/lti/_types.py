@@ -26,9 +26,10 @@ class Outcome(Enum):
         "hold. Record more samples, or fix a lower order."
     )
     NOT_WHITE = (
-        "mode after mode was found in what the fit leaves, without an end: the residual is not white noise. Samples "
-        "may be rounded to a few levels, the noise coloured, the simulation coarse, or the response nonlinear. Raise "
-        "the noise floor (`noise_floor`) to the level down to which the record can be believed, or fix the order."
+        "mode after mode was found in what the fit leaves, without an end: the residual is not white noise. There may "
+        "be a step or a glitch in the record, samples rounded to a few levels, or coloured noise; the simulation may "
+        "be coarse, or the response nonlinear. Look at the record; raise the noise floor (`noise_floor`) to the level "
+        "down to which it can be believed, or fix the order."
     )
     ORDER_UNREACHED = "the data do not hold as many poles as were asked for: ask for fewer, or let the order be found."
 

@@ -29,7 +29,7 @@ SAME = 0.02
 
 
 class UnsettledError(IdentificationError):
-    """The estimate of the noise does not settle as modes are fitted."""
+    """What modes leave is no noise: its estimate does not settle, or there are modes without an end."""
 
 
 def find_poles(
@@ -121,7 +121,8 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
                     "more, or a conjugate pair, which counts as two, would have to be halved. Ask for that order, or "
                     "let it be found."
                 )
-            raise IdentificationError(f"Identification ended without a result: {words}")
+            kind = UnsettledError if modal.outcome is Outcome.NOT_WHITE else IdentificationError
+            raise kind(f"Identification ended without a result: {words}")
         noise = _noise_left(lifted, modal)
         again = lifted.with_noise(noise)
         change = np.abs(np.log(again.noise / lifted.noise)).max()
