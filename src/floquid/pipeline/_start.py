@@ -204,15 +204,18 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
         whole = lifted if floors[0] is None else lift(cutting.cycles, floor=floors[0])
         raw, known = _without_forced(whole, prepared, cutting)
         turning = zip(prepared.shafts, prepared.responses, strict=False)
+        from_lines = Start(whole=whole, lifted=raw, raw=raw, known=known, modal=None, choice=None)
         if any(_wander(shaft, record) > FAR for shaft, record in turning):
-            return Start(whole=whole, lifted=raw, raw=raw, known=known, modal=None, choice=None)
+            return from_lines
         try:
             free, modal, choice = find_poles(raw, chosen, report)
         except UnsettledError:
-            if len(floors) == 1:
+            if len(floors) > 1:
+                floors = floors[1:]
+                continue
+            if cutting.synchronous or not by_default:
                 raise
-            floors = floors[1:]
-            continue
+            return from_lines  # what is left may be that of samples that were filled in, or resampled
         if free.whitening is not None:
             whole = whitened(whole, free.whitening)
         return Start(
