@@ -37,7 +37,7 @@ A mode that just passes the test has less than that where it lies between the li
 STRONG = 20.0
 """Times the limit at which a mode away from others is needed, however they are fitted again."""
 
-SEARCHES = 16
+SEARCHES = 8
 """How often the residual of one start may be searched and still hold another mode, before it counts as not white."""
 
 RESOLVED = 3.0

@@ -80,7 +80,8 @@ class Start:
     known
         What the forced response was taken to be; None where none was to be looked for.
     modal, choice
-        The poles, and what speaks for their number; None where the speed wanders too far for lifting.
+        The poles, and what speaks for their number; None where the record itself is searched
+        for them: the speed wanders too far for lifting, or samples are missing.
     floor
         The share of the largest value down to which the record is believed; None for that of the settings.
     """
@@ -205,8 +206,9 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
         raw, known = _without_forced(whole, prepared, cutting)
         turning = zip(prepared.shafts, prepared.responses, strict=False)
         from_lines = Start(whole=whole, lifted=raw, raw=raw, known=known, modal=None, choice=None)
-        if any(_wander(shaft, record) > FAR for shaft, record in turning):
-            return from_lines
+        gaps = by_default and any(np.isnan(record.values).any() for record in prepared.responses)
+        if gaps or any(_wander(shaft, record) > FAR for shaft, record in turning):
+            return from_lines  # samples that are filled in make poles of their own, or hide those of the record
         try:
             free, modal, choice = find_poles(raw, chosen, report)
         except UnsettledError:
@@ -215,7 +217,7 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
                 continue
             if cutting.synchronous or not by_default:
                 raise
-            return from_lines  # what is left may be that of samples that were filled in, or resampled
+            return from_lines  # what is left may be that of samples that were resampled
         if free.whitening is not None:
             whole = whitened(whole, free.whitening)
         return Start(
