@@ -166,13 +166,12 @@ NPZ = {
     "time against rate": (npz(time=np.arange(6) / 50), "states 100 Hz, while its times make 50 Hz", "`rate`"),
     "time going back": (npz(sample_rate=None, time=np.arange(6)[::-1] / 50), "goes back in `time`", "Sort"),
     "a crafted shape": (packed(values=npy(SHAPE.format("(2, 10**12)"), bytes(96))), "`values`", "Copy"),
-    "a crafted size": (packed(values=npy(SHAPE.format("(2, 1000000000000)"), bytes(96))), "whole", "cannot be", "Copy"),
+    "a crafted size": (packed(values=npy(SHAPE.format("(2, 100000000000)"), bytes(96))), "readable to its end", "Copy"),
     "a negative shape": (packed(values=npy(SHAPE.format("(-2, -6)"), bytes(96))), "`values`", "Copy"),
-    "too few bytes": (packed(values=npy(SHAPE.format("(2, 6)"), bytes(95))), "hold `values` whole", "Copy"),
-    "too many bytes": (packed(values=npy(SHAPE.format("(2, 6)"), bytes(97))), "hold `values` whole", "Copy"),
+    "too few bytes": (packed(values=npy(SHAPE.format("(2, 6)"), bytes(95))), "readable array `values`", "Copy"),
     "a garbled header": (packed(values=npy("{'descr': '<f8", bytes(96))), "readable array `values`", "Copy"),
     "an unknown version": (packed(values=npy("{}", version=b"\x09\x00")), "readable array `values`", "Copy"),
-    "no array at all": (packed(values=b"1, 2, 3"), "readable array `values`", "Copy"),
+    "no array at all": (packed(values=b"1, 2, 3"), "real numbers in `values`", "text"),
     "records": (npz(values=np.zeros((2, 6), dtype=[("a", float)])), "real numbers in `values`", "records", "dtype"),
 }  # fmt: skip
 
@@ -212,15 +211,6 @@ def test_nothing_is_unpickled(tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
-def test_a_declared_size_beyond_all_packing_is_refused(tmp_path, monkeypatch):
-    from floquid.readers import _npz
-
-    monkeypatch.setattr(_npz, "LARGE", 1000)
-    path = tmp_path / "run.npz"
-    path.write_bytes(packed(values=npy(SHAPE.format("(2, 100000)"), bytes(1600000))))
-    assert_refused(path, ["hold `values` whole", "cannot be"])
-
-
 @pytest.mark.parametrize("call", [read, describe_file])
 @pytest.mark.parametrize(
     ("name", "words"),

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
-from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +11,6 @@ from numpy.typing import NDArray
 
 from floquid._checks import describe
 from floquid.core import Record, channels_named
-from floquid.core._limits import LARGE, PACKED, impossible
-from floquid.core._npy import read_array, read_head
 from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
 from floquid.readers._table import Source, Table, checked_orbit, make_channels, numbers_of, orbit_of, texts_of
@@ -64,33 +60,24 @@ def load_npz(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
 
 def _arrays(source: Source) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """The arrays that we know, by key, and the names of the others."""
-    try:
-        archive = zipfile.ZipFile(source.path)
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
-        raise source.error(
-            "be a NumPy archive", "is not one, or is damaged or cut short", f"Copy it again. {_KEYS_REMEDY}"
-        ) from None
-    with archive:
-        members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        arrays = {key: _array(source, archive, members[key], key) for key in _KEYS if key in members}
-        return arrays, [key for key in members if key not in _KEYS]
+    with source.path.open("rb") as stream:
+        try:
+            archive: Any = np.load(stream, allow_pickle=False)
+            others = [key for key in archive.files if key not in _KEYS]
+        except Exception as error:  # noqa: BLE001  # damage raises anything: BadZipFile, AttributeError, ...
+            got = f"is not one, or is damaged or cut short ({type(error).__name__})"
+            raise source.error("be a NumPy archive", got, f"Copy it again. {_KEYS_REMEDY}") from None
+        return {key: _array(source, archive, key) for key in _KEYS if key in archive}, others
 
 
-def _array(source: Source, archive: zipfile.ZipFile, info: zipfile.ZipInfo, key: str) -> NDArray[Any]:
-    """One array, its header checked against the size of its entry before memory is taken for it."""
+def _array(source: Source, archive: Any, key: str) -> NDArray[Any]:
     try:
-        with archive.open(info) as stream:
-            shape, dtype = read_head(stream)
-            size = prod(shape) * dtype.itemsize + stream.tell()
-        if dtype.hasobject:
-            raise _objects(source, key)
-        if size != info.file_size or (info.file_size > LARGE and info.file_size > PACKED * info.compress_size):
-            raise impossible(source, key, f"shape {shape} of {dtype}", info.compress_size)
-        with archive.open(info) as stream:
-            return read_array(stream)
-    except InputError:
+        return np.asarray(archive[key])
+    except MemoryError:
         raise
     except Exception as error:  # noqa: BLE001  # damage raises anything: zlib.error, struct.error, TokenError, ...
+        if "Object arrays" in str(error):
+            raise _objects(source, key) from None
         raise source.error(
             f"hold a readable array `{key}`",
             f"does not ({type(error).__name__}: {error})",

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from floquid.core import Channel, Record, channels_named
 from floquid.core._labels import find_time, name_and_unit
-from floquid.core._limits import LARGE, PACKED
 from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
 from floquid.readers._extras import extra
@@ -26,7 +25,6 @@ from floquid.readers._table import Source, Table, check_distinct, make_channels,
 
 _KEY = b"floquid"
 _BLOCK = 1 << 16
-_MOST_COLUMNS = 1 << 16
 _INDEX = "__index_level_"
 """What pandas calls an index without a name: dates, or a mere count."""
 _AGAIN = "Copy or write it again."
@@ -56,10 +54,8 @@ def load_parquet(source: Source, *, channels: Sequence[str] | None, ignore_time:
     """
     parquet = extra("pyarrow.parquet", package="pyarrow", name="parquet", suffix=".parquet", of=source.of)
     with source.path.open("rb") as stream:
-        limits = {"thrift_string_size_limit": 1 << 26, "thrift_container_size_limit": 1 << 20}
-        file = _guarded(source, lambda: parquet.ParquetFile(stream, page_checksum_verification=True, **limits))
+        file = _guarded(source, lambda: parquet.ParquetFile(stream, page_checksum_verification=True))
         schema = _guarded(source, lambda: file.schema_arrow)
-        _check_size(source, file)
         stated = _stated(source, schema)
         columns = _columns(source, schema, stated)
         rows = list(range(len(columns.channels)))
@@ -95,20 +91,6 @@ def _guarded(source: Source, call: Callable[[], Any]) -> Any:
     except Exception as error:  # noqa: BLE001  # ArrowInvalid, OSError, UnicodeDecodeError, KeyError, ...
         words = " ".join(str(error).split())[:200].removesuffix(".")
         raise source.error("be a readable Parquet file", f"is not ({words})", _AGAIN) from None
-
-
-def _check_size(source: Source, file: Any) -> None:
-    """Refuse what would unpack into far more than a measurement ever does, before any of it is unpacked."""
-    found, size = file.metadata, source.path.stat().st_size
-    n_rows, n_columns = found.num_rows, found.num_columns
-    in_groups = sum(found.row_group(at).num_rows for at in range(found.num_row_groups))
-    if n_columns > _MOST_COLUMNS or n_rows < 0 or in_groups != n_rows:
-        got = f"declares {n_columns} columns of {n_rows} rows, and {in_groups} rows in its groups"
-        raise source.error("hold the rows that it declares", got, _AGAIN)
-    declared = 8 * n_rows * n_columns
-    if declared > LARGE and declared > PACKED * size:
-        got = f"declares {n_columns} columns of {n_rows} rows, which its {size} bytes cannot be"
-        raise source.error("hold the rows that it declares", got, _AGAIN)
 
 
 def _stated(source: Source, schema: Any) -> Stated:
