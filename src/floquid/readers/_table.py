@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import Channel, ConstantPeriod, Record
+from floquid.core import Channel, ConstantPeriod, Record, channels_named
 from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
 
@@ -74,6 +74,19 @@ def make_channels(
         raise source.wrapped(error) from None
     check_distinct(source, [channel.name for channel in channels])
     return channels
+
+
+def rows_of(source: Source, named: Sequence[Channel], channels: Sequence[str] | None) -> list[int]:
+    """Which of the channels that a file has are asked for by name, in that order; None asks for all.
+
+    Raises
+    ------
+    InputError
+        One is not there, or is asked for twice.
+    """
+    if channels is None:
+        return list(range(len(named)))
+    return channels_named(named, channels, argument="channels", of=source.of)
 
 
 def texts_of(record: Record) -> dict[str, list[str]]:

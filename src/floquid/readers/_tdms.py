@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Channel, Record, channels_named
+from floquid.core import Channel, Record
 from floquid.core._labels import find_time, name_and_unit
 from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
 from floquid.readers._angles import is_shaft_angle
 from floquid.readers._extras import extra
 from floquid.readers._openfast import rate_of_step
-from floquid.readers._stated import DamagedLineError, Stated, own_orbit, parse_stated, stated_text
-from floquid.readers._table import Source, Table, check_distinct
+from floquid.readers._stated import Stated, stated_in, stated_text
+from floquid.readers._table import Source, Table, check_distinct, rows_of
 
 _KEY, _GROUP = "floquid", "record"
 _AGAIN = "Copy or export it again."
@@ -63,7 +63,9 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     nptdms.log.log_manager.set_level(logging.CRITICAL)
     with source.path.open("rb") as stream:  # given the path, npTDMS would trust an index file beside it
         file = _guarded(source, lambda: nptdms.TdmsFile.open(stream))
-        stated = _stated(source, file)
+        said = file.properties.get(_KEY)
+        remedy = "Delete it: the channels can be read without it."
+        stated = stated_in(source, said if isinstance(said, str) else None, "the property `floquid`", remedy)
         unclosed = _unclosed(source, file)
         signals, others = _guarded(source, lambda: _signals(file))
         if not signals:
@@ -72,9 +74,7 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         is_own = [channel.name for channel in stated.channels] == [signal.held.name for signal in signals]
         times, signals = ([], signals) if is_own else _split(source, signals)
         named = stated.channels if is_own else _named(source, signals)
-        rows = list(range(len(named)))
-        if channels is not None:
-            rows = channels_named(named, _names(channels, named, signals), argument="channels", of=source.of)
+        rows = rows_of(source, named, None if channels is None else _names(channels, named, signals))
         chosen = [signals[row] for row in rows]
         time = next((t for t in times if t.group == chosen[0].group), None)
         _check_lengths(source, chosen, time)
@@ -84,14 +84,11 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     notes += unclosed + tuple(f"Channel {path!r} is not of numbers, and is not used." for path in others[:20])
     return Table(
         values=values,
-        channels=tuple(named[row] for row in rows),
         time=column,
         sample_rate=rate,
         start=start,
-        period=stated.period,
-        origin=stated.origin,
-        orbit=own_orbit(stated, [named[row] for row in rows]),
         notes=notes,
+        **stated.of([named[row] for row in rows]),
     )
 
 
@@ -104,17 +101,6 @@ def _guarded(source: Source, call: Callable[[], Any]) -> Any:
     except Exception as error:  # noqa: BLE001  # struct.error, KeyError, ValueError, UnicodeDecodeError, Exception, ...
         words = " ".join(f"{type(error).__name__}: {error}".split())[:200].removesuffix(".")
         raise source.error("be a readable TDMS file", f"is not ({words})", _AGAIN) from None
-
-
-def _stated(source: Source, file: Any) -> Stated:
-    text = file.properties.get(_KEY)
-    if not isinstance(text, str):
-        return Stated()
-    try:
-        return parse_stated(text)
-    except DamagedLineError:
-        must, got = "have the property `floquid` as floquid wrote it", "has another"
-        raise source.error(must, got, "Delete it: the channels can be read without it.") from None
 
 
 def _unclosed(source: Source, file: Any) -> tuple[str, ...]:

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, printable
-from floquid.core import Channel, Record, channels_named
-from floquid.readers._stated import DamagedLineError, Stated, own_orbit, parse_stated, stated_text
-from floquid.readers._table import Source, Table, check_distinct
+from floquid.core import Channel, Record
+from floquid.readers._stated import Stated, stated_in, stated_text
+from floquid.readers._table import Source, Table, check_distinct, rows_of
 
 _OWN = b"flqd"
 _LARGEST = 0xFFFFFFFF
@@ -57,20 +57,15 @@ def load_wav(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
         for row in range(1, samples.shape[1] + 1)
     )
     check_distinct(source, [channel.name for channel in named])
-    rows = list(range(len(named)))
-    if channels is not None:
-        rows = channels_named(named, channels, argument="channels", of=source.of)
+    rows = rows_of(source, named, channels)
     if not stated.channels and not is_float:
         notes += (f"The samples are whole {words}: full scale is 1. A unit is theirs times a channel's sensitivity.",)
     return Table(
         values=_scaled(samples[:, rows].T),
-        channels=tuple(named[row] for row in rows),
         sample_rate=stated.sample_rate or float(rate),
         start=stated.start,
-        period=stated.period,
-        origin=stated.origin,
-        orbit=own_orbit(stated, [named[row] for row in rows]),
         notes=notes,
+        **stated.of([named[row] for row in rows]),
     )
 
 
@@ -110,11 +105,8 @@ def _stated(
     """
     if own is None:
         return Stated(), ()
-    try:
-        stated = parse_stated(own)
-    except DamagedLineError:
-        must, got = "have its chunk 'flqd' as floquid wrote it", "has another"
-        raise source.error(must, got, "Copy it again, or save it by a program that keeps samples alone.") from None
+    remedy = "Copy it again, or save it by a program that keeps samples alone."
+    stated = stated_in(source, own, "its chunk 'flqd'", remedy)
     if len(stated.channels) != samples.shape[1]:
         return Stated(), ("Its chunk 'flqd' is of other channels, and is passed over.",)
     if (stated.sample_rate is None or _whole_rate(stated.sample_rate, samples.shape[1]) != rate) and not ignore_time:
