@@ -30,7 +30,7 @@ def read(
     [s], `channels`, and optionally `units`, `quantities`, `start` [s], `period` [s], `origin` [s],
     `orbit` (channels, phases). `.csv`: a header
     row, a time column, then channels, units in brackets; an empty cell or `nan` is a missing sample. `.mat` (MATLAB v5
-    to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these without `values` is read by the paths of its
+    to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four without `values` is read by the paths of its
     variables in `channels`: `run/acc/x` is a vector of samples, `data[2]` row 2 of a matrix (channels, samples),
     counted from 0, `data.T[2]` column 2 of one (samples, channels), and `data` or `data.T` all of them. A vector `time`
     or `t` [s] beside them gives the rate, or a number `sample_rate` [Hz]. `.uff` and `.unv`: the time responses of a
