@@ -57,6 +57,14 @@ def test_extensible_and_unknown_chunks(tmp_path):
     np.testing.assert_array_equal(read(path).values, [[0.5, -0.5]])
 
 
+def test_big_endian(tmp_path):
+    data = np.arange(12, dtype=">i2").tobytes()
+    chunks = b"fmt " + struct.pack(">IHHIIHH", 16, 1, 2, 8000, 32000, 4, 16) + b"data" + struct.pack(">I", 24) + data
+    path = tmp_path / "run.wav"
+    path.write_bytes(b"RIFX" + struct.pack(">I", 4 + len(chunks)) + b"WAVE" + chunks)
+    np.testing.assert_array_equal(read(path).values, np.arange(12).reshape(6, 2).T / 2.0**15)
+
+
 def test_rf64(tmp_path):
     sizes = struct.pack("<QQQI", 100, 24, 6, 0)
     path = tmp_path / "run.wav"
