@@ -127,11 +127,11 @@ NPZ = {
     "empty": (b"", "is empty", "Export"),
     "not an archive": (b"hello, world" * 20, "is not one", "Copy it again"),
     "a single array": (npy(SHAPE.format("(2, 1)"), bytes(16)), "be a NumPy archive", "np.savez"),
-    "an empty archive": (b"PK\x05\x06" + bytes(18), "has no `values` (it holds nothing)", "np.savez"),
+    "an empty archive": (b"PK\x05\x06" + bytes(18), "has no `values`", "nothing", "np.savez"),
     "cut short": (npz()[:-40], "damaged or cut short", "Copy it again"),
     "a flipped bit": (flipped(), "readable array `values`", "CRC", "Copy"),
     "another checksum": (another_checksum(), "readable array `values`", "CRC", "Copy"),
-    "no values": (npz(values=None, y=np.ones(3)), "has no `values` (it holds", "y", "np.savez"),
+    "no values": (npz(values=None, y=np.ones(3)), "has no `values`", "y: 3", "np.savez"),
     "no channels": (npz(channels=None), "has no `channels`", "np.savez"),
     "no rate": (npz(sample_rate=None), "neither a rate nor a column of times", "`rate` (`--rate`)"),
     "axes swapped": (npz(values=np.ones((6, 2))), "2 channels", "shape (6, 2)", "last axis: save `values.T`"),
@@ -140,8 +140,8 @@ NPZ = {
     "names missing": (npz(channels=["x"]), "1 channels", "shape (2, 6)", "Name every row"),
     "no samples": (npz(values=np.ones((2, 0))), "holds none", "Export"),
     "one sample": (npz(values=np.ones((2, 1))), "at least two samples", "holds 1", "Export more"),
-    "text": (npz(values=np.full((2, 6), "a")), "real numbers in `values`", "text (<U1)", "dtype=float"),
-    "complex": (npz(values=np.ones((2, 6)) * 1j), "real numbers in `values`", "complex numbers", "`values.real`"),
+    "text": (npz(values=np.full((2, 6), "a")), "real numbers in `values`", "has text there", "matrix of numbers"),
+    "complex": (npz(values=np.ones((2, 6)) * 1j), "real numbers in `values`", "complex numbers", "Save its real part"),
     "infinite": (
         npz(values=np.r_[GOOD["values"][:1], np.full((1, 6), np.inf)]), "6 in `values`", "channel 'y', sample 0", "NaN",
     ),
@@ -149,7 +149,7 @@ NPZ = {
     "dates": (npz(time=np.arange(6).astype("datetime64[s]")), "real numbers in `time`", "dates", "dtype=float"),
     "objects": (npz(values=np.array([[1.0, None]] * 2, dtype=object)), "Python objects", "never unpickled", "Convert"),
     "object names": (npz(channels=np.array(["x", None], dtype=object)), "text in `channels`", "never unpickled"),
-    "numbers as names": (npz(channels=[1, 2]), "one text a channel in `channels`", "int64", "Save"),
+    "numbers as names": (npz(channels=[1, 2]), "one text a channel in `channels`", "2, numbers", "Save"),
     "bytes as names": (npz(channels=np.array([b"\xff", b"y"])), "UTF-8 in `channels`", "Save"),
     "empty name": (npz(channels=["x", " "]), "be a word", "Give each channel a name"),
     "doubled name": (npz(channels=["x", "x"]), "'x' twice", "Rename"),
@@ -158,7 +158,7 @@ NPZ = {
     "negative rate": (npz(sample_rate=-5.0), "positive number in `sample_rate`", "-5.0", "`rate`"),
     "zero rate": (npz(sample_rate=0), "positive number in `sample_rate`", "has 0", "`rate`"),
     "NaN rate": (npz(sample_rate=np.nan), "`sample_rate`", "nan", "`rate`"),
-    "text rate": (npz(sample_rate="fast"), "`sample_rate`", "has fast", "`rate`"),
+    "text rate": (npz(sample_rate="fast"), "real numbers in `sample_rate`", "has text there"),
     "rates": (npz(sample_rate=np.ones(2)), "one finite positive number in `sample_rate`", "shape (2,)", "`rate`"),
     "period": (npz(period=-1.0), "`period`", "-1.0", "Mend"),
     "start": (npz(start=np.inf), "`start`", "inf", "Mend"),
@@ -166,14 +166,13 @@ NPZ = {
     "time against rate": (npz(time=np.arange(6) / 50), "states 100 Hz, while its times make 50 Hz", "`rate`"),
     "time going back": (npz(sample_rate=None, time=np.arange(6)[::-1] / 50), "goes back in `time`", "Sort"),
     "a crafted shape": (packed(values=npy(SHAPE.format("(2, 10**12)"), bytes(96))), "`values`", "Copy"),
-    "a crafted size": (packed(values=npy(SHAPE.format("(2, 1000000000000)"), bytes(96))), "whole", "cannot be", "Copy"),
+    "a crafted size": (packed(values=npy(SHAPE.format("(2, 100000000000)"), bytes(96))), "readable to its end", "Copy"),
     "a negative shape": (packed(values=npy(SHAPE.format("(-2, -6)"), bytes(96))), "`values`", "Copy"),
-    "too few bytes": (packed(values=npy(SHAPE.format("(2, 6)"), bytes(95))), "hold `values` whole", "Copy"),
-    "too many bytes": (packed(values=npy(SHAPE.format("(2, 6)"), bytes(97))), "hold `values` whole", "Copy"),
+    "too few bytes": (packed(values=npy(SHAPE.format("(2, 6)"), bytes(95))), "readable array `values`", "Copy"),
     "a garbled header": (packed(values=npy("{'descr': '<f8", bytes(96))), "readable array `values`", "Copy"),
     "an unknown version": (packed(values=npy("{}", version=b"\x09\x00")), "readable array `values`", "Copy"),
-    "no array at all": (packed(values=b"1, 2, 3"), "readable array `values`", "Copy"),
-    "records": (npz(values=np.zeros((2, 6), dtype=[("a", float)])), "real numbers in `values`", "records", "dtype"),
+    "no array at all": (packed(values=b"1, 2, 3"), "real numbers in `values`", "text"),
+    "records": (npz(values=np.zeros((2, 6), dtype=[("a", float)])), "numbers in `values`", "records", "matrix of"),
 }  # fmt: skip
 
 
@@ -212,15 +211,6 @@ def test_nothing_is_unpickled(tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
-def test_a_declared_size_beyond_all_packing_is_refused(tmp_path, monkeypatch):
-    from floquid.readers import _npz
-
-    monkeypatch.setattr(_npz, "LARGE", 1000)
-    path = tmp_path / "run.npz"
-    path.write_bytes(packed(values=npy(SHAPE.format("(2, 100000)"), bytes(1600000))))
-    assert_refused(path, ["hold `values` whole", "cannot be"])
-
-
 @pytest.mark.parametrize("call", [read, describe_file])
 @pytest.mark.parametrize(
     ("name", "words"),

@@ -6,14 +6,8 @@ put together again.
 
 from __future__ import annotations
 
-import io
-import struct
-import zipfile
-import zlib
 from collections.abc import Callable
 from random import Random
-
-from tests.fuzz import crafted
 
 Mutate = Callable[[bytes], bytes]
 Mutator = Callable[[bytes, Random, Mutate], bytes]
@@ -42,12 +36,11 @@ _WORDS = (
         "\\u0000",
     ),
 )
-_MOST_UNPACKED = 1 << 20
 
 
 def of(name: str) -> Mutator:
     """The mutator of one format: its own, or that of bytes, numbers and lines."""
-    return {"npz": npz, "mat": mat, "h5": hdf5, "csv": text, "uff": uff, "out": text}.get(name, binary)
+    return {"csv": text, "uff": uff, "out": text}.get(name, binary)
 
 
 def binary(data: bytes, random: Random, mutate: Mutate) -> bytes:
@@ -109,116 +102,6 @@ def uff(data: bytes, random: Random, mutate: Mutate) -> bytes:
     return b"\n".join(lines)
 
 
-def npz(data: bytes, random: Random, mutate: Mutate) -> bytes:
-    """The arrays inside an archive, which is packed again with right checksums."""
-    if random.random() < 0.1:
-        return binary(data, random, mutate)
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = [(info.filename, archive.read(info)[:_MOST_UNPACKED]) for info in archive.infolist()]
-    except Exception:  # noqa: BLE001  # what is no archive any more is changed as bytes
-        return mutate(data)
-    deed = random.randrange(5)
-    if deed == 0 or not members:
-        members.append(crafted.npy_member(random))
-    at = random.randrange(len(members))
-    name, content = members[at]
-    if deed == 1:
-        del members[at]
-    elif deed == 2:
-        members[at] = (name, crafted.npy_member(random)[1])
-    elif deed == 3:
-        members[at] = (name, crafted.other_header(content, random))
-    else:
-        members[at] = (name, binary(content, random, mutate))
-    return zipped(members, zipfile.ZIP_DEFLATED if random.random() < 0.3 else zipfile.ZIP_STORED)
-
-
-def zipped(members: list[tuple[str, bytes]], packing: int = zipfile.ZIP_STORED) -> bytes:
-    """An archive of members, two of one name among them."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", packing) as archive:
-        for name, content in members:
-            info = zipfile.ZipInfo(name)
-            info.compress_type = packing
-            archive.filelist, archive.NameToInfo = archive.filelist, {}  # two of one name are no warning
-            archive.writestr(info, content)
-    return stream.getvalue()
-
-
-def mat(data: bytes, random: Random, mutate: Mutate) -> bytes:
-    """The variables of a MATLAB file, unpacked, changed, and packed again with right lengths and checksums."""
-    if data[128:132] == b"" or data.startswith(b"\x89HDF") or data[512:516] == b"\x89HDF":
-        return hdf5(data, random, mutate)
-    if random.random() < 0.2:
-        return binary(data, random, mutate)
-    order = ">" if data[126:128] == b"MI" else "<"
-    variables, at = [], 128
-    while at + 8 <= len(data):
-        kind, length = struct.unpack_from(f"{order}II", data, at)
-        content = data[at + 8 : at + 8 + length]
-        if kind == 15:
-            try:
-                content = zlib.decompressobj().decompress(content, _MOST_UNPACKED)[8:]
-            except zlib.error:
-                return binary(data, random, mutate)
-        variables.append(content)
-        at += 8 + length + (-length % 8 if kind != 15 else 0)
-    if not variables:
-        return binary(data, random, mutate)
-    where = random.randrange(len(variables))
-    deed = random.randrange(6)
-    if deed == 0:
-        del variables[where]
-    elif deed == 1:
-        variables.append(variables[where])
-    elif deed == 2:
-        variables[where] = crafted.mat_array(random, order)
-    else:
-        variables[where] = _words(variables[where], random, mutate, order)
-    return data[:128] + b"".join(_top(content, random.random() < 0.4, order) for content in variables)
-
-
-def _words(content: bytes, random: Random, mutate: Mutate, order: str) -> bytes:
-    """A word of four bytes among the tags at the head, or any bytes."""
-    if random.random() < 0.4 or len(content) < 16:
-        return mutate(content)
-    found = bytearray(content)
-    at = 4 * random.randrange(min(len(found) // 4, 24))
-    old = struct.unpack_from(f"{order}I", found, at)[0]
-    number = random.choice((*_NUMBERS, *range(1, 20), old + 4, old + 8, old - 8, old << 16, old | 0x800, old ^ 0x0F))
-    struct.pack_into(f"{order}I", found, at, number % (1 << 32))
-    return bytes(found)
-
-
-def _top(content: bytes, packed: bool, order: str) -> bytes:
-    whole = struct.pack(f"{order}II", 14, len(content)) + content + bytes(-len(content) % 8)
-    if not packed:
-        return whole
-    small = zlib.compress(whole, 1)
-    return struct.pack(f"{order}II", 15, len(small)) + small
-
-
-def hdf5(data: bytes, random: Random, mutate: Mutate) -> bytes:
-    """Bytes of the file, or another file built through the library: shapes, types, filters, links, attributes."""
-    if random.random() < 0.25:
-        return crafted.hdf5_file(random)
-    return binary(data, random, mutate)
-
-
-def result(data: bytes, random: Random, mutate: Mutate) -> bytes:
-    """Bytes of a result, or a whole one with some of its datasets and groups exchanged through the library."""
-    if random.random() < 0.5:
-        return crafted.other_result(random)
-    return binary(data, random, mutate)
-
-
 def matrix(data: bytes, random: Random, mutate: Mutate) -> bytes:
-    """By what the file is."""
-    if data.startswith(b"PK"):
-        return npz(data, random, mutate)
-    if data.startswith(b"MATLAB"):
-        return mat(data, random, mutate)
-    if data.startswith(b"\x89HDF"):
-        return binary(data, random, mutate) if random.random() < 0.7 else crafted.hdf5_matrix(random)
+    """Numbers and words of JSON."""
     return text(data.replace(b",", b",\n"), random, mutate)

@@ -2,7 +2,6 @@
 
 import json
 import struct
-import zipfile
 
 import h5py
 import numpy as np
@@ -370,23 +369,6 @@ def test_names_and_kinds_of_files(tmp_path):
         read_matrix(3)
 
 
-def test_what_is_too_large_is_not_read(tmp_path):
-    with (tmp_path / "a.npz").open("wb") as stream:
-        stream.truncate((1 << 30) + 1)  # a hole: it takes no room
-    with pytest.raises(InputError, match="must be of at most 1 GiB"):
-        read_matrix(tmp_path / "a.npz")
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file.create_dataset("A", shape=(3, 3, 1 << 27), dtype="f8", chunks=(3, 3, 1024))
-    with pytest.raises(InputError, match="declares 9 GiB, more than the 1 GiB that is read"):
-        read_matrix(tmp_path / "a.h5")
-    with zipfile.ZipFile(tmp_path / "b.npz", "w", zipfile.ZIP_DEFLATED) as archive:
-        head = b"\x93NUMPY\x01\x00v\x00"
-        words = repr({"descr": "<f8", "fortran_order": False, "shape": (3, 3, 10**9)}).ljust(117) + "\n"
-        archive.writestr("A.npy", head + words.encode())
-    with pytest.raises(InputError, match="damaged or cut short"):
-        read_matrix(tmp_path / "b.npz")
-
-
 def test_what_is_elsewhere_is_not_read(tmp_path):
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["A"] = A
@@ -398,11 +380,22 @@ def test_what_is_elsewhere_is_not_read(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.create_dataset("A", shape=A.shape, dtype="f8", chunks=A.shape)
         file["period"] = PERIOD
-    with pytest.raises(InputError, match="nothing was written to `A`"):
+    with pytest.raises(InputError, match=r"must hold `A` whole, but .* never written"):
         read_matrix(tmp_path / "a.h5")
 
 
-@pytest.mark.parametrize("kind", ["npz", "mat", "packed mat", "mat 7.3", "json"])
+@pytest.mark.parametrize("kind", ["npz", "mat", "packed mat", "mat 7.3", "h5", "json"])
+def test_a_file_cut_short_is_a_message(tmp_path, kind):
+    write, name = FORMATS[kind]
+    write(tmp_path / name, A=A, period=PERIOD, states=NAMES)
+    whole = (tmp_path / name).read_bytes()
+    for share in (0.01, 0.1, 0.5, 0.9, 0.99):
+        (tmp_path / name).write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(InputError, match=rf"must be .*{name} is"):
+            read_matrix(tmp_path / name)
+
+
+@pytest.mark.parametrize("kind", ["npz", "mat", "packed mat", "json"])
 def test_damage_is_a_message_or_does_no_harm(tmp_path, kind):
     """scipy's own reader ends the process on some of these."""
     write, name = FORMATS[kind]

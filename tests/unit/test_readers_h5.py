@@ -1,9 +1,7 @@
-"""HDF5 files as h5py and others write them, and what a hostile one may hold."""
+"""HDF5 files as h5py and others write them, and those that hold something else or not all of it."""
 
 import re
 import struct
-import tracemalloc
-import zlib
 
 import h5py
 import numpy as np
@@ -169,7 +167,7 @@ def test_a_damaged_index_of_chunks_makes_no_zeros(tmp_path, key):
     first = data.rindex(b"TREE\x01") + 24  # a key of 32 bytes (size, mask, offsets), an address of 8, and so on
     data[first + 40 * key + 8 + 1] ^= 1  # the row, and 256 more
     path.write_bytes(data)
-    refused(path, "hold `values` whole", "no data at", "Cut it to what was recorded")
+    refused(path, "hold `values` whole", "never written, or are lost", "Cut it to what was recorded")
 
 
 def test_a_chunk_shorter_than_its_checksum(tmp_path):
@@ -185,7 +183,7 @@ def test_a_chunk_shorter_than_its_checksum(tmp_path):
             damaged.append(at)
     assert damaged
     path.write_bytes(data)
-    refused(path, "whole", "chunks of 2 bytes, which its 2 bytes cannot be")
+    refused(path, "hold `channels` whole")
 
 
 @pytest.mark.parametrize(("unit", "quantity"), [("m/s^2", "acceleration"), ("", "displacement")])
@@ -202,7 +200,7 @@ def test_units_among_many_attributes(tmp_path):
         for number in range(30):
             file["a"].attrs[f"note {number}"] = "v" * number
         file["a"].attrs["units"] = "m"
-    assert read(path, channels=["a"], rate=1.0).channels[0].unit == "?"  # not in the header, and so not known
+    assert read(path, channels=["a"], rate=1.0).channels[0].unit == "m"
 
 
 @pytest.mark.parametrize(("unit", "rate"), [("s", 12.5), ("ms", 12500.0), ("", 12.5), ("furlong", None)])
@@ -277,19 +275,8 @@ def unwritten_chunks(file, path):
     file.create_dataset(path, (2, 2**39), dtype="f8", chunks=(1, 2**16))
 
 
-def almost_unwritten(file, path):
-    """A chunk with data, of 2**23 that there are said to be."""
-    dataset = file.create_dataset(path, (2, 2**38), dtype="f8", chunks=(1, 2**16), compression="gzip")
-    dataset[0, :10] = 1.0
-
-
 def half_written(file, path):
     file.create_dataset(path, (2, 40), dtype="f8", chunks=(1, 10))[:, :15] = 1.0
-
-
-def ten_million_chunks(file, path):
-    """One of them is there; HDF5 takes some kilobytes for each."""
-    file.create_dataset(path, (2, 5_000_000), dtype="f4", chunks=(1, 1), fillvalue=np.nan)[0, 0] = 1.0
 
 
 def external(file, path):
@@ -305,26 +292,6 @@ def virtual(file, path):
 
 def ragged(file, path):
     file.create_dataset(path, data=np.array([np.ones(2), np.ones(3)], dtype=object), dtype=h5py.vlen_dtype(float))
-
-
-def many_texts(file, path):
-    file.create_dataset(path, (2**36,), dtype="S8", chunks=(2**16,))[:2] = b"x"
-
-
-def long_text(file, path):
-    file.create_dataset(path, data=np.array([b"x" * 2**20, b"y"]), chunks=(2,), compression="gzip")
-
-
-def packed_twice(file, path):
-    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    properties.set_chunk((2, 40))
-    properties.set_deflate(1)
-    properties.set_deflate(1)
-    file.create_dataset(path, data=VALUES, dcpl=properties)
-
-
-def scaled(file, path):
-    file.create_dataset(path, data=VALUES, chunks=(1, 20), scaleoffset=6)
 
 
 BAD = {
@@ -347,29 +314,23 @@ BAD = {
     "a rate in words": ({"sample_rate": "fast"}, "real numbers in `sample_rate`", "text"),
     "numbers as names": ({"channels": [1, 2]}, "one text a channel in `channels`", "has 2, numbers there"),
     "names of other bytes": ({"channels": np.array([b"\xff", b"y"])}, "text in UTF-8 in `channels`"),
-    "half a terabyte of names": ({"channels": many_texts}, "hold `channels` whole", "cannot be"),
-    "names of a megabyte": ({"channels": long_text}, "ordinary length in `channels`"),
     "names in references": ({"channels": lambda f, p: f.create_dataset(p, (2,), dtype=h5py.ref_dtype)}, "struct array"),
     "an external link": ({"values": link(h5py.ExternalLink("other.h5", "values"))}, "a link", "not followed"),
     "a link to itself": ({"values": link(h5py.SoftLink("/values"))}, "a link", "not followed"),
     "a link to nothing": ({"channels": link(h5py.SoftLink("/none"))}, "a link", "name the path"),
     "data of another file": ({"values": external}, "data of another file", "one file"),
     "data put together": ({"values": virtual}, "data of another file", "one file"),
-    "eight terabytes, unwritten": ({"values": unwritten}, "hold `values` whole", "0 bytes cannot be"),
-    "eight terabytes of chunks, unwritten": ({"values": unwritten_chunks}, "hold `values` whole", "0 bytes cannot be"),
-    "eight terabytes, but for one chunk": ({"values": almost_unwritten}, "hold `values` whole", "cannot be"),
-    "an acquisition that stopped": ({"values": half_written}, "4 of its 8 chunks", "read as zeros", "NaN in the rest"),
-    "ten million chunks": ({"values": ten_million_chunks}, "in fewer chunks", "10000000 of 4 bytes", "Save it whole"),
+    "eight terabytes, unwritten": ({"values": unwritten}, "hold `values` whole", "never written"),
+    "eight terabytes of chunks, unwritten": ({"values": unwritten_chunks}, "hold `values` whole", "never written"),
+    "an acquisition that stopped": ({"values": half_written}, "read as zeros", "NaN in the rest"),
     "numbers that stand for others": (
         {"values": attached(np.ones((2, 40), "i2"), scale_factor=0.5)}, "real numbers in `values`", "`scale_factor`",
     ),
     "a rate in kilohertz": ({"sample_rate": attached(0.0125, units="kHz")}, "`sample_rate` in Hz", "'kHz'", "`rate`"),
     "a period in milliseconds": ({"period": attached(80.0, unit="ms")}, "`period` in s", "'ms'", "Save it in s"),
-    "packed in another way": ({"values": scaled}, "packed by gzip or lzf", "another filter"),
     "a signalling NaN among the times": (
         {"time": np.full(40, 0x7FF0000000000001).view("f8"), "sample_rate": None}, "finite time", "`time`", "`rate`",
     ),
-    "packed twice": ({"values": packed_twice}, "packed once"),
     "a MATLAB object": (
         {"values": attached(np.zeros((1, 6), "u4"), MATLAB_class=np.bytes_("table"), MATLAB_object_decode=3)},
         "a MATLAB object", "table2array",
@@ -379,13 +340,7 @@ BAD = {
 
 @pytest.mark.parametrize(("content", "words"), [(v[0], v[1:]) for v in BAD.values()], ids=BAD)
 def test_bad_datasets(tmp_path, content, words):
-    path = saved(tmp_path, **content)
-    tracemalloc.start()
-    try:
-        refused(path, *words)
-        assert tracemalloc.get_traced_memory()[1] < 2e7
-    finally:
-        tracemalloc.stop()
+    refused(saved(tmp_path, **content), *words)
 
 
 def test_links_beside_what_is_read_do_no_harm(tmp_path):
@@ -400,36 +355,6 @@ def test_links_beside_what_is_read_do_no_harm(tmp_path):
     with h5py.File(path, "r+") as file:
         file["a name that comes before"] = file["values"]  # a second hard link to it
     assert read(path).n_samples == 40
-
-
-def test_too_many_things(tmp_path, monkeypatch):
-    from floquid.readers import _hdf5
-
-    monkeypatch.setattr(_hdf5, "_MOST_OBJECTS", 20)
-    deep = "/".join("abcdefghij" * 4)
-    refused(saved(tmp_path, **{deep: 1.0}), "levels deep", "holds more")
-    refused(saved(tmp_path, **{f"x{n}": n for n in range(20)}), "at most 20 things", "holds more")
-
-
-def bomb(path, n_bytes):
-    """In place of the only chunk of `values`, one that unpacks into `n_bytes`."""
-    with h5py.File(path, "r+") as file:
-        file["values"].id.write_direct_chunk((0, 0), zlib.compress(bytes(n_bytes)))
-
-
-def packed_values(file, path):
-    file.create_dataset(path, data=VALUES, chunks=VALUES.shape, compression="gzip")
-
-
-def test_a_chunk_that_unpacks_into_more_than_a_chunk(tmp_path, monkeypatch):
-    from floquid.core import _hdf5_limits
-
-    path = saved(tmp_path, values=packed_values)
-    monkeypatch.setattr(_hdf5_limits, "LARGE", 10**6)  # a chunk of a kilobyte may be a bomb
-    bomb(path, 10**7)
-    refused(path, "hold `values` whole", "chunks of 640 bytes")
-    monkeypatch.setattr(_hdf5_limits, "LARGE", 0)
-    assert read(saved(tmp_path, values=packed_values)).n_samples == 40
 
 
 OTHERS = {
@@ -458,60 +383,6 @@ def test_a_file_cut_short(tmp_path, share):
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
     refused(path, "damaged or cut short")
-
-
-# Texts of variable length lie in a heap that HDF5 itself trusts: damage there ends the process, or never ends.
-
-
-def heap(data):
-    """Where the heap with the names begins, and where in the file they are referred to."""
-    place = data.index(b"GCOL")
-    return place, data.index(struct.pack("<IQI", 2, place, 1))
-
-
-HEAPS = {
-    "a text of no length that ends": (lambda place, names: (place + 24, struct.pack("<Q", 2**64 - 16))),
-    "a text longer than the heap": (lambda place, names: (place + 24, struct.pack("<Q", 2**40))),
-    "a text longer than declared": (lambda place, names: (names, struct.pack("<I", 1))),
-    "a text shorter than declared": (lambda place, names: (names, struct.pack("<I", 2**31))),
-    "a heap of all memory": (lambda place, names: (place + 8, struct.pack("<Q", 2**62))),
-    "a heap of nothing": (lambda place, names: (place + 8, bytes(8))),
-    "no heap": (lambda place, names: (place, b"none")),
-    "a heap elsewhere": (lambda place, names: (names + 4, struct.pack("<Q", 2**63))),
-    "a heap beyond the end": (lambda place, names: (names + 4, struct.pack("<Q", 2**40))),
-    "another number": (lambda place, names: (names + 12, struct.pack("<I", 77))),
-}
-
-
-@pytest.mark.parametrize("change", HEAPS.values(), ids=HEAPS)
-def test_a_damaged_heap_of_texts(tmp_path, change):
-    path = saved(tmp_path, channels=["xx", "yy"])
-    data = bytearray(path.read_bytes())
-    at, new = change(*heap(bytes(data)))
-    data[at : at + len(new)] = new
-    path.write_bytes(bytes(data))
-    refused(path, "damaged or cut short")
-
-
-@pytest.mark.parametrize("by_path", [True, False])
-def test_damage_is_refused_or_a_record_is_read(tmp_path, by_path):
-    attributes = {"units": "m", "unit": "m", "note": "calm"}
-    path = saved(tmp_path, values=packed_values, a=attached(VALUES[0], **attributes), t=TIME)
-    if by_path:
-        path = lab(tmp_path, b=packed_values, a=attached(VALUES[0], **attributes), t=attached(TIME, units="s"))
-    options = {"channels": ["a", "b[1]"]} if by_path else {}
-    data, rng, refusals = path.read_bytes(), np.random.default_rng(7), 0
-    for _ in range(200):
-        damaged = bytearray(data)
-        for place in rng.integers(0, len(data), 4):
-            damaged[place] = rng.choice([0, 1, 127, 255, rng.integers(256)])
-        path.write_bytes(bytes(damaged))
-        try:
-            read(path, **options)
-        except InputError as error:
-            refusals += 1
-            assert str(path) in str(error)  # noqa: PT017
-    assert refusals > 50
 
 
 def test_numbers_whose_squares_overflow_are_summarised(tmp_path):

@@ -59,6 +59,14 @@ def test_times_instead_of_a_rate(tmp_path):
     assert "The times in the file were ignored." in record.provenance.steps
 
 
+def test_arrays_of_other_names_are_read_by_their_paths(tmp_path):
+    path = tmp_path / "lab.npz"
+    np.savez(path, data=np.arange(12.0).reshape(2, 6), time=np.arange(6) / 50, note="calm")
+    record = read(path, channels=["data[1]", "data[0]"])
+    assert record.sample_rate == 50.0
+    np.testing.assert_array_equal(record.values, np.arange(12.0).reshape(2, 6)[::-1])
+
+
 def test_what_is_not_used_is_mentioned(tmp_path):
     found = describe_file(archive(tmp_path, path=np.ones((2, 4)), note=np.array([None], dtype=object)))
     assert "The file also holds `path`, which is not used." in found.notes

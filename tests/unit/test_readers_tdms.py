@@ -153,9 +153,11 @@ def test_a_run_that_ended_early_is_read_where_its_chunks_are_whole(tmp_path):
     data = bytearray(path.read_bytes())
     data[12:20] = b"\xff" * 8
     path.write_bytes(data)
-    np.testing.assert_array_equal(read(path).values[0], X)
+    found = read(path)
+    np.testing.assert_array_equal(found.values[0], X)
+    assert any("never closed" in step for step in found.provenance.steps)
     path.write_bytes(data[:-4])
-    assert_refused(path, ["not whole chunks of 480", "Copy"])
+    assert_refused(path, ["cut short: its last segment has not all samples of /'g'/'x'", "Copy"])
 
 
 def record():

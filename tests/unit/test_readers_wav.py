@@ -57,6 +57,14 @@ def test_extensible_and_unknown_chunks(tmp_path):
     np.testing.assert_array_equal(read(path).values, [[0.5, -0.5]])
 
 
+def test_big_endian(tmp_path):
+    data = np.arange(12, dtype=">i2").tobytes()
+    chunks = b"fmt " + struct.pack(">IHHIIHH", 16, 1, 2, 8000, 32000, 4, 16) + b"data" + struct.pack(">I", 24) + data
+    path = tmp_path / "run.wav"
+    path.write_bytes(b"RIFX" + struct.pack(">I", 4 + len(chunks)) + b"WAVE" + chunks)
+    np.testing.assert_array_equal(read(path).values, np.arange(12).reshape(6, 2).T / 2.0**15)
+
+
 def test_rf64(tmp_path):
     sizes = struct.pack("<QQQI", 100, 24, 6, 0)
     path = tmp_path / "run.wav"
@@ -100,7 +108,7 @@ def test_own_chunk_against_the_header(tmp_path):
     path.write_bytes(data.replace(struct.pack("<I", 2533), struct.pack("<I", 2544), 1))
     assert_refused(path, ["agrees with its header", "2533.3 Hz there and 2544 Hz", "`rate`"])
     assert read(path, rate=2544.0).sample_rate == 2544.0
-    own = data[data.index(b"flqd") :][8 : data.index(b"data") - data.index(b"flqd")]
+    own = data[data.index(b"flqd") + 8 :]
     path.write_bytes(wav(fmt(channels=3, rate=2533), (b"flqd", own, None), DATA))
     found = read(path)
     assert len(found.channels) == 3
@@ -112,7 +120,7 @@ def test_samples_that_were_converted_have_no_unit_any_more(tmp_path):
     path = tmp_path / "run.wav"
     write(record(sample_rate=2533.0), path)
     data = path.read_bytes()
-    own = data[data.index(b"flqd") :][8 : data.index(b"data") - data.index(b"flqd")]
+    own = data[data.index(b"flqd") + 8 :]
     samples = struct.pack("<4h", 32767, -32768, 100, 0)
     path.write_bytes(wav(fmt(channels=2, rate=2533, bits=16), (b"flqd", own, None), (b"data", samples, None)))
     found = read(path)

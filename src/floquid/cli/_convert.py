@@ -15,7 +15,7 @@ from floquid.cli._progress import progress
 from floquid.cli._records import period_of
 from floquid.cli._terminal import counted, terminal
 from floquid.core import Record
-from floquid.core._hdf5_texts import HeapTexts
+from floquid.core._hdf5 import attribute
 from floquid.errors import InputError
 from floquid.readers import read, write
 
@@ -97,7 +97,7 @@ def _is_result(file: Path) -> bool:
         return False
     try:
         with h5py.File(file, "r") as stored:
-            return HeapTexts(file, stored.userblock_size).attribute(stored, "format") == "floquid-result"
+            return attribute(stored, "format") == "floquid-result"
     except (OSError, RuntimeError, ValueError, KeyError, TypeError):
         return False  # whatever it is, the reader will say what is wrong with it
 

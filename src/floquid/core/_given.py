@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from floquid.core._channel import Channel
 from floquid.core._clock import ConstantPeriod
 from floquid.core._provenance import Provenance
 from floquid.core._record import Record
-from floquid.core._time_axis import TimeAxis, TimeColumn, repair
+from floquid.core._time_axis import Source, TimeAxis, TimeColumn, repair
 from floquid.errors import InputError
 
 
@@ -35,20 +35,35 @@ class Given:
         return self.error("hold a valid record", f"does not: {error}".removesuffix("."))
 
 
+class Subject(Source, Protocol):
+    """What a record is made of, an object or a file, as the public callable named `of` tells of it."""
+
+    @property
+    def of(self) -> str: ...
+
+    def wrapped(self, error: InputError) -> InputError:
+        """An error of a type that knows nothing of it, with its name before it."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Content:
-    """What an object says of a record: `values` (channels, samples), None for what it does not say.
+    """What an object or a file says of a record: `values` (channels, samples), None for what it does not say.
+
+    `orbit` is one period of the periodic orbit that the response was about (channels, phases). `rate_note` is the
+    sentence on where `sample_rate` comes from, when "as stated" is not all of it.
 
     `binding`: the rate stated is as good as the times. Otherwise it is a remark that may be out of date, as attributes
     outlive the rows that they were written for, and only sharpens times that agree with it.
     """
 
-    kind: str
     values: NDArray[np.float64]
     channels: tuple[Channel, ...]
+    kind: str = "a file"
     time: TimeColumn | None = None
     sample_rate: float | None = None
-    binding: bool = False
+    rate_note: str | None = None
+    binding: bool = True
     start: float | None = None
     period: float | None = None
     origin: float | None = None
@@ -80,8 +95,16 @@ def record_of(content: Content, given: Given, *, rate: float | None, period: flo
         The object says no rate and none is given, its times are not those of evenly spaced samples, a value is
         infinite, or a number is not possible.
     """
-    axis = _axis(content, given, rate)
-    clock = _clock(content, given, period, origin)
+    if content.values.shape[1] == 0:
+        raise given.error("hold samples", "holds none", "Pass at least one.")
+    if rate is not None:
+        rate = positive(rate, "rate", given.of, unit="Hz", remedy="Pass the number of samples a second.")
+    axis = settle_axis(content, given, rate)
+    if axis is None:
+        raise given.error(
+            "say its sampling rate", "has no times", "Pass `rate` [Hz], or give it an index or coordinate of times."
+        )
+    clock = clock_of(content, given, period, origin)
     bad = np.argwhere(np.isinf(content.values))
     if len(bad):
         row, sample = (int(index) for index in bad[0])
@@ -106,7 +129,14 @@ def record_of(content: Content, given: Given, *, rate: float | None, period: flo
         raise given.wrapped(error) from None
 
 
-def _clock(content: Content, given: Given, period: float | None, origin: float) -> ConstantPeriod | None:
+def clock_of(content: Content, given: Subject, period: float | None, origin: float) -> ConstantPeriod | None:
+    """The clock by the `period` and the `origin` given [s], or else by what is stated; None if there is no period.
+
+    Raises
+    ------
+    InputError
+        A number is not possible, or there is an origin and no period.
+    """
     origin = finite(origin, "origin", given.of, unit="s")
     if period is not None:
         period = positive(period, "period", given.of, unit="s", remedy="Pass the length of a period in seconds.")
@@ -123,43 +153,42 @@ def _clock(content: Content, given: Given, period: float | None, origin: float) 
     return None
 
 
-def _axis(content: Content, given: Given, rate: float | None) -> TimeAxis:
-    if content.values.shape[1] == 0:
-        raise given.error("hold samples", "holds none", "Pass at least one.")
+def settle_axis(content: Content, given: Subject, rate: float | None, *, option: str = "`rate`") -> TimeAxis | None:
+    """The time axis by the `rate` given [Hz], by the rate stated, or by the times; None if there is nothing to go by.
+
+    Raises
+    ------
+    InputError
+        The times are not those of evenly spaced samples, or contradict the rate that is stated.
+    """
+    stated, who = content.sample_rate, "the file" if content.kind == "a file" else "it"
     if rate is not None:
-        rate = positive(rate, "rate", given.of, unit="Hz", remedy="Pass the number of samples a second.")
+        was = "" if stated in (None, rate) else f"; {who} states {stated:.12g} Hz"
         return TimeAxis(
-            sample_rate=rate, start=content.start or 0.0, notes=(f"Sampling rate {rate:.12g} Hz: as given.",)
+            sample_rate=rate, start=content.start or 0.0, notes=(f"Sampling rate {rate:.12g} Hz: as given{was}.",)
         )
-    stated = content.sample_rate
+    note = content.rate_note or f"Sampling rate {stated:.12g} Hz: as {who} states." if stated is not None else ""
     if content.time is None:
-        if stated is None or not content.binding:
-            raise given.error(
-                "say its sampling rate", "has no times", "Pass `rate` [Hz], or give it an index or coordinate of times."
-            )
-        note = f"Sampling rate {stated:.12g} Hz: as it states."
-        return TimeAxis(sample_rate=stated, start=content.start or 0.0, notes=(note,))
-    if stated is not None:
-        times = content.time.values * content.time.scale
-        if np.array_equal(times, times[0] + np.arange(len(times)) / stated):
-            note = f"Sampling rate {stated:.12g} Hz: as stated, which gives the times exactly."
-            return TimeAxis(sample_rate=stated, start=float(times[0]), notes=(note,))
-    fitted = repair(content.time, given)
+        even = TimeAxis(sample_rate=stated or 0.0, start=content.start or 0.0, notes=(note,))
+        return even if stated is not None and content.binding else None
     if stated is None:
-        return fitted
+        return repair(content.time, given)
+    times = content.time.values * content.time.scale
+    if np.array_equal(times, times[0] + np.arange(len(times)) / stated):
+        return TimeAxis(sample_rate=stated, start=float(times[0]), notes=(note,))
+    fitted = repair(content.time, given)
     drift = abs(stated / fitted.sample_rate - 1.0) * (content.values.shape[1] - 1)
-    if drift <= 0.5:
-        note = f"Sampling rate {stated:.12g} Hz: as stated, in agreement with the times."
-        return replace(fitted, sample_rate=stated, notes=(note, *fitted.notes[1:]))
-    if not content.binding:
+    if drift > 0.5 and content.binding:
+        times_say = f"its times make {fitted.sample_rate:.12g} Hz: {drift:.3g} samples apart at its end"
+        raise given.error(
+            "state the rate that its times have",
+            f"states {stated:.12g} Hz, while {times_say}",
+            f"Pass {option} [Hz] to say which is right.",
+        )
+    if drift > 0.5:
         note = f"A rate of {stated:.12g} Hz is stated, which is not that of the times: the times are believed."
         return replace(fitted, notes=(*fitted.notes, note))
-    raise given.error(
-        "state the rate that its times have",
-        f"states {stated:.12g} Hz, while its times make {fitted.sample_rate:.12g} Hz: {drift:.3g} samples apart at its "
-        "end",
-        "Pass `rate` [Hz] to say which is right.",
-    )
+    return replace(fitted, sample_rate=stated, notes=(note, *fitted.notes[1:]))
 
 
 def times_of(values: NDArray[Any], *, scale: float, label: str) -> tuple[TimeColumn, tuple[str, ...]] | None:

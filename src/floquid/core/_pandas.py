@@ -91,6 +91,7 @@ def from_pandas(
     channels = _channels([labels[k] for k in kept], [parts[k] for k in kept], frame.attrs, said, given)
     orbit, lost = _orbit([labels[k] for k in kept], said, given)
     content = Content(
+        binding=False,
         kind="a pandas DataFrame",
         values=values,
         channels=with_units(channels, units, given),

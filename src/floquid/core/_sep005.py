@@ -87,7 +87,6 @@ def from_sep005(
         channels=with_units(channels, units, given),
         time=column,
         sample_rate=stated["fs"],
-        binding=True,
         start=stated["start"],
         period=stated["period"],
         origin=stated["origin"],

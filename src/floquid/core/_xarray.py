@@ -74,6 +74,7 @@ def from_xarray(
         raise given.error("be a DataArray or a Dataset", f"is {describe(data)}", _REMEDY)
     times = None if rate is not None or time not in data.coords else _times(data, time, given)
     content = Content(
+        binding=False,
         kind=f"an xarray {type(data).__name__}",
         values=values,
         channels=with_units(channels, units, given),

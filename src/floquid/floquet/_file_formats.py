@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from io import BytesIO
-from math import prod
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid._checks import input_error, printable
-from floquid.core._hdf5_limits import check_found, check_size
-from floquid.core._hdf5_texts import HeapTexts
-from floquid.core._npy import read_array, read_head
+from floquid.core._hdf5 import array_in, attribute, is_elsewhere, texts_in
+from floquid.core._matlab import letters, load_variables, mat_order
 from floquid.errors import InputError
-from floquid.floquet._mat_file import DamagedError, read_variables
 
 OF = "floquet.read_matrix"
 NAMES = ("A", "coefficients", "harmonics", "period", "times", "edges", "states")
 
-_LARGEST = 1 << 30
-"""Bytes of a file or of an array in it: A(t) of 1000 states at 128 instants."""
-
 _LISTED = 40
-_MOST_TEXTS, _MOST_LETTERS = 10_000, 1 << 20
+
+
+class DamagedError(Exception):
+    """What is wrong with a file, in words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,8 +59,6 @@ def contents(path: Path) -> Contents:
     if load is None:
         must = "end in .npz, .mat, .h5, .hdf5, .json or .lin"
         raise input_error("paths", OF, must, f"is {path}", "Save A(t) in one of these, and name it by its format.")
-    if path.stat().st_size > _LARGEST:
-        raise bare.error("be of at most 1 GiB", f"has {path.stat().st_size / _LARGEST:.3g} GiB", _LESS)
     try:
         return load(path)
     except InputError:
@@ -86,29 +78,12 @@ _KINDS = {
     ".hdf5": "HDF5 file",
     ".json": "JSON file",
 }
-_LESS = "Save A(t) alone, at as many instants as it takes to resolve it."
-
-
-def _bounded(name: str, n_bytes: int) -> None:
-    if n_bytes > _LARGEST:
-        raise DamagedError(f"`{name}` declares {n_bytes / _LARGEST:.3g} GiB, more than the 1 GiB that is read")
 
 
 def _npz(path: Path) -> Contents:
-    arrays: dict[str, Any] = {}
-    with zipfile.ZipFile(path) as archive:
-        members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        for name in NAMES:
-            if name in members:
-                _bounded(name, members[name].file_size)
-                data = BytesIO(archive.read(members[name]))
-                if data.read(6) != b"\x93NUMPY":
-                    raise DamagedError(f"`{name}` in it is no array")
-                data.seek(0)
-                read_head(data)
-                data.seek(0)
-                arrays[name] = read_array(data)
-    return Contents(path=path, arrays=arrays, names=tuple(members))
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+        arrays = {name: archive[name] for name in NAMES if name in archive}
+        return Contents(path=path, arrays=arrays, names=tuple(archive))
 
 
 def _json(path: Path) -> Contents:
@@ -139,111 +114,44 @@ def _hdf5(path: Path) -> Contents:
         raise DamagedError("it has not the mark of one")
     with h5py.File(path, "r") as file:
         names = tuple(name for name in map(str, file) if not name.startswith("#"))
-        held = _Hdf5(
-            of=Contents(path=path, arrays={}, names=names), file=file, heap=HeapTexts(path, file.userblock_size)
-        )
-        if held.heap.attribute(file, "format") == "floquid-result":
-            return _result(held)
-        return replace(held.of, arrays={name: held.array(name) for name in NAMES if name in names})
+        of, result = Contents(path=path, arrays={}, names=names), attribute(file, "format") == "floquid-result"
+        places = {name: name for name in NAMES if name in names}
+        if result:
+            places = {"A": "state/system", "times": "state/times", "states": "state/states", "period": "model/period"}
+            if not isinstance(_thing(file, "state"), h5py.Group):  # a dataset without content stands for None
+                raise _no_system(of, "result")
+        arrays = {name: _array(of, _thing(file, place), place) for name, place in places.items()}
+    return Contents(path=path, arrays=arrays, names=names, result=result)
 
 
-def _result(held: _Hdf5) -> Contents:
-    """A(t) in the `result.h5` of `floquid identify`."""
-    if not held.is_group("state"):  # a dataset without content stands for None
-        raise _no_system(held.of, "result")
-    places = {"A": "state/system", "times": "state/times", "states": "state/states", "period": "model/period"}
-    return replace(held.of, arrays={name: held.array(place) for name, place in places.items()}, result=True)
+def _thing(file: Any, name: str) -> Any:
+    """What is at a path, by hard links alone."""
+    import h5py
+
+    found = file
+    for word in name.split("/"):
+        if not isinstance(found, h5py.Group) or word not in found:
+            raise DamagedError(f"it has no `{name}`")
+        if not isinstance(found.get(word, getlink=True), h5py.HardLink):
+            raise DamagedError(f"`{name}` in it is a link, which is not followed")
+        found = found[word]
+    return found
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Hdf5:
-    """An open HDF5 file, of which no link is followed and nothing is read that it declares and has not."""
+def _array(of: Contents, dataset: Any, name: str) -> Any:
+    """An array of numbers, or the texts of a dataset."""
+    import h5py
 
-    of: Contents
-    file: Any
-    heap: HeapTexts
-
-    def thing(self, name: str) -> Any:
-        """What is at a path, by hard links alone."""
-        import h5py
-
-        found = self.file
-        for word in name.split("/"):
-            if not isinstance(found, h5py.Group) or word not in found:
-                raise DamagedError(f"it has no `{name}`")
-            if not isinstance(found.get(word, getlink=True), h5py.HardLink):
-                raise DamagedError(f"`{name}` in it is a link, which is not followed")
-            if self.heap.is_virtual(found, word):
-                raise DamagedError(f"`{name}` is kept in another file")
-            found = found[word]
-        return found
-
-    def is_group(self, name: str) -> bool:
-        """Whether there is a group of that name."""
-        import h5py
-
-        return isinstance(self.thing(name), h5py.Group)
-
-    def array(self, name: str) -> Any:
-        """An array of numbers or texts; that of a MATLAB file turned round, as it is kept."""
-        import h5py
-
-        dataset = self.thing(name)
-        if not isinstance(dataset, h5py.Dataset) or dataset.shape is None:
-            raise DamagedError(f"`{name}` in it is no array")
-        self.check(dataset, name)
-        if h5py.check_string_dtype(dataset.dtype) is not None:
-            return self.texts(dataset, name)
-        kind = self.heap.attribute(dataset, "MATLAB_class")
-        if h5py.check_ref_dtype(dataset.dtype) is not None and kind:
-            if prod(dataset.shape) > _MOST_TEXTS:
-                raise DamagedError(f"`{name}` has more texts than names ever are")
-            if self.heap.refer_to_virtual(dataset):
-                raise DamagedError("a cell array in it holds other things than texts")
-            return [self.codes(self.file[one], name) for one in np.asarray(dataset[()]).T.ravel(order="F")]
-        if dataset.dtype.kind not in "biufc" and dataset.dtype.names != ("real", "imag"):
-            raise DamagedError(f"`{name}` in it is neither numbers nor text")
-        values = np.asarray(dataset[()])
-        check_found(self.of, dataset, name, values)
-        if not kind:
-            return values
-        if values.dtype == np.uint16 and kind == "char":
-            return [_text(row) for row in np.atleast_2d(values.T)]
-        if values.dtype.names == ("real", "imag"):
-            values = values["real"] + 1j * values["imag"]
-        return values.T
-
-    def texts(self, dataset: Any, name: str) -> list[str]:
-        """The texts of a dataset of strings."""
-        import h5py
-
-        if dataset.size > _MOST_TEXTS or dataset.id.get_storage_size() > _MOST_LETTERS:
-            raise DamagedError(f"`{name}` has more text than names ever are")
-        fixed = h5py.check_string_dtype(dataset.dtype).length is not None
-        found = np.asarray(dataset[()]).ravel().tolist() if fixed else self.heap.of_dataset(dataset)
-        return [text.decode() for text in found]
-
-    def codes(self, cell: Any, name: str) -> str:
-        """The text in a cell, which is kept as codes of UTF-16."""
-        import h5py
-
-        if not isinstance(cell, h5py.Dataset) or cell.dtype != np.uint16 or prod(cell.shape) > _MOST_LETTERS:
-            raise DamagedError("a cell array in it holds other things than texts")
-        self.check(cell, name)
-        return "" if "MATLAB_empty" in cell.attrs else _text(np.asarray(cell[()]).ravel())
-
-    def check(self, dataset: Any, name: str) -> None:
-        """Refuse what is kept elsewhere, is larger than is read, or declares more than there is of it."""
-        if dataset.external:
-            raise DamagedError(f"`{name}` is kept in another file")
-        _bounded(name, prod(dataset.shape) * dataset.dtype.itemsize)
-        if dataset.size and not dataset.id.get_storage_size():
-            raise DamagedError(f"nothing was written to `{name}`")
-        check_size(self.of, dataset, name, self.of.path.stat().st_size)
-
-
-def _text(codes: NDArray[np.uint16]) -> str:
-    return np.ascontiguousarray(codes, dtype="<u2").tobytes().decode("utf-16-le").rstrip(" ")
+    if not isinstance(dataset, h5py.Dataset) or dataset.shape is None:
+        raise DamagedError(f"`{name}` in it is no array")
+    if is_elsewhere(dataset):
+        raise DamagedError(f"`{name}` is kept in another file")
+    texts = texts_in(of, dataset, name)
+    if texts is not None:
+        return texts
+    if dataset.dtype.kind not in "biufc" and dataset.dtype.names != ("real", "imag"):
+        raise DamagedError(f"`{name}` in it is neither numbers nor text")
+    return array_in(of, dataset, name)
 
 
 def _mat(path: Path) -> Contents:
@@ -251,5 +159,15 @@ def _mat(path: Path) -> Contents:
 
     if h5py.is_hdf5(path):
         return _hdf5(path)
-    arrays, names = read_variables(path.read_bytes(), NAMES)
-    return Contents(path=path, arrays=arrays, names=names)
+    if not mat_order(path):
+        raise DamagedError("it has not the mark of version 5 to 7.3")
+    found = load_variables(path)
+    arrays: dict[str, Any] = {}
+    for name in NAMES:
+        if name in found:
+            texts = letters(found[name])
+            arrays[name] = found[name] if texts is None else texts
+            if texts is None and (type(found[name]) is not np.ndarray or found[name].dtype.kind not in "biufc"):
+                more = "MATLAB's string arrays become text by `cellstr`"
+                raise DamagedError(f"`{name}` is neither numbers nor text; {more}")
+    return Contents(path=path, arrays=arrays, names=tuple(found))

@@ -1,6 +1,6 @@
 """A file of variables with our names: `values` (channels, samples), `channels`, `sample_rate` or `time`, ...
 
-The names and the rules are those of the NumPy archives (see `_npz`); what is refused is told in the file's dialect.
+NumPy archives, MATLAB files and HDF5 have them; what is refused is told in the file's dialect.
 """
 
 from __future__ import annotations
@@ -13,9 +13,12 @@ from numpy.typing import NDArray
 from floquid._checks import describe
 from floquid.core import channels_named
 from floquid.core._time_axis import SECONDS, TimeColumn
-from floquid.readers._npz import _KEYS, _WORDS, _scalar, _time
 from floquid.readers._table import Source, Table, checked_orbit, make_channels
 from floquid.readers._variables import Variable, VariableFile, numbers, printable, require_numbers
+
+_WORDS = ("units", "quantities", "locations", "directions")
+KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period", "origin", "orbit")
+"""The names that are ours."""
 
 
 def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
@@ -47,7 +50,7 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
         chosen = channels_named(named, channels, argument="channels", of=source.of)
         values, named = values[chosen], tuple(named[row] for row in chosen)
         orbit = None if orbit is None else orbit[chosen]
-    others = [path for path in held if path not in _KEYS]
+    others = [path for path in held if path not in KEYS]
     notes = tuple(f"The file also holds `{printable(path)}`, which is not used." for path in others[:20])
     if len(others) > 20:
         notes += (f"It holds {len(others) - 20} more that are not used.",)
@@ -80,8 +83,14 @@ def time_column(source: Source, file: VariableFile, path: str, n_samples: int) -
     array = numbers(source, file, path)
     if array.size == max(array.shape, default=0):
         array = array.reshape(-1)
-    column = _time(source, array, n_samples)
-    return TimeColumn(values=column.values, scale=_scale(source, file.variables[path]), label=printable(path))
+    if array.shape != (n_samples,):
+        raise source.error(
+            f"have `time` of shape (samples,) with {n_samples} samples, as in `values`",
+            f"has shape {array.shape} there",
+            "Save one time a sample [s].",
+        )
+    kept = array if array.dtype == np.float32 else array.astype(np.float64)
+    return TimeColumn(values=kept, scale=_scale(source, file.variables[path]), label=printable(path))
 
 
 def scalar(source: Source, file: VariableFile, path: str) -> float | None:
@@ -102,7 +111,19 @@ def scalar(source: Source, file: VariableFile, path: str) -> float | None:
             f"has it in {variable.unit!r}",
             f"Save it in {unit}{', or pass `rate` (`--rate`) [Hz]' if unit == 'Hz' else ''}.",
         )
-    return _scalar(source, {variable.name: numbers(source, file, path)}, variable.name)
+    array = numbers(source, file, path)
+    must_be_positive = variable.name in ("sample_rate", "period")
+    number = float(array.reshape(())) if array.size == 1 and array.dtype.kind in "iuf" else np.nan
+    if not np.isfinite(number) or (must_be_positive and number <= 0.0):
+        got = f"{array.reshape(())[()]!s}" if array.size == 1 else describe(array)
+        raise source.error(
+            f"hold one finite{' positive' if must_be_positive else ''} number in `{variable.name}`",
+            f"has {got} there",
+            "Mend it, or leave it out and pass `rate` (`--rate`) [Hz]."
+            if unit == "Hz"
+            else "Mend it, or leave it out.",
+        )
+    return number
 
 
 def _scale(source: Source, variable: Variable) -> float:

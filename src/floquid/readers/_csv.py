@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Record, channels_named
+from floquid.core import Record
 from floquid.core._time_axis import TimeColumn
-from floquid.readers._csv_header import Header, find_delimiter, parse_header, parse_record_line, split_cells
-from floquid.readers._stated import RECORD_LINE, own_orbit, stated_text
-from floquid.readers._table import Source, Table, refuse_blurred_times
+from floquid.readers._csv_header import Header, find_delimiter, parse_header, split_cells
+from floquid.readers._stated import RECORD_LINE, stated_line, stated_text
+from floquid.readers._table import Source, Table, refuse_blurred_times, rows_of
 
 _BLOCK = 1 << 16
 _BLANK = ' \t,;"\n'
@@ -54,15 +54,11 @@ def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     """
     _refuse_other_than_text(source)
     comments, (top, head) = _head(source)
-    stated = parse_record_line(source, comments)
+    stated = stated_line(source, comments)
     body = _body(source, top, head)
     cells = split_cells(head, body.delimiter)
     header = parse_header(source, cells[:-1] if cells[-1] == "" else cells, top, stated)
-    chosen = (
-        list(range(len(header.channels)))
-        if channels is None
-        else channels_named(header.channels, channels, argument="channels", of=source.of)
-    )
+    chosen = rows_of(source, header.channels, channels)
     use_time = header.time_column is not None and not ignore_time
     columns = [header.columns[index] for index in chosen] + ([header.time_column] if use_time else [])
     if not use_time:
@@ -78,13 +74,10 @@ def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     )
     return Table(
         values=values[: len(chosen)],
-        channels=tuple(header.channels[index] for index in chosen),
         time=time,
         sample_rate=stated.sample_rate,
-        period=stated.period,
-        origin=stated.origin,
-        orbit=own_orbit(stated, [header.channels[index] for index in chosen]),
         notes=ignored,
+        **stated.of([header.channels[index] for index in chosen]),
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from floquid.core import Channel
 from floquid.core._labels import find_time, name_and_unit
 from floquid.errors import InputError
-from floquid.readers._stated import RECORD_LINE, DamagedLineError, Stated, parse_stated
+from floquid.readers._stated import Stated
 from floquid.readers._table import Source, check_distinct
 
 
@@ -91,24 +91,3 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return cell == ""
     return True
-
-
-def parse_record_line(source: Source, comments: Sequence[str]) -> Stated:
-    """What our comment line states, if it is there.
-
-    Raises
-    ------
-    InputError
-        It is there and is not as we write it.
-    """
-    text = next((line.removeprefix(RECORD_LINE) for line in comments if line.startswith(RECORD_LINE)), None)
-    if text is None:
-        return Stated()
-    try:
-        return parse_stated(text)
-    except DamagedLineError:
-        raise source.error(
-            f"have the line `{RECORD_LINE.strip()}` as floquid wrote it",
-            "has another",
-            "Delete that line: the table can be read without it.",
-        ) from None

@@ -1,10 +1,7 @@
 """HDF5 files: plain ones, as most programs write them, and those that are MATLAB files of version 7.3.
 
-MATLAB keeps an array turned round (its first axis is HDF5's last), marks it by the attribute `MATLAB_class`, keeps text
-as codes of UTF-16, and a cell array as references to datasets elsewhere. Arrays without that mark are taken as they
-are. No link is followed, and no data are read that are in other files.
-
-Source: MathWorks, "MAT-File Versions" (version 7.3), and files that MATLAB writes.
+How MATLAB keeps arrays and texts is known to `floquid.core._hdf5`. No link is followed, and no data are read that are
+in other files.
 """
 
 from __future__ import annotations
@@ -18,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Record
-from floquid.core._hdf5_limits import check_found, check_size
-from floquid.core._hdf5_texts import HeapTexts
+from floquid.core._hdf5 import array_in, attribute, is_elsewhere, texts_in
 from floquid.errors import InputError
 from floquid.readers._by_path import table_of_variables
 from floquid.readers._table import Source, Table, numbers_of, orbit_of, texts_of
@@ -28,11 +24,8 @@ from floquid.readers._variables import HDF5, MATLAB, Dialect, Kind, Variable, pr
 if TYPE_CHECKING:
     import h5py
 
-_MOST_OBJECTS, _DEEPEST, _MOST_TEXTS, _MOST_LETTERS = 20_000, 30, 10_000, 1 << 20
 _BLOCK = 1 << 16
 _MATLAB_S_OWN = ("#refs#", "#subsystem#")
-_TEXT_CLASS = "char"
-_ELSEWHERE = "a virtual dataset"
 
 
 def is_hdf5(path: Path) -> bool:
@@ -85,73 +78,43 @@ class Hdf5File:
     def __init__(self, source: Source, file: h5py.File) -> None:
         self._source = source
         self._file: Any = file  # what is at a path is checked in `_walk`
-        self._n_bytes = source.path.stat().st_size
-        self._heap = HeapTexts(source.path, file.userblock_size)
         self.variables: dict[str, Variable] = {}
         matlab = False
         for path, thing in self._walk():
-            variable = self._variable(path, thing)
-            self.variables[path] = variable
-            matlab = matlab or (thing not in (None, _ELSEWHERE) and self._heap.attribute(thing, "MATLAB_class") != "")
+            self.variables[path] = self._variable(path, thing)
+            matlab = matlab or (thing is not None and attribute(thing, "MATLAB_class") != "")
         self.dialect: Dialect = MATLAB if matlab else HDF5
 
     def numbers(self, path: str) -> NDArray[Any]:
         """The array of a variable of numbers, in its shape."""
         if not self.variables[path].size:
             return np.zeros(self.variables[path].shape)
-        dataset = self._file[path]
-        self._check(dataset, path)
-        array = np.asarray(dataset[()])
-        check_found(self._source, dataset, path, array)
-        return array.T if self._heap.attribute(dataset, "MATLAB_class") else array
+        return array_in(self._source, self._file[path], path)
 
     def texts(self, path: str) -> list[str] | None:
         """The texts in a dataset, the rows of a character array, or the texts in a cell array."""
-        import h5py
-
-        variable, dataset = self.variables[path], self._file[path]
-        if not 0 < variable.size <= _MOST_TEXTS and variable.kind != "text":
-            return None
-        self._check(dataset, path)
-        if h5py.check_string_dtype(dataset.dtype) is not None:
-            return self._strings(dataset, path)
-        if self._heap.attribute(dataset, "MATLAB_class") == _TEXT_CLASS:
-            return [row.rstrip(" ") for row in self._rows(dataset, path)]
-        if self._heap.refer_to_virtual(dataset):
-            return None
-        cells = [self._file[reference] if reference else None for reference in dataset[()].ravel()]
-        return self._cells(cells, path)
+        return texts_in(self._source, self._file[path], path)
 
     def _walk(self) -> Iterator[tuple[str, Any]]:
-        """Every dataset with its path, and a group that MATLAB makes of one thing; of a link None, and `_ELSEWHERE`.
+        """Every dataset with its path, and a group that MATLAB makes of one thing; of a link None.
 
         Groups are entered by hard links alone, and each but once.
         """
         import h5py
 
         waiting: list[tuple[str, Any]] = [("", self._file)]
-        seen, count = {self._file.id}, 0
+        seen = {self._file.id}
         while waiting:
             path, group = waiting.pop(0)
             for name in group:
                 where = f"{path}{name}"
-                count += 1
-                if count > _MOST_OBJECTS or where.count("/") > _DEEPEST:
-                    raise self._source.error(
-                        f"hold at most {_MOST_OBJECTS} things, at most {_DEEPEST} levels deep",
-                        "holds more",
-                        "Save what is to be read in a file of its own.",
-                    )
                 if path == "" and name in _MATLAB_S_OWN:
                     continue
                 if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                     yield where, None
                     continue
-                if self._heap.is_virtual(group, name):
-                    yield where, _ELSEWHERE
-                    continue
                 thing = group[name]
-                if isinstance(thing, h5py.Dataset) or (isinstance(thing, h5py.Group) and self._is_one_thing(thing)):
+                if isinstance(thing, h5py.Dataset) or (isinstance(thing, h5py.Group) and _is_one_thing(thing)):
                     yield where, thing
                 elif isinstance(thing, h5py.Group) and thing.id not in seen:
                     seen.add(thing.id)
@@ -160,93 +123,43 @@ class Hdf5File:
     def _variable(self, path: str, thing: Any) -> Variable:
         import h5py
 
-        if thing is None or thing is _ELSEWHERE:
-            return Variable(path=path, shape=(), kind="a link" if thing is None else "data of another file")
+        if thing is None:
+            return Variable(path=path, shape=(), kind="a link")
         if isinstance(thing, h5py.Group):
-            sparse = thing.attrs.get_id("MATLAB_sparse") if "MATLAB_sparse" in thing.attrs else None
-            return Variable(path=path, shape=(), kind="a function handle" if sparse is None else "a sparse matrix")
+            is_sparse = "MATLAB_sparse" in thing.attrs
+            return Variable(path=path, shape=(), kind="a sparse matrix" if is_sparse else "a function handle")
         shape = (0,) if thing.shape is None else tuple(int(n) for n in thing.shape)
-        if self._heap.attribute(thing, "MATLAB_class"):
+        if attribute(thing, "MATLAB_class"):
             shape = (0, 0) if "MATLAB_empty" in thing.attrs else shape[::-1]
-        unit = self._heap.attribute(thing, "unit") or self._heap.attribute(thing, "units")
-        return Variable(path=path, shape=shape, kind=self._kind(thing), unit=unit)
+        unit = attribute(thing, "unit") or attribute(thing, "units")
+        return Variable(path=path, shape=shape, kind=_kind(thing), unit=unit)
 
-    def _is_one_thing(self, group: Any) -> bool:
-        """Whether MATLAB keeps one variable in a group that is not a struct."""
-        return "MATLAB_sparse" in group.attrs or self._heap.attribute(group, "MATLAB_class") == "function_handle"
 
-    def _kind(self, dataset: Any) -> Kind:
-        import h5py
+def _is_one_thing(group: Any) -> bool:
+    """Whether MATLAB keeps one variable in a group that is not a struct."""
+    return "MATLAB_sparse" in group.attrs or attribute(group, "MATLAB_class") == "function_handle"
 
-        matlab, dtype = self._heap.attribute(dataset, "MATLAB_class"), dataset.dtype
-        names = set(dtype.names or ())
-        kinds: list[tuple[object, Kind]] = [
-            (bool(dataset.external), "data of another file"),
-            ("MATLAB_object_decode" in dataset.attrs, "a MATLAB object"),
-            (matlab == "cell", "a cell array"),
-            (matlab == "function_handle", "a function handle"),
-            # a field of a struct array has no class and refers to its elements elsewhere
-            (matlab == "struct" or h5py.check_ref_dtype(dtype) is not None, "a struct array"),
-            (matlab == _TEXT_CLASS or h5py.check_string_dtype(dtype) is not None, "text"),
-            (dtype.kind == "c" or names == {"real", "imag"}, "complex numbers"),
-            ({"scale_factor", "add_offset"} & set(dataset.attrs), "scaled numbers"),  # as netCDF packs them
-            (dtype.kind in "biuf", "numbers"),
-        ]
-        for fits, kind in kinds:
-            if fits:
-                return kind
-        return "records"
 
-    def _check(self, dataset: Any, path: str) -> None:
-        check_size(self._source, dataset, path, self._n_bytes)
+def _kind(dataset: Any) -> Kind:
+    import h5py
 
-    def _strings(self, dataset: Any, path: str) -> list[str]:
-        """The texts of a dataset of strings."""
-        import h5py
-
-        if dataset.size > _MOST_TEXTS or dataset.id.get_storage_size() > _MOST_LETTERS:
-            raise self._too_long(path)
-        fixed = h5py.check_string_dtype(dataset.dtype).length is not None
-        texts = np.asarray(dataset[()]).ravel().tolist() if fixed else self._heap.of_dataset(dataset)
-        if sum(map(len, texts)) > _MOST_LETTERS:
-            raise self._too_long(path)
-        try:
-            return [text.decode() for text in texts]
-        except UnicodeDecodeError:
-            raise self._source.error(
-                f"hold text in UTF-8 in `{printable(path)}`", "has other bytes there", "Save it from str."
-            ) from None
-
-    def _cells(self, cells: Sequence[Any], path: str) -> list[str] | None:
-        import h5py
-
-        found, letters = [], 0
-        for cell in cells:
-            if not isinstance(cell, h5py.Dataset) or self._heap.attribute(cell, "MATLAB_class") != _TEXT_CLASS:
-                return None
-            rows = self._rows(cell, path)
-            letters += sum(map(len, rows))
-            if letters > _MOST_LETTERS:
-                raise self._too_long(path)
-            if len(rows) > 1:
-                return None
-            found.append("".join(rows))
-        return found
-
-    def _rows(self, dataset: Any, path: str) -> list[str]:
-        """The rows of a character array, which is kept as codes of UTF-16, a column a row."""
-        if "MATLAB_empty" in dataset.attrs or not dataset.size:
-            return [""]
-        if dataset.dtype != np.uint16 or dataset.ndim != 2 or dataset.size > _MOST_LETTERS:
-            raise self._too_long(path)
-        self._check(dataset, path)
-        codes = np.asarray(dataset[()]).T.astype("<u2")
-        return [np.ascontiguousarray(row).tobytes().decode("utf-16-le") for row in codes]
-
-    def _too_long(self, path: str) -> InputError:
-        return self._source.error(
-            f"hold names of ordinary length in `{printable(path)}`", "has other data there", self.dialect.texts
-        )
+    matlab, dtype = attribute(dataset, "MATLAB_class"), dataset.dtype
+    kinds: list[tuple[object, Kind]] = [
+        (is_elsewhere(dataset), "data of another file"),
+        ("MATLAB_object_decode" in dataset.attrs, "a MATLAB object"),
+        (matlab == "cell", "a cell array"),
+        (matlab == "function_handle", "a function handle"),
+        # a field of a struct array has no class and refers to its elements elsewhere
+        (matlab == "struct" or h5py.check_ref_dtype(dtype) is not None, "a struct array"),
+        (matlab == "char" or h5py.check_string_dtype(dtype) is not None, "text"),
+        (dtype.kind == "c" or dtype.names == ("real", "imag"), "complex numbers"),
+        ({"scale_factor", "add_offset"} & set(dataset.attrs), "scaled numbers"),  # as netCDF packs them
+        (dtype.kind in "biuf", "numbers"),
+    ]
+    for fits, kind in kinds:
+        if fits:
+            return kind
+    return "records"
 
 
 def save_hdf5(record: Record, path: Path) -> None:

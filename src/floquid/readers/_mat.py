@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import Record
+from floquid.core._matlab import letters, load_variables, mat_order
 from floquid.errors import InputError
 from floquid.readers._by_path import table_of_variables
 from floquid.readers._hdf5 import is_hdf5, load_hdf5
-from floquid.readers._mat5 import HEAD, DamagedError, Mat5File
 from floquid.readers._table import Source, Table, numbers_of, orbit_of, texts_of
+from floquid.readers._variables import MATLAB, Dialect, Kind, Variable, printable
 
 _LARGEST = (1 << 31) - (1 << 16)
 """Bytes that a variable may have in these files: two gibibytes, less what its head takes."""
@@ -33,26 +35,72 @@ def load_mat(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     InputError
         The file is none, is damaged, has no variables of our names and none are named, or one is not what it must be.
     """
-    with source.path.open("rb") as stream:
-        head = stream.read(HEAD)
     if is_hdf5(source.path):
         return load_hdf5(source, channels=channels, ignore_time=ignore_time)
-    if len(head) < HEAD or head[126:128] not in (b"IM", b"MI"):
-        raise _no_mat_file(source, head)
+    if not mat_order(source.path):
+        raise _no_mat_file(source)
     try:
-        file = Mat5File(source, source.path.read_bytes())
+        file = _MatFile(load_variables(source.path))
         return table_of_variables(source, file, channels=channels, ignore_time=ignore_time)
     except (InputError, OSError, MemoryError):
         raise
     except Exception as error:  # noqa: BLE001  # damage raises anything: zlib.error, struct.error, ...
-        what = str(error) if isinstance(error, DamagedError) else f"{type(error).__name__}: {error}"
+        what = f"{type(error).__name__}: {printable(str(error))}"
         raise source.error(
             "be a whole MATLAB file", f"is damaged or cut short: {what}", f"Copy it again. {_SAVE_AGAIN}"
         ) from None
 
 
-def _no_mat_file(source: Source, head: bytes) -> InputError:
+class _MatFile:
+    """The variables that scipy found, those in structs under their paths."""
+
+    def __init__(self, content: dict[str, Any]) -> None:
+        self._values = dict(_leaves(content))
+        self.variables = {path: _variable(path, value) for path, value in self._values.items()}
+        self.dialect: Dialect = MATLAB
+
+    def numbers(self, path: str) -> NDArray[Any]:
+        """The array of a variable of numbers, in its shape."""
+        return self._values[path]
+
+    def texts(self, path: str) -> list[str] | None:
+        """The rows of a character array without the blanks that fill them up, or the texts in a cell array."""
+        return letters(self._values[path])
+
+
+def _leaves(content: dict[str, Any], stem: str = "") -> Iterator[tuple[str, Any]]:
+    """Every variable with its path: of a struct, its fields."""
+    for name, value in content.items():
+        if type(value) is np.ndarray and value.dtype.names and value.size == 1:
+            record = value.item()
+            yield from _leaves(dict(zip(value.dtype.names, record, strict=True)), f"{stem}{name}/")
+        else:
+            yield f"{stem}{name}", value
+
+
+def _variable(path: str, value: Any) -> Variable:
+    from scipy.io import matlab
+    from scipy.sparse import issparse
+
+    kinds: list[tuple[bool, Kind]] = [
+        (issparse(value), "a sparse matrix"),
+        (isinstance(value, matlab.MatlabFunction), "a function handle"),
+        (isinstance(value, (matlab.MatlabObject, matlab.MatlabOpaque)), "a MATLAB object"),
+    ]
+    for fits, kind in kinds:
+        if fits:
+            return Variable(path=path, shape=(), kind=kind)
+    array = np.asarray(value)
+    if array.dtype.names:
+        return Variable(path=path, shape=array.shape, kind="a struct array")
+    by_letter: dict[str, Kind] = {"O": "a cell array", "U": "text", "c": "complex numbers"}
+    return Variable(path=path, shape=array.shape, kind=by_letter.get(array.dtype.kind, "numbers"))
+
+
+def _no_mat_file(source: Source) -> InputError:
     """What else the file may be, by its first bytes."""
+    with source.path.open("rb") as stream:
+        head = stream.read(128)
     remedy = f"Copy it again. {_SAVE_AGAIN}"
     if head.startswith(b"MATLAB "):
         got = "is cut short or damaged"

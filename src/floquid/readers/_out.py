@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Record, channels_named
+from floquid.core import Record
 from floquid.core._time_axis import TimeColumn
 from floquid.readers._openfast import channels_of, labels_of, units_of
-from floquid.readers._stated import RECORD_LINE, DamagedLineError, Stated, own_orbit, parse_stated, stated_text
-from floquid.readers._table import Source, Table, refuse_blurred_times
+from floquid.readers._stated import RECORD_LINE, stated_line, stated_text
+from floquid.readers._table import Source, Table, refuse_blurred_times, rows_of
 
 _MOST_WORDS = 60
 """Lines above the names, at most."""
@@ -48,24 +48,19 @@ def load_out(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
         The file is not one, a row is ragged, or a cell is not a number.
     """
     head = _head(source)
-    stated = _stated(source, head)
+    stated = stated_line(source, head.words)
     named, notes = channels_of(source, head.names[1:], head.units[1:], stated, _WIDTH)
-    rows = list(range(len(named)))
-    if channels is not None:
-        rows = channels_named(named, channels, argument="channels", of=source.of)
+    rows = rows_of(source, named, channels)
     values, times = _numbers(source, head, rows)
     if ignore_time:
         notes += ("The times in the file were ignored.",)
     return Table(
         values=values,
-        channels=tuple(named[row] for row in rows),
         time=None if ignore_time else TimeColumn(values=times, scale=1.0, label=head.names[0]),
         sample_rate=stated.sample_rate,
         start=stated.start,
-        period=stated.period,
-        origin=stated.origin,
-        orbit=own_orbit(stated, [named[row] for row in rows]),
         notes=notes,
+        **stated.of([named[row] for row in rows]),
     )
 
 
@@ -106,17 +101,6 @@ def _with_units(source: Source, names: Sequence[str], words: Sequence[str]) -> _
             raise source.error("name its channels in plain letters", f"has {name!r} in line {at}", "Rename it.")
     plain = tuple(units) if has_units else ("(-)",) * len(names)
     return _Head(names=tuple(names), units=plain, words=tuple(words), first=at + 1 + has_units)
-
-
-def _stated(source: Source, head: _Head) -> Stated:
-    text = next((line.removeprefix(RECORD_LINE) for line in head.words if line.startswith(RECORD_LINE)), None)
-    if text is None:
-        return Stated()
-    try:
-        return parse_stated(text)
-    except DamagedLineError:
-        must, got = f"have the line `{RECORD_LINE.strip()}` as floquid wrote it", "has another"
-        raise source.error(must, got, "Delete that line: the table can be read without it.") from None
 
 
 def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -29,11 +29,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import Record, channels_named
+from floquid.core import Record
 from floquid.core._time_axis import TimeColumn
 from floquid.readers._openfast import channels_of, labels_of, rate_of_step, units_of
-from floquid.readers._stated import RECORD_LINE, DamagedLineError, Stated, own_orbit, parse_stated, stated_text
-from floquid.readers._table import Source, Table
+from floquid.readers._stated import RECORD_LINE, Stated, stated_in, stated_text
+from floquid.readers._table import Source, Table, rows_of
 
 _WITH_TIME, _WITHOUT_TIME, _UNPACKED, _WITH_LENGTH = 1, 2, 3, 4
 _LETTERS = 10
@@ -73,9 +73,7 @@ def load_outb(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         head = _head(source, stream)
         stated = _stated(source, head, ignore_time=ignore_time)
         named, notes = channels_of(source, head.names[1:], head.units[1:], stated, _LETTERS)
-        rows = list(range(len(named)))
-        if channels is not None:
-            rows = channels_named(named, channels, argument="channels", of=source.of)
+        rows = rows_of(source, named, channels)
         time = None
         if head.kind == _WITH_TIME:
             time = _times(source, stream, head)
@@ -86,14 +84,11 @@ def load_outb(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     packed = () if head.kind == _UNPACKED else ("The samples are packed into 16 bits: about 5 digits of each range.",)
     return Table(
         values=values,
-        channels=tuple(named[row] for row in rows),
         time=None if ignore_time else time,
         sample_rate=rate,
         start=start,
-        period=stated.period,
-        origin=stated.origin,
-        orbit=own_orbit(stated, [named[row] for row in rows]),
         notes=(*notes, *packed),
+        **stated.of([named[row] for row in rows]),
     )
 
 
@@ -156,11 +151,8 @@ def _stated(source: Source, head: _Head, *, ignore_time: bool) -> Stated:
     mark = RECORD_LINE.encode()
     if not head.description.startswith(mark):
         return Stated()
-    try:
-        stated = parse_stated(head.description.removeprefix(mark))
-    except DamagedLineError:
-        must, got = f"have the description `{RECORD_LINE.strip()}` as floquid wrote it", "has another"
-        raise source.error(must, got, "Copy or write it again.") from None
+    place = f"the description `{RECORD_LINE.strip()}`"
+    stated = stated_in(source, head.description.removeprefix(mark), place, "Copy or write it again.")
     rate, start = stated.sample_rate, stated.start
     agrees = rate is not None and rate > 0.0 and (start, 1.0 / rate) == (head.first, head.second)
     if not agrees and not ignore_time:

@@ -15,18 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Channel, Record, channels_named
+from floquid.core import Channel, Record
 from floquid.core._labels import find_time, name_and_unit
-from floquid.core._limits import LARGE, PACKED
 from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
 from floquid.readers._extras import extra
-from floquid.readers._stated import DamagedLineError, Stated, own_orbit, parse_stated, stated_text
-from floquid.readers._table import Source, Table, check_distinct, make_channels, refuse_blurred_times
+from floquid.readers._stated import Stated, stated_in, stated_text
+from floquid.readers._table import Source, Table, check_distinct, make_channels, refuse_blurred_times, rows_of
 
 _KEY = b"floquid"
 _BLOCK = 1 << 16
-_MOST_COLUMNS = 1 << 16
 _INDEX = "__index_level_"
 """What pandas calls an index without a name: dates, or a mere count."""
 _AGAIN = "Copy or write it again."
@@ -56,33 +54,26 @@ def load_parquet(source: Source, *, channels: Sequence[str] | None, ignore_time:
     """
     parquet = extra("pyarrow.parquet", package="pyarrow", name="parquet", suffix=".parquet", of=source.of)
     with source.path.open("rb") as stream:
-        limits = {"thrift_string_size_limit": 1 << 26, "thrift_container_size_limit": 1 << 20}
-        file = _guarded(source, lambda: parquet.ParquetFile(stream, page_checksum_verification=True, **limits))
+        file = _guarded(source, lambda: parquet.ParquetFile(stream, page_checksum_verification=True))
         schema = _guarded(source, lambda: file.schema_arrow)
-        _check_size(source, file)
-        stated = _stated(source, schema)
+        remedy = "Delete them: the table can be read without them."
+        stated = stated_in(source, (schema.metadata or {}).get(_KEY), "the metadata `floquid`", remedy)
         columns = _columns(source, schema, stated)
-        rows = list(range(len(columns.channels)))
-        if channels is not None:
-            rows = channels_named(columns.channels, channels, argument="channels", of=source.of)
+        rows = rows_of(source, columns.channels, channels)
         wanted = [columns.places[row] for row in rows]
         use_time = columns.time is not None and not ignore_time
         values, ticks = _guarded(source, lambda: _values(source, file, columns, wanted, use_time=use_time))
-    named = tuple(columns.channels[row] for row in rows)
     notes = tuple(map(_passed_over, columns.others[:20]))
     if columns.time is not None and ignore_time:
         notes += (f"The time column `{columns.names[columns.time]}` was ignored.",)
     time, start_note = _time(columns, ticks)
     return Table(
         values=values,
-        channels=named,
         time=time,
         sample_rate=stated.sample_rate,
         start=stated.start,
-        period=stated.period,
-        origin=stated.origin,
-        orbit=own_orbit(stated, named),
         notes=notes + start_note,
+        **stated.of([columns.channels[row] for row in rows]),
     )
 
 
@@ -95,31 +86,6 @@ def _guarded(source: Source, call: Callable[[], Any]) -> Any:
     except Exception as error:  # noqa: BLE001  # ArrowInvalid, OSError, UnicodeDecodeError, KeyError, ...
         words = " ".join(str(error).split())[:200].removesuffix(".")
         raise source.error("be a readable Parquet file", f"is not ({words})", _AGAIN) from None
-
-
-def _check_size(source: Source, file: Any) -> None:
-    """Refuse what would unpack into far more than a measurement ever does, before any of it is unpacked."""
-    found, size = file.metadata, source.path.stat().st_size
-    n_rows, n_columns = found.num_rows, found.num_columns
-    in_groups = sum(found.row_group(at).num_rows for at in range(found.num_row_groups))
-    if n_columns > _MOST_COLUMNS or n_rows < 0 or in_groups != n_rows:
-        got = f"declares {n_columns} columns of {n_rows} rows, and {in_groups} rows in its groups"
-        raise source.error("hold the rows that it declares", got, _AGAIN)
-    declared = 8 * n_rows * n_columns
-    if declared > LARGE and declared > PACKED * size:
-        got = f"declares {n_columns} columns of {n_rows} rows, which its {size} bytes cannot be"
-        raise source.error("hold the rows that it declares", got, _AGAIN)
-
-
-def _stated(source: Source, schema: Any) -> Stated:
-    text = (schema.metadata or {}).get(_KEY)
-    if text is None:
-        return Stated()
-    try:
-        return parse_stated(text)
-    except DamagedLineError:
-        must, got = "have the metadata `floquid` as floquid wrote it", "has other ones"
-        raise source.error(must, got, "Delete them: the table can be read without them.") from None
 
 
 def _columns(source: Source, schema: Any, stated: Stated) -> _Columns:
@@ -188,36 +154,28 @@ def _unit(field: Any) -> str | None:
 def _values(
     source: Source, file: Any, columns: _Columns, wanted: Sequence[int], *, use_time: bool
 ) -> tuple[NDArray[np.float64], NDArray[Any] | None]:
-    """The samples (channels, samples) and the times or dates (samples,), read block by block."""
+    """The samples (channels, samples) and the times or dates (samples,), read one column at a time."""
     import pyarrow as pa
 
-    n_rows, time = file.metadata.num_rows, columns.time if use_time else None
-    places = [*wanted, *([] if time is None else [time])]
-    values, ticks, at = np.empty((len(wanted), n_rows)), None, 0
-    for batch in file.iter_batches(batch_size=_BLOCK, columns=[columns.names[place] for place in places]):
-        part = slice(at, at + batch.num_rows)
-        at += batch.num_rows
-        if at > n_rows:
-            break
-        for row, place in enumerate(wanted):
-            values[row, part] = _numbers(batch.column(columns.names[place]), pa)
-        if time is not None:
-            column = batch.column(columns.names[time])
-            block = _dates(source, column, pa) if columns.is_date else _numbers(column, pa, keep_single=True)
-            ticks = np.empty(n_rows, block.dtype) if ticks is None else ticks
-            ticks[part] = block
-    if at != n_rows:
-        raise source.error("hold the rows that it declares", f"declares {n_rows} and holds another number", _AGAIN)
-    return values, ticks
+    def column(place: int) -> Any:
+        return file.read(columns=[columns.names[place]])[columns.names[place]]
+
+    values = np.empty((len(wanted), file.metadata.num_rows))
+    for row, place in enumerate(wanted):
+        values[row] = _numbers(column(place), pa)
+    if columns.time is None or not use_time:
+        return values, None
+    times = column(columns.time)
+    return values, _dates(source, times, pa) if columns.is_date else _numbers(times, pa, keep_single=True)
 
 
 def _numbers(column: Any, pa: Any, *, keep_single: bool = False) -> NDArray[Any]:
     if keep_single and pa.types.is_float32(column.type) and not column.null_count:
-        return column.to_numpy(zero_copy_only=False)
+        return column.to_numpy()
     if pa.types.is_boolean(column.type):
         column = column.cast(pa.uint8())
     whole = column.cast(pa.float64(), safe=False)
-    return whole.to_numpy(zero_copy_only=False)
+    return whole.to_numpy()
 
 
 def _dates(source: Source, column: Any, pa: Any) -> NDArray[np.int64]:
@@ -225,7 +183,7 @@ def _dates(source: Source, column: Any, pa: Any) -> NDArray[np.int64]:
     if column.null_count:
         got = f"lacks {column.null_count} of its dates"
         raise source.error("have a date for every sample", got, "Leave such rows out, or pass `rate` (`--rate`) [Hz].")
-    return column.cast(pa.int64()).to_numpy(zero_copy_only=False)
+    return column.cast(pa.int64()).to_numpy()
 
 
 def _time(columns: _Columns, ticks: NDArray[Any] | None) -> tuple[TimeColumn | None, tuple[str, ...]]:

@@ -8,12 +8,15 @@ from os import PathLike
 
 import numpy as np
 
-from floquid._checks import describe, finite, input_error, positive
+from floquid._checks import describe, input_error, positive
 from floquid._files import as_path, atomic_path, readable_file
-from floquid.core import ConstantPeriod, Provenance, Record
-from floquid.core._time_axis import TimeAxis, repair
+from floquid.core import Provenance, Record
+from floquid.core._given import clock_of, settle_axis
 from floquid.readers._formats import Format, format_of
 from floquid.readers._table import Source, Table
+
+OPTION = "`rate` (`--rate`)"
+"""What says the sampling rate where a file does not, in Python and on the command line."""
 
 
 def read(
@@ -30,7 +33,7 @@ def read(
     [s], `channels`, and optionally `units`, `quantities`, `start` [s], `period` [s], `origin` [s],
     `orbit` (channels, phases). `.csv`: a header
     row, a time column, then channels, units in brackets; an empty cell or `nan` is a missing sample. `.mat` (MATLAB v5
-    to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these without `values` is read by the paths of its
+    to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four without `values` is read by the paths of its
     variables in `channels`: `run/acc/x` is a vector of samples, `data[2]` row 2 of a matrix (channels, samples),
     counted from 0, `data.T[2]` column 2 of one (samples, channels), and `data` or `data.T` all of them. A vector `time`
     or `t` [s] beside them gives the rate, or a number `sample_rate` [Hz]. `.uff` and `.unv`: the time responses of a
@@ -69,26 +72,15 @@ def read(
     """
     if rate is not None:
         rate = positive(rate, "rate", "read", unit="Hz", remedy="Pass the number of samples a second.")
-    if period is not None:
-        period = positive(period, "period", "read", unit="s", remedy="Pass the length of a period in seconds.")
-    origin = finite(origin, "origin", "read", unit="s")
     source, kind, table = load_table(path, of="read", channels=channels, ignore_time=rate is not None)
-    axis = settle_axis(table, source, rate)
+    axis = settle_axis(table, source, rate, option=OPTION)
     if axis is None:
         raise source.error(
             "say its sampling rate",
             "has neither a rate nor a column of times",
             "Pass `rate` (`--rate`) [Hz], or call the times in it `time` (in a text table `time [s]`).",
         )
-    clock = None
-    if period is not None:
-        clock = ConstantPeriod(period=period, origin=origin)
-    elif table.period is not None:
-        clock = ConstantPeriod(period=table.period, origin=origin or table.origin or 0.0)
-    elif origin != 0.0:
-        raise input_error(
-            "origin", "read", "come with a period", f"is {origin:g} without one", "Pass `period` [s] too."
-        )
+    clock = clock_of(table, source, period, origin)
     values = axis.place(table.values)
     if values.shape[1] < 2:
         raise source.error("hold at least two samples", f"holds {values.shape[1]}", "Export more of the record.")
@@ -178,33 +170,3 @@ def load_table(
                 f"state a positive `{key}`", f"states {stated!r}", "Mend it, or delete it from the file."
             )
     return source, kind, table
-
-
-def settle_axis(table: Table, source: Source, rate: float | None = None) -> TimeAxis | None:
-    """The time axis by the `rate` given [Hz], by the rate stated, or by the times; None if there is nothing to go by.
-
-    Raises
-    ------
-    InputError
-        The times are not those of evenly spaced samples, or contradict the rate that the file states.
-    """
-    if rate is not None:
-        was = "" if table.sample_rate in (None, rate) else f"; the file states {table.sample_rate:.12g} Hz"
-        note = f"Sampling rate {rate:.12g} Hz: as given{was}."
-        return TimeAxis(sample_rate=rate, start=table.start or 0.0, notes=(note,))
-    stated = table.sample_rate
-    fitted = None if table.time is None else repair(table.time, source)
-    if stated is None:
-        return fitted
-    note = table.rate_note or f"Sampling rate {stated:.12g} Hz: as the file states."
-    if fitted is None:
-        return TimeAxis(sample_rate=stated, start=table.start or 0.0, notes=(note,))
-    drift = abs(stated / fitted.sample_rate - 1.0) * (table.values.shape[1] - 1)
-    if drift > 0.5:
-        raise source.error(
-            "state the rate that its times have",
-            f"states {stated:.12g} Hz, while its times make {fitted.sample_rate:.12g} Hz: {drift:.3g} samples apart at "
-            "its end",
-            "Pass `rate` (`--rate`) [Hz] to say which is right.",
-        )
-    return TimeAxis(sample_rate=stated, start=fitted.start, positions=fitted.positions, notes=(note, *fitted.notes[1:]))

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Channel, ConstantPeriod, Quantity, Record
+from floquid.readers._table import Source
 
 RECORD_LINE = "# floquid record: "
 """What the line begins with in a text file."""
@@ -35,6 +36,13 @@ class Stated:
     origin: float | None = None
     channels: tuple[Channel, ...] = ()
     orbit: NDArray[np.float64] | None = None
+
+    def of(self, channels: Sequence[Channel]) -> dict[str, Any]:
+        """The fields of a table of `channels` that do not depend on the samples."""
+        known = self.orbit is not None and all(channel in self.channels for channel in channels)
+        rows = [self.channels.index(channel) for channel in channels] if known else []
+        orbit = self.orbit[rows] if known and self.orbit is not None else None
+        return {"channels": tuple(channels), "period": self.period, "origin": self.origin, "orbit": orbit}
 
 
 class DamagedLineError(ValueError):
@@ -81,11 +89,31 @@ def parse_stated(text: str | bytes) -> Stated:
         raise DamagedLineError(str(error)) from None
 
 
-def own_orbit(stated: Stated, channels: Sequence[Channel]) -> NDArray[np.float64] | None:
-    """The orbit of `channels` (channels, phases); None if none is stated, or not for each of them."""
-    if stated.orbit is None or not all(channel in stated.channels for channel in channels):
-        return None
-    return stated.orbit[[stated.channels.index(channel) for channel in channels]]
+def stated_in(source: Source, text: str | bytes | None, place: str, remedy: str) -> Stated:
+    """What our own line at `place` of a file states; nothing where there is none.
+
+    Raises
+    ------
+    InputError
+        It is there and is not as we write it.
+    """
+    try:
+        return Stated() if text is None else parse_stated(text)
+    except DamagedLineError:
+        raise source.error(f"have {place} as floquid wrote it", "has another", remedy) from None
+
+
+def stated_line(source: Source, lines: Sequence[str]) -> Stated:
+    """What our own line among those of a text states; nothing where there is none.
+
+    Raises
+    ------
+    InputError
+        It is there and is not as we write it.
+    """
+    text = next((line.removeprefix(RECORD_LINE) for line in lines if line.startswith(RECORD_LINE)), None)
+    remedy = "Delete that line: the table can be read without it."
+    return stated_in(source, text, f"the line `{RECORD_LINE.strip()}`", remedy)
 
 
 def _number_or_none(value: object) -> float | None:

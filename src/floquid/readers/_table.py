@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import Channel, ConstantPeriod, Record
-from floquid.core._time_axis import TimeColumn
+from floquid.core import Channel, ConstantPeriod, Record, channels_named
+from floquid.core._given import Content
 from floquid.errors import InputError
 
 
@@ -31,24 +32,8 @@ class Source:
         return self.error("hold a valid record", f"does not: {error}".removesuffix("."))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Table:
-    """The content of a file, as it says it: `values` (channels, samples), None for what it does not say.
-
-    `orbit` is one period of the periodic orbit that the response was about (channels, phases). `rate_note` is the
-    sentence on where `sample_rate` comes from, when "as the file states" is not all of it.
-    """
-
-    values: NDArray[np.float64]
-    channels: tuple[Channel, ...]
-    time: TimeColumn | None = None
-    sample_rate: float | None = None
-    rate_note: str | None = None
-    start: float | None = None
-    period: float | None = None
-    origin: float | None = None
-    orbit: NDArray[np.float64] | None = None
-    notes: tuple[str, ...] = ()
+Table: TypeAlias = Content
+"""The content of a file, as it says it."""
 
 
 def make_channels(
@@ -74,6 +59,19 @@ def make_channels(
         raise source.wrapped(error) from None
     check_distinct(source, [channel.name for channel in channels])
     return channels
+
+
+def rows_of(source: Source, named: Sequence[Channel], channels: Sequence[str] | None) -> list[int]:
+    """Which of the channels that a file has are asked for by name, in that order; None asks for all.
+
+    Raises
+    ------
+    InputError
+        One is not there, or is asked for twice.
+    """
+    if channels is None:
+        return list(range(len(named)))
+    return channels_named(named, channels, argument="channels", of=source.of)
 
 
 def texts_of(record: Record) -> dict[str, list[str]]:

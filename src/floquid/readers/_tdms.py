@@ -1,14 +1,12 @@
 """TDMS files of National Instruments: groups of channels, each with its step of time and its unit.
 
-npTDMS reads them, after `_tdms_layout` has held what the file declares against its size; an index file beside it is
-not looked at. Values are scaled as the file says. What a record says beyond that is a property of the file, `floquid`
-(see `_stated`).
+npTDMS reads them; an index file beside it is not looked at. Values are scaled as the file says. What a record says
+beyond that is a property of the file, `floquid` (see `_stated`).
 """
 
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,24 +15,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Channel, Record, channels_named
+from floquid.core import Channel, Record
 from floquid.core._labels import find_time, name_and_unit
 from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
 from floquid.readers._angles import is_shaft_angle
 from floquid.readers._extras import extra
 from floquid.readers._openfast import rate_of_step
-from floquid.readers._stated import DamagedLineError, Stated, own_orbit, parse_stated, stated_text
-from floquid.readers._table import Source, Table, check_distinct
-from floquid.readers._tdms_layout import check_layout
+from floquid.readers._stated import Stated, stated_in, stated_text
+from floquid.readers._table import Source, Table, check_distinct, rows_of
 
 _KEY, _GROUP = "floquid", "record"
 _AGAIN = "Copy or export it again."
 _CHOOSE = "Choose channels that go together with `channels` (`--channels`), as in `group/channel`."
-
-_MOST_SCALES, _MOST_SUMS = 100, 8
-_COUNTS = {str(count) for count in range(_MOST_SCALES + 1)}
-_SCALE = re.compile(r"NI_Scale\[(\d+)\]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,12 +60,13 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         npTDMS is not installed; the file is damaged or cut short; its channels do not go together.
     """
     nptdms = extra("nptdms", package="npTDMS", name="tdms", suffix=".tdms", of=source.of)
-    check_layout(source, source.path)
     nptdms.log.log_manager.set_level(logging.CRITICAL)
     with source.path.open("rb") as stream:  # given the path, npTDMS would trust an index file beside it
         file = _guarded(source, lambda: nptdms.TdmsFile.open(stream))
-        stated = _stated(source, file)
-        _check_scales(source, file)
+        said = file.properties.get(_KEY)
+        remedy = "Delete it: the channels can be read without it."
+        stated = stated_in(source, said if isinstance(said, str) else None, "the property `floquid`", remedy)
+        unclosed = _unclosed(source, file)
         signals, others = _guarded(source, lambda: _signals(file))
         if not signals:
             got = f"holds {len(others)} channels of other kinds" if others else "holds no channel"
@@ -80,26 +74,21 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         is_own = [channel.name for channel in stated.channels] == [signal.held.name for signal in signals]
         times, signals = ([], signals) if is_own else _split(source, signals)
         named = stated.channels if is_own else _named(source, signals)
-        rows = list(range(len(named)))
-        if channels is not None:
-            rows = channels_named(named, _names(channels, named, signals), argument="channels", of=source.of)
+        rows = rows_of(source, named, None if channels is None else _names(channels, named, signals))
         chosen = [signals[row] for row in rows]
         time = next((t for t in times if t.group == chosen[0].group), None)
         _check_lengths(source, chosen, time)
         rate, start, notes = _even(source, chosen, stated, ignore_time=ignore_time)
         values = _values(source, chosen)
         column = None if time is None or ignore_time else _guarded(source, lambda: _column(source, time))
-    notes += tuple(f"Channel {path!r} is not of numbers, and is not used." for path in others[:20])
+    notes += unclosed + tuple(f"Channel {path!r} is not of numbers, and is not used." for path in others[:20])
     return Table(
         values=values,
-        channels=tuple(named[row] for row in rows),
         time=column,
         sample_rate=rate,
         start=start,
-        period=stated.period,
-        origin=stated.origin,
-        orbit=own_orbit(stated, [named[row] for row in rows]),
         notes=notes,
+        **stated.of([named[row] for row in rows]),
     )
 
 
@@ -114,27 +103,20 @@ def _guarded(source: Source, call: Callable[[], Any]) -> Any:
         raise source.error("be a readable TDMS file", f"is not ({words})", _AGAIN) from None
 
 
-def _stated(source: Source, file: Any) -> Stated:
-    text = file.properties.get(_KEY)
-    if not isinstance(text, str):
-        return Stated()
-    try:
-        return parse_stated(text)
-    except DamagedLineError:
-        must, got = "have the property `floquid` as floquid wrote it", "has another"
-        raise source.error(must, got, "Delete it: the channels can be read without it.") from None
+def _unclosed(source: Source, file: Any) -> tuple[str, ...]:
+    """A note on a file whose last segment was never closed.
 
-
-def _check_scales(source: Source, file: Any) -> None:
-    """Refuse more scales than any instrument has: npTDMS makes a list of as many, and goes through all sums of two."""
-    for held in (file, *file.groups(), *(channel for group in file.groups() for channel in group.channels())):
-        properties = held.properties
-        count = properties.get("NI_Number_Of_Scales", 0)
-        indices = [int(match[1][:20]) for key in properties if (match := _SCALE.match(str(key)))]
-        sums = sum("_Left_Operand_" in key for key in properties)
-        if str(count) not in _COUNTS or max(indices, default=0) >= _MOST_SCALES or sums > _MOST_SUMS:
-            got = f"has {count!r}, up to {max(indices, default=0)}, {sums} of them sums"
-            raise source.error(f"have at most {_MOST_SCALES} scales a channel", got, _AGAIN)
+    Raises
+    ------
+    InputError
+        That segment is cut short in the middle of its samples.
+    """
+    status = file.file_status
+    short = [path for path, one in (status.channel_statuses or {}).items() if one.read_length != one.expected_length]
+    if short:
+        got = f"is cut short: its last segment has not all samples of {', '.join(short[:10])}"
+        raise source.error("be a whole TDMS file", got, _AGAIN)
+    return ("The last segment of the file was never closed; its samples are used.",) * status.incomplete_final_segment
 
 
 def _signals(file: Any) -> tuple[list[_Signal], list[str]]:

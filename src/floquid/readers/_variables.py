@@ -25,6 +25,8 @@ Kind = Literal[
     "data of another file",
     "scaled numbers",
     "records",
+    "dates",
+    "time spans",
 ]
 
 REMEDIES: dict[Kind, str] = {
@@ -36,6 +38,8 @@ REMEDIES: dict[Kind, str] = {
     "a struct array": "Save each of its elements as a struct, or as a variable, of its own.",
     "a link": "Links are not followed: name the path that it points to, or read the file that holds it.",
     "data of another file": "Data in other files are not read: save one file that holds them.",
+    "dates": "Save numbers, times in seconds, as np.asarray(x, dtype=float) makes them.",
+    "time spans": "Save numbers, times in seconds, as np.asarray(x, dtype=float) makes them.",
     "scaled numbers": "They stand for others, by `scale_factor` and `add_offset`: save the values themselves.",
 }
 
@@ -107,6 +111,12 @@ HDF5 = Dialect(
     turn="Time is the last axis: save `values.T` (MATLAB's h5write turns arrays round: give it `values.'`).",
     row="Save `values[None, :]` for one channel.",
     texts="Save a list of texts.",
+)
+NUMPY = Dialect(
+    save="Save it with np.savez(file, values=values, sample_rate=rate, channels=names, units=units).",
+    turn="Time is the last axis: save `values.T`.",
+    row="Save `values[None, :]` for one channel.",
+    texts="Save np.array([...]) of names.",
 )
 
 

@@ -19,7 +19,7 @@ from floquid.periodic import PartialTests, Periodicity
 from floquid.pipeline import Analysis, Settings, lifted_views
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
 from floquid.store import _layout as layout
-from floquid.store._check import attributes_of, check_content, check_padding
+from floquid.store._check import attributes_of, check_content
 from floquid.store._get import DamagedError, dataset_in, get, get_fields, group_in
 from floquid.store._identifiers import from_text
 from floquid.store._layout import Item
@@ -85,8 +85,8 @@ def _loaded(file: Path) -> Analysis:
         if not h5py.is_hdf5(file):
             raise input_error("path", "load", MUST, f"{file} is no HDF5 file", AGAIN)
         with h5py.File(file, "r") as opened:
-            version = _version(attributes_of(opened, file), file)
-            check_content(opened, file)
+            version = _version(attributes_of(opened), file)
+            check_content(opened)
             return _read(opened, version)
     except DamagedError as error:
         detail = str(error)
@@ -121,7 +121,6 @@ def _read(file: h5py.File, version: int) -> Analysis:
     settings = _get_settings(group_in(file, "settings"))
     model = _get_model(group_in(file, "model"))
     records, shafts, fit = (fit_of_version_1 if version == 1 else get_fit)(file, model, settings)
-    check_padding(file, fit.free)
     cycles, lifted = lifted_views(fit, shafts, settings)
     modal = _get_modal(group_in(file, "modal"))
     stored, needed = modal.residues.shape[1:], lifted.responses.values.shape[:2]
