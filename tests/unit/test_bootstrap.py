@@ -19,7 +19,7 @@ import floquid
 from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError, InputError
 from floquid.lti import ERA
-from floquid.periodic import constrain
+from floquid.periodic import refit
 from floquid.pipeline import Spread, bootstrap, identify
 from floquid.pipeline import _draws as draws_of
 from floquid.pipeline._draws import aligned, draw, drawn, noisy
@@ -170,7 +170,7 @@ def test_the_quick_fit_and_that_of_lifted_responses_are_the_same():
     drawn_ones = zip(plan.records, noisy(plan, default_rng(SeedSequence(3))), strict=True)
     records = [dataclasses.replace(like, values=values) for like, values in drawn_ones]
     lifted = draws_of._lifted(plan.lifted, plan.settings, records)
-    held = constrain(plan.fitted, lifted, choose=False).model
+    held = refit(plan.fitted, lifted=lifted)
     assert_allclose(quick.exponents, held.exponents, rtol=1e-9)
 
 

@@ -28,8 +28,8 @@ class Outcome(Enum):
     NOT_WHITE = (
         "mode after mode was found in what the fit leaves, without an end: the residual is not white noise. There may "
         "be a step or a glitch in the record, samples rounded to a few levels, or coloured noise; the simulation may "
-        "be coarse, or the response nonlinear. Look at the record; raise the noise floor (`noise_floor`) to the level "
-        "down to which it can be believed, or fix the order."
+        "be coarse, or the response nonlinear. Look at the record for these; raise the noise floor (`noise_floor`) to "
+        "the level down to which it can be believed, or fix the order."
     )
     ORDER_UNREACHED = "the data do not hold as many poles as were asked for: ask for fewer, or let the order be found."
 

@@ -1,12 +1,11 @@
 """A modal model of lifted responses → the `PeriodicModel`: delay, branch, harmonics and their uncertainty.
 
-`constrain` finishes it with residues held to their harmonics; `to_control` and `from_control` take it to python-control
-and back.
+`fit` holds the residues to their harmonics, and `refit` keeps them; `to_control` and `from_control` take the model to
+python-control and back.
 """
 
 from floquid.periodic._assemble import assemble, physical_exponents
 from floquid.periodic._bands import Entries
-from floquid.periodic._constrain import Constrained, constrain
 from floquid.periodic._control import from_control, to_control
 from floquid.periodic._estimate_at import estimate_at
 from floquid.periodic._evidence import combinations_of
@@ -30,7 +29,6 @@ __all__ = [
     "FSE",
     "NEGLIGIBLE_SLIP",
     "SIGNIFICANT",
-    "Constrained",
     "Entries",
     "Family",
     "Fit",
@@ -43,7 +41,6 @@ __all__ = [
     "Synchrony",
     "assemble",
     "combinations_of",
-    "constrain",
     "drift",
     "entries_of",
     "equal_multipliers",

@@ -37,6 +37,9 @@ HIGHEST = 64
 MOST_ENTRIES = 24
 """Modes, a pair counted once, that are looked for at most."""
 
+QUIET = 1e-4
+"""The noise over the largest value below which it is rounding, or what modes make of something else."""
+
 SURELY = 10.0
 """A peak so far above the limit is no noise."""
 
@@ -182,7 +185,9 @@ def fit(
     begin = forced_entries([], omega) if start is None else replace(start, fundamental=omega)
     if harmonics is not None:
         begin = replace(begin, bands=np.tile([-harmonics, harmonics], (len(begin.exponents), 1)))
-    state = begun(samples.search, begin if samples.projected else base.joined(begin), limits)
+    # What poles with free residues left of lifted responses is their noise: groups that start narrow leave far more.
+    noisy = lifted is not None and all((own.noise > QUIET * own.largest).all() for own in samples.search)
+    state = begun(samples.search, begin if samples.projected else base.joined(begin), limits, noisy=noisy)
     report("fitting the samples")
     taps = None if lifted is None else lifted.whitening
     if search and not isinstance(samples.final[0], LiftedBlock):

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
 from floquid.periodic._constrained import Held, settled
 from floquid.periodic._harmonics import GAP
 from floquid.periodic._scores import best_cut, differences, removal_rises
-from floquid.periodic._state import ROUGHLY, STRICT, Limits, State, coefficients_of, limit_of, modes_of
+from floquid.periodic._state import ROUGHLY, STRICT, Limits, State, coefficients_of, limit_of, modes_of, with_bands
 
 REFITTED = 20.0
 """Times the limit of noise up to which it is tried whether the others, fitted again, can do without a mode."""
@@ -94,6 +95,44 @@ def _shared(state: State, entry: int) -> Held | None:
         return None
     allowed = float(chdtri(2, STRICT)) - 2.0 * state.rows * max(more, 0)
     return now if now.cost < state.held.cost + allowed else None
+
+
+def unshared(state: State, limits: Limits) -> State:
+    """Without harmonics at the ends of bands, on lines of a mode that folds next to it, which the others make up for.
+
+    With both fitted the exponents have gone where noise has them, and there no such harmonic can be taken away alone.
+    """
+    from scipy.special import chdtri
+
+    bound, refused = float(chdtri(2 * state.rows, STRICT)), set()
+    while limits.choose:
+        for entry, bands in _narrower(state.held.entries):
+            key = complex(state.held.entries.exponents[entry]), bands[entry].tobytes()
+            now = None if key in refused else state.settled(replace(state.held.entries, bands=bands))
+            if now is not None and now.cost < state.held.cost + bound:
+                state = state.with_fit(now)
+                break
+            refused.add(key)
+        else:
+            break
+    return state
+
+
+def _narrower(entries: Entries) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Bands without one harmonic that lies at the end of a mode's and on a line of one that folds next to it."""
+    free = np.flatnonzero(~entries.fixed & ~entries.real)
+    for entry in free:
+        taken: set[int] = set()
+        for other in free:
+            sign, m, gap = differences(entries, int(entry), int(other)) or (1, 0, np.inf)
+            if other != entry and abs(gap) < abs(entries.exponents[entry].real) + abs(entries.exponents[other].real):
+                ends = sign * entries.bands[other] + m
+                taken |= set(range(int(ends.min()), int(ends.max()) + 1))
+        for side in (0, 1):
+            if int(entries.bands[entry, side]) in taken and entries.bands[entry, 0] < entries.bands[entry, 1]:
+                bands = entries.bands.copy()
+                bands[entry, side] += 1 - 2 * side
+                yield int(entry), bands
 
 
 def joined(state: State, limits: Limits) -> State:
@@ -204,12 +243,49 @@ def parted(state: State, limits: Limits) -> State:
         if not cuts:
             return state
         best = max(cuts, key=lambda cut: cut.gain)
-        now = state.settled(_cut(entries, best.entry, best.harmonic, best.moved))
-        if now is not None and state.held.cost - now.cost > bound:
-            state = state.with_fit(now)
+        ways = [
+            state.settled(_cut(entries, best.entry, best.harmonic, best.moved)),
+            _with_beside(state, best.entry, limits),
+        ]
+        better = [
+            now for now in ways if now is not None and state.held.cost - now.cost > max(bound, _dearer(state, now))
+        ]
+        if better:
+            state = state.with_fit(min(better, key=lambda now: now.cost + 2.0 * _numbers(state, now)))
         else:
             refused.add(complex(entries.exponents[best.entry]))
     return state
+
+
+def _numbers(state: State, held: Held) -> int:
+    """The numbers that a fit chooses."""
+    return len(held.gradient) + state.rows * coefficients_of(held.entries)
+
+
+def _dearer(state: State, held: Held) -> float:
+    """What noise takes out of the cost by the numbers that a fit has more."""
+    from scipy.special import chdtri
+
+    return float(chdtri(max(_numbers(state, held) - _numbers(state, state.held), 1), STRICT))
+
+
+def _with_beside(state: State, entry: int, limits: Limits) -> Held | None:
+    """The fit with the lines of one mode and of those that fold next to it given to all; None where there is no other.
+
+    Where one of two modes lacks a harmonic on a line that both have, the other one seems to be several.
+    """
+    entries, bands = state.held.entries, state.held.entries.bands.copy()
+    for other in np.flatnonzero(~entries.fixed & ~entries.real):
+        sign, m, gap = differences(entries, entry, int(other)) or (1, 0, np.inf)
+        if other == entry or abs(gap) > abs(entries.exponents[entry].real) + abs(entries.exponents[other].real):
+            continue
+        there, back = sign * entries.bands[other] + m, sign * (entries.bands[entry] - m)
+        bands[entry] = min(bands[entry, 0], there.min()), max(bands[entry, 1], there.max())
+        bands[other] = min(bands[other, 0], back.min()), max(bands[other, 1], back.max())
+    if (bands == entries.bands).all():
+        return None
+    now = state.settled(replace(entries, bands=bands))
+    return None if now is None else with_bands(state.with_fit(now), limits).held
 
 
 def _cut(entries: Entries, entry: int, harmonic: int, moved: tuple[complex, complex]) -> Entries:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error
 from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries, upper
 from floquid.periodic._blocks import Block
 from floquid.periodic._colour import through
@@ -17,6 +18,7 @@ from floquid.periodic._constrained import AT_REST, evaluated, settled
 from floquid.periodic._fit import _most
 from floquid.periodic._held import model_of
 from floquid.periodic._kept_cycles import KeptCycles
+from floquid.periodic._lifted_block import LiftedBlock
 from floquid.periodic._record_block import RecordBlock
 from floquid.periodic._record_blocks import record_blocks
 from floquid.sync import ShaftAngle
@@ -29,16 +31,17 @@ FEWEST = 2
 
 def refit(
     model: PeriodicModel,
-    records: Sequence[Record],
-    clocks: Clocks,
+    records: Sequence[Record] = (),
+    clocks: Clocks = (),
     *,
-    noise: ArrayLike,
+    lifted: Lifted | None = None,
+    noise: ArrayLike | None = None,
     whitening: NDArray[np.float64] | None = None,
     at_rest: float = AT_REST,
     free_period: bool = False,
     wider: bool = False,
 ) -> PeriodicModel:
-    r"""The same modes with the same bands of harmonics, fitted anew to records as they were sampled.
+    r"""The same modes with the same bands of harmonics, fitted anew to records as they were sampled, or lifted.
 
     .. math:: \min_{\lambda, B} \sum_{c,h} \frac{1}{\sigma_{c,h}^2} \sum_k
               \Big(y_{c,h}(t_k) - \sum_r \sum_{m \in M_r} B_{r,c,h,m}\, e^{\lambda_r t_k + i m \theta(t_k)}\Big)^2
@@ -55,6 +58,8 @@ def refit(
         The free response, one record a hit. NaN marks samples that are left out.
     clocks
         What ties each record to the phase.
+    lifted
+        The free responses lifted, with their noise, in place of records and clocks.
     noise
         The deviation of the noise (channels, hits) [units of the channels]; with `whitening`, after the filter.
     whitening
@@ -81,19 +86,28 @@ def refit(
     if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
         must, got = "be false where the angle of a shaft is measured", "is true"
         raise input_error("free_period", "refit", must, got, "The angle says the period.")
-    # Blocks of cycles are cut at a period that stays as it is, and are not filtered.
-    blocks = _noisy(model, records, clocks, noise, "refit", cut=not free_period and whitening is None)
-    blocks = through(blocks, whitening)
+    if lifted is not None:
+        _check_lifted(model, lifted)
+        blocks, most = LiftedBlock.all_of(lifted), (lifted.n_phases - 1) // 2
+    else:
+        # Blocks of cycles are cut at a period that stays as it is, and are not filtered.
+        blocks = _noisy(model, records, clocks, noise, "refit", cut=not free_period and whitening is None)
+        blocks, most = through(blocks, whitening), _most(records, model.period)
     entries = replace(Entries.of(model), free_period=free_period)
-    found = settled(blocks, entries, at_rest=at_rest)
     return model_of(
         blocks,
-        found,
+        settled(blocks, entries, at_rest=at_rest),
         entries.bands,
         channels=model.channels,
         provenance=model.provenance,
-        most=_most(records, model.period) if wider else None,
+        most=most if wider else None,
     )
+
+
+def _check_lifted(model: PeriodicModel, lifted: Lifted) -> None:
+    if (model.n_hits, len(model.channels)) != (lifted.n_hits, lifted.n_channels):
+        must = f"be responses of {model.n_hits} hits and {len(model.channels)} channels, as the model"
+        raise input_error("lifted", "refit", must, f"has {lifted.n_hits} hits and {lifted.n_channels} channels")
 
 
 def own_period(
@@ -223,10 +237,18 @@ def _seen(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> It
 
 
 def _noisy(
-    model: PeriodicModel, records: Sequence[Record], clocks: Clocks, noise: ArrayLike, of: str, *, cut: bool = True
+    model: PeriodicModel,
+    records: Sequence[Record],
+    clocks: Clocks,
+    noise: ArrayLike | None,
+    of: str,
+    *,
+    cut: bool = True,
 ) -> list[Block]:
     """The blocks with their noise."""
     _check(model, records, clocks, of)
+    if noise is None:
+        raise input_error("noise", of, "be given with records", "is None", "Pass the noise that the analysis found.")
     spread = frozen_array(noise, "noise", of, axes=model.coefficients.shape[1:3])
     if not (spread > 0.0).all():
         raise input_error("noise", of, "be positive", f"has {spread.min():g}", "Give each channel its noise.")

@@ -13,7 +13,7 @@ from floquid.periodic._blocks import Block
 from floquid.periodic._candidates import with_lines
 from floquid.periodic._colour import filtered_blocks, residual_filter
 from floquid.periodic._constrained import settled
-from floquid.periodic._moves import joined, parted, without_needless
+from floquid.periodic._moves import joined, parted, unshared, without_needless
 from floquid.periodic._state import ROUGHLY, Limits, State, released, with_bands
 
 ROUNDS = 4
@@ -25,10 +25,10 @@ STRONG = 0.1
 Report = Callable[[str], None]
 
 
-def begun(blocks: tuple[Block, ...], entries: Entries, limits: Limits) -> State:
-    """The fit nearest to the start, with the noise that it leaves."""
+def begun(blocks: tuple[Block, ...], entries: Entries, limits: Limits, *, noisy: bool = False) -> State:
+    """The fit nearest to the start, with the noise that it leaves, unless the blocks are `noisy` with their own."""
     state = State(blocks, settled(blocks, entries, at_rest=ROUGHLY, hold=True))
-    return state.with_noise(limits.floor)
+    return state if noisy else state.with_noise(limits.floor)
 
 
 def searched(state: State, limits: Limits, search: bool, report: Report) -> State:
@@ -48,7 +48,7 @@ def searched(state: State, limits: Limits, search: bool, report: Report) -> Stat
         if number and _same(before, state.held.entries):
             break
         state = with_lines(state, limits, report, passed)
-    return state
+    return unshared(state, limits)
 
 
 def searched_white(state: State, limits: Limits, report: Report) -> tuple[State, NDArray[np.float64] | None]:

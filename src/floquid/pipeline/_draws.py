@@ -16,7 +16,7 @@ from floquid.core import Estimates, PeriodicModel, Record
 from floquid.errors import FloquidError, IdentificationError
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
-from floquid.periodic import assemble, constrain, estimate_at, refit
+from floquid.periodic import assemble, estimate_at, refit
 from floquid.pipeline._complete import again_of
 from floquid.pipeline._identify import identify
 from floquid.pipeline._plan import Plan, without_states
@@ -96,11 +96,7 @@ def _fitted(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
     clocks = plan.clocks
     if plan.lifted is not None and (plan.modal is not None or plan.lifted.whitening is not None):
         lifted = _lifted(plan.lifted, plan.settings, records)
-        found = (
-            constrain(plan.fitted, lifted, choose=False).model
-            if plan.modal is None
-            else _free(plan, lifted, plan.modal)
-        )
+        found = refit(plan.fitted, lifted=lifted, wider=True) if plan.modal is None else _free(plan, lifted, plan.modal)
     else:
         # Of lifted responses the same numbers sooner: nothing but the fit itself is done.
         lifted, wider = None, bool(plan.settings.structure)
