@@ -21,7 +21,12 @@ HEADS = (
     "refused",
     "right",
     "error over bound",
+    "within 95 %",
 )
+"""The last: must-finds with both parts within their 95 % intervals: 90 % if all deviations are right."""
+
+NORMAL = 1.96
+"""Deviations of a 95 % interval."""
 
 
 def table(rows: Sequence[Row]) -> str:
@@ -57,6 +62,7 @@ def _line(rows: Sequence[Row]) -> list[str]:
     orders = ", ".join(f"{order}" + (f" x{n}" if len(counts) > 1 else "") for order, n in sorted(counts.items()))
     refused = Counter(row.outcome for row in rows if not row.order)
     ratios = np.concatenate([row.ratios for row in answers]) if answers else np.zeros(0)
+    pulls = np.concatenate([row.pulls for row in answers]) if answers else np.zeros(0)
     return [
         rows[0].record,
         str(len(rows)),
@@ -70,6 +76,7 @@ def _line(rows: Sequence[Row]) -> list[str]:
         ", ".join(f"{n} {outcome}" for outcome, n in refused.items()) or "0",
         f"{sum(row.right for row in rows)} of {len(rows)}",
         f"{np.sqrt(np.mean(ratios**2)):.2f}" if len(ratios) else "-",
+        f"{np.mean(pulls < NORMAL):.0%}" if len(pulls) else "-",
     ]
 
 

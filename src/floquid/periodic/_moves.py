@@ -13,7 +13,7 @@ from floquid.errors import IdentificationError
 from floquid.periodic._bands import Entries
 from floquid.periodic._constrained import Held, settled
 from floquid.periodic._harmonics import GAP
-from floquid.periodic._scores import best_cut, differences, removal_rises
+from floquid.periodic._scores import ColumnsLeft, best_cut, differences, removal_rises
 from floquid.periodic._state import ROUGHLY, STRICT, Limits, State, coefficients_of, limit_of, modes_of, with_bands
 
 REFITTED = 20.0
@@ -106,9 +106,14 @@ def unshared(state: State, limits: Limits) -> State:
 
     bound, refused = float(chdtri(2 * state.rows, STRICT)), set()
     while limits.choose:
-        for entry, bands in _narrower(state.held.entries):
-            key = complex(state.held.entries.exponents[entry]), bands[entry].tobytes()
-            now = None if key in refused else state.settled(replace(state.held.entries, bands=bands))
+        entries, left = state.held.entries, ColumnsLeft(state.blocks, state.held)
+        columns = entries.columns()
+        for entry, side, bands in _narrower(entries):
+            own = np.flatnonzero((columns.modes == entry) & (columns.harmonics == entries.bands[entry, side]))
+            key = complex(entries.exponents[entry]), bands[entry].tobytes()
+            if left.rise(int(own[0])) > REFITTED * bound:
+                continue
+            now = None if key in refused else state.settled(replace(entries, bands=bands))
             if now is not None and now.cost < state.held.cost + bound:
                 state = state.with_fit(now)
                 break
@@ -118,8 +123,8 @@ def unshared(state: State, limits: Limits) -> State:
     return state
 
 
-def _narrower(entries: Entries) -> Iterator[tuple[int, NDArray[np.int64]]]:
-    """Bands without one harmonic that lies at the end of a mode's and on a line of one that folds next to it."""
+def _narrower(entries: Entries) -> Iterator[tuple[int, int, NDArray[np.int64]]]:
+    """Bands without a harmonic at one end of a mode's, on a line of one that folds next to it: mode, end and bands."""
     free = np.flatnonzero(~entries.fixed & ~entries.real)
     for entry in free:
         taken: set[int] = set()
@@ -132,7 +137,7 @@ def _narrower(entries: Entries) -> Iterator[tuple[int, NDArray[np.int64]]]:
             if int(entries.bands[entry, side]) in taken and entries.bands[entry, 0] < entries.bands[entry, 1]:
                 bands = entries.bands.copy()
                 bands[entry, side] += 1 - 2 * side
-                yield int(entry), bands
+                yield int(entry), side, bands
 
 
 def joined(state: State, limits: Limits) -> State:
@@ -243,15 +248,11 @@ def parted(state: State, limits: Limits) -> State:
         if not cuts:
             return state
         best = max(cuts, key=lambda cut: cut.gain)
-        ways = [
-            state.settled(_cut(entries, best.entry, best.harmonic, best.moved)),
-            _with_beside(state, best.entry, limits),
-        ]
-        better = [
-            now for now in ways if now is not None and state.held.cost - now.cost > max(bound, _dearer(state, now))
-        ]
-        if better:
-            state = state.with_fit(min(better, key=lambda now: now.cost + 2.0 * _numbers(state, now)))
+        now = state.settled(_cut(entries, best.entry, best.harmonic, best.moved))
+        if now is not None and state.held.cost - now.cost > bound:
+            other = _with_beside(state, best.entry, limits)
+            ways = [now] if other is None or state.held.cost - other.cost < _dearer(state, other) else [now, other]
+            state = state.with_fit(min(ways, key=lambda way: way.cost + 2.0 * _numbers(state, way)))
         else:
             refused.add(complex(entries.exponents[best.entry]))
     return state
