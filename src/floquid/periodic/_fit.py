@@ -186,7 +186,7 @@ def fit(
     if harmonics is not None:
         begin = replace(begin, bands=np.tile([-harmonics, harmonics], (len(begin.exponents), 1)))
     # What poles with free residues left of lifted responses is their noise: groups that start narrow leave far more.
-    noisy = lifted is not None and all((own.noise > QUIET * own.largest).all() for own in samples.search)
+    noisy = search and lifted is not None and all((own.noise > QUIET * own.largest).all() for own in samples.search)
     state = begun(samples.search, begin if samples.projected else base.joined(begin), limits, noisy=noisy)
     report("fitting the samples")
     taps = None if lifted is None else lifted.whitening

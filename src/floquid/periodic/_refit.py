@@ -88,11 +88,14 @@ def refit(
         raise input_error("free_period", "refit", must, got, "The angle says the period.")
     if lifted is not None:
         _check_lifted(model, lifted)
-        blocks, most = LiftedBlock.all_of(lifted), (lifted.n_phases - 1) // 2
+        blocks = LiftedBlock.all_of(lifted)
     else:
         # Blocks of cycles are cut at a period that stays as it is, and are not filtered.
         blocks = _noisy(model, records, clocks, noise, "refit", cut=not free_period and whitening is None)
-        blocks, most = through(blocks, whitening), _most(records, model.period)
+        blocks = through(blocks, whitening)
+    most = None
+    if wider:
+        most = _most(records, model.period) if lifted is None else (lifted.n_phases - 1) // 2
     entries = replace(Entries.of(model), free_period=free_period)
     return model_of(
         blocks,
@@ -100,7 +103,7 @@ def refit(
         entries.bands,
         channels=model.channels,
         provenance=model.provenance,
-        most=most if wider else None,
+        most=most,
     )
 
 
