@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -216,9 +217,9 @@ def _sizes(found: Searched, free: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def _deviations(found: Searched, free: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The larger deviation of the parts of each exponent (modes,)."""
+    """The larger deviation of the parts of each exponent by noise alone (modes,)."""
     entries = found.held.entries
-    std = np.sqrt(np.maximum(np.diag(found.held.covariance()), 0.0))
+    std = np.sqrt(np.maximum(np.diag(replace(found.held, further=None).covariance()), 0.0))
     turns = np.zeros(len(free))
     pairs = ~entries.real[free]
     turns[pairs] = std[len(free) : len(free) + int(pairs.sum())]
