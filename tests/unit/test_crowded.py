@@ -1,0 +1,80 @@
+"""Modes that share lines, and what is none: found apart, with deviations that cover the rest, or refused at once."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.records.test_rotor_records import duffing
+from tests.unit.test_constrain import OMEGA, PERIOD, records, system
+
+from floquid import identify
+from floquid.errors import IdentificationError
+from floquid.periodic._blocks import PLAIN
+from floquid.periodic._candidates import forced_entries
+from floquid.periodic._constrained import settled
+from floquid.periodic._record_block import RecordBlock
+from floquid.periodic._state import Limits, State, limit_of
+from floquid.testing import assert_exponents_close, pair_exponents
+
+
+def pulls(found, model):
+    pairing = pair_exponents(found.exponents, model.exponents, PERIOD)
+    std = found.exponent_std[pairing.permutation]
+    return np.concatenate([pairing.differences.real / std.real, pairing.differences.imag / std.imag])
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_modes_a_twelfth_of_their_decay_apart_are_two(seed):
+    """They came out as three, one of them wrong by 10 deviations."""
+    model = system([-0.06 + 0.9j, -0.06 + 1j * (0.905 + OMEGA)], channels=2)
+    found = identify(records(model, noise=0.01, n_cycles=60, seed=seed), validate=False).model
+    assert found.order == 4
+    assert np.abs(pulls(found, model)).max() < 4.0
+    assert found.exponent_std.real.max() < 5e-4
+
+
+def test_a_mode_next_to_its_own_conjugate_has_a_deviation_for_the_mirrored_harmonics(monkeypatch):
+    """Left out, they move it between the two; a mode that is away from its conjugate keeps its own deviation."""
+    model = system([-0.06 + 1j * (1.5 * OMEGA + 0.006), -0.05 + 2.2j], channels=2)
+    (record,) = records(model, noise=0.01, n_cycles=60, seed=1)
+    wide = identify(record, validate=False).model
+    monkeypatch.setattr("floquid.periodic._final.BESIDE", 0.0)
+    bare = identify(record, validate=False).model
+    assert wide.order == bare.order == 4
+    assert np.abs(pulls(wide, model)).max() < 4.0
+    growth = np.sort(wide.exponent_std.real / bare.exponent_std.real)
+    assert growth[:2] == pytest.approx(1.0, abs=0.05)
+    assert growth[2:].min() > 2.0
+
+
+def test_missing_samples_hide_no_mode():
+    """Filled in for the start, they hid both modes beside an orbit 500 times as large."""
+    record, truth = duffing(0.01, orbit=None)
+    values, generator = np.array(record.values), np.random.default_rng(2)
+    for first in generator.integers(0, values.shape[1] - 20, round(0.01 * values.shape[1] / 20)):
+        values[:, first : first + 20] = np.nan
+    values[generator.random(values.shape) < 0.01] = np.nan
+    found = identify(replace(record, values=values), validate=False).model
+    assert_exponents_close(found.exponents, truth, record.clock.period, atol=5e-3)
+
+
+def test_a_step_is_no_sum_of_modes():
+    """It took minutes, and gave modes that were none."""
+    (record,) = records(system(channels=2), noise=1e-3, n_cycles=200)
+    values = np.array(record.values)
+    values[0, values.shape[1] // 3 :] += 0.2 * np.abs(values[0]).max()
+    with pytest.raises(IdentificationError, match="There may be a step or a glitch in the record"):
+        identify(replace(record, values=values), validate=False)
+
+
+def test_errors_of_the_angle_raise_what_a_mode_must_take_out():
+    times = np.linspace(0.0, 40.0, 2000)
+    values = 3.0 * np.cos(OMEGA * times)[None] + 0.1 * np.random.default_rng(0).standard_normal((1, 2000))
+    block = RecordBlock(times=times, values=values, hit=0, rows=np.array([0]), noise=np.array([0.1]))
+    entries = forced_entries([1.0], OMEGA)
+    assert (entries.factors == PLAIN).all()
+    state = State((block,), settled((block,), entries, hold=True))
+    mode = replace(forced_entries([0.5], OMEGA), fixed=np.array([False]))
+    limits = Limits(most=3, modes=4, mode_alarm=1e-9, harmonic_alarm=1e-6, forced=np.zeros(0))
+    more = limit_of(state, mode, replace(limits, angle_std=(1e-2,))) - limit_of(state, mode, limits)
+    assert more == pytest.approx(0.5 * 2000 * (3.0 * 1e-2 / 0.1) ** 2, rel=0.02)
