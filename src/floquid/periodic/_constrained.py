@@ -103,7 +103,7 @@ class Held:
     information: NDArray[np.float64]
     by_column: ByColumn
     further: NDArray[np.float64] | None = None
-    """What is added to the variances: of clusters, and of modes next to their conjugate (parameters,); None for nothing."""
+    """What is added to variances: of clusters, and of modes next to their conjugate (parameters,); None for nothing."""
 
     def covariance(self) -> NDArray[np.float64]:
         """Of the real parameters (parameters, parameters): the sandwich of information and scatter."""
