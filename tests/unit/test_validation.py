@@ -9,13 +9,13 @@ from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, InputError, PeriodicModel, Record, identify, load, reconstruct, save
 from floquid.errors import IdentificationError
-from floquid.periodic import refit
+from floquid.periodic import line_amplitudes, refit, without_lines
 from floquid.pipeline import _validated, validated
 from floquid.store import summary
 from floquid.systems import JeffcottRotor
 from floquid.validation import Criterion, Validation, _held_out, validate
 from floquid.validation._consistency import consistency
-from floquid.validation._left import Columns, colour, filtered, gains, peaks, projected, without
+from floquid.validation._left import colour, filtered, gains, peaks
 
 ROTOR = JeffcottRotor(damping=0.02)
 CYCLES, PHASES = 120, 24
@@ -409,9 +409,12 @@ def test_a_projection_is_least_squares():
     draw = np.random.default_rng(2)
     times, left = np.arange(300) * 0.1, draw.standard_normal((2, 300))
     left[0, 20:50] = np.nan
-    columns = Columns(np.array([0.0, 0.0, -0.05 + 0.3j, 0.02 + 1j]), np.array([0.0, 1.0, 2.0, 0.0]))
-    sizes, squares = projected(left, times, 1.3 * times, columns)
-    z = columns.at(times, 1.3 * times, times[-1])
+    record = Record(values=left, sample_rate=10.0, channels=["a", "b"])
+    clock, exponents = ConstantPeriod(period=2.0 * np.pi / 1.3), np.array([0.0, 0.0, -0.05 + 0.3j, 0.02 + 1j])
+    turns = np.array([0.0, 1.0, 2.0, 0.0])
+    sizes, squares = line_amplitudes(record, clock, clock.period, exponents, turns)
+    z = np.exp(np.multiply.outer(times, exponents + 1.3j * turns))
+    z[:, 3] *= np.exp(-0.02 * times[-1])
     for channel, row in enumerate(left):
         there = ~np.isnan(row)
         for k in range(4):
@@ -419,9 +422,9 @@ def test_a_projection_is_least_squares():
             solved = np.linalg.lstsq(basis, row[there], rcond=None)[0]
             assert sizes[channel, k] == pytest.approx(np.linalg.norm(solved))
             assert squares[channel, k] == pytest.approx(np.sum((basis @ solved) ** 2))
-    rest = without(left[0], times, 1.3 * times, columns)
-    assert np.isnan(rest).sum() == 30
-    assert projected(rest[None], times, 1.3 * times, columns)[1].max() < 1e-20
+    rest = replace(record, values=without_lines(record, clock, clock.period, exponents, turns))
+    assert np.isnan(rest.values).sum() == 30
+    assert line_amplitudes(rest, clock, clock.period, exponents, turns)[1].max() < 1e-20
 
 
 def test_the_highest_of_white_lines_is_rarely_over_its_limit():

@@ -13,10 +13,11 @@ from floquid.periodic._fit import Fit, fit
 from floquid.periodic._forced import ForcedResponse
 from floquid.periodic._fse import FSE, Family, fse
 from floquid.periodic._harmonics import participation, select_bands
-from floquid.periodic._known import Known, without_known
+from floquid.periodic._known import Known, generous_poles, without_known
 from floquid.periodic._period import PeriodCandidate, PeriodEstimate, estimate_period
 from floquid.periodic._periodicity import PartialTests, Periodicity, periodicity
 from floquid.periodic._refit import instants, own_period, refit, unexplained
+from floquid.periodic._single_lines import line_amplitudes, without_lines
 from floquid.periodic._start import entries_of, equal_multipliers, groups
 from floquid.periodic._synchrony import NEGLIGIBLE_SLIP, SIGNIFICANT, Synchrony, drift, spacing, synchrony
 
@@ -49,8 +50,10 @@ __all__ = [
     "fit",
     "from_control",
     "fse",
+    "generous_poles",
     "groups",
     "instants",
+    "line_amplitudes",
     "own_period",
     "participation",
     "periodicity",
@@ -62,4 +65,5 @@ __all__ = [
     "to_control",
     "unexplained",
     "without_known",
+    "without_lines",
 ]

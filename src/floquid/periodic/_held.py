@@ -95,7 +95,11 @@ def parts_of(entries: Entries) -> NDArray[np.float64]:
 
 def shapes(blocks: Sequence[Block], found: Held) -> Shapes:
     """The coefficients that a fit has, with their deviations."""
-    entries, whole = found.entries, estimates_of(blocks, found)
+    return _shapes(found.entries, estimates_of(blocks, found))
+
+
+def _shapes(entries: Entries, whole: Estimates) -> Shapes:
+    """The estimates, by harmonics that all entries have."""
     low, high = int(entries.bands[:, 0].min(initial=0)), int(entries.bands[:, 1].max(initial=0))
     low, high = (
         min(low, -int(entries.half_turns.max(initial=0)) - high),
@@ -149,7 +153,8 @@ def model_of(
     Up to `most` fundamentals of the axis can be seen; None where no wider bands are to be fitted.
     """
     own, whole_bands = np.flatnonzero(~found.entries.fixed), bands
-    entries, both = found.entries.picked(own), shapes(blocks, found)
+    estimates = estimates_of(blocks, found)
+    entries, both = found.entries.picked(own), _shapes(found.entries, estimates)
     harmonics, bands = both.harmonics, bands[own]
     mirror = -entries.half_turns[:, None] - bands[:, ::-1]
     outer = np.stack([np.minimum(bands[:, 0], mirror[:, 0]), np.maximum(bands[:, 1], mirror[:, 1])], 1)
@@ -190,7 +195,7 @@ def model_of(
         channels=channels,
         covariance=covariance,
         coefficient_std=out_std[..., used],
-        estimates=estimates_of(blocks, found).picked(modes=own[np.argsort(size, kind="stable")]),
+        estimates=estimates.picked(modes=own[np.argsort(size, kind="stable")]),
         unselected=None if most is None else unselected(blocks, found, whole_bands, most),
         provenance=provenance,
     )

@@ -59,6 +59,12 @@ class KeptCycles(LiftedBlock):
         rows = np.arange(record.n_channels)
         return KeptCycles(lifted, hit, rows, np.ones(len(rows)), kept=~missing[0, :, 0])
 
+    def rest(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
+        """Times (samples,) [s] and what the model leaves at each (rows, samples), in the cycles that are there."""
+        times, left = LiftedBlock.rest(self, columns, coefficients)
+        there = np.repeat(self.kept, self.lifted.n_phases)
+        return times[there], left[:, there]
+
     def _values(self) -> NDArray[np.float64]:
         """(rows, phases, cycles)."""
         return self.lifted.responses.values[:, 0].reshape(len(self.rows), self.lifted.n_phases, self.n_cycles)

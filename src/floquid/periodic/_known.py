@@ -115,13 +115,13 @@ def without_known(
     """
     count = round(nu) if nu >= 1.0 else 1
     roots = [k / count for k in range(count // 2 + 1)]
-    modal = _generous(lifted)
+    modal = generous_poles(lifted)
     if lifted.responses.lengths.min() < FEWEST * count:
         return lifted, Known(), modal
     # Judged where the noise is white: else what is loud near a known multiplier passes for a forced response.
     taps = whitening_filter(lifted, modal)
     judged = lifted if taps is None else whitened(lifted, taps)
-    poles = _apart(modal if taps is None else _generous(judged), roots, int(judged.responses.lengths.max()))
+    poles = _apart(modal if taps is None else generous_poles(judged), roots, int(judged.responses.lengths.max()))
     known = Known(tuple(roots), True)
     for root in (None, *roots):
         kept = tuple(r for r in known.roots if r != root)
@@ -135,8 +135,8 @@ def without_known(
     return free, Known(known.roots, known.drift, turns), modal
 
 
-def _generous(lifted: Lifted) -> ModalModel:
-    """More poles than there are modes."""
+def generous_poles(lifted: Lifted) -> ModalModel:
+    """More poles than there are modes, of lifted responses: they take any response with them, and leave the noise."""
     era = ERA()
     order = max(1, min(GENEROUS, int(lifted.responses.lengths.max()) // 3))
     return era.extract(era.prepare(lifted.responses), order)

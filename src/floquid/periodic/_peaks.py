@@ -121,7 +121,12 @@ class Rest:
 def _power(values: NDArray[np.float64], taken: NDArray[np.int64]) -> NDArray[np.float64]:
     """The power of each line but the zeroth under a Hann window (rows, lines)."""
     window = np.hanning(values.shape[1] + 2)[1:-1]
-    return np.abs(np.fft.rfft(values * window, axis=1)[:, 1:]) ** 2 / np.sum(window[taken] ** 2)
+    return _squared(np.fft.rfft(values * window, axis=1)[:, 1:]) / np.sum(window[taken] ** 2)
+
+
+def _squared(lines: NDArray[np.complexfloating]) -> NDArray[np.floating]:
+    """Their squared sizes, without the roots that `abs` takes."""
+    return lines.real**2 + lines.imag**2
 
 
 def strongest(
@@ -173,7 +178,8 @@ def peaks(
     span = max(rest.span for rest in rests)
     looked_at = np.geomspace(1.0 / span, max(FASTEST / period, 2.0 / span), decays)
     rates = np.concatenate([looked_at, -np.array(GROWTH) / span])
-    gains, omegas = zip(*(_gains(rests, rate) for rate in rates), strict=True)
+    spectra = [_Spectra(rest) for rest in rests]
+    gains, omegas = zip(*(_gains(spectra, rate) for rate in rates), strict=True)
     gain, omega = np.concatenate(gains), np.concatenate(omegas)
     rate = np.repeat(rates, [len(own) for own in omegas])
     degrees = 2 * sum(len(block.rows) for block in blocks)
@@ -193,34 +199,38 @@ def peaks(
     return found
 
 
-def _gains(rests: Sequence[Rest], rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _gains(spectra: Sequence[_Spectra], rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What an exponential of each frequency and one decay takes out of the misfit, and the frequencies (lines,)."""
-    step, grid = min(rest.step for rest in rests), max(rest.values.shape[1] * rest.step for rest in rests)
+    from scipy.fft import next_fast_len
+
+    step = min(own.rest.step for own in spectra)
+    grid = max(own.rest.values.shape[1] * own.rest.step for own in spectra)
     # What comes after a fast decay has died is not looked at, and its lines are as wide as it is fast.
     length = min(grid, DIED / rate) if rate > 0.0 else grid
-    lines = _fast_length(2.0 * (length / step + 1.0))
+    lines = next_fast_len(int(np.ceil(2.0 * (length / step + 1.0))), real=True)
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(lines, step), np.float64)
-    gain = np.zeros(len(omega))
-    for rest in rests:
-        gain += _gain(rest, rate, omega, lines, min(rest.values.shape[1], lines))
+    gain = np.sum([own.gain(rate, omega, lines) for own in spectra], axis=0)
     gain[0] *= 0.5
     return gain, omega
 
 
-def _fast_length(least: float) -> int:
-    """The smallest of 2ᵏ, 3·2ᵏ and 5·2ᵏ that is not less: transforms of such lengths are quick."""
-    return min(factor * 2 ** max(int(np.ceil(np.log2(least / factor))), 1) for factor in (1, 3, 5))
+class _Spectra:
+    """What a fit leaves of one block, ready for transforms under many windows."""
 
+    def __init__(self, rest: Rest) -> None:
+        self.rest, self.times = rest, np.arange(rest.values.shape[1]) * rest.step
+        self.there = np.zeros(len(self.times))
+        self.there[rest.taken] = 1.0
+        self.weights: dict[int, NDArray[np.float64]] = {}
 
-def _gain(rest: Rest, decay: float, omega: NDArray[np.float64], lines: int, samples: int) -> NDArray[np.float64]:
-    """What an exponential of each frequency takes out of the misfit of one block (lines,)."""
-    times = np.arange(samples) * rest.step
-    window = np.exp(-decay * (times - (0.0 if decay >= 0 else times[-1])))
-    power = np.abs(np.fft.rfft(rest.values[:, :samples] * window, lines, axis=1)) ** 2
-    bands = rest.levels.shape[1]
-    centres = (np.arange(bands) + 0.5) / bands * (np.pi / rest.step)
-    total = np.zeros(len(omega))
-    for own, levels in zip(power, rest.levels, strict=True):
-        total += own / np.interp(omega, centres, levels) ** 2
-    taken = rest.taken[: np.searchsorted(rest.taken, samples)]
-    return 2.0 * total / np.sum(window[taken] ** 2)
+    def gain(self, decay: float, omega: NDArray[np.float64], lines: int) -> NDArray[np.float64]:
+        """What an exponential of each frequency takes out of the misfit (lines,)."""
+        rest, times = self.rest, self.times[:lines]
+        window = np.exp(-decay * (times - (0.0 if decay >= 0 else times[-1])))
+        if lines not in self.weights:
+            bands = rest.levels.shape[1]
+            centres = (np.arange(bands) + 0.5) / bands * (np.pi / rest.step)
+            levels = np.array([np.interp(omega, centres, own) for own in rest.levels])
+            self.weights[lines] = 2.0 / (levels * levels)
+        power = _squared(np.fft.rfft(rest.values[:, :lines] * window, lines, axis=1))
+        return np.einsum("rl,rl->l", power, self.weights[lines]) / float((window * window) @ self.there[:lines])

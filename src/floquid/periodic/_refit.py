@@ -184,12 +184,10 @@ def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks)
     share = np.where(entries.sines(), 1.0, 0.5)[:, None]
     own = np.array(upper(model), np.int64)[columns.modes]
     left = [np.full(record.values.shape, np.nan) for record in records]
-    for block in _seen(model, records, clocks):
+    for block in seen(model.period, records, clocks):
         coefficients = model.coefficients[own, :, block.hit, place][:, block.rows] * share
         taken = np.flatnonzero(~np.isnan(records[block.hit].values[block.rows[0]]))
-        _, rest = block.rest(columns, coefficients * block.scales(columns)[:, None])
-        # Blocks of cycles have those left out, too.
-        left[block.hit][np.ix_(block.rows, taken)] = rest[:, taken] if isinstance(block, KeptCycles) else rest
+        left[block.hit][np.ix_(block.rows, taken)] = block.rest(columns, coefficients * block.scales(columns)[:, None])[1]
     return tuple(left)
 
 
@@ -225,10 +223,10 @@ def _blocks(model: PeriodicModel, records: Sequence[Record], clocks: Clocks, *, 
     return list(record_blocks(records, clocks, 1.0)[0])
 
 
-def _seen(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> Iterator[Block]:
-    """Blocks of what is there: a channel, or a record, may have no samples."""
+def seen(period: float, records: Sequence[Record], clocks: Clocks) -> Iterator[Block]:
+    """Blocks of the samples of records that are there: a channel, or a record, may have none."""
     for hit, (record, clock) in enumerate(zip(records, clocks, strict=True)):
-        cheap = KeptCycles.of(record, clock, model.period, hit)
+        cheap = KeptCycles.of(record, clock, period, hit)
         if cheap is not None:
             yield cheap
             continue

@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.lifting import Lifted, whitening_filter
-from floquid.lti import ERA, ModalModel
-
-GENEROUS = 64
-"""Poles that take any response with them and leave nothing but noise; at most one in three periods."""
+from floquid.lti import ModalModel
+from floquid.periodic import generous_poles
 
 SLOW = 10.0
 """The decay over the record, as a logarithm, below which a mode may be noise."""
@@ -23,11 +21,9 @@ FALLEN = 6.0
 PEAKED = "A mode that hardly decays over the record lies where the noise has a peak: it may be noise."
 
 
-def first_filter(lifted: Lifted) -> NDArray[np.float64] | None:
+def first_filter(lifted: Lifted, generous: ModalModel | None = None) -> NDArray[np.float64] | None:
     """The filters that whiten what generous poles leave; None where that is white."""
-    era = ERA()
-    order = max(1, min(GENEROUS, int(lifted.responses.lengths.max()) // 3))
-    return whitening_filter(lifted, era.extract(era.prepare(lifted.responses), order))
+    return whitening_filter(lifted, generous_poles(lifted) if generous is None else generous)
 
 
 ALL_PEAKED = (

@@ -33,7 +33,11 @@ class UnsettledError(IdentificationError):
 
 
 def find_poles(
-    lifted: Lifted, settings: Settings, report: Callable[[str], None] = lambda _: None
+    lifted: Lifted,
+    settings: Settings,
+    report: Callable[[str], None] = lambda _: None,
+    *,
+    generous: ModalModel | None = None,
 ) -> tuple[Lifted, ModalModel, Choice | None]:
     """Poles and noise together: the noise is taken again from the residual until it stays, and the order is weighed.
 
@@ -48,6 +52,8 @@ def find_poles(
         The options.
     report
         Is told of each stage.
+    generous
+        `generous_poles` of the responses, where they are known.
 
     Returns
     -------
@@ -63,7 +69,7 @@ def find_poles(
     IdentificationError
         No mode rises above the noise, or the order or the noise cannot be told.
     """
-    raw, taps = lifted, first_filter(lifted)
+    raw, taps = lifted, first_filter(lifted, generous)
     if settings.order is not None and settings.order >= lifted.responses.lengths.max() - 1:
         taps = None  # the filter takes a period, and the order needs them all
     looks = 0

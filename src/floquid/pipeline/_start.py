@@ -203,14 +203,14 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
     while True:
         chosen = settings if floors[0] is None else replace(settings, noise_floor=floors[0])
         whole = lifted if floors[0] is None else lift(cutting.cycles, floor=floors[0])
-        raw, known = _without_forced(whole, prepared, cutting)
+        raw, known, generous = _without_forced(whole, prepared, cutting)
         turning = zip(prepared.shafts, prepared.responses, strict=False)
         from_lines = Start(whole=whole, lifted=raw, raw=raw, known=known, modal=None, choice=None)
         gaps = by_default and any(np.isnan(record.values).any() for record in prepared.responses)
         if gaps or any(_wander(shaft, record) > FAR for shaft, record in turning):
             return from_lines  # samples that are filled in make poles of their own, or hide those of the record
         try:
-            free, modal, choice = find_poles(raw, chosen, report)
+            free, modal, choice = find_poles(raw, chosen, report, generous=generous if raw is whole else None)
         except UnsettledError:
             if len(floors) > 1:
                 floors = floors[1:]
@@ -238,13 +238,14 @@ def _wander(shaft: ShaftAngle, record: Record) -> float:
     return float(np.abs(angles - np.polyval(np.polyfit(times - times[0], angles, 1), times - times[0])).max())
 
 
-def _without_forced(lifted: Lifted, prepared: Prepared, cutting: Lifting) -> tuple[Lifted, Known | None]:
-    """The responses without their forced response, and what that is; None where none is to be looked for."""
+def _without_forced(
+    lifted: Lifted, prepared: Prepared, cutting: Lifting
+) -> tuple[Lifted, Known | None, ModalModel | None]:
+    """The responses without their forced response, what that is, and generous poles; None where it is not asked for."""
     if prepared.settings.forced == "none":
-        return lifted, None
+        return lifted, None, None
     nu = prepared.shafts[0].periods_per_revolution if prepared.shafts else prepared.settings.periods_per_revolution
-    free, known, _ = without_known(lifted, nu, speeds=cutting.speeds)
-    return free, known
+    return without_known(lifted, nu, speeds=cutting.speeds)
 
 
 def refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:

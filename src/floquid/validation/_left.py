@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,29 +16,8 @@ BESIDE = 4
 LAGS = 16
 """Autocorrelations that are looked at, at most."""
 
-CHUNK = 4096
-"""Samples whose exponentials are formed at a time."""
-
 PIECE = 64
 """Lines of a spectrum over which its level is taken."""
-
-
-@dataclass(frozen=True, slots=True)
-class Columns:
-    """Exponentials e^{λt + i(m + q)θ}, growing ones counted from the end of the record."""
-
-    exponents: NDArray[np.complex128]
-    """(columns,) [1/s]."""
-    turns: NDArray[np.float64]
-    """M + q (columns,)."""
-
-    def at(self, times: NDArray[np.float64], angles: NDArray[np.float64], last: float) -> NDArray[np.complex128]:
-        """Their values (samples, columns), each of modulus one where it is largest."""
-        values, where = np.unique(self.exponents, return_inverse=True)
-        origin = np.where(values.real > 0, last, 0.0)
-        decays = np.exp(values * (times[:, None] - origin))
-        own, which = np.unique(self.turns, return_inverse=True)
-        return decays[:, where] * np.exp(1j * np.multiply.outer(angles, own))[:, which]
 
 
 def tones_of(highest: float, per_revolution: float) -> NDArray[np.float64]:
@@ -71,62 +48,6 @@ def lines_of(model: PeriodicModel, highest: float) -> tuple[NDArray[np.int64], N
     return np.concatenate(modes or empty).astype(np.int64), np.concatenate(harmonics or empty).astype(np.int64)
 
 
-def projected(
-    left: NDArray[np.float64], times: NDArray[np.float64], angles: NDArray[np.float64], columns: Columns
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    r"""The amplitude of each column in each channel, alone, and the sum of squares that it takes off.
-
-    .. math:: \min_B \sum_k \big(e(t_k) - 2 \Re B z(t_k)\big)^2
-
-    Parameters
-    ----------
-    left
-        e (channels, samples); NaN where no sample is.
-    times, angles
-        Of the samples (samples,) [s], [rad].
-    columns
-        Which exponentials.
-
-    Returns
-    -------
-    amplitudes, squares
-        2|B| and the sums (channels, columns).
-    """
-    there = ~np.isnan(left)
-    filled = np.where(there, left, 0.0)
-    # Where all channels miss the same samples, one row of weights does for all.
-    weights = (there[:1] if (there == there[:1]).all() else there).astype(float)
-    n = len(columns.turns)
-    seen, gram = np.zeros((2, len(left), n)), np.zeros((3, len(weights), n))
-    for first in range(0, len(times), CHUNK):
-        part = slice(first, first + CHUNK)
-        if not weights[:, part].any():
-            continue
-        z = columns.at(times[part], angles[part], float(times[-1]))
-        seen += np.stack([filled[:, part] @ z.real, filled[:, part] @ z.imag])
-        gram += np.stack([weights[:, part] @ own for own in (z.real**2, z.imag**2, z.real * z.imag)])
-    cosines, sines, both = gram
-    total = np.maximum(cosines + sines, np.finfo(float).tiny)
-    determinant = cosines * sines - both**2
-    round_ = determinant > 1e-6 * total**2  # else a column that does not turn: one number, not two
-    safe = np.where(round_, determinant, 1.0)
-    alpha = np.where(round_, (sines * seen[0] - both * seen[1]) / safe, seen[0] / total)
-    beta = np.where(round_, (cosines * seen[1] - both * seen[0]) / safe, seen[1] / total)
-    return np.hypot(alpha, beta), alpha * seen[0] + beta * seen[1]
-
-
-def without(
-    left: NDArray[np.float64], times: NDArray[np.float64], angles: NDArray[np.float64], columns: Columns
-) -> NDArray[np.float64]:
-    """What is left of one channel (samples,) without these columns, fitted together."""
-    there = ~np.isnan(left)
-    z = columns.at(times[there], angles[there], float(times[-1]))
-    both = np.concatenate([z.real, z.imag], axis=1)
-    rest = left.copy()
-    rest[there] -= both @ np.linalg.lstsq(both, left[there], rcond=1e-9)[0]
-    return rest
-
-
 def peaks(left: NDArray[np.float64], noise: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The highest line of the spectrum of each channel over its level there, and where it is, in turns a sample.
 
@@ -134,12 +55,16 @@ def peaks(left: NDArray[np.float64], noise: NDArray[np.float64]) -> tuple[NDArra
     of the spectrum about the line where that is higher.
     """
     there = ~np.isnan(left)
-    spectrum = np.abs(np.fft.rfft(np.where(there, left, 0.0), axis=1)) ** 2
+    lines = np.fft.rfft(np.where(there, left, 0.0), axis=1)
+    spectrum = lines.real**2 + lines.imag**2
     level = noise[:, None] ** 2 * np.maximum(there.sum(axis=1, keepdims=True), 1)
-    pieces = max(spectrum.shape[1] // PIECE, 1)
-    local = np.array([np.median(piece, axis=1) for piece in np.array_split(spectrum, pieces, axis=1)]) / np.log(2.0)
-    where = np.repeat(np.arange(pieces), [len(p) for p in np.array_split(np.arange(spectrum.shape[1]), pieces)])
-    over = spectrum / np.maximum(level, local.T[:, where] if pieces > 1 else 0.0)
+    pieces = spectrum.shape[1] // PIECE
+    if pieces > 1:
+        size = spectrum.shape[1] // pieces
+        cut = spectrum[:, : pieces * size].reshape(len(left), pieces, size)
+        local = np.median(cut, axis=2) / np.log(2.0)
+        level = np.maximum(level, local[:, np.minimum(np.arange(spectrum.shape[1]) // size, pieces - 1)])
+    over = spectrum / level
     over[:, 0] = 0.0  # the mean is one of the tones
     if left.shape[1] % 2 == 0:
         over[:, -1] *= 0.5  # half the sampling rate: one number, not two

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.periodic import unexplained
+from floquid.core import ConstantPeriod, Record
+from floquid.periodic import line_amplitudes, unexplained, without_lines
+from floquid.sync import ShaftAngle
 from floquid.validation._case import Case, Findings
-from floquid.validation._left import Columns, colour, lines_of, peaks, projected, rates_of, tones_of, without
+from floquid.validation._left import colour, lines_of, peaks, rates_of, tones_of
 from floquid.validation._verdict import Names, listed, sentence, strongest
 
 TONE = 0.1
@@ -49,10 +53,9 @@ def _tones(case: Case, left: list[NDArray[np.float64]], found: Findings) -> dict
     from scipy.special import chdtri
 
     turns, names = tones_of(case.highest, case.per_revolution), Names(case.model)
-    columns = Columns(np.zeros(len(turns), complex), turns)
     size, score = np.zeros((2, *case.noise.shape, len(turns)))
     for hit, rest in enumerate(left):
-        amplitudes, squares = projected(rest, *case.instants[hit], columns)
+        amplitudes, squares = line_amplitudes(*_residual(case, hit, rest), np.zeros(len(turns)), turns)
         size[:, hit] = amplitudes / case.noise[:, hit, None]
         score[:, hit] = squares / case.noise[:, hit, None] ** 2
     there = (score > chdtri(2, case.false_alarm / score.size)) & (size > TONE)
@@ -69,11 +72,16 @@ def _tones(case: Case, left: list[NDArray[np.float64]], found: Findings) -> dict
         remedy = "It is a forced response: fit it beside the modes with `forced` (`--forced`), or take it off."
         found.reasons.append(sentence(listed(parts), remedy))
     for channel, hit in {(c, h) for c, h, _ in strongest(there)}:
-        own = there[channel, hit]
-        left[hit][channel] = without(
-            left[hit][channel], *case.instants[hit], Columns(columns.exponents[own], turns[own])
-        )
+        own = turns[there[channel, hit]]
+        left[hit][channel] = without_lines(*_residual(case, hit, left[hit]), np.zeros(len(own)), own)[channel]
     return {"turns": turns, "tones": size}
+
+
+def _residual(
+    case: Case, hit: int, left: NDArray[np.float64]
+) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
+    """What is left of a hit, from its first sample on, as a record with its clock and period."""
+    return replace(case.records[hit], values=left), case.clocks[hit], case.model.period
 
 
 def _beside(case: Case, left: list[NDArray[np.float64]], turns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -83,11 +91,11 @@ def _beside(case: Case, left: list[NDArray[np.float64]], turns: NDArray[np.float
     """
     score = np.zeros((*case.noise.shape, len(turns)))
     for hit, rest in enumerate(left):
-        times, angles = case.instants[hit]
+        angles = case.instants[hit][1]
         apart = 2.0 * np.pi / max(float(angles[-1] - angles[0]), 1e-300)
         shifts = apart * np.array(LINES_BESIDE)
         near = np.abs(np.add.outer(turns, shifts)).ravel()
-        _, squares = projected(rest, times, angles, Columns(np.zeros(len(near), complex), near))
+        _, squares = line_amplitudes(*_residual(case, hit, rest), np.zeros(len(near)), near)
         score[:, hit] = (
             squares.reshape(len(rest), len(turns), len(LINES_BESIDE)).mean(axis=2) / case.noise[:, hit, None] ** 2
         )
@@ -100,13 +108,11 @@ def _harmonics(case: Case, left: list[NDArray[np.float64]], found: Findings) -> 
 
     model, names = case.model, Names(case.model)
     modes, harmonics = lines_of(model, case.highest)
-    columns = Columns(model.exponents[modes], harmonics.astype(float))
     score = np.zeros((*case.noise.shape, len(modes)))
     for hit, rest in enumerate(left):
         alive = case.alive(hit)
         if alive.stop:
-            times, angles = case.instants[hit]
-            _, squares = projected(rest[:, alive], times[alive], angles[alive], columns)
+            _, squares = line_amplitudes(*_residual(case, hit, rest[:, alive]), model.exponents[modes], harmonics)
             score[:, hit] = squares / case.noise[:, hit, None] ** 2
     if not len(modes):
         return {"modes": modes, "harmonics": harmonics, "lines": score}
@@ -123,12 +129,10 @@ def _harmonics(case: Case, left: list[NDArray[np.float64]], found: Findings) -> 
             "Keep more harmonics (`harmonics`), or let them be chosen; where many are left, modes are missing or wrong."
         )
         found.reasons.append(sentence(listed(parts), remedy))
-        own = Columns(columns.exponents[over], columns.turns[over])
         for hit, rest in enumerate(left):
-            times, angles = case.instants[hit]
             alive = case.alive(hit)
-            for row in rest:
-                row[alive] = without(row[alive], times[alive], angles[alive], own)
+            own = _residual(case, hit, rest[:, alive])
+            rest[:, alive] = without_lines(*own, model.exponents[modes[over]], harmonics[over])
     return {"modes": modes, "harmonics": harmonics, "lines": np.sqrt(score)}
 
 

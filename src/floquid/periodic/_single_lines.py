@@ -1,0 +1,74 @@
+"""Exponentials e^{λt + iqθ} fitted to records one by one, or taken off them together."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid.core import ConstantPeriod, Record
+from floquid.periodic._bands import Entries
+from floquid.periodic._blocks import complex_of
+from floquid.periodic._constrained import evaluated
+from floquid.periodic._refit import seen
+from floquid.sync import ShaftAngle
+
+STILL = 1e-6
+"""The determinant of a column's cosine and sine, over their size, below which it does not turn: it is one number."""
+
+
+def line_amplitudes(
+    record: Record, clock: ConstantPeriod | ShaftAngle, period: float, exponents: ArrayLike, turns: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    r"""The amplitude of each exponential in each channel, alone, and the sum of squares that it takes off.
+
+    .. math:: \min_B \sum_k \big(y(t_k) - 2 \Re B\, e^{\lambda t_k + i q \theta(t_k)}\big)^2
+
+    Parameters
+    ----------
+    record
+        The samples; NaN where there is none.
+    clock
+        What ties them to the phase.
+    period
+        T [s].
+    exponents, turns
+        λ [1/s] and q, turns a period (columns,). What grows is counted from the end of the record.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        2|B| [units of the channels] and the sums [units squared] (channels, columns).
+    """
+    columns = _entries(exponents, turns, period).columns()
+    n = len(columns.modes)
+    amplitudes, squares = np.zeros((2, record.n_channels, n))
+    for block in seen(period, [record], [clock]) if n else ():
+        sums = block.sums(columns, np.zeros((n, len(block.rows)), complex))
+        cosines, sines = np.split(np.diag(sums.gram)[:, None], 2)
+        both, (one, other) = np.diag(sums.gram, n)[:, None], np.split(sums.seen, 2)
+        total = np.maximum(cosines + sines, np.finfo(float).tiny)
+        determinant = cosines * sines - both**2
+        turning = determinant > STILL * total**2
+        safe = np.where(turning, determinant, 1.0)
+        alpha = np.where(turning, (sines * one - both * other) / safe, one / total)
+        beta = np.where(turning, (cosines * other - both * one) / safe, other / total)
+        amplitudes[block.rows] = np.hypot(alpha, beta).T
+        squares[block.rows] = (alpha * one + beta * other).T
+    return amplitudes, squares
+
+
+def without_lines(
+    record: Record, clock: ConstantPeriod | ShaftAngle, period: float, exponents: ArrayLike, turns: ArrayLike
+) -> NDArray[np.float64]:
+    """A record less these exponentials, fitted together (channels, samples). Parameters as of `line_amplitudes`."""
+    entries, left = _entries(exponents, turns, period), np.array(record.values)
+    for block in seen(period, [record], [clock]):
+        held = evaluated([block.with_noise(np.ones(len(block.rows)))], entries)
+        there = ~np.isnan(record.values[block.rows[0]])
+        left[np.ix_(block.rows, there)] = block.rest(entries.columns(), complex_of(held.linear[0].coefficients))[1]
+    return left
+
+
+def _entries(exponents: ArrayLike, turns: ArrayLike, period: float) -> Entries:
+    """One entry a column, its exponent fixed."""
+    return Entries.made(exponents, (0, 0), 2.0 * np.pi / period, offsets=turns, fixed=True)
