@@ -135,8 +135,10 @@ class Lifted(Rebuilt):
         return replace(self, responses=responses)
 
 
-def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING) -> Lifted:
-    r"""The lifted responses of one or several hits, with an estimate of the noise of each channel and hit.
+def lift(
+    cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING, noise: NDArray[np.float64] | None = None
+) -> Lifted:
+    r"""The lifted responses of one or several hits, with the noise of each channel and hit, estimated if not given.
 
     .. math:: y^L[m] = [y_0^T, \dots, y_{P-1}^T]^T[m] = \sum_r R^{Ld}_r e^{\lambda_r m T}
 
@@ -149,6 +151,8 @@ def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING) -> Lifte
     floor
         The least share of a channel's largest value that the noise is taken to be. Samples that are all in single
         precision raise it to 2⁻²⁴.
+    noise
+        The deviation of the noise (channels, hits) [units of the channels]; None estimates it.
 
     Returns
     -------
@@ -174,11 +178,6 @@ def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING) -> Lifte
         for index, hit in enumerate(hits):
             values[:, index, : hit.n_cycles] = hit.values.reshape(-1, hit.n_cycles)
     values.flags.writeable = False
-    noise = np.array([[white_noise_std(block) for block in hit.values] for hit in hits]).T
-    long = lengths >= SHORT
-    if long.any():
-        # A few cycles do not tell noise from modes; until there is a fit, a short hit has the noise of the long ones.
-        noise[:, ~long] = noise[:, long].mean(axis=1, keepdims=True)
     lifted = Lifted(
         responses=TimeResponses(values=values, dt=first.period, lengths=lengths),
         channels=first.channels,
@@ -187,7 +186,17 @@ def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING) -> Lifte
         provenance=Provenance.merge(tuple(hit.provenance for hit in hits)),
         floor=floor_of(values, floor),
     )
-    return lifted.with_noise(noise)
+    return lifted.with_noise(_noise_of(hits) if noise is None else noise)
+
+
+def _noise_of(hits: Sequence[Cycles]) -> NDArray[np.float64]:
+    """The noise of each channel and hit, before anything is known of the response (channels, hits)."""
+    noise = np.array([[white_noise_std(block) for block in hit.values] for hit in hits]).T
+    long = np.array([hit.n_cycles for hit in hits]) >= SHORT
+    if long.any():
+        # A few cycles do not tell noise from modes; until there is a fit, a short hit has the noise of the long ones.
+        noise[:, ~long] = noise[:, long].mean(axis=1, keepdims=True)
+    return noise
 
 
 def unlift(lifted: Lifted) -> tuple[Cycles, ...]:

@@ -33,6 +33,12 @@ BESIDE = (2, 3, 4, 5, 6)
 ENOUGH = 6
 """Columns that must be left beside the poles for that."""
 
+ROUNDING = 1e-10
+"""The same below which it is rounding."""
+
+ALMOST_ALL = 1e-6
+"""The share of the squares that is left below which a difference of sums has lost too many digits."""
+
 CERTAIN = 1e-9
 """The probability at which noise may pass for a forced response."""
 
@@ -123,10 +129,11 @@ def without_known(
     judged = lifted if taps is None else whitened(lifted, taps)
     poles = _apart(modal if taps is None else generous_poles(judged), roots, int(judged.responses.lengths.max()))
     known = Known(tuple(roots), True)
+    bases = [_orthonormal(_columns(poles, length)) for length in judged.responses.lengths.tolist()]
     for root in (None, *roots):
         kept = tuple(r for r in known.roots if r != root)
         less = Known(known.roots, False) if root is None else Known(kept, known.drift)
-        if _gain(judged, poles, less, known) < _limit(judged, less, known):
+        if _gain(judged, bases, less, known) < _limit(judged, less, known):
             known = less
     if not known:
         return lifted, known, modal
@@ -162,31 +169,44 @@ def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
     """A basis of columns, but for those that are rounding (cycles, rank)."""
     size = np.linalg.norm(columns, axis=0)
     left, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
-    return left[:, values > 1e-10 * values.max(initial=1e-300)]
+    return left[:, values > ROUNDING * values.max(initial=1e-300)]
 
 
-def _beyond(basis: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A basis of what orthonormal columns have beyond another basis (cycles, rank)."""
+def _beyond(basis: NDArray[np.float64], columns: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """A basis of what orthonormal columns have beyond another basis, where it is that share at least (cycles, rank)."""
     left, values, _ = np.linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)
-    return left[:, values > TOLD]
+    return left[:, values > least]
 
 
-def _gain(lifted: Lifted, poles: NDArray[np.complex128], less: Known, more: Known) -> float:
-    """What the columns of `more` beyond those of `less` take out of the misfit beside the poles, over the noise."""
+def _squares_left(values: NDArray[np.float64], basis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The sum of squares that orthonormal columns leave of responses (responses,)."""
+    taken = values @ basis
+    whole = np.einsum("rn,rn->r", values, values)
+    left = whole - np.einsum("rk,rk->r", taken, taken)
+    if (left > ALMOST_ALL * whole).all():
+        return left
+    return np.sum((values - taken @ basis.T) ** 2, axis=1)
+
+
+def _gain(lifted: Lifted, bases: Sequence[NDArray[np.float64]], less: Known, more: Known) -> float:
+    """What the columns of `more` beyond those of `less` take out of the misfit, over the noise.
+
+    Beside orthonormal columns of the poles, one array a hit (cycles, rank).
+    """
     total, data = 0.0, lifted.responses
     for hit, length in enumerate(data.lengths.tolist()):
-        own = _columns(poles, length)
-        basis = _orthonormal(np.concatenate([own, less.basis(length)], axis=1) if less else own)
-        extra = _beyond(basis, more.basis(length))
+        own = bases[hit]
+        basis = np.concatenate([own, _beyond(own, less.basis(length), ROUNDING)], axis=1) if less else own
+        extra = _beyond(basis, more.basis(length), TOLD)
         values = data.values[:, hit, :length]
         seen = values @ extra
-        left = values - (values @ basis) @ basis.T - seen @ extra.T
         free = max(length - basis.shape[1] - extra.shape[1], 1)
-        noise = lifted.by_channel(np.sum(left**2, axis=1)[:, None] / free).mean(axis=1)[:, 0]
+        left = _squares_left(values, np.concatenate([basis, extra], axis=1))
+        noise = lifted.by_channel(left[:, None] / free).mean(axis=1)[:, 0]
         # Noise that is coloured is loudest near some multiplier: what lies beside the known one says how loud there.
-        beside = _beyond(np.concatenate([basis, extra], axis=1), _neighbours(less, more, length))
+        beside = _beyond(np.concatenate([basis, extra], axis=1), _neighbours(less, more, length), TOLD)
         if beside.shape[1] >= ENOUGH:
-            near = np.sum((left @ beside) ** 2, axis=1) / beside.shape[1]
+            near = np.sum((values @ beside) ** 2, axis=1) / beside.shape[1]
             noise = np.maximum(noise, lifted.by_channel(near[:, None]).mean(axis=1)[:, 0])
         power = lifted.by_channel(np.sum(seen**2, axis=1)[:, None]).sum(axis=1)[:, 0]
         total += float(np.sum(power / np.maximum(noise, _least(lifted)[:, hit])))

@@ -187,7 +187,9 @@ def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks)
     for block in seen(model.period, records, clocks):
         coefficients = model.coefficients[own, :, block.hit, place][:, block.rows] * share
         taken = np.flatnonzero(~np.isnan(records[block.hit].values[block.rows[0]]))
-        left[block.hit][np.ix_(block.rows, taken)] = block.rest(columns, coefficients * block.scales(columns)[:, None])[1]
+        left[block.hit][np.ix_(block.rows, taken)] = block.rest(columns, coefficients * block.scales(columns)[:, None])[
+            1
+        ]
     return tuple(left)
 
 

@@ -236,10 +236,10 @@ def lifted_views(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings
         return cycles, lift(cycles, floor=settings.noise_floor)
     cut = zip(segment(fitted.free), fitted.free, strict=True)
     cycles = tuple(replace(hit, provenance=record.provenance) for hit, record in cut)
-    lifted, taps = lift(cycles, floor=settings.noise_floor), fitted.whitening
+    lifted, taps = lift(cycles, floor=settings.noise_floor, noise=fitted.noise), fitted.whitening
     if taps is not None and taps.shape[1] <= lifted.n_phases:
-        lifted = whitened(lifted, taps)
-    return cycles, lifted.with_noise(fitted.noise)
+        lifted = whitened(lifted, taps).with_noise(fitted.noise)
+    return cycles, lifted
 
 
 def why_sampled(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -> str:

@@ -24,6 +24,9 @@ ENOUGH = 4
 NORMAL_QUARTILE = 0.6745
 """The median size of a normal number of unit deviation."""
 
+LOOKED_AT = 5000
+"""Second differences whose median tells the noise to two percent."""
+
 NAMED = 0.01
 """The share of a channel that another must make up to be named."""
 
@@ -60,18 +63,21 @@ def sum_of_others(analysis: Analysis) -> tuple[str, float]:
     there = np.isfinite(rests).all(axis=0)
     if there.sum() < ENOUGH * len(rows):
         return "", 1.0
-    noise = np.minimum(_noise_of(rests[:, there]), _noise_of(rows[:, there]))  # a wrong model leaves more than there is
-    if (noise <= QUIET * np.abs(rows[:, there]).max(axis=1)).any():
+    if not there.all():
+        rows, rests = rows[:, there], rests[:, there]
+    noise = np.minimum(_noise_of(rests), _noise_of(rows))  # a wrong model leaves more than there is
+    sizes = np.abs(rows).max(axis=1)
+    if (noise <= QUIET * sizes).any():
         return "", 1.0
-    lower = np.asarray(np.linalg.qr((rows[:, there] / noise[:, None]).T, mode="r")).T
-    beside = np.abs(np.diag(lower)) / np.sqrt(there.sum())
+    lower = np.asarray(np.linalg.qr((rows / noise[:, None]).T, mode="r")).T
+    beside = np.abs(np.diag(lower)) / np.sqrt(rows.shape[1])
     if beside.min() >= OWN:
         return "", 1.0
     first = int(np.flatnonzero(beside < OWN)[0])
     names = [name_of(c.name, hit, len(records)) for hit, r in enumerate(records, start=1) for c in r.channels]
     shares = np.linalg.solve(lower[:first, :first].T, lower[first, :first]) * noise[first] / noise[:first]
     own = float(beside[first])
-    return _sentence(names, first, shares, np.abs(rows[:, there]).max(axis=1), own), own
+    return _sentence(names, first, shares, sizes, own), own
 
 
 def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -79,8 +85,10 @@ def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Their root mean square, or what their median second difference is in white noise, if that is less.
     """
-    rough = np.median(np.abs(np.diff(rests, 2, axis=1)), axis=1) / (NORMAL_QUARTILE * np.sqrt(6.0))
-    return np.minimum(np.sqrt(np.mean(rests**2, axis=1)), rough)
+    apart = max(1, rests.shape[1] // LOOKED_AT)
+    rough = np.abs(np.diff(rests, 2, axis=1)[:, ::apart])
+    rough = np.median(rough, axis=1) / (NORMAL_QUARTILE * np.sqrt(6.0))
+    return np.minimum(np.sqrt(np.einsum("rn,rn->r", rests, rests) / rests.shape[1]), rough)
 
 
 def _sentence(

@@ -77,9 +77,7 @@ def _tones(case: Case, left: list[NDArray[np.float64]], found: Findings) -> dict
     return {"turns": turns, "tones": size}
 
 
-def _residual(
-    case: Case, hit: int, left: NDArray[np.float64]
-) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
+def _residual(case: Case, hit: int, left: NDArray[np.float64]) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
     """What is left of a hit, from its first sample on, as a record with its clock and period."""
     return replace(case.records[hit], values=left), case.clocks[hit], case.model.period
 
