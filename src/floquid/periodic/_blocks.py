@@ -113,3 +113,8 @@ def complex_of(coefficients: NDArray[np.float64]) -> NDArray[np.complex128]:
     """B with 2 Re B z = α Re z + β Im z."""
     cosines, sines = np.split(coefficients, 2)
     return 0.5 * (cosines - 1j * sines)
+
+
+def reals_of(coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """α and β with 2 Re B z = α Re z + β Im z (2 columns, rows)."""
+    return 2.0 * np.concatenate([coefficients.real, -coefficients.imag])

@@ -58,15 +58,16 @@ def with_lines(
     while refused < REFUSALS:
         state = state.with_noise(limits.floor)
         rests = rests_of(state.blocks, state.held, limits.floor)
-        found = _peaks(state, rests, limits, passed)
+        largest, found = _peaks(state, rests, limits, passed)
+        state = replace(state, peak=largest)
         if not found:
-            return state
+            break
         more = _added(state, rests, found, limits)
         if more is None and len(found) > 1:
             more = _added(state, rests, found[:1], limits)
         if more is None:
             # Far from a loud mode its skirts are above what little noise there is: the loudest line is its own.
-            loudest = _peaks(state, [rest.level() for rest in rests], limits, passed)[:1]
+            loudest = _peaks(state, [rest.level() for rest in rests], limits, passed)[1][:1]
             if loudest and loudest[0].exponent != found[0].exponent:
                 more = _added(state, rests, loudest, limits)
         if more is None:
@@ -78,15 +79,15 @@ def with_lines(
     return state
 
 
-def _peaks(state: State, rests: Sequence[Rest], limits: Limits, passed: Sequence[float]) -> list[Peak]:
-    """The peaks that noise hardly makes and that promise what a mode must take out, as many as are tried together."""
+def _peaks(state: State, rests: Sequence[Rest], limits: Limits, passed: Sequence[float]) -> tuple[Peak, list[Peak]]:
+    """The strongest peak; and those that noise hardly makes and that promise what a mode must take out, a few."""
     from scipy.special import chdtri
 
     period = 2.0 * np.pi / state.held.entries.fundamental
     least = PROMISED * float(chdtri(2 * state.rows, limits.mode_alarm))
-    found = peaks(state.blocks, rests, period, EXPECTED, passed, most=AT_ONCE)
+    largest, found = peaks(state.blocks, rests, period, EXPECTED, passed, most=AT_ONCE)
     above = LOUD if limits.loud else 1.0
-    return [peak for peak in found if peak.gain > above * max(peak.limit, least)]
+    return largest, [peak for peak in found if peak.gain > above * max(peak.limit, least)]
 
 
 def _added(state: State, rests: Sequence[Rest], found: Sequence[Peak], limits: Limits) -> State | None:

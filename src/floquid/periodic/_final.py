@@ -76,7 +76,7 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
     further = state.held.further
     state = state.with_fit(replace(settled(state.blocks, state.held, hold=True), further=further))
     rests = rests_of(state.blocks, state.held, limits.floor)
-    peak = strongest(state.blocks, rests, 2.0 * np.pi / state.held.entries.fundamental, EXPECTED)
+    peak = state.peak or strongest(state.blocks, rests, 2.0 * np.pi / state.held.entries.fundamental, EXPECTED)
     return Searched(state.blocks, state.held, bands, peak, tuple(rests), _misfit(state, rests, noise), clusters)
 
 

@@ -134,7 +134,6 @@ def strongest(
     rests: Sequence[Rest],
     period: float,
     false_alarm: float,
-    passed: Sequence[float] = (),
 ) -> Peak:
     """The exponential that takes most out of what is left.
 
@@ -148,15 +147,13 @@ def strongest(
         The period [s].
     false_alarm
         The probability at which noise alone passes the limit, over all lines.
-    passed
-        Angular frequencies [rad/s] that are not looked at again, with the lines next to them.
 
     Returns
     -------
     Peak
         The strongest.
     """
-    return peaks(blocks, rests, period, false_alarm, passed, most=1, decays=FEW_DECAYS)[0]
+    return peaks(blocks, rests, period, false_alarm, most=0, decays=FEW_DECAYS)[0]
 
 
 def peaks(
@@ -168,10 +165,11 @@ def peaks(
     *,
     most: int,
     decays: int = DECAYS,
-) -> list[Peak]:
-    """The exponentials that take most out of what is left, at most so many, apart from one another, strongest first.
+) -> tuple[Peak, list[Peak]]:
+    """The exponential that takes most out of what is left, and those that may be tried, at most so many.
 
-    The first is there in any case; the others pass the limit. Parameters as of `strongest`.
+    These are apart from one another and from the angular frequencies `passed` [rad/s], strongest first; the first is
+    there in any case, the others pass the limit. Other parameters as of `strongest`.
     """
     from scipy.special import chdtri
 
@@ -184,6 +182,11 @@ def peaks(
     rate = np.repeat(rates, [len(own) for own in omegas])
     degrees = 2 * sum(len(block.rows) for block in blocks)
     limit = float(chdtri(degrees, false_alarm / len(omega)))
+
+    def at(k: int) -> Peak:
+        return Peak(complex(-rate[k], omega[k]), float(gain[k]), limit)
+
+    largest = at(int(np.argmax(gain)))
     for frequency in passed:
         gain[np.abs(omega - frequency) <= 8.0 * np.pi / span] = 0.0
     found: list[Peak] = []
@@ -191,12 +194,12 @@ def peaks(
         k = int(np.argmax(gain))
         if found and gain[k] < limit:
             break
-        found.append(Peak(complex(-rate[k], omega[k]), float(gain[k]), limit))
+        found.append(at(k))
         # The skirts of a peak are no peaks of their own.
         width = np.maximum(np.maximum(np.abs(rate), abs(rate[k])), 2.0 * np.pi / span)
         apart = np.abs(omega - omega[k]) / width
         gain[(gain < SKIRT * gain[k] / (1.0 + apart**2)) | (apart < 8.0)] = 0.0
-    return found
+    return largest, found
 
 
 def _gains(spectra: Sequence[_Spectra], rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

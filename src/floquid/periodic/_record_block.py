@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.periodic._blocks import SPEED, SPEED_RATE, SPEED_SQUARED, TREND, Block, Columns, Sums
+from floquid.periodic._blocks import SPEED, SPEED_RATE, SPEED_SQUARED, TREND, Block, Columns, Sums, reals_of
 from floquid.periodic._even_columns import EvenColumns, step_of
 
 ENOUGH = 0.6
@@ -125,7 +125,7 @@ class RecordBlock(Block):
         left = self.values.copy()
         for chunk in self._chunks():
             both = self._columns(columns, chunk)
-            left[:, chunk] -= _weights(coefficients) @ both.T
+            left[:, chunk] -= reals_of(coefficients).T @ both.T
         return self.times, left
 
     def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
@@ -136,7 +136,7 @@ class RecordBlock(Block):
         n, rows = 2 * len(columns.modes), len(self.rows)
         gram, mixed, slopes = np.zeros((3, n, n))
         seen, late, left = np.zeros((n, rows)), np.zeros((n, rows)), np.zeros(rows)
-        weights = _weights(coefficients)
+        weights = reals_of(coefficients).T
         for chunk in self._chunks():
             both, timed = self._with_times(columns, chunk)
             rest = self.values[:, chunk] - weights @ both.T
@@ -295,8 +295,3 @@ class GappyBlock(Block):
         ends = (float(grid.times[0]), float(grid.times[-1]))
         holes = replace(whole, times=grid.times[~taken], values=whole.values[:, ~taken], ends=ends)
         return GappyBlock(whole, holes, np.flatnonzero(taken))
-
-
-def _weights(coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """α and β with 2 Re B z = α Re z + β Im z (rows, 2 columns)."""
-    return 2.0 * np.concatenate([coefficients.real, -coefficients.imag]).T

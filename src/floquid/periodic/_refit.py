@@ -12,9 +12,9 @@ from floquid._checks import frozen_array, input_error
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.lifting import Lifted
 from floquid.periodic._bands import Entries, upper
-from floquid.periodic._blocks import Block
+from floquid.periodic._blocks import Block, reals_of
 from floquid.periodic._colour import through
-from floquid.periodic._constrained import AT_REST, evaluated, settled
+from floquid.periodic._constrained import AT_REST, Held, evaluated, settled
 from floquid.periodic._fit import _most
 from floquid.periodic._held import model_of
 from floquid.periodic._kept_cycles import KeptCycles
@@ -99,7 +99,7 @@ def refit(
     entries = replace(Entries.of(model), free_period=free_period)
     return model_of(
         blocks,
-        settled(blocks, entries, at_rest=at_rest),
+        settled(blocks, _evaluated(model, blocks, entries), at_rest=at_rest),
         entries.bands,
         channels=model.channels,
         provenance=model.provenance,
@@ -142,7 +142,7 @@ def own_period(
         Records, clocks, noise and model do not belong together.
     """
     blocks = _noisy(model, records, clocks, noise, "own_period")
-    now = evaluated(blocks, replace(Entries.of(model), free_period=True))
+    now = _evaluated(model, blocks, replace(Entries.of(model), free_period=True))
     if now.information[-1, -1] <= 0.0:
         return None
     covariance = now.covariance()
@@ -178,19 +178,28 @@ def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks)
     """
     _check(model, records, clocks, "unexplained")
     entries = Entries.of(model)
-    columns = entries.columns()
-    place = np.searchsorted(model.harmonics, columns.harmonics)
-    # A column without a sine counts once, the others with their conjugates.
-    share = np.where(entries.sines(), 1.0, 0.5)[:, None]
-    own = np.array(upper(model), np.int64)[columns.modes]
     left = [np.full(record.values.shape, np.nan) for record in records]
     for block in seen(model.period, records, clocks):
-        coefficients = model.coefficients[own, :, block.hit, place][:, block.rows] * share
         taken = np.flatnonzero(~np.isnan(records[block.hit].values[block.rows[0]]))
-        left[block.hit][np.ix_(block.rows, taken)] = block.rest(columns, coefficients * block.scales(columns)[:, None])[
-            1
-        ]
+        _, rest = block.rest(entries.columns(), _scaled(model, entries, block))
+        left[block.hit][np.ix_(block.rows, taken)] = rest
     return tuple(left)
+
+
+def _evaluated(model: PeriodicModel, blocks: Sequence[Block], entries: Entries) -> Held:
+    """The linearisation at a model's exponents, started from its coefficients."""
+    return evaluated(blocks, entries, tuple(reals_of(_scaled(model, entries, block)) for block in blocks))
+
+
+def _scaled(model: PeriodicModel, entries: Entries, block: Block) -> NDArray[np.complex128]:
+    """The coefficients of a model on the scaled columns of a block, after its filter (columns, rows)."""
+    columns = entries.columns()
+    place = np.searchsorted(model.harmonics, columns.harmonics)
+    own = np.array(upper(model), np.int64)[columns.modes]
+    # A column without a sine counts once, the others with their conjugates.
+    share = np.where(entries.sines(), 1.0, 0.5) * block.scales(columns)
+    coefficients = model.coefficients[own, :, block.hit, place][:, block.rows] * share[:, None]
+    return coefficients * block.gain(columns.rates).T
 
 
 def instants(record: Record, clock: ConstantPeriod | ShaftAngle, fundamental: float) -> tuple[NDArray, NDArray]:

@@ -14,6 +14,7 @@ from floquid.periodic._blocks import PLAIN, Block
 from floquid.periodic._constrained import Held, evaluated, settled, weighted
 from floquid.periodic._harmonics import GAP
 from floquid.periodic._held import chosen_bands
+from floquid.periodic._peaks import Peak
 from floquid.periodic._residual import noise_of
 from floquid.periodic._scores import ColumnsLeft
 
@@ -74,6 +75,8 @@ class State:
 
     blocks: tuple[Block, ...]
     held: Held
+    peak: Peak | None = None
+    """The strongest peak that the last search of the residual saw; None where there was none."""
 
     @property
     def rows(self) -> int:
@@ -111,7 +114,7 @@ class State:
         noise = noise_of(self.blocks, self.held, floor)
         blocks = tuple(block.with_noise(noise[block.rows, block.hit]) for block in self.blocks)
         held = weighted(blocks, self.held.entries, self.held.linear)
-        return State(blocks, replace(held, further=self.held.further))
+        return replace(self, blocks=blocks, held=replace(held, further=self.held.further))
 
     def with_fit(self, held: Held) -> State:
         """With another fit of the same blocks."""
