@@ -19,7 +19,7 @@ LARGEST_SLIP = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class KeptCycles(LiftedBlock):
-    """One hit, the samples of cycles left out set to zero, and so their columns."""
+    """One hit, without the cycles that are left out."""
 
     kept: NDArray[np.bool_] = field(kw_only=True)
     """Which cycles are there (cycles,)."""
@@ -47,7 +47,8 @@ class KeptCycles(LiftedBlock):
         missing = np.isnan(cut)
         if not (np.isnan(rest).all() and (missing == missing[:1, :, :1]).all()) or missing.all():
             return None
-        values = np.where(missing, 0.0, cut).transpose(0, 2, 1).reshape(-1, 1, cycles)
+        kept = ~missing[0, :, 0]
+        values = cut[:, kept].transpose(0, 2, 1).reshape(-1, 1, int(kept.sum()))
         values.flags.writeable = False
         lifted = Lifted(
             responses=TimeResponses(values=values, dt=period),
@@ -57,19 +58,13 @@ class KeptCycles(LiftedBlock):
             provenance=record.provenance,
         )
         rows = np.arange(record.n_channels)
-        return KeptCycles(lifted, hit, rows, np.ones(len(rows)), kept=~missing[0, :, 0])
-
-    def rest(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
-        """Times (samples,) [s] and what the model leaves at each (rows, samples), in the cycles that are there."""
-        times, left = LiftedBlock.rest(self, columns, coefficients)
-        there = np.repeat(self.kept, self.lifted.n_phases)
-        return times[there], left[:, there]
+        return KeptCycles(lifted, hit, rows, np.ones(len(rows)), kept=kept)
 
     def _values(self) -> NDArray[np.float64]:
-        """(rows, phases, cycles)."""
-        return self.lifted.responses.values[:, 0].reshape(len(self.rows), self.lifted.n_phases, self.n_cycles)
+        """Those of the cycles that are there (rows, phases, cycles)."""
+        return self.lifted.responses.values[:, 0].reshape(len(self.rows), self.lifted.n_phases, -1)
 
     def _factors(self, columns: Columns) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Those of all cycles, zero in the ones that are left out."""
+        """Those of the cycles that are there."""
         starts, cycles, parts, phases = LiftedBlock._factors(self, columns)  # noqa: SLF001  # super() is not to be had with slots
-        return starts, cycles * self.kept[:, None], parts * self.kept[:, None], phases
+        return starts[self.kept], cycles[self.kept], parts[self.kept], phases
