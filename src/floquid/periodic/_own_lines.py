@@ -39,24 +39,22 @@ def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp
     float
         The probability; 1 without lines.
     """
-    from scipy.linalg import block_diag as block_diagonal
     from scipy.special import chdtrc
 
     if not len(lines):
         return 1.0
     # Every term takes part: one that is left out would pull at the places of the others.
-    terms = np.flatnonzero(whole.turning)
-    rates = whole.rates[terms]
-    mirrored = rates.imag < 0.0
-    entries = Entries.made(np.where(mirrored, rates.conj(), rates), (0, 0), whole.fundamental)
-    held = evaluated(LiftedBlock.all_of(lifted), entries)
-    modes = (whole.modes[terms][:, None] == np.unique(whole.modes[terms])).astype(float)
-    alone = (terms[:, None] == lines).astype(float)
-    moved = np.concatenate([modes * ~np.isin(terms, lines)[:, None], alone], axis=1)
-    turn = np.where(mirrored, -1.0, 1.0)[:, None]
+    count = len(whole.exponents)
+    bands = [whole.harmonics[whole.modes == mode][[0, -1]] for mode in range(count)]
+    own = np.where(whole.real, whole.exponents.real, whole.exponents)
+    entries = Entries.made(own, bands, whole.fundamental, real=whole.real, offsets=0.5 * whole.half_turns)
+    rates = evaluated(LiftedBlock.all_of(lifted), entries).by_column
+    modes = (whole.modes[:, None] == np.arange(count)) * whole.turning[:, None].astype(float)
+    alone = (np.arange(len(whole.modes))[:, None] == lines).astype(float)
+    looked_at = alone.any(axis=1, keepdims=True)
     free, tied = (
-        _gain(both.T @ held.gradient, both.T @ held.gauss_newton @ both)
-        for both in (np.asarray(block_diagonal(each, turn * each), np.float64) for each in (moved, modes))
+        _gain(both.T @ rates.gradient, both.T @ rates.gauss_newton @ both)
+        for both in (np.kron(np.eye(2), each) for each in (np.concatenate([modes * ~looked_at, alone], axis=1), modes))
     )
     return float(chdtrc(2 * len(lines), max(free - tied, 0.0)))
 
