@@ -118,3 +118,13 @@ def complex_of(coefficients: NDArray[np.float64]) -> NDArray[np.complex128]:
 def reals_of(coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
     """α and β with 2 Re B z = α Re z + β Im z (2 columns, rows)."""
     return 2.0 * np.concatenate([coefficients.real, -coefficients.imag])
+
+
+def real_products(straight: NDArray[np.complex128], crossed: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Products of the real columns from Σ z̄_i z_j and Σ z_i z_j (2 columns, 2 columns)."""
+    n = len(straight)
+    found = np.empty((2 * n, 2 * n))
+    both, beside = straight + crossed, crossed - straight
+    found[:n, :n], found[:n, n:], found[n:, :n], found[n:, n:] = both.real, both.imag, beside.imag, -beside.real
+    found *= 0.5
+    return found

@@ -39,6 +39,9 @@ AT_REST = 1e-4
 PASSES = 3
 """How often the coefficients of one set of exponents may be corrected."""
 
+GAINED = 100.0
+"""What a step of the coefficients may gain, over what is left, for it to have lost no digits that matter."""
+
 GONE = 1e-200
 """The sum of squares below which a column has decayed before the first sample."""
 
@@ -178,11 +181,10 @@ def _folded(curvature: NDArray[np.float64], moments: NDArray[np.float64]) -> NDA
     half = turned(moments)
     rows = [[moments, turned(moments.T).T], [half, turned(half.T).T]]
     n = len(curvature) // 2
-
-    def summed(part: NDArray[np.float64]) -> NDArray[np.float64]:
-        return part[:n, :n] + part[:n, n:] + part[n:, :n] + part[n:, n:]
-
-    return np.block([[summed(curvature * part) for part in row] for row in rows])
+    found = np.empty((2, n, 2, n))
+    for (i, j), part in zip(np.ndindex(2, 2), (own for row in rows for own in row), strict=True):
+        found[i, :, j] = (curvature * part).reshape(2, n, 2, n).sum(axis=(0, 2))
+    return found.reshape(2 * n, 2 * n)
 
 
 def settled(
@@ -265,7 +267,7 @@ def _linear(block: Block, columns: Columns, sines: NDArray[np.bool_], start: NDA
         step = inverse @ found.seen
         gained = np.sum(step * found.seen, axis=0)
         coefficients = coefficients + step
-        if round_ == PASSES or (round_ >= passes and (gained <= 1e-3 * (found.left - gained)).all()):
+        if round_ == PASSES or (round_ >= passes and (gained <= GAINED * (found.left - gained)).all()):
             break
     return Linear(
         coefficients=coefficients,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.periodic._blocks import PLAIN, TREND, Columns, Sums
+from floquid.periodic._blocks import PLAIN, TREND, Columns, Sums, real_products
 
 FEWEST = 1024
 """Samples from which pieces are quicker."""
@@ -186,10 +186,4 @@ def _products(pieces: Pieces) -> tuple[NDArray[np.float64], ...]:
                 inner[0] * outer[2] + 2.0 * inner[1] * outer[1] + inner[2] * outer[0],
             )
         )
-    return tuple(_real(with_conjugate, plain) for with_conjugate, plain in zip(*found, strict=True))
-
-
-def _real(with_conjugate: NDArray[np.complex128], plain: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Products of Re z and Im z from Σ z̄_i z_j and Σ z_i z_j."""
-    both, beside = with_conjugate + plain, plain - with_conjugate
-    return 0.5 * np.block([[both.real, both.imag], [beside.imag, -beside.real]])
+    return tuple(real_products(*both) for both in zip(*found, strict=True))

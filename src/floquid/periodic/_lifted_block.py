@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.lifting import Lifted
-from floquid.periodic._blocks import Block, Columns, Sums
+from floquid.periodic._blocks import Block, Columns, Sums, real_products
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +77,8 @@ class LiftedBlock(Block):
         starts, cycles, _, phases = self._factors(columns)
         parts = _parts(self._off_known(cycles))
         times = np.add.outer(starts, self.lifted.phase_times).ravel()
-        rest = [
-            (block - _model(columns, coefficients[:, row], phases, parts)).T.ravel()
-            for row, block in enumerate(self._values())
-        ]
+        shapes = _shapes(columns, coefficients, phases)
+        rest = [(block - own @ parts.T).T.ravel() for own, block in zip(shapes, self._values(), strict=True)]
         return times, np.array(rest)
 
     def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
@@ -91,8 +89,9 @@ class LiftedBlock(Block):
         weights, own_parts = np.concatenate([parts, starts[:, None] * parts], axis=1), _parts(self._off_known(cycles))
         folded = np.zeros((2, len(self.rows), self.lifted.n_phases, len(columns.exponents)), complex)
         left = np.zeros(len(self.rows))
+        shapes = _shapes(columns, coefficients, phases)
         for row, block in enumerate(self._values()):
-            rest = block - _model(columns, coefficients[:, row], phases, own_parts)
+            rest = block - shapes[row] @ own_parts.T
             left[row] = np.einsum("pn,pn->", rest, rest)
             real, imag, late_real, late_imag = np.split(rest @ weights, 4, axis=1)
             folded[:, row] = real + 1j * imag, late_real + 1j * late_imag
@@ -106,7 +105,7 @@ class LiftedBlock(Block):
             (cycles.conj(), late_cycles.conj()), (whole, late_whole), phases.conj(), phases, times, columns.modes
         )
         crossed = _products((cycles, late_cycles), (whole, late_whole), phases, phases, times, columns.modes)
-        gram, mixed, slopes = (_real(*both) for both in zip(straight, crossed, strict=True))
+        gram, mixed, slopes = (real_products(*both) for both in zip(straight, crossed, strict=True))
         return Sums(gram, mixed, slopes, _real_data(seen), _real_data(late), left)
 
     def _values(self) -> NDArray[np.float64]:
@@ -138,16 +137,16 @@ def _parts(cycles: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.concatenate([cycles.real, -cycles.imag], axis=1)
 
 
-def _model(
-    columns: Columns,
-    coefficients: NDArray[np.complex128],
-    phases: NDArray[np.complex128],
-    parts: NDArray[np.float64],
+def _shapes(
+    columns: Columns, coefficients: NDArray[np.complex128], phases: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
-    """2 Re Σ B z of one channel (phases, cycles); `parts` are Re μ^n and -Im μ^n."""
-    shapes: NDArray[np.complex128] = np.zeros((len(phases), len(columns.exponents)), complex)
-    np.add.at(shapes.T, columns.modes, (coefficients * phases).T)
-    return 2.0 * (np.concatenate([shapes.real, shapes.imag], axis=1) @ parts.T)
+    """2 Re B z over the phases, then 2 Im, summed over the columns of each entry (rows, phases, 2 entries).
+
+    What they make of Re μ^n and -Im μ^n is the model 2 Re Σ B z.
+    """
+    member = (columns.modes[:, None] == np.arange(len(columns.exponents))).astype(float)
+    terms = 2.0 * coefficients.T[:, None, :] * phases
+    return np.concatenate([terms.real @ member, terms.imag @ member], axis=2)
 
 
 def _products(
@@ -168,16 +167,6 @@ def _products(
         long[0, 0] * short[0],
         long[0, 0] * short[1] + long[0, 1] * short[0],
         long[0, 0] * short[2] + (long[0, 1] + long[1, 0]) * short[1] + long[1, 1] * short[0],
-    )
-
-
-def _real(straight: NDArray[np.complex128], crossed: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Products of the real columns from Σ z̄_i z_j and Σ z_i z_j (2 columns, 2 columns)."""
-    return 0.5 * np.block(
-        [
-            [(straight + crossed).real, (straight + crossed).imag],
-            [(crossed - straight).imag, (straight - crossed).real],
-        ]
     )
 
 
