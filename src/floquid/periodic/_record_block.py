@@ -191,16 +191,26 @@ class RecordBlock(Block):
         times = self.times[chunk]
         angles = columns.fundamental * times if self.angles is None else self.angles[chunk]
         grows = columns.exponents.real > 0
-        decays = np.exp(np.multiply.outer(times, np.where(grows, 0.0, columns.exponents)))
-        decays[:, grows] = np.exp(np.multiply.outer(times - self.last, columns.exponents[grows]))
-        decays[:, columns.factors == TREND] *= ((times - self.middle) / self.half)[:, None]
+        decays = np.exp(np.multiply.outer(np.where(grows, 0.0, columns.exponents), times))
+        decays[grows] = np.exp(np.multiply.outer(columns.exponents[grows], times - self.last))
+        decays[columns.factors == TREND] *= (times - self.middle) / self.half
         if self.speeds is not None:
             for factor, own in zip((SPEED, SPEED_SQUARED, SPEED_RATE), self.speeds, strict=True):
-                decays[:, columns.factors == factor] *= own[chunk, None]
+                decays[columns.factors == factor] *= own[chunk]
         turns, where = np.unique(columns.turns, return_inverse=True)
-        turned = np.exp(1j * np.multiply.outer(angles, turns))
-        z: NDArray[np.complex128] = decays[:, columns.modes] * turned[:, where]
-        return np.concatenate([z.real, z.imag], axis=1)
+        z: NDArray[np.complex128] = decays[columns.modes] * _turned(turns, angles)[where]
+        return np.concatenate([z.real, z.imag]).T
+
+
+def _turned(turns: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Exponentials e^{iqθ} of sorted turns q (turns, angles): each a step of one from the one before, where it is."""
+    unit, found = np.exp(1j * angles), np.empty((len(turns), len(angles)), complex)
+    for k, turn in enumerate(turns):
+        if k and turn == turns[k - 1] + 1.0:
+            np.multiply(found[k - 1], unit, out=found[k])
+        else:
+            found[k] = np.exp(1j * turn * angles)
+    return found
 
 
 @dataclass(frozen=True)
