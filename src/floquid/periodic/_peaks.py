@@ -34,7 +34,7 @@ GROWTH = (2.0, 6.0)
 APART = 2.0
 """Lines on each side of an exponential, beside its width, that a fit takes noise from."""
 
-DIED = 12.0
+DIED = 8.0
 """Decays after which an exponential has died."""
 
 SKIRT = 10.0
@@ -195,6 +195,8 @@ def peaks(
         if found and gain[k] < limit:
             break
         found.append(at(k))
+        if gain[k] < limit:
+            break
         # The skirts of a peak are no peaks of their own.
         width = np.maximum(np.maximum(np.abs(rate), abs(rate[k])), 2.0 * np.pi / span)
         apart = np.abs(omega - omega[k]) / width
