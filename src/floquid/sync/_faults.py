@@ -142,7 +142,7 @@ def clipped(record: Record) -> tuple[Clipping, ...]:
         One a clipped channel, in the order of the record.
     """
     found: list[Clipping] = []
-    for row, values, quantum in measuring(record):
+    for row, values, quantum in measuring(record, standing=True):
         channel = record.channels[row]
         rest = float(np.nanmedian(values))
         levels: list[float] = []
@@ -181,7 +181,7 @@ def dropouts(record: Record, *, least: int = STUCK) -> tuple[Dropout, ...]:
         In the order of channels, then of time.
     """
     found: list[Dropout] = []
-    for row, values, quantum in measuring(record):
+    for row, values, quantum in measuring(record, standing=True):
         channel = record.channels[row]
         if channel.quantity == "force":
             continue
@@ -237,12 +237,17 @@ def gaps(record: Record) -> tuple[Gap, ...]:
     )
 
 
-def measuring(record: Record) -> list[tuple[int, NDArray[np.float64], float]]:
-    """Row, samples and quantum of the channels that measure something that moves smoothly."""
+def measuring(record: Record, *, standing: bool = False) -> list[tuple[int, NDArray[np.float64], float]]:
+    """Row, samples and quantum of the channels that measure something that moves smoothly.
+
+    With `standing`, only those of which two samples in turn are equal.
+    """
     clock = record.clock.channel if isinstance(record.clock, TachometerSignal | AzimuthSignal) else None
     judged: list[tuple[int, NDArray[np.float64], float]] = []
     for row, (channel, values) in enumerate(zip(record.channels, record.values, strict=True)):
         if channel.quantity in ("pulse", "angle") or channel.name == clock:
+            continue
+        if standing and not (values[1:] == values[:-1]).any():
             continue
         distinct = np.unique(values[np.isfinite(values)])
         if len(distinct) >= 3 and not (channel.quantity != "force" and _two_levels(values, distinct[0], distinct[-1])):
