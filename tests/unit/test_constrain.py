@@ -13,9 +13,9 @@ from floquid.errors import IdentificationError, InputError
 from floquid.lifting import lift, whitened
 from floquid.lti import fit_residues
 from floquid.periodic import assemble, fit, refit
-from floquid.periodic._bands import Entries
-from floquid.periodic._constrained import evaluated
-from floquid.periodic._lifted_block import LiftedBlock
+from floquid.periodic.least_squares._lifted_block import LiftedBlock
+from floquid.periodic.least_squares._parameters import ModeParameters
+from floquid.periodic.least_squares._solver import linearise
 from floquid.store import load, save
 from floquid.sync import segment
 from floquid.testing import pair_exponents
@@ -90,7 +90,7 @@ def held(model, lifted):
     """The model of the same modes with bands chosen anew."""
     silent = Record(values=np.zeros((lifted.n_channels, 1)), sample_rate=1.0, channels=model.channels)
     clock = ConstantPeriod(period=PERIOD)
-    given = {"start": Entries.of(model), "lifted": lifted, "forced": "none", "search": False}
+    given = {"start": ModeParameters.of(model), "lifted": lifted, "forced": "none", "search": False}
     return fit([silent] * lifted.n_hits, [clock] * lifted.n_hits, **given)
 
 
@@ -125,13 +125,13 @@ def test_without_noise_it_is_exact(kind, first):
 def test_the_gradient_is_that_of_the_cost(kind):
     model = KINDS[kind]
     lifted = lift(segment(records(model, noise=0.1))).with_noise(np.full((len(model.channels), model.n_hits), 0.1))
-    entries = Entries.of(near(model, lifted, off=0.02))
-    now = evaluated(LiftedBlock.all_of(lifted), entries)
+    entries = ModeParameters.of(near(model, lifted, off=0.02))
+    now = linearise(LiftedBlock.all_of(lifted), entries)
     largest = np.abs(now.gradient).max()
     for k in range(len(now.gradient)):
         step = np.zeros(len(now.gradient))
         step[k] = 1e-5
-        up, down = (evaluated(LiftedBlock.all_of(lifted), entries.moved(sign * step)).cost for sign in (1.0, -1.0))
+        up, down = (linearise(LiftedBlock.all_of(lifted), entries.moved(sign * step)).cost for sign in (1.0, -1.0))
         assert (up - down) / 4e-5 == pytest.approx(-now.gradient[k], rel=1e-4, abs=1e-5 * largest)
 
 
@@ -185,12 +185,12 @@ def test_errors_are_those_of_the_deviations(model, noise, taps):
 def test_the_noise_of_the_coefficients_is_taken_off_the_information():
     model, noise = system([-0.3 + 0.9j, -0.25 + 2.2j]), 0.2
     clean = lift(segment(records(model))).with_noise(np.full((2, 1), noise))
-    entries = replace(Entries.of(near(model, clean, off=0.0)), bands=np.array([[-3, 3], [-3, 3]]))
-    exact = np.diag(evaluated(LiftedBlock.all_of(clean), entries).gauss_newton)
+    entries = replace(ModeParameters.of(near(model, clean, off=0.0)), bands=np.array([[-3, 3], [-3, 3]]))
+    exact = np.diag(linearise(LiftedBlock.all_of(clean), entries).gauss_newton)
     drawn = []
     for seed in range(200):
         noisy = lift(segment(records(model, noise=noise, seed=seed))).with_noise(np.full((2, 1), noise))
-        found = evaluated(LiftedBlock.all_of(noisy), entries)
+        found = linearise(LiftedBlock.all_of(noisy), entries)
         drawn.append([np.diag(found.gauss_newton), np.diag(found.information)])
     whole, reduced = np.mean(drawn, axis=0)
     assert (whole > 1.06 * exact).all()
@@ -266,7 +266,7 @@ def test_what_right_bands_leave_is_noise():
     misfits = []
     for seed in range(20):
         lifted = lift(segment(records(model, noise=0.03, seed=seed))).with_noise(np.full((3, 1), 0.03))
-        given = {"start": Entries.of(model), "lifted": lifted, "forced": "none"}
+        given = {"start": ModeParameters.of(model), "lifted": lifted, "forced": "none"}
         misfits.append(fit(records(model, noise=0.03, seed=seed), [ConstantPeriod(period=PERIOD)], **given).misfit)
     assert_allclose(misfits, 1.0, atol=0.1)
     assert np.std(misfits) > 1e-3

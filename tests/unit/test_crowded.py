@@ -9,11 +9,11 @@ from tests.unit.test_constrain import OMEGA, PERIOD, records, system
 
 from floquid import identify
 from floquid.errors import IdentificationError
-from floquid.periodic._blocks import PLAIN
-from floquid.periodic._candidates import forced_entries
-from floquid.periodic._constrained import settled
-from floquid.periodic._record_block import RecordBlock
-from floquid.periodic._state import Limits, State, limit_of
+from floquid.periodic.least_squares import forced_entries
+from floquid.periodic.least_squares._record_block import RecordBlock
+from floquid.periodic.least_squares._sample_block import PLAIN
+from floquid.periodic.least_squares._solver import solve
+from floquid.periodic.search._state import Limits, State, limit_of
 from floquid.testing import assert_exponents_close, pair_exponents
 
 
@@ -38,7 +38,7 @@ def test_a_mode_next_to_its_own_conjugate_has_a_deviation_for_the_mirrored_harmo
     model = system([-0.06 + 1j * (1.5 * OMEGA + 0.006), -0.05 + 2.2j], channels=2)
     (record,) = records(model, noise=0.01, n_cycles=60, seed=1)
     wide = identify(record, validate=False).model
-    monkeypatch.setattr("floquid.periodic._final.BESIDE", 0.0)
+    monkeypatch.setattr("floquid.periodic.search._final.BESIDE", 0.0)
     bare = identify(record, validate=False).model
     assert wide.order == bare.order == 4
     assert np.abs(pulls(wide, model)).max() < 4.0
@@ -73,7 +73,7 @@ def test_errors_of_the_angle_raise_what_a_mode_must_take_out():
     block = RecordBlock(times=times, values=values, hit=0, rows=np.array([0]), noise=np.array([0.1]))
     entries = forced_entries([1.0], OMEGA)
     assert (entries.factors == PLAIN).all()
-    state = State((block,), settled((block,), entries, hold=True))
+    state = State((block,), solve((block,), entries, hold=True))
     mode = replace(forced_entries([0.5], OMEGA), fixed=np.array([False]))
     limits = Limits(most=3, modes=4, mode_alarm=1e-9, harmonic_alarm=1e-6, forced=np.zeros(0))
     more = limit_of(state, mode, replace(limits, angle_std=(1e-2,))) - limit_of(state, mode, limits)

@@ -14,11 +14,11 @@ from floquid.core import ConstantPeriod, Estimates, Record
 from floquid.errors import InputError
 from floquid.lifting import lift
 from floquid.periodic import assemble
-from floquid.periodic._bands import Entries
-from floquid.periodic._constrained import evaluated, settled
-from floquid.periodic._held import estimates_of
-from floquid.periodic._lifted_block import LiftedBlock
-from floquid.periodic._record_block import RecordBlock
+from floquid.periodic.least_squares._estimates import estimates_of
+from floquid.periodic.least_squares._lifted_block import LiftedBlock
+from floquid.periodic.least_squares._parameters import ModeParameters
+from floquid.periodic.least_squares._record_block import RecordBlock
+from floquid.periodic.least_squares._solver import linearise, solve
 from floquid.sync import segment
 
 
@@ -320,7 +320,7 @@ def fisher(case: Case, seed: int = 0):
     """
     period, generator = 2.3, np.random.default_rng(seed)
     omega = 2.0 * np.pi / period
-    entries = Entries.made(
+    entries = ModeParameters.made(
         np.where(case.real, np.real(case.exponents), case.exponents),
         np.array(case.bands),
         omega,
@@ -386,7 +386,7 @@ def fisher(case: Case, seed: int = 0):
 @pytest.mark.parametrize("name", CASES)
 def test_estimates_of_a_fit_have_the_inverse_of_the_fisher_information(name):
     blocks, entries, values, covariance = fisher(CASES[name])
-    own = estimates_of(blocks, settled(blocks, entries))
+    own = estimates_of(blocks, solve(blocks, entries))
     assert_allclose(own.coefficients, values, atol=1e-7 * np.abs(values).max())
     found, size = dense(own), np.sqrt(np.diag(covariance))
     scale = np.where(size > 0, size, 1.0)
@@ -397,12 +397,12 @@ def test_estimates_of_a_fit_have_the_inverse_of_the_fisher_information(name):
 def test_estimates_say_where_they_were_made_also_beside_the_best(oracle):
     """Slopes at exponents that are not the best are those of the coefficients' own fit there, by differences."""
     blocks, entries, _, _ = fisher(CASES["close pairs, two hits"])
-    own = estimates_of(blocks, evaluated(blocks, entries))
+    own = estimates_of(blocks, linearise(blocks, entries))
     for part, move in ((0, 1.0), (1, 1.0), (2, 1j), (3, 1j)):
         shift = np.zeros(2, complex)
         shift[part % 2] = 1e-5 * move
         both = [
-            estimates_of(blocks, evaluated(blocks, replace(entries, exponents=entries.exponents + sign * shift)))
+            estimates_of(blocks, linearise(blocks, replace(entries, exponents=entries.exponents + sign * shift)))
             for sign in (1.0, -1.0)
         ]
         by = (both[0].coefficients - both[1].coefficients) / 2e-5
@@ -468,9 +468,9 @@ def test_free_residues_have_the_inverse_of_their_fisher_information(oracle):
 def test_slopes_at_other_coefficients_are_those_of_a_response_that_has_them(name):
     """The factors that the slopes follow from are of the exponents and the sampling alone."""
     blocks, entries, _, _ = fisher(CASES[name])
-    own = estimates_of(blocks, settled(blocks, entries))
+    own = estimates_of(blocks, solve(blocks, entries))
     blocks, entries, values, _ = fisher(CASES[name], seed=1)
-    other = estimates_of(blocks, settled(blocks, entries))
+    other = estimates_of(blocks, solve(blocks, entries))
     parts = np.flatnonzero(np.diag(own.covariance) > 0)
     size = np.abs(other.slopes).max()
     for row in np.ndindex(*own.blocks.shape):

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from floquid.periodic._blocks import PLAIN, SPEED, TREND, Columns
-from floquid.periodic._even_columns import AT_ONCE, FEWEST, EvenColumns, step_of
-from floquid.periodic._record_block import RecordBlock
+from floquid.periodic.least_squares._record_block import RecordBlock
+from floquid.periodic.least_squares._sample_block import PLAIN, SPEED, TREND, Columns
+from floquid.periodic.least_squares._uniform_grid import AT_ONCE, FEWEST, EvenColumns, step_of
 
 STEP, START = 0.01, 3.7
 OMEGA = 2.0 * np.pi / 0.37
@@ -73,9 +73,9 @@ def test_the_sums_are_those_over_every_sample(n_samples, start):
 def test_what_is_left_is_that_of_every_sample(n_samples):
     one, some = block(n_samples), columns(n_samples)
     B = coefficients(some)
-    times, left = one.rest(some, B)
+    times, left = one.residual(some, B)
     assert times is one.times
-    np.testing.assert_allclose(left, slow(one).rest(some, B)[1], atol=1e-9)
+    np.testing.assert_allclose(left, slow(one).residual(some, B)[1], atol=1e-9)
 
 
 def test_two_trends_and_harmonics_of_one():

@@ -9,11 +9,11 @@ from numpy.testing import assert_allclose
 from floquid import ConstantPeriod, IdentificationError, InputError, Record
 from floquid.lifting import lift
 from floquid.periodic import fit
-from floquid.periodic._bands import Entries
-from floquid.periodic._candidates import forced_entries
-from floquid.periodic._constrained import evaluated
-from floquid.periodic._lifted_block import LiftedBlock
-from floquid.periodic._record_blocks import record_blocks
+from floquid.periodic.least_squares import forced_entries
+from floquid.periodic.least_squares._blocks_of_records import record_blocks
+from floquid.periodic.least_squares._lifted_block import LiftedBlock
+from floquid.periodic.least_squares._parameters import ModeParameters
+from floquid.periodic.least_squares._solver import linearise
 from floquid.sync import segment
 
 PERIOD = 2.0
@@ -110,12 +110,12 @@ def test_missing_samples_have_exact_weights():
     assert np.abs(pulls(found.model)).max() < 4.0
     # The mutant: zeros that count. Its noise is that of the zeros, so its errors are seen in deviations of the other.
     zeros = replace(given, values=np.nan_to_num(values))
-    filled = fit([zeros], [CLOCK], start=Entries.of(found.model), search=False, forced="none", order=4)
+    filled = fit([zeros], [CLOCK], start=ModeParameters.of(found.model), search=False, forced="none", order=4)
     assert np.abs(pulls(filled.model, std=found.model.exponent_std)).max() > 10.0
     blocks, fundamental, _ = record_blocks([replace(given, values=values)], [CLOCK], 1.0)
     assert sum(len(block.rows) * block.n_samples for block in blocks) == np.isfinite(values).sum()
-    entries = Entries.made(EXPONENTS, [(-1, 1)] * 2, fundamental)
-    cost = sum(float(own.left.sum()) for own in evaluated(blocks, entries).linear)
+    entries = ModeParameters.made(EXPONENTS, [(-1, 1)] * 2, fundamental)
+    cost = sum(float(own.left.sum()) for own in linearise(blocks, entries).linear)
     assert cost == pytest.approx(0.02**2 * (np.isfinite(values).sum() - 24), rel=0.1)
 
 
@@ -191,7 +191,7 @@ def test_noise_that_is_coloured_and_not_whitened_is_named():
     start = fit([record()], [CLOCK], forced="none").model
     for seed in range(4):
         given = coloured(record(n=1000), 0.9, seed=seed)
-        found = fit([given], [CLOCK], start=Entries.of(start), search=False, forced="none")
+        found = fit([given], [CLOCK], start=ModeParameters.of(start), search=False, forced="none")
         assert found.whitening is None
         assert any("not white along the record" in doubt for doubt in found.doubts)
 
@@ -219,12 +219,12 @@ def test_hardly_any_noise(n, noise):
 
 
 def test_a_search_that_ends_but_for_its_limit_says_so(monkeypatch):
-    monkeypatch.setattr("floquid.periodic._fit.MOST_ENTRIES", 2)
+    monkeypatch.setattr("floquid.periodic._fit_records.MOST_ENTRIES", 2)
     given, others = record(n=500, noise=0.01), np.array([-0.06 + 2.6j, -0.07 + 7.3j])
     more = response(given.times, OMEGA * given.times, shapes(seed=3), exponents=others)
     found = fit([replace(given, values=given.values + more)], [CLOCK], forced="none")
     assert any("ended at 2, a pair counted once" in doubt for doubt in found.doubts)
-    monkeypatch.setattr("floquid.periodic._fit.MOST_ENTRIES", 3)
+    monkeypatch.setattr("floquid.periodic._fit_records.MOST_ENTRIES", 3)
     right = fit([coloured(record(n=500), 0.0, seed=0)], [CLOCK], forced="none")
     assert not any("ended at" in doubt for doubt in right.doubts)
 
@@ -242,11 +242,11 @@ def test_the_two_kinds_of_blocks_have_the_same_sums():
     given = replace(record(rate=8.0, noise=0.1, n=480), clock=CLOCK)
     lifted = lift(segment(given))
     blocks, fundamental, _ = record_blocks([given], [CLOCK], 1.0)
-    entries = Entries.made([-0.05 + 1.1j, 0.02 + 2.3j], [(-1, 1), (0, 2)], fundamental)
-    entries = entries.joined(Entries.made([-0.03], [(0, 1)], fundamental, real=True, offsets=0.5))
+    entries = ModeParameters.made([-0.05 + 1.1j, 0.02 + 2.3j], [(-1, 1), (0, 2)], fundamental)
+    entries = entries.joined(ModeParameters.made([-0.03], [(0, 1)], fundamental, real=True, offsets=0.5))
     entries = entries.joined(forced_entries([0.0, 0.5], fundamental))
-    one = evaluated(blocks, entries)
-    other = evaluated([replace(block, noise=np.ones(2)) for block in LiftedBlock.all_of(lifted)], entries)
+    one = linearise(blocks, entries)
+    other = linearise([replace(block, noise=np.ones(2)) for block in LiftedBlock.all_of(lifted)], entries)
     assert one.cost == pytest.approx(other.cost, rel=1e-9)
     assert_allclose(one.gradient, other.gradient, rtol=1e-6, atol=1e-6 * np.abs(one.gradient).max())
     assert_allclose(one.gauss_newton, other.gauss_newton, rtol=1e-6, atol=1e-9 * np.abs(one.gauss_newton).max())

@@ -11,7 +11,7 @@ from floquid.cli._terminal import print_analysis
 from floquid.core import ConstantPeriod, Estimates, PeriodicModel
 from floquid.errors import InputError
 from floquid.periodic import periodicity, select_bands
-from floquid.periodic._wald import holm
+from floquid.periodic.significance._wald import holm
 from floquid.store import summary
 from floquid.systems import JeffcottRotor
 

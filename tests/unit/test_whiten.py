@@ -14,7 +14,7 @@ from floquid.core import ConstantPeriod, PeriodicModel
 from floquid.lifting import lift, unlift, whitened, whitening_filter
 from floquid.lti import fit_residues
 from floquid.periodic import assemble, synchrony
-from floquid.periodic._synchrony import drift
+from floquid.periodic.significance._period_mismatch import drift
 from floquid.pipeline import Settings, _find_poles
 from floquid.pipeline import lifted as lifted_of
 from floquid.pipeline._colour import first_filter

@@ -4,22 +4,28 @@
 python-control and back.
 """
 
-from floquid.periodic._assemble import assemble, physical_exponents
-from floquid.periodic._bands import Entries
 from floquid.periodic._control import from_control, to_control
-from floquid.periodic._estimate_at import estimate_at
-from floquid.periodic._evidence import combinations_of
-from floquid.periodic._fit import Fit, fit
-from floquid.periodic._forced import ForcedResponse
-from floquid.periodic._fse import FSE, Family, fse
-from floquid.periodic._harmonics import participation, select_bands
-from floquid.periodic._known import Known, generous_poles, without_known
-from floquid.periodic._period import PeriodCandidate, PeriodEstimate, estimate_period
-from floquid.periodic._periodicity import PartialTests, Periodicity, periodicity
+from floquid.periodic._fit_records import Fit, fit
+from floquid.periodic._forced_response import ForcedResponse
+from floquid.periodic._output_error_step import estimate_at
 from floquid.periodic._refit import instants, own_period, refit, unexplained
 from floquid.periodic._single_lines import line_amplitudes, without_lines
-from floquid.periodic._start import entries_of, equal_multipliers, groups
-from floquid.periodic._synchrony import NEGLIGIBLE_SLIP, SIGNIFICANT, Synchrony, drift, spacing, synchrony
+from floquid.periodic.expansion import assemble, participation, physical_exponents, select_bands
+from floquid.periodic.least_squares import ModeParameters
+from floquid.periodic.period import FSE, Family, PeriodCandidate, PeriodEstimate, estimate_period, fse
+from floquid.periodic.search import combinations_of
+from floquid.periodic.significance import (
+    NEGLIGIBLE_SLIP,
+    SIGNIFICANT,
+    PartialTests,
+    Periodicity,
+    Synchrony,
+    drift,
+    periodicity,
+    spacing,
+    synchrony,
+)
+from floquid.periodic.start import Known, entries_of, equal_multipliers, generous_poles, groups, without_known
 
 CONFIDENT = 2e-3
 """A mode counts as well determined when both parts of its exponent have a deviation below this share of ω: one that is
@@ -30,11 +36,11 @@ __all__ = [
     "FSE",
     "NEGLIGIBLE_SLIP",
     "SIGNIFICANT",
-    "Entries",
     "Family",
     "Fit",
     "ForcedResponse",
     "Known",
+    "ModeParameters",
     "PartialTests",
     "PeriodCandidate",
     "PeriodEstimate",

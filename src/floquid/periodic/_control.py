@@ -15,7 +15,7 @@ from floquid.core import Channel, PeriodicModel, Provenance
 from floquid.core._given import load_package
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel, TimeResponses
-from floquid.periodic._assemble import assemble
+from floquid.periodic.expansion import assemble
 
 if TYPE_CHECKING:
     from control import StateSpace

@@ -12,16 +12,25 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import Channel, ConstantPeriod, Record
 from floquid.errors import IdentificationError
-from floquid.periodic._bands import Entries
-from floquid.periodic._blocks import PLAIN, SPEED, SPEED_RATE, SPEED_SQUARED, TREND
-from floquid.periodic._candidates import forced_entries
-from floquid.periodic._constrained import evaluated, settled
-from floquid.periodic._forced import ForcedResponse
-from floquid.periodic._held import estimates_of, shapes
-from floquid.periodic._known import Known
-from floquid.periodic._record_block import GappyBlock, RecordBlock
-from floquid.periodic._record_blocks import record_blocks
-from floquid.periodic._searched import Searched
+from floquid.periodic._forced_response import ForcedResponse
+from floquid.periodic.least_squares import (
+    PLAIN,
+    SPEED,
+    SPEED_RATE,
+    SPEED_SQUARED,
+    TREND,
+    GappyBlock,
+    ModeParameters,
+    RecordBlock,
+    estimates_of,
+    forced_entries,
+    linearise,
+    record_blocks,
+    shapes,
+    solve,
+)
+from floquid.periodic.search import SearchResult
+from floquid.periodic.start import Known
 from floquid.sync import ShaftAngle
 
 USUAL = (1, 2)
@@ -57,7 +66,7 @@ def _listed(forced: str | Sequence[int], most: int, nu: float) -> tuple[int, ...
     return chosen
 
 
-def forced_base(chosen: tuple[list[float], bool] | None, fundamental: float, *, wanders: bool) -> Entries:
+def forced_base(chosen: tuple[list[float], bool] | None, fundamental: float, *, wanders: bool) -> ModeParameters:
     """What is fitted in any case: offset, drift and the harmonics listed, let follow the speed where it wanders."""
     if chosen is None:
         return forced_entries([], fundamental)
@@ -80,11 +89,11 @@ def angle_std(clocks: Sequence[ConstantPeriod | ShaftAngle], records: Sequence[R
     return tuple(found)
 
 
-def without_noise(found: Searched) -> Searched:
+def without_noise(found: SearchResult) -> SearchResult:
     """Without those harmonics of the forced response, offset and drift that noise explains."""
     from scipy.special import chdtri
 
-    both, entries = shapes(found.blocks, found.held), found.held.entries
+    both, entries = shapes(found.blocks, found.solution), found.solution.entries
     place = int(np.flatnonzero(both.harmonics == 0)[0])
     kept = ~entries.fixed
     for entry in np.flatnonzero(entries.fixed):
@@ -99,21 +108,21 @@ def without_noise(found: Searched) -> Searched:
     if kept.all():
         return found
     less = entries.picked(np.flatnonzero(kept))
-    held = evaluated(found.blocks, less)
+    solution = linearise(found.blocks, less)
     with suppress(IdentificationError, np.linalg.LinAlgError):
-        held = settled(found.blocks, less)
+        solution = solve(found.blocks, less)
     # Fixed entries are no parameters: what was added to the variances stays with the modes.
     places = tuple(int(kept[:entry].sum()) for entry in found.clusters)
-    held = replace(held, further=found.held.further)
-    return replace(found, held=held, bands=found.bands[kept], clusters=places)
+    solution = replace(solution, further=found.solution.further)
+    return replace(found, solution=solution, bands=found.bands[kept], clusters=places)
 
 
-def forced_of(found: Searched, nu: float, channels: tuple[Channel, ...], *, wanders: bool) -> ForcedResponse | None:
+def forced_of(found: SearchResult, nu: float, channels: tuple[Channel, ...], *, wanders: bool) -> ForcedResponse | None:
     """The forced response of a fit; None where nothing of it is there."""
-    entries = found.held.entries
+    entries = found.solution.entries
     if not entries.fixed.any():
         return None
-    both = shapes(found.blocks, found.held)
+    both = shapes(found.blocks, found.solution)
     place = int(np.flatnonzero(both.harmonics == 0)[0])
     values, std = both.coefficients[..., place], both.std[..., place]
     plain = entries.fixed & (entries.factors == PLAIN)
@@ -144,19 +153,19 @@ def forced_of(found: Searched, nu: float, channels: tuple[Channel, ...], *, wand
 
 
 def free_records(
-    records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], found: Searched, nu: float
+    records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], found: SearchResult, nu: float
 ) -> tuple[Record, ...]:
     """The records without what is fixed in the fit."""
-    entries = found.held.entries
+    entries = found.solution.entries
     if not entries.fixed.any():
         return tuple(records)
-    columns, whole = entries.columns(), estimates_of(found.blocks, found.held)
+    columns, whole = entries.columns(), estimates_of(found.blocks, found.solution)
     # A column without a sine counts once, the others with their conjugates.
     share = np.where(entries.sines(), 1.0, 0.5) * entries.fixed[columns.modes]
     values = [np.array(record.values) for record in records]
     for block in record_blocks(records, clocks, nu)[0]:
         coefficients = whole.coefficients[:, block.rows, block.hit] * share[:, None] * block.scales(columns)[:, None]
-        _, left = block.rest(columns, coefficients)
+        _, left = block.residual(columns, coefficients)
         taken = ~np.isnan(records[block.hit].values[block.rows[0]])
         values[block.hit][np.ix_(block.rows, np.flatnonzero(taken))] = left
     for array in values:

@@ -11,16 +11,23 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import frozen_array, input_error
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.lifting import Lifted
-from floquid.periodic._bands import Entries, upper
-from floquid.periodic._blocks import Block, reals_of
-from floquid.periodic._colour import through
-from floquid.periodic._constrained import AT_REST, Held, evaluated, settled
-from floquid.periodic._fit import _most
-from floquid.periodic._held import model_of
-from floquid.periodic._kept_cycles import KeptCycles
-from floquid.periodic._lifted_block import LiftedBlock
-from floquid.periodic._record_block import RecordBlock
-from floquid.periodic._record_blocks import record_blocks
+from floquid.periodic._fit_records import _most
+from floquid.periodic.least_squares import (
+    AT_REST,
+    Block,
+    KeptCycles,
+    LiftedBlock,
+    ModeParameters,
+    RecordBlock,
+    Solution,
+    linearise,
+    model_of,
+    reals_of,
+    record_blocks,
+    solve,
+    through,
+    upper,
+)
 from floquid.sync import ShaftAngle
 
 Clocks = Sequence[ConstantPeriod | ShaftAngle]
@@ -96,10 +103,10 @@ def refit(
     most = None
     if wider:
         most = _most(records, model.period) if lifted is None else (lifted.n_phases - 1) // 2
-    entries = replace(Entries.of(model), free_period=free_period)
+    entries = replace(ModeParameters.of(model), free_period=free_period)
     return model_of(
         blocks,
-        settled(blocks, _evaluated(model, blocks, entries), at_rest=at_rest),
+        solve(blocks, _evaluated(model, blocks, entries), at_rest=at_rest),
         entries.bands,
         channels=model.channels,
         provenance=model.provenance,
@@ -142,7 +149,7 @@ def own_period(
         Records, clocks, noise and model do not belong together.
     """
     blocks = _noisy(model, records, clocks, noise, "own_period")
-    now = _evaluated(model, blocks, replace(Entries.of(model), free_period=True))
+    now = _evaluated(model, blocks, replace(ModeParameters.of(model), free_period=True))
     if now.information[-1, -1] <= 0.0:
         return None
     covariance = now.covariance()
@@ -177,21 +184,21 @@ def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks)
         Records, clocks and model do not belong together.
     """
     _check(model, records, clocks, "unexplained")
-    entries = Entries.of(model)
+    entries = ModeParameters.of(model)
     left = [np.full(record.values.shape, np.nan) for record in records]
     for block in seen(model.period, records, clocks):
         taken = np.flatnonzero(~np.isnan(records[block.hit].values[block.rows[0]]))
-        _, rest = block.rest(entries.columns(), _scaled(model, entries, block))
-        left[block.hit][np.ix_(block.rows, taken)] = rest
+        _, residual = block.residual(entries.columns(), _scaled(model, entries, block))
+        left[block.hit][np.ix_(block.rows, taken)] = residual
     return tuple(left)
 
 
-def _evaluated(model: PeriodicModel, blocks: Sequence[Block], entries: Entries) -> Held:
+def _evaluated(model: PeriodicModel, blocks: Sequence[Block], entries: ModeParameters) -> Solution:
     """The linearisation at a model's exponents, started from its coefficients."""
-    return evaluated(blocks, entries, tuple(reals_of(_scaled(model, entries, block)) for block in blocks))
+    return linearise(blocks, entries, tuple(reals_of(_scaled(model, entries, block)) for block in blocks))
 
 
-def _scaled(model: PeriodicModel, entries: Entries, block: Block) -> NDArray[np.complex128]:
+def _scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> NDArray[np.complex128]:
     """The coefficients of a model on the scaled columns of a block, after its filter (columns, rows)."""
     columns = entries.columns()
     place = np.searchsorted(model.harmonics, columns.harmonics)

@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid.core import ConstantPeriod, Record
-from floquid.periodic._bands import Entries
-from floquid.periodic._blocks import complex_of
-from floquid.periodic._constrained import evaluated
 from floquid.periodic._refit import seen
+from floquid.periodic.least_squares import ModeParameters, complex_of, linearise
 from floquid.sync import ShaftAngle
 
 STILL = 1e-6
@@ -60,15 +58,30 @@ def line_amplitudes(
 def without_lines(
     record: Record, clock: ConstantPeriod | ShaftAngle, period: float, exponents: ArrayLike, turns: ArrayLike
 ) -> NDArray[np.float64]:
-    """A record less these exponentials, fitted together (channels, samples). Parameters as of `line_amplitudes`."""
+    r"""A record less exponentials that are fitted to it together.
+
+    .. math:: y(t_k) - 2 \Re \sum_j B_j\, e^{\lambda_j t_k + i q_j \theta(t_k)}
+
+    Parameters
+    ----------
+    record, clock, period, exponents, turns
+        As of `line_amplitudes`.
+
+    Returns
+    -------
+    numpy.ndarray
+        What is left (channels, samples) [units of the channels].
+    """
     entries, left = _entries(exponents, turns, period), np.array(record.values)
     for block in seen(period, [record], [clock]):
-        held = evaluated([block.with_noise(np.ones(len(block.rows)))], entries)
+        solution = linearise([block.with_noise(np.ones(len(block.rows)))], entries)
         there = ~np.isnan(record.values[block.rows[0]])
-        left[np.ix_(block.rows, there)] = block.rest(entries.columns(), complex_of(held.linear[0].coefficients))[1]
+        left[np.ix_(block.rows, there)] = block.residual(
+            entries.columns(), complex_of(solution.linear[0].coefficients)
+        )[1]
     return left
 
 
-def _entries(exponents: ArrayLike, turns: ArrayLike, period: float) -> Entries:
+def _entries(exponents: ArrayLike, turns: ArrayLike, period: float) -> ModeParameters:
     """One entry a column, its exponent fixed."""
-    return Entries.made(exponents, (0, 0), 2.0 * np.pi / period, offsets=turns, fixed=True)
+    return ModeParameters.made(exponents, (0, 0), 2.0 * np.pi / period, offsets=turns, fixed=True)

@@ -1,0 +1,352 @@
+"""The fit of the samples: modes, their period and the forced response together, started at the poles of lifting."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid.core import ConstantPeriod, PeriodicModel, Provenance, Record
+from floquid.errors import IdentificationError
+from floquid.lifting import Lifted
+from floquid.periodic._forced_part import angle_std, forced_base, forced_of, forced_turns, free_records, without_noise
+from floquid.periodic._forced_response import ForcedResponse
+from floquid.periodic.least_squares import (
+    Block,
+    LiftedBlock,
+    ModeParameters,
+    RecordBlock,
+    forced_entries,
+    model_of,
+    noise_of,
+    record_blocks,
+)
+from floquid.periodic.search import (
+    Limits,
+    SearchResult,
+    begun,
+    coloured,
+    evidence,
+    finished,
+    period_step,
+    searched,
+    searched_white,
+)
+from floquid.periodic.start import Known
+from floquid.sync import ShaftAngle
+
+HIGHEST = 64
+"""The highest harmonic of the revolution that a forced response is looked for at."""
+
+MOST_ENTRIES = 24
+"""Modes, a pair counted once, that are looked for at most."""
+
+QUIET = 1e-4
+"""The noise over the largest value below which it is rounding, or what modes make of something else."""
+
+SURELY = 10.0
+"""A peak so far above the limit is no noise."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit(Rebuilt):
+    """What the fit of the samples gives.
+
+    Parameters
+    ----------
+    model
+        The periodic model.
+    forced
+        The forced response; None where there is none.
+    noise
+        The deviation of what is left (channels, hits) [units of the channels].
+    free
+        What was fitted, without the forced response.
+    period_std
+        The deviation of the period [s]; None where it was not a parameter.
+    own_period
+        (own period - period given)/period given as the response has it, a linear estimate, and its deviation; None
+        where the period was a parameter, the shaft tells it, or the response does not.
+    held, misfit
+        Whether the residues are held to their harmonics, and not free at each phase; the rms of what is left over the
+        level of its noise, the largest of all channels and hits: 1 where it is noise, None where residues are free.
+    whitening
+        The filter of each channel along the record that made its noise white (channels, taps); None where it was.
+    reasons, doubts
+        What speaks for the modes found, and against them.
+    """
+
+    model: PeriodicModel
+    forced: ForcedResponse | None
+    noise: NDArray[np.float64]
+    free: tuple[Record, ...]
+    period_std: float | None
+    own_period: tuple[float, float] | None
+    held: bool = True
+    misfit: float | None = None
+    whitening: NDArray[np.float64] | None = None
+    reasons: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "noise", frozen_array(self.noise, "noise", "Fit", axes=("channels", "hits")))
+
+
+def fit(
+    records: Sequence[Record],
+    clocks: Sequence[ConstantPeriod | ShaftAngle],
+    *,
+    start: ModeParameters | None = None,
+    known: Known | None = None,
+    lifted: Lifted | None = None,
+    forced: str | Sequence[int] = "auto",
+    periods_per_revolution: float = 1.0,
+    order: int | None = None,
+    harmonics: int | None = None,
+    free_period: bool = False,
+    search: bool = True,
+    noise_floor: float = 1e-10,
+    mode_false_alarm: float = 1e-9,
+    harmonic_false_alarm: float = 1e-6,
+    report: Callable[[str], None] = lambda _: None,
+) -> Fit:
+    r"""Modes and forced response of records at the times at which they were sampled.
+
+    .. math:: y_{c,h}(t) = 2 \Re \sum_r \sum_{m \in M_r} B_{r,c,h,m}\, e^{\lambda_r (t - t_h) + i m \theta(t)}
+              + b_{c,h} + d_{c,h} t + 2 \Re \sum_j F_{c,h,j}\, e^{i j \theta(t)/\nu}
+
+    with θ the phase angle of the system (2π a period), ν periods a revolution, and t_h the instant of phase zero at or
+    before the first sample of hit h. Decay and frequency run in time, shapes in angle: on a shaft whose speed wanders
+    neither time nor angle alone makes the response one of an LTI system. All modes are fitted together, residues held
+    to contiguous bands of harmonics (Allen 2009, eq. 12). Bands, modes that are parted, joined or left out, and further
+    lines in the spectrum of the residual (section 2.2.3, the FSE view) are decided by scores of one linearisation.
+    Missing samples (NaN) take no part. Where the speed wanders, F is let follow it to second order.
+
+    Parameters
+    ----------
+    records
+        One record, or one a hit on the same system, of equal channels.
+    clocks
+        What ties each record to the phase: a constant period, one for all, or the shaft's angle.
+    start
+        The modes to start from (`groups`); None starts from the spectrum alone.
+    known
+        The forced response that was found in the lifted responses; None where that is not known.
+    lifted
+        The same records lifted, forced response and all, where they are whole samples a period: that is cheaper.
+    forced
+        "auto" finds the harmonics of the revolution in the forced response; or those to be fitted; "none" for none.
+    periods_per_revolution
+        ν, where the clocks are constant periods.
+    order
+        The number of complex poles, conjugates one by one; None finds it.
+    harmonics
+        Keep the harmonics -harmonics … harmonics of each mode, below half of the samples a period; None keeps those
+        that rise above the noise.
+    free_period
+        Whether the period is a parameter; the clocks then have a first value.
+    search
+        Whether modes may be added, parted, joined or left out.
+    noise_floor
+        The share of the largest free response that the noise is taken to be at least.
+    mode_false_alarm, harmonic_false_alarm
+        The probabilities that noise passes for a mode, and for a harmonic of any mode.
+    report
+        Is told of each stage.
+
+    Returns
+    -------
+    Fit
+        Model, forced response and noise.
+
+    Raises
+    ------
+    InputError
+        Records or clocks do not belong together, or the forced response or the harmonics cannot be what is asked for.
+    IdentificationError
+        No mode rises above the noise, or what does is no mode that could be fitted.
+    """
+    if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
+        raise input_error("free_period", "fit", "be false with a tachometer", "is true", "The shaft tells the period.")
+    samples = _Samples.of(records, clocks, lifted, known, periods_per_revolution)
+    most = samples.most
+    if harmonics is not None and harmonics > most:
+        must = f"be at most {most}, below half of the samples a period"
+        raise input_error("harmonics", "fit", must, f"is {harmonics}", "Ask for fewer, or sample faster.")
+    nu, omega, auto = samples.nu, samples.fundamental, isinstance(forced, str) and forced == "auto"
+    base = forced_base(forced_turns(forced, known, most, nu), omega, wanders=samples.wanders)
+    limits = Limits(
+        most=most,
+        modes=MOST_ENTRIES if order is None else (order + 1) // 2,
+        mode_alarm=mode_false_alarm,
+        harmonic_alarm=harmonic_false_alarm,
+        forced=np.arange(1, int(min(HIGHEST, most * nu)) + 1) / nu if auto else np.zeros(0),
+        choose=harmonics is None,
+        width=harmonics or 0,
+        floor=noise_floor,
+        angle_std=angle_std(clocks, records),
+    )
+    begin = forced_entries([], omega) if start is None else replace(start, fundamental=omega)
+    if harmonics is not None:
+        begin = replace(begin, bands=np.tile([-harmonics, harmonics], (len(begin.exponents), 1)))
+    # What poles with free residues left of lifted responses is their noise: groups that start narrow leave far more.
+    noisy = search and lifted is not None and all((own.noise > QUIET * own.largest).all() for own in samples.search)
+    state = begun(samples.search, begin if samples.projected else base.joined(begin), limits, noisy=noisy)
+    report("fitting the samples")
+    taps = None if lifted is None else lifted.whitening
+    if search and not isinstance(samples.final[0], LiftedBlock):
+        state, taps = searched_white(state, limits, report)
+        samples = replace(samples, search=state.blocks, final=state.blocks)
+    else:
+        state = searched(state, limits, search, report)
+    if samples.projected:
+        # The forced response was at every phase for itself: now it has the harmonics that are there.
+        state = begun(samples.final, base.joined(state.solution.entries), limits)
+    found = finished(state, limits, search=search, free_period=free_period)
+    if not (~found.solution.entries.fixed).any():
+        raise IdentificationError(_no_mode(found))
+    if auto:
+        found = without_noise(found)
+    _check_order(found, order)
+    return _result(
+        found, records, clocks, samples, taps, free_period=free_period, noise_floor=noise_floor, search=search
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Samples:
+    """The samples as blocks: those that modes are searched with, and those of the final fit."""
+
+    search: tuple[Block, ...]
+    final: tuple[Block, ...]
+    fundamental: float
+    nu: float
+    most: int
+
+    @property
+    def projected(self) -> bool:
+        """Whether the forced response is projected off the blocks of the search."""
+        return self.search is not self.final
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the speed does."""
+        return any(isinstance(block, RecordBlock) and block.speeds is not None for block in self.final)
+
+    @staticmethod
+    def of(
+        records: Sequence[Record],
+        clocks: Sequence[ConstantPeriod | ShaftAngle],
+        lifted: Lifted | None,
+        known: Known | None,
+        nu: float,
+    ) -> _Samples:
+        """Blocks of lifted responses where there are any, else of the records."""
+        if lifted is not None and not (known is not None and known.drift):
+            final = LiftedBlock.all_of(lifted)
+            lengths = lifted.responses.lengths.tolist()
+            search = LiftedBlock.all_of(lifted, [known.basis(n) for n in lengths]) if known else final
+            return _Samples(search, final, 2.0 * np.pi / lifted.period, nu, (lifted.n_phases - 1) // 2)
+        blocks, fundamental, nu = record_blocks(records, clocks, nu)
+        return _Samples(blocks, blocks, fundamental, nu, _most(records, 2.0 * np.pi / fundamental))
+
+
+def _check_order(found: SearchResult, order: int | None) -> None:
+    """Refuse a fit without as many poles as were asked for."""
+    free, real = ~found.solution.entries.fixed, found.solution.entries.real
+    reached = int(2 * free.sum() - (free & real).sum())
+    if order not in (None, reached):
+        raise IdentificationError(
+            f"Identification ended without a result: order {order} cannot be reached, {reached} is what was found. Ask "
+            "for that order, or let it be found."
+        )
+
+
+def _result(
+    found: SearchResult,
+    records: Sequence[Record],
+    clocks: Sequence[ConstantPeriod | ShaftAngle],
+    samples: _Samples,
+    taps: NDArray[np.float64] | None,
+    *,
+    free_period: bool,
+    noise_floor: float,
+    search: bool,
+) -> Fit:
+    """What was found, as it is reported."""
+    names = records[0].channels
+    reasons, doubts = evidence(found)
+    colour = (coloured(found) if taps is None else ()) + (_endless(found) if search else ())
+    try:
+        model = model_of(
+            found.blocks,
+            found.solution,
+            found.bands,
+            channels=names,
+            provenance=Provenance.merge(tuple(record.provenance for record in records)),
+            most=samples.most,
+        )
+    except IdentificationError as error:
+        raise IdentificationError(" ".join([str(error), *colour])) from None
+    period_std = None
+    if free_period:
+        omega = found.solution.entries.fundamental
+        period_std = float(2.0 * np.pi / omega**2 * np.sqrt(found.solution.covariance()[-1, -1]))
+    return Fit(
+        model=model,
+        forced=forced_of(found, samples.nu, names, wanders=samples.wanders),
+        noise=noise_of(found.blocks, found.solution, noise_floor),
+        free=free_records(records, clocks, found, samples.nu),
+        period_std=period_std,
+        own_period=None if isinstance(clocks[0], ShaftAngle) else period_step(found.solution),
+        misfit=found.misfit,
+        whitening=taps,
+        reasons=reasons,
+        doubts=(*doubts, *colour),
+    )
+
+
+def _endless(found: SearchResult) -> tuple[str, ...]:
+    """A sentence where the search ended but for its limit."""
+    if int((~found.solution.entries.fixed).sum()) < MOST_ENTRIES:
+        return ()
+    sentence = (
+        f"The search for modes was ended at {MOST_ENTRIES}, a pair counted once, with more to be found: most of them "
+        "are noise that is not white along the record, or what a nonlinearity leaves."
+    )
+    return (sentence,)
+
+
+def _most(records: Sequence[Record], period: float) -> int:
+    """The highest harmonic of the period below half of the lowest sampling rate."""
+    least = min(record.sample_rate for record in records) * period
+    if least < 2.0:
+        raise input_error(
+            "period",
+            "fit",
+            "be two sampling intervals or more",
+            f"it is {least:.3g} of them",
+            "Check the period and the sampling rate.",
+        )
+    return max(int(np.ceil(0.5 * least - 1e-6)) - 1, 0)
+
+
+def _no_mode(found: SearchResult) -> str:
+    """Why there is none: nothing rises above the noise, or what does is no mode that could be fitted."""
+    beside = ", beside a forced response, an offset and a drift" if found.solution.entries.fixed.any() else ""
+    if found.peak.gain < SURELY * found.peak.limit:
+        return (
+            f"Identification ended without a result: no mode rises above the noise{beside}. Use a record with a clear "
+            "free decay, or start it closer to the blow."
+        )
+    way = "grows" if found.peak.exponent.real > 0 else "decays"
+    return (
+        f"Identification ended without a result: what rises above the noise{beside} could not be fitted by a mode; it "
+        f"{way}, most at {found.peak.exponent.imag / (2.0 * np.pi):.4g} Hz. Either it is none (a glitch, a step), or "
+        "too fast: in a record without a whole number of samples a period, modes that grow or decay by more than a "
+        "factor of 2 or 3 in a period are not found. Look at the record; measured anew with a whole number of samples "
+        "a period, modes up to about twice as fast are found."
+    )

@@ -1,0 +1,14 @@
+"""Residues at each phase → harmonics of the periodic shapes, with their deviations."""
+
+from floquid.periodic.expansion._expand import assemble, expansion, physical_exponents
+from floquid.periodic.expansion._harmonic_bands import GAP, bands_at, participation, select_bands
+
+__all__ = [
+    "GAP",
+    "assemble",
+    "bands_at",
+    "expansion",
+    "participation",
+    "physical_exponents",
+    "select_bands",
+]

@@ -1,0 +1,59 @@
+"""The constrained fit: parameters, blocks of samples, the solver, and what its solution says."""
+
+from floquid.periodic.least_squares._blocks_of_records import record_blocks
+from floquid.periodic.least_squares._estimates import chosen_bands, estimates_of, model_of, parts_of, shapes, stepped
+from floquid.periodic.least_squares._lifted_block import LiftedBlock
+from floquid.periodic.least_squares._masked_cycles import KeptCycles
+from floquid.periodic.least_squares._parameters import ModeParameters, forced_entries, upper
+from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
+from floquid.periodic.least_squares._residual import Residual, noise_left, noise_of, residuals_of, squared
+from floquid.periodic.least_squares._sample_block import (
+    PLAIN,
+    SPEED,
+    SPEED_RATE,
+    SPEED_SQUARED,
+    TREND,
+    Block,
+    complex_of,
+    reals_of,
+)
+from floquid.periodic.least_squares._solver import AT_REST, Solution, linearise, solve, weighted
+from floquid.periodic.least_squares._whitening import filtered_blocks, residual_filter, through
+
+__all__ = [
+    "AT_REST",
+    "PLAIN",
+    "SPEED",
+    "SPEED_RATE",
+    "SPEED_SQUARED",
+    "TREND",
+    "Block",
+    "GappyBlock",
+    "KeptCycles",
+    "LiftedBlock",
+    "ModeParameters",
+    "RecordBlock",
+    "Residual",
+    "Solution",
+    "chosen_bands",
+    "complex_of",
+    "estimates_of",
+    "filtered_blocks",
+    "forced_entries",
+    "linearise",
+    "model_of",
+    "noise_left",
+    "noise_of",
+    "parts_of",
+    "reals_of",
+    "record_blocks",
+    "residual_filter",
+    "residuals_of",
+    "shapes",
+    "solve",
+    "squared",
+    "stepped",
+    "through",
+    "upper",
+    "weighted",
+]

@@ -1,0 +1,95 @@
+"""Blocks of records: times after phase zero, phase angles, and channels that miss the same samples together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import ConstantPeriod, Record
+from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
+from floquid.sync import ShaftAngle
+
+WANDERS = 1e-7
+"""The relative wander of the speed from which on the forced response is let follow it."""
+
+
+def record_blocks(
+    records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], nu: float
+) -> tuple[tuple[RecordBlock | GappyBlock, ...], float, float]:
+    """Blocks of the records, of channels that miss the same samples; the fundamental and periods a revolution."""
+    if not len(records) or len(records) != len(clocks):
+        must, got = "hold one clock a record", f"there are {len(records)} records and {len(clocks)} clocks"
+        raise input_error("clocks", "fit", must, got)
+    if any([c.name for c in r.channels] != [c.name for c in records[0].channels] for r in records):
+        raise input_error("records", "fit", "have the same channels", "they differ", "Select common channels.")
+    shafts = [clock for clock in clocks if isinstance(clock, ShaftAngle)]
+    period = float(np.mean([clock.period for clock in clocks]))
+    nu = shafts[0].periods_per_revolution if shafts else nu
+    blocks: list[RecordBlock | GappyBlock] = []
+    for hit, (record, clock) in enumerate(zip(records, clocks, strict=True)):
+        times, angles, speeds = record.times, None, None
+        if isinstance(clock, ShaftAngle):
+            angles = clock.angle(times) * nu
+            whole = 2.0 * np.pi * np.floor(angles[0] / (2.0 * np.pi) + 1e-9)
+            angles = angles - whole
+            times = times - float(clock.time_at(np.array([whole / nu]))[0])
+            speeds = _speeds(clock, record.times)
+        else:
+            # Not from `record.times`: far from time zero, those have lost digits.
+            times = np.arange(record.n_samples) / record.sample_rate + clock.phase(record.start) * clock.period
+        missing = np.isnan(record.values)
+        alike: dict[bytes, list[int]] = {}  # a million samples are too many fields for `np.unique`
+        for row, absent in enumerate(np.packbits(missing, axis=1)):
+            alike.setdefault(absent.tobytes(), []).append(row)
+        for rows in map(np.array, alike.values()):
+            taken = ~missing[rows[0]]
+            if taken.sum() < 2:
+                raise input_error(
+                    "records",
+                    "fit",
+                    "have samples in each channel",
+                    f"channel {record.channels[rows[0]].name!r} of record {hit + 1} has none",
+                    "Leave it out with `--channels`.",
+                )
+            whole_record = bool(taken.all()) and len(rows) == record.n_channels
+            grid = RecordBlock(
+                times=times,
+                values=record.values if whole_record else record.values[rows],
+                hit=hit,
+                rows=rows,
+                noise=np.ones(len(rows)),
+                angles=angles,
+                speeds=speeds,
+            )
+            blocks.append(grid if taken.all() else _with_gaps(grid, taken))
+    return tuple(blocks), 2.0 * np.pi / period, nu
+
+
+def _with_gaps(grid: RecordBlock, taken: NDArray[np.bool_]) -> RecordBlock | GappyBlock:
+    """The block of some samples of a grid."""
+    gappy = GappyBlock.of(grid, grid.values, taken)
+    if gappy is not None:
+        return gappy
+    return replace(
+        grid,
+        times=grid.times[taken],
+        values=grid.values[:, taken],
+        angles=None if grid.angles is None else grid.angles[taken],
+        speeds=None if grid.speeds is None else grid.speeds[:, taken],
+    )
+
+
+def _speeds(shaft: ShaftAngle, times: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """The factors that follow the speed (3, samples), each of unit size; None for a steady shaft."""
+    deviation = shaft.speed(times) / shaft.mean_speed - 1.0
+    deviation = deviation - deviation.mean()
+    if deviation.std() < WANDERS:
+        return None
+    square = deviation**2
+    found = np.array([deviation, square - square.mean(), np.gradient(deviation, times)])
+    size = found.std(axis=1, keepdims=True)
+    return found / np.where(size > 0, size, 1.0)

@@ -1,0 +1,237 @@
+"""What a fit with held residues says of coefficients: values, deviations, bands, and the model they make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Channel, Estimates, PeriodicModel, Provenance
+from floquid.errors import IdentificationError
+from floquid.periodic.expansion import GAP, bands_at, select_bands
+from floquid.periodic.least_squares._parameters import ModeParameters
+from floquid.periodic.least_squares._sample_block import Block
+from floquid.periodic.least_squares._solver import Solution, linearise, solve
+
+FEW = 3
+"""Steps of that fit: what has hardly any information may go on for ever."""
+
+SHORT = 2.0
+"""Standard deviations up to which one step of a linearisation stands for a fit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shapes:
+    """Coefficients of each entry (entries, channels, hits, harmonics), and their deviations likewise.
+
+    The deviation of the real part is the real part, that of the imaginary part the imaginary one.
+    """
+
+    harmonics: NDArray[np.int64]
+    coefficients: NDArray[np.complex128]
+    std: NDArray[np.complex128]
+
+
+def estimates_of(blocks: Sequence[Block], found: Solution) -> Estimates:
+    """Coefficients of every entry of a fit, those of the forced response too, with their joint covariance."""
+    entries = found.entries
+    columns, sines, parameters = entries.columns(), entries.sines(), entries.parameters()
+    n, count = len(columns.modes), len(entries.exponents)
+    shape = (n, 1 + max(int(b.rows.max()) for b in blocks), 1 + max(b.hit for b in blocks))
+    coefficients, scales = np.zeros((2, *shape), complex)
+    slopes = np.zeros((*shape, len(found.gradient)), complex)
+    spread, drift = np.zeros((2, len(blocks), 2 * n, 2 * n))
+    which, bend = np.zeros(shape[1:], np.int64), np.zeros(shape, complex)
+    # What each parameter moves the rate of a column by.
+    rate = np.where(parameters.turns[:, None], 1j, 1.0) * parameters.weights[:, :n]
+    signs = np.repeat([1.0, -1.0], n)
+    for number, (block, linear) in enumerate(zip(blocks, found.linear, strict=True)):
+        gain = block.gain(columns.rates)
+        relative = (block.gain(columns.rates, slope=True) / gain).T
+        factor = np.where(sines, 0.5, 1.0)[:, None] / gain.T / block.scales(columns)[:, None]
+        alpha, beta = np.split(linear.coefficients, 2)
+        own = (alpha - 1j * beta) * factor
+        # The slopes are those of e^{st} counted from t = 0, also where a column is scaled by its end.
+        along = linear.inverse @ linear.mixed
+        moved = -np.einsum("kl,plc->kcp", along, parameters.applied(linear.coefficients))
+        up, down = np.split(moved, 2)
+        coefficients[:, block.rows, block.hit] = own
+        slopes[:, block.rows, block.hit] = (up - 1j * down) * factor[:, :, None] - own[:, :, None] * np.einsum(
+            "kc,pk->kcp", relative, rate
+        )
+        scales[:, block.rows, block.hit] = factor * block.noise
+        spread[number], drift[number] = (signs[:, None] * matrix * signs for matrix in (linear.inverse, along))
+        bend[:, block.rows, block.hit] = relative
+        which[block.rows, block.hit] = number
+    place = parts_of(entries)
+    return Estimates(
+        exponents=entries.exponents + 1j * entries.fundamental * entries.offsets * entries.real,
+        real=entries.real,
+        fundamental=entries.fundamental,
+        modes=columns.modes,
+        harmonics=columns.harmonics,
+        coefficients=coefficients,
+        covariance=place @ found.covariance() @ place.T if len(found.gradient) else np.zeros((2 * count + 1,) * 2),
+        slopes=np.matmul(slopes, place.T, dtype=np.complex128),
+        spread=spread,
+        blocks=which,
+        scales=scales,
+        drift=drift,
+        bend=bend if bend.any() else None,
+    )
+
+
+def parts_of(entries: ModeParameters) -> NDArray[np.float64]:
+    """Which part each real parameter is: real parts, imaginary parts, fundamental (2 entries + 1, parameters)."""
+    decays, pairs = np.flatnonzero(~entries.fixed), np.flatnonzero(~entries.fixed & ~entries.real)
+    count = len(entries.exponents)
+    parts = np.concatenate([decays, count + pairs, [2 * count] * entries.free_period]).astype(int)
+    place = np.zeros((2 * count + 1, len(parts)))
+    place[parts, np.arange(len(parts))] = 1.0
+    return place
+
+
+def shapes(blocks: Sequence[Block], found: Solution) -> Shapes:
+    """The coefficients that a fit has, with their deviations."""
+    return _shapes(found.entries, estimates_of(blocks, found))
+
+
+def _shapes(entries: ModeParameters, whole: Estimates) -> Shapes:
+    """The estimates, by harmonics that all entries have."""
+    low, high = int(entries.bands[:, 0].min(initial=0)), int(entries.bands[:, 1].max(initial=0))
+    low, high = (
+        min(low, -int(entries.half_turns.max(initial=0)) - high),
+        max(high, -int(entries.half_turns.min(initial=0)) - low),
+    )
+    harmonics = np.arange(low, high + 1)
+    coefficients, std = np.zeros((2, len(entries.exponents), *whole.blocks.shape, len(harmonics)), complex)
+    for place, values in ((coefficients, whole.coefficients), (std, whole.std())):
+        np.moveaxis(place, 3, 1)[whole.modes, whole.harmonics - low] = values
+    _mirror(entries, harmonics, coefficients, std)
+    return Shapes(harmonics, coefficients, std)
+
+
+def _mirror(entries: ModeParameters, harmonics: NDArray[np.int64], coefficients: NDArray, std: NDArray) -> None:
+    """The other half of a real multiplier's shape."""
+    for entry in np.flatnonzero(entries.real):
+        for place, m in enumerate(harmonics):
+            other = -int(entries.half_turns[entry]) - m - harmonics[0]
+            if 2 * m + entries.half_turns[entry] > 0 and 0 <= other < len(harmonics):
+                coefficients[entry, :, :, other] = coefficients[entry, :, :, place].conj()
+                std[entry, :, :, other] = std[entry, :, :, place]
+
+
+def chosen_bands(
+    blocks: Sequence[Block], wide: Solution, false_alarm: float, *, each: bool = False
+) -> NDArray[np.int64]:
+    """The bands that rise above the noise, of the entries that are not fixed; the others keep theirs.
+
+    `false_alarm` is that of all of them together, or with `each` that of one harmonic.
+    """
+    entries, found = wide.entries, shapes(blocks, wide)
+    harmonics = found.harmonics
+    seeds = np.stack([np.minimum(0, -entries.half_turns), np.maximum(0, -entries.half_turns)], axis=1)
+    seeds = np.clip(seeds, harmonics[0], harmonics[-1])
+    those = (found.coefficients, found.std, harmonics, seeds)
+    free = int((~entries.fixed).sum())
+    kept = bands_at(*those, level=false_alarm) if each else select_bands(*those, false_alarm=false_alarm, n_modes=free)
+    bands = np.array([(harmonics[row][0], harmonics[row][-1]) for row in kept], np.int64).reshape(-1, 2)
+    return np.where(entries.fixed[:, None], entries.bands, bands)
+
+
+def model_of(
+    blocks: Sequence[Block],
+    found: Solution,
+    bands: NDArray[np.int64],
+    *,
+    channels: tuple[Channel, ...],
+    provenance: Provenance,
+    most: int | None,
+) -> PeriodicModel:
+    """The periodic model of the entries that are not fixed, each with its conjugate, harmonics within the bands.
+
+    Up to `most` fundamentals of the axis can be seen; None where no wider bands are to be fitted.
+    """
+    own, whole_bands = np.flatnonzero(~found.entries.fixed), bands
+    estimates = estimates_of(blocks, found)
+    entries, both = found.entries.picked(own), _shapes(found.entries, estimates)
+    harmonics, bands = both.harmonics, bands[own]
+    mirror = -entries.half_turns[:, None] - bands[:, ::-1]
+    outer = np.stack([np.minimum(bands[:, 0], mirror[:, 0]), np.maximum(bands[:, 1], mirror[:, 1])], 1)
+    ends = np.where(entries.real[:, None], outer, bands)
+    kept = ((harmonics >= ends[:, :1]) & (harmonics <= ends[:, 1:]))[:, None, None, :]
+    width = int(max(-harmonics[0], harmonics[-1]))
+    whole = np.arange(-width, width + 1)
+    place = slice(int(harmonics[0] + width), int(harmonics[-1] + width) + 1)
+    size = np.abs(entries.exponents + 1j * entries.fundamental * entries.offsets)
+    rows = [(entry, False) for entry in np.argsort(size, kind="stable")]
+    rows = [row for entry, _ in rows for row in ((entry, False), (entry, True))[: 1 if entries.real[entry] else 2]]
+    exponents = np.zeros(len(rows), complex)
+    out, out_std = np.zeros((2, len(rows), *both.coefficients.shape[1:3], len(whole)), complex)
+    of_parts = np.zeros((2 * len(rows), len(found.gradient)))
+    pairs = np.flatnonzero(~entries.real)
+    for r, (entry, conjugate) in enumerate(rows):
+        value = entries.exponents[entry] + 1j * entries.fundamental * entries.offsets[entry]
+        shape, deviation = np.zeros((2, *out.shape[1:]), complex)
+        shape[..., place] = both.coefficients[own[entry]] * kept[entry]
+        deviation[..., place] = both.std[own[entry]] * kept[entry]
+        exponents[r] = value.conjugate() if conjugate else value
+        out[r] = shape[..., ::-1].conj() if conjugate else shape
+        out_std[r] = deviation[..., ::-1] if conjugate else deviation
+        of_parts[r, entry] = 1.0
+        if not entries.real[entry]:
+            of_parts[len(rows) + r, len(own) + int(np.searchsorted(pairs, entry))] = -1.0 if conjugate else 1.0
+        elif entries.free_period:
+            of_parts[len(rows) + r, -1] = entries.offsets[entry]
+    used = (out != 0).any(axis=(0, 1, 2)) | (whole == 0)
+    covariance = of_parts @ found.covariance() @ of_parts.T
+    if not (np.isfinite(covariance).all() and (np.diag(covariance) >= 0.0).all()):
+        raise IdentificationError("A mode is not determined at all: with its residues held, it has no deviation.")
+    return PeriodicModel(
+        exponents=exponents,
+        coefficients=out[..., used],
+        harmonics=whole[used],
+        period=2.0 * np.pi / entries.fundamental,
+        channels=channels,
+        covariance=covariance,
+        coefficient_std=out_std[..., used],
+        estimates=estimates.picked(modes=own[np.argsort(size, kind="stable")]),
+        unselected=None if most is None else unselected(blocks, found, whole_bands, most),
+        provenance=provenance,
+    )
+
+
+def unselected(blocks: Sequence[Block], found: Solution, bands: NDArray[np.int64], most: int) -> Estimates | None:
+    """The estimates of the same fit with more harmonics beyond the bands reported; None where there is no such fit.
+
+    One step from a fit that is at rest loses nothing; where the wider bands ask for more, it is fitted.
+    """
+    free = np.flatnonzero(~found.entries.fixed)
+    try:
+        wide = linearise(blocks, replace(found.entries, bands=bands).padded(GAP + 1, most))
+        scale = np.sqrt(np.maximum(np.diag(wide.information), 0.0))
+        step = np.asarray(np.linalg.solve(wide.information, wide.gradient), np.float64)
+        if np.abs(step * scale).max(initial=0.0) > SHORT:
+            wide = solve(blocks, wide, at_rest=0.1, iterations=FEW)
+        else:
+            start = tuple(own.coefficients for own in wide.linear)
+            wide = linearise(blocks, wide.entries.moved(step), start)
+        whole = estimates_of(blocks, wide)
+    except (IdentificationError, np.linalg.LinAlgError):
+        return None
+    size = np.abs(found.entries.exponents + 1j * found.entries.fundamental * found.entries.offsets)[free]
+    return whole.picked(modes=free[np.argsort(size, kind="stable")])
+
+
+def stepped(here: Estimates, step: NDArray[np.float64]) -> Estimates:
+    """Estimates after a step of the real parts, the imaginary parts and the fundamental (2 modes + 1,)."""
+    count = len(here.exponents)
+    turned = 0.5 * here.half_turns * step[-1]
+    return replace(
+        here,
+        exponents=here.exponents + step[:count] + 1j * (step[count:-1] + turned),
+        fundamental=here.fundamental + float(step[-1]),
+        coefficients=here.coefficients + here.slopes @ step,
+    )

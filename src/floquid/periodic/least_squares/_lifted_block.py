@@ -1,0 +1,174 @@
+r"""Blocks of lifted responses, one a hit.
+
+On lifted samples t = τ_p + nT, and z_j = e^{(λ_e + i(m + q)ω)τ_p} (μ_e e^{2πiq})^n since e^{imωT} = 1: every sum over
+samples of products of columns is a sum of products of a sum over cycles, one a pair of modes, and a sum over phases,
+one a pair of columns. No column is ever formed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.lifting import Lifted
+from floquid.periodic.least_squares._sample_block import Block, Columns, Sums, real_products
+
+
+@dataclass(frozen=True, slots=True)
+class LiftedBlock(Block):
+    """One hit of lifted responses."""
+
+    lifted: Lifted
+    hit: int
+    rows: NDArray[np.int64]
+    noise: NDArray[np.float64]
+    known: NDArray[np.float64] | None = None
+    """An orthonormal basis Q of what is known beside the modes, over the cycles (cycles, known): with another amplitude
+    at each phase it is projected off, which commutes with the sums over phases."""
+    free: NDArray[np.float64] | None = None
+    """The responses with that taken off (rows, phases, cycles)."""
+
+    @staticmethod
+    def all_of(lifted: Lifted, known: Sequence[NDArray[np.float64]] | None = None) -> tuple[LiftedBlock, ...]:
+        """One block a hit, with what is known of each beside the modes (cycles, known)."""
+        rows = np.arange(lifted.n_channels)
+        blocks = [LiftedBlock(lifted, hit, rows, lifted.noise[:, hit]) for hit in range(lifted.n_hits)]
+        if known is None:
+            return tuple(blocks)
+        return tuple(
+            replace(block, known=q, free=block._values() - (block._values() @ q) @ q.T)  # noqa: SLF001  # its own class
+            for block, q in zip(blocks, known, strict=True)
+        )
+
+    @property
+    def n_cycles(self) -> int:
+        """Cycles of this hit."""
+        return int(self.lifted.responses.lengths[self.hit])
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of each channel, less the amplitudes of what is known."""
+        return (self.n_cycles - (0 if self.known is None else self.known.shape[1])) * self.lifted.n_phases
+
+    @property
+    def last(self) -> float:
+        """The start of the last cycle [s]: growing columns are counted from there."""
+        return (self.n_cycles - 1) * self.lifted.period
+
+    @property
+    def largest(self) -> NDArray[np.float64]:
+        """The largest size of a sample (rows,)."""
+        return np.abs(self._values()).max(axis=(1, 2))
+
+    def with_noise(self, noise: NDArray[np.float64]) -> LiftedBlock:
+        """The same samples with other noise (rows,)."""
+        return replace(self, noise=noise)
+
+    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+        """What the whitening filter multiplies e^{st} by, or its slope (rows, rates)."""
+        return self.lifted.gain(rates, slope=slope)
+
+    def residual(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
+        """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
+        starts, cycles, _, phases = self._factors(columns)
+        parts = _parts(self._off_known(cycles))
+        times = np.add.outer(starts, self.lifted.phase_times).ravel()
+        shapes = _shapes(columns, coefficients, phases)
+        residual = [(block - own @ parts.T).T.ravel() for own, block in zip(shapes, self._values(), strict=True)]
+        return times, np.array(residual)
+
+    def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
+        """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
+        starts, cycles, parts, phases = self._factors(columns)
+        times = self.lifted.phase_times
+        # Real and imaginary parts beside each other, and the same times nT: one real product a channel.
+        weights, own_parts = np.concatenate([parts, starts[:, None] * parts], axis=1), _parts(self._off_known(cycles))
+        folded = np.zeros((2, len(self.rows), self.lifted.n_phases, len(columns.exponents)), complex)
+        left = np.zeros(len(self.rows))
+        shapes = _shapes(columns, coefficients, phases)
+        for row, block in enumerate(self._values()):
+            residual = block - shapes[row] @ own_parts.T
+            left[row] = np.einsum("pn,pn->", residual, residual)
+            real, imag, late_real, late_imag = np.split(residual @ weights, 4, axis=1)
+            folded[:, row] = real + 1j * imag, late_real + 1j * late_imag
+        own, late = folded[:, :, :, columns.modes]
+        seen = np.einsum("pj,cpj->jc", phases.conj(), own)
+        late = np.einsum("pj,cpj->jc", phases.conj(), late + times[:, None] * own)
+        # What is known takes its share of the columns, and of the columns times nT.
+        late_cycles = starts[:, None] * cycles
+        whole, late_whole = self._off_known(cycles), self._off_known(late_cycles)
+        straight = _products(
+            (cycles.conj(), late_cycles.conj()), (whole, late_whole), phases.conj(), phases, times, columns.modes
+        )
+        crossed = _products((cycles, late_cycles), (whole, late_whole), phases, phases, times, columns.modes)
+        gram, mixed, slopes = (real_products(*both) for both in zip(straight, crossed, strict=True))
+        return Sums(gram, mixed, slopes, _real_data(seen), _real_data(late), left)
+
+    def _values(self) -> NDArray[np.float64]:
+        """(rows, phases, cycles)."""
+        if self.free is not None:
+            return self.free
+        shape = (len(self.rows), self.lifted.n_phases, self.n_cycles)
+        return self.lifted.responses.values[:, self.hit, : self.n_cycles].reshape(shape)
+
+    def _off_known(self, cycles: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Functions of the cycle less what is known of them (cycles, …)."""
+        return cycles if self.known is None else cycles - self.known @ (self.known.T @ cycles)
+
+    def _factors(self, columns: Columns) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Starts of the cycles, μ^n (cycles, entries), its real and minus its imaginary part, and the phases' part."""
+        if columns.factors.any():
+            raise input_error("entries", "LiftedBlock", "be exponentials", "one is not", "Fit the record itself.")
+        starts = np.asarray(np.arange(self.n_cycles) * self.lifted.period, np.float64)
+        own = columns.exponents + 1j * columns.fundamental * columns.offsets
+        cycles = np.asarray(np.exp(np.multiply.outer(starts, own)), np.complex128)
+        grows = columns.exponents.real > 0
+        cycles[:, grows] *= np.exp(-starts[-1] * columns.exponents[grows])
+        phases = np.exp(np.multiply.outer(self.lifted.phase_times, columns.rates))
+        return starts, cycles, _parts(cycles), phases
+
+
+def _parts(cycles: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Real parts, then the negative imaginary parts (cycles, 2 entries)."""
+    return np.concatenate([cycles.real, -cycles.imag], axis=1)
+
+
+def _shapes(
+    columns: Columns, coefficients: NDArray[np.complex128], phases: NDArray[np.complex128]
+) -> NDArray[np.float64]:
+    """2 Re B z over the phases, then 2 Im, summed over the columns of each entry (rows, phases, 2 entries).
+
+    What they make of Re μ^n and -Im μ^n is the model 2 Re Σ B z.
+    """
+    member = (columns.modes[:, None] == np.arange(len(columns.exponents))).astype(float)
+    terms = 2.0 * coefficients.T[:, None, :] * phases
+    return np.concatenate([terms.real @ member, terms.imag @ member], axis=2)
+
+
+def _products(
+    first: tuple[NDArray[np.complex128], NDArray[np.complex128]],
+    second: tuple[NDArray[np.complex128], NDArray[np.complex128]],
+    one: NDArray[np.complex128],
+    other: NDArray[np.complex128],
+    times: NDArray[np.float64],
+    modes: NDArray[np.int64],
+) -> tuple[NDArray[np.complex128], ...]:
+    """Σ (first one) (second other), with t at the second, with t at both (columns, columns).
+
+    `first` and `second` are functions of the cycle and the same times nT, `one` and `other` of the phase.
+    """
+    long = {(p, q): (first[p].T @ second[q])[modes][:, modes] for p in (0, 1) for q in (0, 1)}
+    short = [(one * (times**k)[:, None]).T @ other for k in range(3)]
+    return (
+        long[0, 0] * short[0],
+        long[0, 0] * short[1] + long[0, 1] * short[0],
+        long[0, 0] * short[2] + (long[0, 1] + long[1, 0]) * short[1] + long[1, 1] * short[0],
+    )
+
+
+def _real_data(seen: NDArray[np.complex128]) -> NDArray[np.float64]:
+    return np.concatenate([seen.real, -seen.imag])

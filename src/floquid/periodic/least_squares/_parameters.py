@@ -1,0 +1,214 @@
+"""Modes with their bands of harmonics, as parameters of a fit: what each real parameter moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid.core import PeriodicModel
+from floquid.periodic.least_squares._sample_block import PLAIN, Columns
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """The real parameters: decays, then the turns of pairs, then the fundamental.
+
+    A parameter multiplies the coefficient on each column by its weight; a turn also takes the cosine to the sine.
+    """
+
+    weights: NDArray[np.float64]
+    """(parameters, 2 columns)."""
+    turns: NDArray[np.bool_]
+    """Which of them turn (parameters,)."""
+
+    def applied(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The coefficients on the slopes t cos, t sin (parameters, 2 columns, channels): α, β or β, -α."""
+        return self.weights[:, :, None] * np.where(self.turns[:, None, None], turned(coefficients), coefficients)
+
+
+def turned(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The coefficients of a slope by frequency from those of the slope by decay: β, -α for α, β (2 columns, …)."""
+    cosines, sines = np.split(coefficients, 2)
+    return np.concatenate([sines, -cosines])
+
+
+@dataclass(frozen=True, slots=True)
+class ModeParameters:
+    """Modes of a real response, a conjugate pair once, and what is beside them: exponents (entries,), and bands.
+
+    Of a real multiplier, with harmonics m + κ/2, harmonic m is the conjugate of harmonic -κ - m, and those with
+    m + κ/2 ≥ 0 are parameters.
+
+    Parameters
+    ----------
+    exponents
+        λ of pairs, the decay alone of real multipliers (entries,) [1/s].
+    real
+        Whose multiplier is real (entries,).
+    bands
+        The lowest and highest harmonic of each (entries, 2).
+    fundamental
+        ω [rad/s].
+    offsets
+        What is added to the harmonics of each: κ/2 of real multipliers (entries,).
+    fixed
+        Whose exponents stay: those of the forced response (entries,).
+    factors
+        What each is multiplied by beside: 1, the time, or what follows the speed (entries,).
+    free_period
+        Whether the fundamental is a parameter too.
+    """
+
+    exponents: NDArray[np.complex128]
+    real: NDArray[np.bool_]
+    bands: NDArray[np.int64]
+    fundamental: float
+    offsets: NDArray[np.float64]
+    fixed: NDArray[np.bool_]
+    factors: NDArray[np.int64]
+    free_period: bool = False
+
+    @property
+    def half_turns(self) -> NDArray[np.int64]:
+        """κ of each real entry, zero for pairs (entries,)."""
+        return np.where(self.real, np.rint(2.0 * self.offsets), 0).astype(np.int64)
+
+    def _members(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The entry and the harmonic of each column."""
+        modes, harmonics = [], []
+        for entry, (low, high) in enumerate(self.bands):
+            band = np.arange(low, high + 1)
+            if self.real[entry]:
+                band = band[2 * band + self.half_turns[entry] >= 0]
+            modes.append(np.full(len(band), entry))
+            harmonics.append(band)
+        empty = [np.zeros(0, np.int64)]
+        return np.concatenate(modes or empty), np.concatenate(harmonics or empty)
+
+    def columns(self) -> Columns:
+        """The columns of the fit."""
+        return Columns(self.exponents, self.offsets, self.factors, *self._members(), self.fundamental)
+
+    def sines(self) -> NDArray[np.bool_]:
+        """Which columns have a sine (columns,): not a real multiplier's that does not turn."""
+        modes, harmonics = self._members()
+        return ~(self.real[modes] & (2 * harmonics + self.half_turns[modes] == 0))
+
+    def parameters(self) -> Parameters:
+        """What the real parameters move: decays, turns of pairs, the fundamental."""
+        columns = self.columns()
+        own = (columns.modes == np.arange(len(self.exponents))[:, None]).astype(float)
+        rows = [own[~self.fixed], own[~self.fixed & ~self.real]]
+        if self.free_period:
+            rows.append(columns.turns[None, :])
+        weights = np.concatenate(rows)
+        turns = np.arange(len(weights)) >= len(rows[0])
+        return Parameters(np.concatenate([weights, weights], axis=1), turns)
+
+    def ties(self) -> NDArray[np.float64]:
+        """How the real parameters tie the decays and then the frequencies of all columns (parameters, 2 columns)."""
+        own = self.parameters()
+        weights = own.weights[:, : own.weights.shape[1] // 2]
+        return np.concatenate([weights * ~own.turns[:, None], weights * own.turns[:, None]], axis=1)
+
+    def moved(self, step: NDArray[np.float64]) -> ModeParameters:
+        """After a step in the real parameters."""
+        moved = np.zeros(len(self.exponents), complex)
+        decays, pairs = np.flatnonzero(~self.fixed), np.flatnonzero(~self.fixed & ~self.real)
+        moved[decays] += step[: len(decays)]
+        moved[pairs] += 1j * step[len(decays) : len(decays) + len(pairs)]
+        turned = float(step[-1]) if self.free_period else 0.0
+        return replace(self, exponents=self.exponents + moved, fundamental=self.fundamental + turned)
+
+    def padded(self, by: int, most: int) -> ModeParameters:
+        """With bands of the modes wider `by` so many harmonics a side, but within `most` fundamentals of the axis."""
+        turns = np.rint(self.exponents.imag / self.fundamental + self.offsets).astype(np.int64)
+        low = np.maximum(self.bands[:, 0] - by, -most - turns)
+        high = np.minimum(self.bands[:, 1] + by, most - turns)
+        wider = np.stack([np.minimum(low, self.bands[:, 0]), np.maximum(high, self.bands[:, 1])], 1)
+        return replace(self, bands=np.where(self.fixed[:, None], self.bands, wider))
+
+    def picked(self, which: ArrayLike) -> ModeParameters:
+        """The entries of these places, `which`, in the order given."""
+        names = ("exponents", "real", "bands", "offsets", "fixed", "factors")
+        return replace(self, **{name: getattr(self, name)[np.asarray(which, np.int64)] for name in names})
+
+    def joined(self, other: ModeParameters) -> ModeParameters:
+        """These and then the `other` ones."""
+        names = ("exponents", "real", "bands", "offsets", "fixed", "factors")
+        both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
+        return replace(self, **both)
+
+    @staticmethod
+    def made(
+        exponents: ArrayLike,
+        bands: ArrayLike,
+        fundamental: float,
+        *,
+        real: ArrayLike = False,
+        offsets: ArrayLike = 0.0,
+        fixed: bool = False,
+        factor: int = PLAIN,
+    ) -> ModeParameters:
+        """Entries from lists.
+
+        Parameters
+        ----------
+        exponents, bands, fundamental
+            As in the class; one pair of ends stands for all bands.
+        real, offsets
+            One for each, or one for all.
+        fixed, factor
+            One for all.
+
+        Returns
+        -------
+        Entries
+            The entries, with the fundamental given.
+        """
+        own = np.array(exponents, complex).reshape(-1)
+        n = len(own)
+        return ModeParameters(
+            exponents=own,
+            real=np.broadcast_to(np.asarray(real, bool), n).copy(),
+            bands=np.broadcast_to(np.array(bands, np.int64).reshape(-1, 2), (n, 2)).copy(),
+            fundamental=fundamental,
+            offsets=np.broadcast_to(np.asarray(offsets, float), n).copy(),
+            fixed=np.full(n, fixed),
+            factors=np.full(n, factor),
+        )
+
+    @staticmethod
+    def of(model: PeriodicModel) -> ModeParameters:
+        """The modes of a `model`, with the bands that it keeps."""
+        chosen = upper(model)
+        real = np.array([is_real(model, r) for r in chosen], bool)
+        kept = (model.coefficients != 0).any(axis=(1, 2))[chosen]
+        bands = [(model.harmonics[row][0], model.harmonics[row][-1]) if row.any() else (0, 0) for row in kept]
+        own = model.exponents[chosen]
+        offsets = np.where(real, 0.5 * np.rint(2.0 * own.imag / model.fundamental), 0.0)
+        return ModeParameters.made(np.where(real, own.real, own), bands, model.fundamental, real=real, offsets=offsets)
+
+
+def is_real(model: PeriodicModel, mode: int) -> bool:
+    """Whether a mode is its own conjugate: its multiplier is real, and it is listed once."""
+    twice = 2.0 * model.exponents[mode].imag / model.fundamental
+    alone = not (np.delete(model.exponents, mode) == model.exponents[mode].conj()).any()
+    return alone and abs(twice - round(twice)) < 1e-9
+
+
+def upper(model: PeriodicModel) -> list[int]:
+    """One mode of each pair, that of positive imaginary part, and all real ones."""
+    return [r for r in range(model.order) if is_real(model, r) or model.exponents[r].imag > 0]
+
+
+def forced_entries(turns: Sequence[float], fundamental: float, *, factor: int = 0) -> ModeParameters:
+    """Fixed entries of a forced response, one for each of the turns a period."""
+    own = np.asarray(turns, float)
+    n = len(own)
+    return ModeParameters.made(
+        np.zeros(n), np.zeros((n, 2)), fundamental, real=own == 0.0, offsets=own, fixed=True, factor=factor
+    )

@@ -1,0 +1,316 @@
+"""Blocks of a record as it was sampled: any times, any phase angle, channels with the same samples missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.periodic.least_squares._sample_block import (
+    SPEED,
+    SPEED_RATE,
+    SPEED_SQUARED,
+    TREND,
+    Block,
+    Columns,
+    Sums,
+    reals_of,
+)
+from floquid.periodic.least_squares._uniform_grid import EvenColumns, step_of
+
+ENOUGH = 0.6
+"""The share of samples that must be there for sums over all, less those of the missing ones, to be the cheaper way."""
+
+CHUNK = 4096
+"""Samples whose columns are formed at a time."""
+
+
+@dataclass(frozen=True)  # no slots: what is asked often is kept
+class RecordBlock(Block):
+    """Samples at times after phase zero (samples,) [s]; the phase angle at each [rad], None for ωt."""
+
+    times: NDArray[np.float64]
+    values: NDArray[np.float64]
+    """(rows, samples)."""
+    hit: int
+    rows: NDArray[np.int64]
+    noise: NDArray[np.float64]
+    angles: NDArray[np.float64] | None = None
+    speeds: NDArray[np.float64] | None = None
+    """The factors `SPEED`, `SPEED_SQUARED` and `SPEED_RATE`, of unit size (3, samples); None for a steady shaft."""
+    ends: tuple[float, float] | None = None
+    """What growth and trends are counted from, where it is not the first and the last of the times [s]."""
+    taps: NDArray[np.float64] | None = None
+    """The filter that the values went through (rows, taps); None where there was none."""
+    before: RecordBlock | None = None
+    """The samples that the filter had before the first, at a wandering speed: there it is applied to the columns."""
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of each channel."""
+        return len(self.times)
+
+    @property
+    def last(self) -> float:
+        """The time of the last sample [s]: growing columns are counted from there."""
+        return float(self.times[-1] if self.ends is None else self.ends[1])
+
+    @property
+    def middle(self) -> float:
+        """The time about which trends are counted [s]."""
+        return 0.5 * (self.first + self.last)
+
+    @property
+    def first(self) -> float:
+        """The time of the first sample [s]."""
+        return float(self.times[0] if self.ends is None else self.ends[0])
+
+    @property
+    def half(self) -> float:
+        """What trends are counted in [s]: half of the time between the first and the last sample."""
+        return max(0.5 * (self.last - self.first), np.finfo(float).tiny)
+
+    @cached_property
+    def step(self) -> float | None:
+        """The step of the times [s], None where they are not evenly spaced."""
+        return step_of(self.times)
+
+    def with_noise(self, noise: NDArray[np.float64]) -> RecordBlock:
+        """The same samples with other noise (rows,)."""
+        return replace(self, noise=noise)
+
+    def placed(self, hit: int, rows: NDArray[np.int64]) -> RecordBlock:
+        """The same samples as those of another hit, and of other channels."""
+        return replace(self, hit=hit, rows=rows)
+
+    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+        """What the filter multiplies e^{st} by, or its slope (rows, rates): 1 where the columns go through it."""
+        if self.taps is None or self.before is not None:
+            return super().gain(rates, slope=slope)
+        delays = np.arange(self.taps.shape[1]) * self.interval
+        weights = -delays * self.taps if slope else self.taps
+        return np.asarray(weights @ np.exp(-np.multiply.outer(delays, rates)), np.complex128)
+
+    @property
+    def interval(self) -> float:
+        """The sampling interval [s]."""
+        return float(np.median(np.diff(self.times)))
+
+    def filtered(self, taps: NDArray[np.float64]) -> RecordBlock | None:
+        """The block after a filter along the record (rows, taps); None where samples are missing between others."""
+        order, interval = taps.shape[1] - 1, self.interval
+        if len(self.times) <= 2 * order or np.ptp(np.diff(self.times)) > 1e-6 * interval:
+            return None
+        n = len(self.times) - order
+        values = np.zeros((len(self.rows), n))
+        for i in range(order + 1):
+            values += taps[:, i, None] * self.values[:, order - i : order - i + n]
+
+        def cut(part: slice) -> dict[str, NDArray[np.float64] | None]:
+            return {
+                "times": self.times[part],
+                "angles": None if self.angles is None else self.angles[part],
+                "speeds": None if self.speeds is None else self.speeds[:, part],
+            }
+
+        ends, early = (self.first, self.last), slice(0, order)
+        before = None
+        if self.angles is not None and order:
+            before = replace(self, **cut(early), values=self.values[:, early], ends=ends)
+        return replace(self, **cut(slice(order, None)), values=values, ends=ends, taps=taps, before=before)
+
+    @property
+    def largest(self) -> NDArray[np.float64]:
+        """The largest size of a sample (rows,)."""
+        return np.abs(self.values).max(axis=1)
+
+    def residual(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
+        """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
+        even = self._even(columns)
+        if even is not None:
+            return self.times, even.residual(self.values, coefficients)
+        left = self.values.copy()
+        for chunk in self._chunks():
+            both = self._columns(columns, chunk)
+            left[:, chunk] -= reals_of(coefficients).T @ both.T
+        return self.times, left
+
+    def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
+        """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
+        even = self._even(columns)
+        if even is not None:
+            return even.sums(self.values, coefficients)
+        n, rows = 2 * len(columns.modes), len(self.rows)
+        gram, mixed, slopes = np.zeros((3, n, n))
+        seen, late, left = np.zeros((n, rows)), np.zeros((n, rows)), np.zeros(rows)
+        weights = reals_of(coefficients).T
+        for chunk in self._chunks():
+            both, timed = self._with_times(columns, chunk)
+            residual = self.values[:, chunk] - weights @ both.T
+            gram += both.T @ both
+            mixed += both.T @ timed
+            slopes += timed.T @ timed
+            seen += both.T @ residual.T
+            late += timed.T @ residual.T
+            left += np.einsum("cn,cn->c", residual, residual)
+        return Sums(gram, mixed, slopes, seen, late, left)
+
+    def _even(self, columns: Columns) -> EvenColumns | None:
+        """The columns in pieces, None where the times are not evenly spaced, or the shaft is not steady."""
+        if self.angles is not None:
+            return None
+        return EvenColumns.of(columns, self.times, self.step, middle=self.middle, half=self.half)
+
+    def _with_times(self, columns: Columns, chunk: slice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The columns, and the columns times t (samples, 2 columns)."""
+        if self.before is not None:
+            return self._through(columns, chunk)
+        both = self._columns(columns, chunk)
+        return both, both * self.times[chunk, None]
+
+    def _through(self, columns: Columns, chunk: slice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The same after the filter, which is one for all rows."""
+        assert self.before is not None
+        assert self.taps is not None
+        plain, order = replace(self, before=None, taps=None), self.taps.shape[1] - 1
+        parts = [plain._columns(columns, slice(max(chunk.start - order, 0), chunk.stop))]  # noqa: SLF001  # its own class
+        times = [self.times[max(chunk.start - order, 0) : chunk.stop]]
+        missing = max(order - chunk.start, 0)
+        if missing:
+            last = slice(order - missing, order)
+            parts.insert(0, self.before._columns(columns, last))  # noqa: SLF001  # its own class
+            times.insert(0, self.before.times[last])
+        whole, instants = np.concatenate(parts), np.concatenate(times)[:, None]
+        timed, n = whole * instants, len(whole) - order
+        both, late = np.zeros((n, whole.shape[1])), np.zeros((n, whole.shape[1]))
+        for i, tap in enumerate(self.taps[0]):
+            both += tap * whole[order - i : order - i + n]
+            late += tap * timed[order - i : order - i + n]
+        return both, late
+
+    def _chunks(self) -> list[slice]:
+        return [slice(first, first + CHUNK) for first in range(0, self.n_samples, CHUNK)]
+
+    def _columns(self, columns: Columns, chunk: slice) -> NDArray[np.float64]:
+        """Re z and Im z beside each other (samples, 2 columns)."""
+        if self.before is not None:
+            return self._through(columns, chunk)[0]
+        times = self.times[chunk]
+        angles = columns.fundamental * times if self.angles is None else self.angles[chunk]
+        grows = columns.exponents.real > 0
+        decays = np.exp(np.multiply.outer(np.where(grows, 0.0, columns.exponents), times))
+        decays[grows] = np.exp(np.multiply.outer(columns.exponents[grows], times - self.last))
+        decays[columns.factors == TREND] *= (times - self.middle) / self.half
+        if self.speeds is not None:
+            for factor, own in zip((SPEED, SPEED_SQUARED, SPEED_RATE), self.speeds, strict=True):
+                decays[columns.factors == factor] *= own[chunk]
+        turns, where = np.unique(columns.turns, return_inverse=True)
+        z: NDArray[np.complex128] = decays[columns.modes] * _turned(turns, angles)[where]
+        return np.concatenate([z.real, z.imag]).T
+
+
+def _turned(turns: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Exponentials e^{iqθ} of sorted turns q (turns, angles): each a step of one from the one before, where it is."""
+    unit, found = np.exp(1j * angles), np.empty((len(turns), len(angles)), complex)
+    for k, turn in enumerate(turns):
+        if k and turn == turns[k - 1] + 1.0:
+            np.multiply(found[k - 1], unit, out=found[k])
+        else:
+            found[k] = np.exp(1j * turn * angles)
+    return found
+
+
+@dataclass(frozen=True)
+class GappyBlock(Block):
+    """Evenly spaced samples of which some are missing: sums over all, with any values there, less those of these."""
+
+    whole: RecordBlock
+    """All samples of the grid, the missing ones filled with values of any kind."""
+    holes: RecordBlock
+    """The missing samples with the same values."""
+    taken: NDArray[np.int64]
+    """Where on the grid there are samples (samples,)."""
+
+    @property
+    def hit(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Which hit."""
+        return self.whole.hit
+
+    @property
+    def rows(self) -> NDArray[np.int64]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Which channels (rows,)."""
+        return self.whole.rows
+
+    @property
+    def noise(self) -> NDArray[np.float64]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The deviation of their noise (rows,)."""
+        return self.whole.noise
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of each channel that are there."""
+        return len(self.taken)
+
+    @property
+    def last(self) -> float:
+        """The time of the last sample [s]."""
+        return self.whole.last
+
+    @property
+    def half(self) -> float:
+        """What trends are counted in [s]."""
+        return self.whole.half
+
+    def with_noise(self, noise: NDArray[np.float64]) -> GappyBlock:
+        """The same samples with other noise (rows,)."""
+        return replace(self, whole=self.whole.with_noise(noise))
+
+    def placed(self, hit: int, rows: NDArray[np.int64]) -> GappyBlock:
+        """The same samples as those of another hit, and of other channels."""
+        return replace(self, whole=self.whole.placed(hit, rows))
+
+    @property
+    def largest(self) -> NDArray[np.float64]:
+        """The largest size of a sample (rows,)."""
+        return self.whole.largest
+
+    def residual(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
+        """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
+        times, left = self.whole.residual(columns, coefficients)
+        return times[self.taken], left[:, self.taken]
+
+    def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
+        """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
+        whole, holes = self.whole.sums(columns, coefficients), self.holes.sums(columns, coefficients)
+        names = ("gram", "mixed", "slopes", "seen", "late", "left")
+        return Sums(*(getattr(whole, name) - getattr(holes, name) for name in names))
+
+    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+        """What the filter multiplies e^{st} by, or its slope (rows, rates)."""
+        return self.whole.gain(rates, slope=slope)
+
+    def filtered(self, taps: NDArray[np.float64]) -> GappyBlock | None:
+        """The block after a filter along the record (rows, taps), of samples that have all their past."""
+        whole, order = self.whole.filtered(taps), taps.shape[1] - 1
+        there = np.zeros(len(self.whole.times), bool)
+        there[self.taken] = True
+        past = np.lib.stride_tricks.sliding_window_view(there, order + 1).all(axis=1)
+        if whole is None or past.mean() < ENOUGH:
+            return None
+        ends = (self.whole.first, self.whole.last)
+        holes = replace(whole, times=whole.times[~past], values=whole.values[:, ~past], ends=ends)
+        return GappyBlock(whole, holes, np.flatnonzero(past))
+
+    @staticmethod
+    def of(grid: RecordBlock, values: NDArray[np.float64], taken: NDArray[np.bool_]) -> GappyBlock | None:
+        """The block of samples `taken` of an evenly spaced grid; None where it is no grid, or too few are there."""
+        if grid.angles is not None or grid.step is None or taken.mean() < ENOUGH:
+            return None
+        index = np.arange(len(taken))
+        filled = np.array([np.interp(index, index[taken], own[taken]) for own in values])
+        whole = replace(grid, values=np.where(taken, values, filled))
+        ends = (float(grid.times[0]), float(grid.times[-1]))
+        holes = replace(whole, times=grid.times[~taken], values=whole.values[:, ~taken], ends=ends)
+        return GappyBlock(whole, holes, np.flatnonzero(taken))

@@ -1,0 +1,143 @@
+"""What a fit leaves of the samples: its noise, and the grids on which its spectrum is searched."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.periodic.least_squares._sample_block import Block, complex_of
+from floquid.periodic.least_squares._solver import Solution
+
+FLOOR = 1e-12
+"""The share of the largest free response that the noise is taken to be at least, unless told."""
+
+ROUNDING = 1e-13
+"""The share of a channel's largest value below which what is left of it is rounding."""
+
+BANDS = 8
+"""Bands whose median is the level of the noise."""
+
+APART = 2.0
+"""Lines on each side of an exponential, beside its width, that a fit takes noise from."""
+
+QUIETEST = 0.01
+"""The level of a band over that of the loudest, at least: below, there are but the skirts of what is elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """What a fit leaves of one block, on the grid it was sampled on: missing samples are zero."""
+
+    values: NDArray[np.float64]
+    """(rows, grid)."""
+    taken: NDArray[np.int64]
+    """Where on the grid there are samples (samples,)."""
+    step: float
+    """The sampling interval [s]."""
+    noise: NDArray[np.float64]
+    """The median level over the bands (rows,)."""
+    levels: NDArray[np.float64]
+    """The level of each band (rows, bands)."""
+
+    @staticmethod
+    def of(times: NDArray[np.float64], left: NDArray[np.float64], least: NDArray[np.float64]) -> Residual:
+        """From what is left at times [s]; the noise is at least `least` (rows,)."""
+        step = float(np.median(np.diff(times)))
+        taken = np.rint((times - times[0]) / step).astype(np.int64)
+        values = np.zeros((len(left), int(taken[-1]) + 1))
+        values[:, taken] = left
+        power = _power(values, taken)
+        parts = np.array_split(power, min(BANDS, power.shape[1]), axis=1)
+        # The power of a line of white noise is exponentially distributed: its median is ln 2 of its mean.
+        levels = np.sqrt([np.median(part, axis=1) / np.log(2.0) for part in parts]).T
+        levels = np.maximum(levels, np.maximum(least[:, None], QUIETEST * levels.max(axis=1, keepdims=True)))
+        return Residual(values, taken, step, np.median(levels, axis=1), levels)
+
+    def level(self) -> Residual:
+        """The same with one level for all bands."""
+        return replace(self, levels=np.broadcast_to(self.noise[:, None], self.levels.shape))
+
+    def between(self, rates: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """The level of each band by the lines that are apart from exponentials of `rates`, and how many these are.
+
+        A fit takes noise away where it has exponentials: nearly all of it in a band that is full of them.
+
+        Parameters
+        ----------
+        rates
+            The rates of the exponentials fitted (rates,) [1/s].
+
+        Returns
+        -------
+        ndarray, ndarray
+            Levels (rows, bands), zero where no line is left, and lines (bands,).
+        """
+        power, grid = _power(self.values, self.taken), self.values.shape[1] * self.step
+        omega = 2.0 * np.pi / grid * np.arange(1, power.shape[1] + 1)
+        apart = np.ones(len(omega), bool)
+        for rate in rates:
+            apart &= np.abs(omega - abs(rate.imag)) > abs(rate.real) + APART * 2.0 * np.pi / grid
+        bands = np.array_split(np.arange(len(omega)), min(BANDS, len(omega)))
+        kept = [band[apart[band]] for band in bands]
+        levels = [np.sqrt(np.median(power[:, own], axis=1) / np.log(2.0)) if len(own) else 0.0 for own in kept]
+        full = np.stack([np.broadcast_to(level, len(power)) for level in levels], axis=1)
+        return np.maximum(full, self.levels.min(axis=1, keepdims=True)), np.array([len(own) for own in kept])
+
+    @property
+    def span(self) -> float:
+        """The time between the first and the last sample [s]."""
+        return float(self.taken[-1] - self.taken[0]) * self.step
+
+
+def _power(values: NDArray[np.float64], taken: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The power of each line but the zeroth under a Hann window (rows, lines)."""
+    window = np.hanning(values.shape[1] + 2)[1:-1]
+    return squared(np.fft.rfft(values * window, axis=1)[:, 1:]) / np.sum(window[taken] ** 2)
+
+
+def squared(lines: NDArray[np.complexfloating]) -> NDArray[np.floating]:
+    """Their squared sizes, without the roots that `abs` takes."""
+    return lines.real**2 + lines.imag**2
+
+
+def residuals_of(blocks: Sequence[Block], solution: Solution, floor: float = FLOOR) -> list[Residual]:
+    """What a fit leaves of each block, its noise at least `least_noise`."""
+    columns = solution.entries.columns()
+    return [
+        Residual.of(*block.residual(columns, complex_of(linear.coefficients)), least)
+        for block, linear, least in zip(blocks, solution.linear, least_noise(blocks, solution, floor), strict=True)
+    ]
+
+
+def least_noise(blocks: Sequence[Block], solution: Solution, floor: float) -> list[NDArray[np.float64]]:
+    """What the noise of each block is at least (rows,): a share of the largest free response, and rounding."""
+    columns, least = solution.entries.columns(), []
+    fixed = solution.entries.fixed[columns.modes]
+    for block, linear in zip(blocks, solution.linear, strict=True):
+        free = block.largest
+        if fixed.any():
+            free = np.abs(block.residual(columns, complex_of(linear.coefficients) * fixed[:, None])[1]).max(axis=1)
+        least.append(np.maximum(floor * free, ROUNDING * block.largest))
+    return least
+
+
+def noise_of(blocks: Sequence[Block], solution: Solution, floor: float) -> NDArray[np.float64]:
+    """The deviation of what is left (channels, hits), at least `least_noise`."""
+    noise = noise_left(blocks, solution)
+    for block, least in zip(blocks, least_noise(blocks, solution, floor), strict=True):
+        noise[block.rows, block.hit] = np.maximum(noise[block.rows, block.hit], least)
+    return noise
+
+
+def noise_left(blocks: Sequence[Block], found: Solution) -> NDArray[np.float64]:
+    """The deviation of what is left (channels, hits), corrected for the parameters used."""
+    columns = int(found.entries.sines().sum()) + len(found.entries.sines())
+    squares = np.zeros((1 + max(int(b.rows.max()) for b in blocks), 1 + max(b.hit for b in blocks)))
+    free = np.zeros(squares.shape)
+    for block, linear in zip(blocks, found.linear, strict=True):
+        squares[block.rows, block.hit] += linear.left
+        free[block.rows, block.hit] += max(block.n_samples - columns, 1)
+    return np.sqrt(squares / np.maximum(free, 1.0))

@@ -1,0 +1,130 @@
+r"""What a fit of modulated exponentials works on: blocks of samples, each of some channels of one hit.
+
+A column is z_j = e^{λ_e t + i (m + q_e) θ(t)}, with e the entry of column j: a decay and a frequency that run in time,
+and a harmonic that runs in the phase angle θ of the system, which is ωt where the period is constant.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+PLAIN, TREND, SPEED, SPEED_SQUARED, SPEED_RATE = range(5)
+"""Factors of entries: none; time, from -1 to 1; the speed's deviation from its mean; its square; its rate of change."""
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Which columns there are, of entries with exponents (entries,) [1/s] and offsets of their harmonics (entries,)."""
+
+    exponents: NDArray[np.complex128]
+    offsets: NDArray[np.float64]
+    factors: NDArray[np.int64]
+    """What each entry is multiplied by beside, such as `PLAIN` (entries,)."""
+    modes: NDArray[np.int64]
+    """The entry of each column (columns,)."""
+    harmonics: NDArray[np.int64]
+    """m of each column (columns,)."""
+    fundamental: float
+
+    @property
+    def turns(self) -> NDArray[np.float64]:
+        """M + q of each column (columns,)."""
+        return self.harmonics + self.offsets[self.modes]
+
+    @property
+    def rates(self) -> NDArray[np.complex128]:
+        """λ + i(m + q)ω of each column (columns,) [1/s]."""
+        return self.exponents[self.modes] + 1j * self.fundamental * self.turns
+
+
+@dataclass(frozen=True, slots=True)
+class Sums:
+    """Sums over the samples of a block; the real columns are Re z, then Im z."""
+
+    gram: NDArray[np.float64]
+    """Products of the columns (2 columns, 2 columns)."""
+    mixed: NDArray[np.float64]
+    """Products of the columns with the columns times t."""
+    slopes: NDArray[np.float64]
+    """Products of the columns times t."""
+    seen: NDArray[np.float64]
+    """Products of the columns with what is left (2 columns, rows)."""
+    late: NDArray[np.float64]
+    """Products of the columns times t with what is left."""
+    left: NDArray[np.float64]
+    """The sum of squares of what is left (rows,)."""
+
+
+class Block(ABC):
+    """Samples of some channels of one hit, all at the same times."""
+
+    hit: int
+    """Which hit."""
+    rows: NDArray[np.int64]
+    """Which channels (rows,)."""
+    noise: NDArray[np.float64]
+    """The deviation of their noise (rows,)."""
+
+    @property
+    @abstractmethod
+    def n_samples(self) -> int:
+        """Samples of each channel."""
+
+    @property
+    @abstractmethod
+    def last(self) -> float:
+        """The time of the last sample after phase zero [s]."""
+
+    @property
+    @abstractmethod
+    def largest(self) -> NDArray[np.float64]:
+        """The largest size of a sample (rows,)."""
+
+    @abstractmethod
+    def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
+        """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves.
+
+        Growing columns are counted from the end of the block, so that no power overflows: `scales` has the factors.
+        """
+
+    @abstractmethod
+    def residual(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
+        """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
+
+    @abstractmethod
+    def with_noise(self, noise: NDArray[np.float64]) -> Block:
+        """The same samples with other noise (rows,)."""
+
+    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+        """What a filter that the samples went through multiplies e^{st} by, or its slope (rows, rates)."""
+        return np.full((len(self.rows), len(rates)), 0j if slope else 1.0 + 0j)
+
+    def scales(self, columns: Columns) -> NDArray[np.complex128]:
+        """What the scaled columns are to be multiplied by to be z (columns,)."""
+        own = columns.exponents[columns.modes]
+        return np.where(own.real > 0, np.exp(np.where(own.real > 0, own, 0.0) * self.last), 1.0 + 0j)
+
+
+def complex_of(coefficients: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """B with 2 Re B z = α Re z + β Im z."""
+    cosines, sines = np.split(coefficients, 2)
+    return 0.5 * (cosines - 1j * sines)
+
+
+def reals_of(coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """α and β with 2 Re B z = α Re z + β Im z (2 columns, rows)."""
+    return 2.0 * np.concatenate([coefficients.real, -coefficients.imag])
+
+
+def real_products(straight: NDArray[np.complex128], crossed: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Products of the real columns from Σ z̄_i z_j and Σ z_i z_j (2 columns, 2 columns)."""
+    n = len(straight)
+    found = np.empty((2 * n, 2 * n))
+    both, beside = straight + crossed, crossed - straight
+    found[:n, :n], found[:n, n:], found[n:, :n], found[n:, n:] = both.real, both.imag, beside.imag, -beside.real
+    found *= 0.5
+    return found

@@ -1,0 +1,189 @@
+"""Columns at evenly spaced times: a short piece of each, and what each piece begins with.
+
+Over K steps Δ, z_j(t_c + kΔ) = d_cj e_kj with d_cj = z_j(t_c) and e_kj = exp((λ_j + i(m + q)ω) kΔ): K + N / K
+exponentials stand for N, and sums over the samples of products of two columns are
+Σ_ck z_i z_j = (Σ_c d_ci d_cj)(Σ_k e_ki e_kj), so that no sample is touched but to multiply the data. A column that runs
+with time besides is the sum of two such products: (u_c + u_k) d_cj e_kj = (u_c d_cj) e_kj + d_cj (u_k e_kj).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.periodic.least_squares._sample_block import PLAIN, TREND, Columns, Sums, real_products
+
+FEWEST = 1024
+"""Samples from which pieces are quicker."""
+
+LONGEST = 256
+"""Samples of a piece."""
+
+AT_ONCE = 1 << 16
+"""Samples of a channel whose rest is formed at a time."""
+
+STEEPEST = 300.0
+"""What a column may grow by within a piece, as the logarithm: its power is formed there."""
+
+UNEVEN = 8.0 * np.finfo(float).eps
+"""The share of the largest time by which evenly spaced times may be off."""
+
+
+def step_of(times: NDArray[np.float64]) -> float | None:
+    """The step of evenly spaced times (samples,) [s], None where they are not."""
+    n = len(times)
+    if n < FEWEST:
+        return None
+    step = float(times[-1] - times[0]) / (n - 1)
+    off = np.abs(times - (times[0] + step * np.arange(n))).max()
+    return step if off <= UNEVEN * np.abs(times[[0, -1]]).max() else None
+
+
+def _piece(n_samples: int) -> int:
+    """Samples of a piece: about as many as there are pieces, up to `LONGEST`."""
+    return int(min(LONGEST, 2 ** np.ceil(0.5 * np.log2(max(n_samples, 1)))))
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """Some pieces of a block, of equal length."""
+
+    slots: slice
+    """Where their samples are in the block."""
+    own: NDArray[np.complex128]
+    """e (samples of a piece, products)."""
+    first: NDArray[np.complex128]
+    """d (pieces, products)."""
+    times: NDArray[np.float64]
+    """The time of each piece [s]: where it begins (pieces,)."""
+    later: NDArray[np.float64]
+    """The time after that of its samples [s] (samples of a piece,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class EvenColumns:
+    """Columns on a steady shaft, plain or with a trend, at the times `first` + k `step` (samples,) [s]."""
+
+    columns: Columns
+    first: float
+    step: float
+    n_samples: int
+    middle: float
+    """Where the trend is zero [s]."""
+    half: float
+    """What it is counted in [s]."""
+
+    @classmethod
+    def of(
+        cls, columns: Columns, times: NDArray[np.float64], step: float | None, *, middle: float, half: float
+    ) -> EvenColumns | None:
+        """Those columns, None where they cannot be had in pieces."""
+        if step is None or not np.isin(columns.factors, (PLAIN, TREND)).all():
+            return None
+        growth = max(float(columns.exponents.real.max(initial=0.0)), 0.0)
+        if growth * step * _piece(len(times)) > STEEPEST:
+            return None
+        return cls(columns, float(times[0]), step, len(times), middle, half)
+
+    def pieces(self) -> Iterator[Pieces]:
+        """All samples, in groups of whole pieces, and what is left at the end."""
+        length = _piece(self.n_samples)
+        group = max(AT_ONCE // length, 1) * length
+        whole = self.n_samples - self.n_samples % length
+        for begin in range(0, whole, group):
+            end = min(begin + group, whole)
+            yield self._pieces(begin, end, length)
+        if whole < self.n_samples:
+            yield self._pieces(whole, self.n_samples, self.n_samples - whole)
+
+    def _pieces(self, begin: int, end: int, length: int) -> Pieces:
+        times = self.first + self.step * np.arange(begin, end, length, dtype=np.float64)
+        later = self.step * np.arange(length, dtype=np.float64)
+        last = self.first + self.step * (self.n_samples - 1)
+        own, first = self._exponentials(later, later[-1]), self._exponentials(times, last - later[-1])
+        trend = self.columns.factors[self.columns.modes] == TREND
+        own = np.concatenate([own, own[:, trend] * (later / self.half)[:, None]], axis=1)
+        first = np.concatenate([first, first[:, trend]], axis=1)
+        first[:, : len(trend)][:, trend] *= ((times - self.middle) / self.half)[:, None]
+        return Pieces(slice(begin, end), own, first, times, later)
+
+    def _exponentials(self, times: NDArray[np.float64], last: float) -> NDArray[np.complex128]:
+        """The columns without factors (times, columns): what grows is counted from the last."""
+        columns = self.columns
+        grows = columns.exponents.real > 0
+        decays = np.exp(np.multiply.outer(times, np.where(grows, 0j, columns.exponents)))
+        decays[:, grows] = np.exp(np.multiply.outer(times - last, columns.exponents[grows]))
+        turns, where = np.unique(columns.turns, return_inverse=True)
+        turned = np.exp(1j * columns.fundamental * np.multiply.outer(times, turns))
+        z: NDArray[np.complex128] = decays[:, columns.modes] * turned[:, where]
+        return z
+
+    def _stands_for(self) -> NDArray[np.int64]:
+        """The column of each product (products,)."""
+        modes = self.columns.modes
+        return np.concatenate([np.arange(len(modes)), np.flatnonzero(self.columns.factors[modes] == TREND)])
+
+    def residual(self, values: NDArray[np.float64], coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """What the model 2 Re Σ B_j z_j leaves of the values (rows, samples)."""
+        left, coefficients = np.empty_like(values), coefficients[self._stands_for()]
+        for pieces in self.pieces():
+            left[:, pieces.slots] = _rest(pieces, values, coefficients).reshape(len(values), -1)
+        return left
+
+    def sums(self, values: NDArray[np.float64], coefficients: NDArray[np.complex128]) -> Sums:
+        """The sums of `Block.sums`."""
+        stands_for, rows = self._stands_for(), len(values)
+        coefficients, n = coefficients[stands_for], 2 * len(stands_for)
+        gram, mixed, slopes = np.zeros((3, n, n))
+        seen, late, left = np.zeros((n, rows)), np.zeros((n, rows)), np.zeros(rows)
+        for pieces in self.pieces():
+            for total, part in zip((gram, mixed, slopes), _products(pieces), strict=True):
+                total += part
+            residual = _rest(pieces, values, coefficients)
+            left += np.einsum("rck,rck->r", residual, residual)
+            for total, part in zip((seen, late), _met(pieces, residual), strict=True):
+                total += part
+        of = np.eye(len(self.columns.modes))[stands_for]
+        both = np.kron(np.eye(2), of)
+        gram, mixed, slopes = (both.T @ each @ both for each in (gram, mixed, slopes))
+        return Sums(gram, mixed, slopes, both.T @ seen, both.T @ late, left)
+
+
+def _rest(pieces: Pieces, values: NDArray[np.float64], coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """What the model leaves (rows, pieces, samples of a piece)."""
+    shape = (len(values), len(pieces.times), len(pieces.later))
+    weights = 2.0 * coefficients.T[:, None, :] * pieces.first
+    own = np.concatenate([pieces.own.real, -pieces.own.imag], axis=1)
+    model = np.concatenate([weights.real, weights.imag], axis=-1) @ own.T
+    return values[:, pieces.slots].reshape(shape) - model
+
+
+def _met(pieces: Pieces, residual: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sums of the products with what is left, and of the products times t (2 products, rows)."""
+    n = pieces.own.shape[1]
+    timed = pieces.own * pieces.later[:, None]
+    found = residual @ np.concatenate([pieces.own.real, pieces.own.imag, timed.real, timed.imag], axis=1)
+    own, moved = found[..., :n] + 1j * found[..., n : 2 * n], found[..., 2 * n : 3 * n] + 1j * found[..., 3 * n :]
+    seen = np.einsum("rcj,cj->jr", own, pieces.first)
+    late = np.einsum("rcj,cj->jr", moved + pieces.times[:, None] * own, pieces.first)
+    return np.concatenate([seen.real, seen.imag]), np.concatenate([late.real, late.imag])
+
+
+def _products(pieces: Pieces) -> tuple[NDArray[np.float64], ...]:
+    """Sums of the products with each other, times t, and times t² (2 products, 2 products)."""
+    found = []
+    for of in (np.conj, np.asarray):  # with the conjugates, and with the products themselves
+        own, first = of(pieces.own).T, of(pieces.first).T
+        inner = [own @ (pieces.own * pieces.later[:, None] ** power) for power in range(3)]
+        outer = [first @ (pieces.first * pieces.times[:, None] ** power) for power in range(3)]
+        found.append(
+            (
+                inner[0] * outer[0],
+                inner[0] * outer[1] + inner[1] * outer[0],
+                inner[0] * outer[2] + 2.0 * inner[1] * outer[1] + inner[2] * outer[0],
+            )
+        )
+    return tuple(real_products(*both) for both in zip(*found, strict=True))

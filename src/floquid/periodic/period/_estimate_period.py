@@ -1,0 +1,311 @@
+"""The period of a system from its response alone: the spacing of the lines, refined with all modes together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import Rebuilt, frozen_array, input_error, positive
+from floquid.core import PeriodicModel, Record
+from floquid.errors import IdentificationError
+from floquid.periodic.least_squares import Block, ModeParameters, RecordBlock, Solution, chosen_bands, noise_left, solve
+from floquid.periodic.period._fse import model_at
+from floquid.periodic.period._fundamental_candidates import Spacing, spacings_of
+from floquid.periodic.period._harmonic_families import averaged, entries_of, grouped
+from floquid.periodic.period._spectral_lines import Lines, beside, find_lines, raw_blocks, with_noise_left
+
+CERTAIN = float(np.log(1e2))
+"""The odds of a fundamental against chance from which on it counts as seen, as a logarithm."""
+
+DISTINCT = float(np.log(10.0))
+"""The odds of a fundamental against another one."""
+
+ROUNDS = 3
+"""How often bands may grow."""
+
+AGREE = 6.0
+"""Standard deviations within which the fit keeps the fundamental of the lines."""
+
+SHOWN = 8
+"""Candidates that are reported."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PeriodCandidate:
+    """A period that was considered.
+
+    Parameters
+    ----------
+    period, period_std
+        By the lines alone [s].
+    families
+        Modes that it makes of the lines.
+    spacings
+        Lines that are harmonics of another one.
+    tones
+        Undamped lines at multiples of half the fundamental.
+    evidence
+        The logarithm of its odds against lines that have nothing to do with one another.
+    certainty
+        The same from frequencies alone: what does not rest on equal decays.
+    """
+
+    period: float
+    period_std: float
+    families: int
+    spacings: int
+    tones: int
+    evidence: float
+    certainty: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PeriodEstimate(Rebuilt):
+    """What a response says of its period.
+
+    Parameters
+    ----------
+    period, period_std
+        The period and its standard deviation [s]; None where the record cannot tell it.
+    told
+        Whether the record tells it.
+    reasons
+        Why, or why not, in sentences.
+    candidates
+        Periods considered, the one with the highest odds first.
+    model
+        The periodic model fitted with it; None where the record cannot tell it.
+    lines, undamped
+        The lines that decay, and those that do not: tones of a forced response (lines,) [1/s].
+    """
+
+    period: float | None
+    period_std: float | None
+    told: bool
+    reasons: tuple[str, ...]
+    candidates: tuple[PeriodCandidate, ...]
+    model: PeriodicModel | None
+    lines: NDArray[np.complex128]
+    undamped: NDArray[np.complex128]
+
+    def __post_init__(self) -> None:
+        for name in ("lines", "undamped"):
+            value = frozen_array(getattr(self, name), name, "PeriodEstimate", axes=("lines",), dtype=np.complex128)
+            object.__setattr__(self, name, value)
+
+    def interval(self, level: float = 0.95) -> tuple[float, float]:
+        """The period's interval [s] at a level of confidence.
+
+        Raises
+        ------
+        InputError
+            `level` is not between 0 and 1.
+        IdentificationError
+            The record does not tell the period.
+        """
+        from scipy.special import ndtri
+
+        if not 0.0 < level < 1.0:
+            raise input_error("level", "PeriodEstimate.interval", "lie between 0 and 1", f"is {level!r}", "As 0.95.")
+        if self.period is None or self.period_std is None:
+            raise IdentificationError(f"There is no interval: the record does not tell the period. {self.reasons[-1]}")
+        half = float(ndtri(0.5 + 0.5 * level)) * self.period_std
+        return self.period - half, self.period + half
+
+
+def estimate_period(
+    records: Sequence[Record],
+    *,
+    longest: float | None = None,
+    shortest: float | None = None,
+    false_alarm: float = 1e-9,
+    harmonic_false_alarm: float = 1e-6,
+    report: Callable[[str], None] = lambda _: None,
+) -> PeriodEstimate:
+    r"""The period of a system from its free response alone.
+
+    .. math:: y(t) = \sum_r \sum_m B_{r,m}\, e^{(\lambda_r + i m \omega)(t - t_0)}
+
+    (Allen 2009, eq. 12): "one might be able to determine" ω "from a collection of identified eigenvalues" (section
+    2.2.3). Lines of equal decay are spaced by multiples of ω, and so are their conjugates. Each spacing, and its half,
+    third …, is judged by how well it explains all lines; then the period, the exponents, and all amplitudes over the
+    harmonics seen and one beyond are fitted together, by maximum likelihood in white noise.
+
+    The fundamental is the largest ω of which all spacings seen are whole multiples: the half revolution of a shaft
+    with two equal halves, as far as the response shows it. One spacing alone is no period, however clear: two modes
+    of a constant system with the same damping look the same. Lines that do not decay are the tones of a forced
+    response, which tell the revolution; where they are multiples of half the fundamental they speak for it.
+
+    Parameters
+    ----------
+    records
+        One record, or one a hit on the same system, of equal channels. Their clocks are not looked at, but for the
+        instant of phase zero that a constant period gives.
+    longest, shortest
+        Bounds of the period [s]; a quarter of the record, and two sampling intervals, where not given.
+    false_alarm, harmonic_false_alarm
+        The probabilities that noise passes for a line, and for a harmonic of any mode.
+    report
+        Is told of each stage.
+
+    Returns
+    -------
+    PeriodEstimate
+        The period with its deviation, or why the record does not tell it.
+
+    Raises
+    ------
+    InputError
+        Records do not belong together, or the bounds leave no period.
+    """
+    longest, shortest = _bounds(records, longest, shortest)
+    report("searching for lines")
+    blocks = raw_blocks(records)
+    lines = find_lines(blocks, shortened=True, false_alarm=false_alarm, report=report)
+    damped, tones = lines.picked(~lines.undamped), lines.picked(lines.undamped)
+    found = spacings_of(damped, tones, 2.0 * np.pi / longest, 2.0 * np.pi / shortest)
+    reasons, told = _judgement(damped, tones, found)
+    refined = None
+    if told:
+        report("fitting the period")
+        try:
+            refined = _refined(records, blocks, damped, tones, found[0], harmonic_false_alarm)
+        except (IdentificationError, np.linalg.LinAlgError):
+            told, why = False, "Cannot tell: the fit with one spacing for all families goes away from the lines."
+            reasons = (*reasons, why)
+    if refined is not None:
+        model, period_std = refined
+        std = float(np.hypot(2.0 * np.pi * found[0].std / found[0].fundamental ** 2, period_std))
+        if abs(model.period - 2.0 * np.pi / found[0].fundamental) > AGREE * std:
+            told, why = False, "Cannot tell: fitted to the whole record the period is another than that of its lines."
+            reasons, refined = (*reasons, why), None
+    return PeriodEstimate(
+        period=None if refined is None else refined[0].period,
+        period_std=None if refined is None else refined[1],
+        told=told,
+        reasons=reasons,
+        candidates=tuple(_candidate(one) for one in found[:SHOWN]),
+        model=None if refined is None else refined[0],
+        lines=damped.exponents,
+        undamped=tones.exponents,
+    )
+
+
+def _bounds(records: Sequence[Record], longest: float | None, shortest: float | None) -> tuple[float, float]:
+    """The longest and shortest period looked at [s]."""
+    if not len(records):
+        raise input_error("records", "estimate_period", "hold a record", "is empty")
+    least = 2.0 / min(record.sample_rate for record in records)
+    most = 0.25 * max(record.duration for record in records)
+    high = most if longest is None else positive(longest, "longest", "estimate_period", unit="s")
+    low = least if shortest is None else positive(shortest, "shortest", "estimate_period", unit="s")
+    low = max(low, least)
+    if not low < high:
+        got = f"{high:g} s is not above {low:g} s"
+        must = "lie above `shortest` and two sampling intervals"
+        raise input_error("longest", "estimate_period", must, got, "Widen the bounds, or take a longer record.")
+    return high, low
+
+
+def _judgement(lines: Lines, tones: Lines, found: list[Spacing]) -> tuple[tuple[str, ...], bool]:
+    """Why the period is told, or why not."""
+    reasons = []
+    if len(tones.exponents):
+        heard = ", ".join(f"{abs(value.imag) / (2.0 * np.pi):.4g}" for value in tones.exponents)
+        on = found[0].tones if found else 0
+        reasons.append(
+            f"Lines that do not decay, at {heard} Hz, are a forced response: they tell the revolution, not the period. "
+            f"{on} of {len(tones.exponents)} are at multiples of half the fundamental."
+        )
+    if not len(lines.exponents):
+        return (*reasons, "Cannot tell: no line that decays rises above the noise."), False
+    if not found:
+        why = "Cannot tell: no two lines have one decay, as harmonics of a mode have: the response is that of a system "
+        return (*reasons, f"{why}that is constant, as far as it rises above the noise."), False
+    best = found[0]
+    hertz = best.fundamental / (2.0 * np.pi)
+    spaced = "one spacing" if best.spacings == 1 else f"{best.spacings} spacings"
+    families = "one family" if len(best.groups) == 1 else f"{len(best.groups)} families"
+    reasons.append(
+        f"{len(lines.exponents)} lines that decay are {families} with {spaced} of multiples of {hertz:.6g} Hz; odds "
+        f"against chance, from frequencies alone, are 1e{best.certainty / np.log(10.0):.1f}."
+    )
+    if best.certainty < CERTAIN:
+        if best.spacings == 1:
+            why = "one spacing alone is no period: two modes of a constant system with the same damping look the same"
+        else:
+            why = "spacings as noisy as these would agree by chance"
+        return (*reasons, f"Cannot tell: {why}."), False
+    others = [one for one in found[1:] if one.partition != best.partition]
+    if others and best.evidence - others[0].evidence < DISTINCT:
+        other = others[0].fundamental / (2.0 * np.pi)
+        why = f"spacings of {other:.6g} Hz explain the lines as well, with other lines belonging together"
+        return (*reasons, f"Cannot tell: {why}."), False
+    return tuple(reasons), True
+
+
+def _refined(
+    records: Sequence[Record], raw: Sequence[RecordBlock], lines: Lines, tones: Lines, best: Spacing, false_alarm: float
+) -> tuple[PeriodicModel, float]:
+    """The model with the period free, and the deviation of the period [s]."""
+    blocks = tuple(block.with_noise(lines.noise[block.rows, block.hit]) for block in raw)
+    groups = grouped(lines, best.fundamental, best.std)
+    average = averaged(lines, groups, best.fundamental, free=True)
+    most = max(int(np.ceil(np.pi * min(r.sample_rate for r in records) / best.fundamental - 1e-6)) - 1, 0)
+    entries = entries_of(groups, average).joined(_free(tones, best.fundamental)).joined(beside(best.fundamental))
+    solution, bands = _grown(blocks, replace(entries, free_period=True), len(groups), most, false_alarm)
+    blocks = with_noise_left(blocks, solution)
+    solution = solve(blocks, solution.entries)
+    entries, covariance, families = solution.entries, solution.covariance(), len(groups)
+    decays, pairs = int((~entries.fixed).sum()), int((~entries.real[:families]).sum())
+    kept = np.concatenate([np.arange(families), np.arange(decays, decays + pairs), [-1]])
+    model = model_at(
+        records,
+        raw,
+        entries.picked(range(families)),
+        covariance[np.ix_(kept, kept)],
+        entries.exponents[families:decays],
+        bands[:families],
+        noise_left(blocks, solution),
+    )
+    period_std = 2.0 * np.pi / entries.fundamental**2 * np.sqrt(covariance[-1, -1])
+    return model, float(period_std)
+
+
+def _free(tones: Lines, fundamental: float) -> ModeParameters:
+    """Tones as entries of their own: nothing says at first that they are multiples of anything."""
+    values = np.where(tones.real, tones.exponents.real, tones.exponents)
+    return ModeParameters.made(values, (0, 0), fundamental, real=tones.real)
+
+
+def _grown(
+    blocks: Sequence[Block], entries: ModeParameters, families: int, most: int, false_alarm: float
+) -> tuple[Solution, NDArray[np.int64]]:
+    """The fit with one harmonic beyond each band of the families, and the bands that rise above the noise."""
+    own = (np.arange(len(entries.bands)) < families)[:, None]
+    rounds = 0
+    while True:
+        rounds += 1
+        solution = solve(blocks, replace(entries, bands=np.where(own, entries.padded(1, most).bands, entries.bands)))
+        chosen = np.where(own, chosen_bands(blocks, solution, false_alarm), entries.bands)
+        low, high = np.minimum(chosen[:, 0], entries.bands[:, 0]), np.maximum(chosen[:, 1], entries.bands[:, 1])
+        union = np.stack([low, high], axis=1)
+        if rounds == ROUNDS or (union == entries.bands).all():
+            return solution, union
+        entries = replace(solution.entries, bands=union)
+
+
+def _candidate(one: Spacing) -> PeriodCandidate:
+    period = 2.0 * np.pi / one.fundamental
+    return PeriodCandidate(
+        period=period,
+        period_std=period * one.std / one.fundamental,
+        families=len(one.groups),
+        spacings=one.spacings,
+        tones=one.tones,
+        evidence=one.evidence,
+        certainty=one.certainty,
+    )

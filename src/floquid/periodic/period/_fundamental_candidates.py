@@ -1,0 +1,152 @@
+"""Fundamentals that lines may have: the spacings seen, and how well each explains all lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.periodic.period._harmonic_families import APART, Group, averaged, grouped
+from floquid.periodic.period._spectral_lines import Lines
+
+PARTS = 6
+"""A spacing is taken for this many fundamentals at most."""
+
+ON_TONE = 4.0
+"""Standard deviations within which a tone is a multiple of half the fundamental."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spacing:
+    """A fundamental, with the families that it makes of the lines, and what speaks for it."""
+
+    fundamental: float
+    std: float
+    groups: tuple[Group, ...]
+    misfit: float
+    degrees: int
+    evidence: float
+    """The logarithm of the odds against lines that have nothing to do with one another."""
+    certainty: float
+    """The same of their frequencies alone, equal decays being taken for granted."""
+    tones: int
+    """Undamped lines at multiples of half the fundamental."""
+
+    @property
+    def partition(self) -> frozenset[frozenset[int]]:
+        """Which lines belong together."""
+        return frozenset(frozenset(group.lines) for group in self.groups)
+
+    @property
+    def spacings(self) -> int:
+        """Lines that are harmonics of a stronger one."""
+        return sum(len(group.lines) - 1 for group in self.groups)
+
+
+def spacings_of(lines: Lines, tones: Lines, least: float, most: float) -> list[Spacing]:
+    r"""The fundamentals in question, best first.
+
+    Each difference and each sum of the frequencies of two lines of equal decay may be 1 … `PARTS` fundamentals. With
+    C the covariance of the lines, and θ the decay and frequency of each family and ω, the odds of a fundamental are
+
+    .. math:: \frac{p(\text{lines} \mid \omega)}{p(\text{lines})} = \frac{1}{\omega \ln(\omega_1/\omega_0)}
+              \sqrt{\frac{|C_\theta|}{|C|}}\, \frac{e^{-\chi^2/2}}{(2\pi)^{n/2}}
+              \prod_{\text{harmonics}} \frac{3}{\pi^2 m^2}\, \frac{W D}{R}
+
+    n the degrees of freedom of χ²: a line that is no harmonic could have come out anywhere below the highest, W, with
+    any decay up to D, twice that of the family; one that is a harmonic of one of the R families is the more likely the
+    nearer it is to its strongest line. The smaller ω, the less it says that all spacings are multiples of it: of ω,
+    ω/2, ω/3 … the largest has the highest odds.
+
+    Parameters
+    ----------
+    lines
+        The lines that decay.
+    tones
+        The undamped ones.
+    least, most
+        The smallest and the largest fundamental that is looked at [rad/s].
+
+    Returns
+    -------
+    list of Spacing
+        None where no two lines have one decay.
+    """
+    values, variances = _fundamentals(lines, least, most)
+    found: dict[tuple[Group, ...], Spacing | None] = {}
+    for value, variance in zip(values, variances, strict=True):
+        # A real multiplier is no special case here: its lines are harmonics of one another all the same.
+        groups = grouped(lines, float(value), float(np.sqrt(variance)))
+        key = tuple(replace(group, half_turns=None) for group in groups)
+        if key not in found:
+            found[key] = _judged(lines, tones, key, float(value), float(np.log(most / least)))
+    kept = [one for one in found.values() if one is not None and least <= one.fundamental <= most]
+    return sorted(kept, key=lambda one: -one.evidence)
+
+
+def _fundamentals(lines: Lines, least: float, most: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Spacings of lines of equal decay and parts of these [rad/s], with their variances."""
+    from scipy.special import chdtri
+
+    n, cov, limit = len(lines.exponents), lines.covariance, float(chdtri(1, APART))
+    values, variances = [], []
+    for a, b in combinations(range(n), 2):
+        gap = lines.exponents[a].real - lines.exponents[b].real
+        if gap**2 > limit * (cov[a, a] + cov[b, b] - 2.0 * cov[a, b]):
+            continue
+        for sign in (1.0, -1.0):
+            value = abs(lines.exponents[a].imag - sign * lines.exponents[b].imag)
+            variance = cov[n + a, n + a] + cov[n + b, n + b] - 2.0 * sign * cov[n + a, n + b]
+            for part in range(1, PARTS + 1):
+                # Spacings that are not resolved are those of two lines of one peak.
+                if least <= value / part <= most and value / part > 10.0 * np.sqrt(variance):
+                    values.append(value / part)
+                    variances.append(variance / part**2)
+    return np.array(values), np.array(variances)
+
+
+def _judged(lines: Lines, tones: Lines, groups: tuple[Group, ...], fundamental: float, range_: float) -> Spacing | None:
+    """How well families of lines spaced by about a fundamental explain the lines; None where there is no family."""
+    n = len(lines.exponents)
+    merged = [(group, line) for group in groups for line in group.lines[1:]]
+    if not merged:
+        return None
+    average = averaged(lines, groups, fundamental, free=True)
+    omega = average.fundamental
+    if not omega > 0.0:
+        return None
+    spread = float(np.sqrt(average.covariance[-1, -1]))
+    tone, count = _on_tones(tones, omega, spread)
+    far = np.array([m for group in groups for m in group.harmonics[1:]], float)
+    width = float(lines.exponents.imag.max())
+    prior = float(np.sum(np.log(3.0 * width / (np.pi**2 * far**2 * len(groups))))) - np.log(omega * range_) + tone
+    decays = sum(np.log(2.0 * abs(lines.exponents[group.lines[0]].real)) for group, _ in merged)
+    turning = lines.covariance.copy()
+    turning[:n] = 0.0
+    turning[:, :n] = 0.0
+    alone = averaged(replace(lines, covariance=turning), groups, fundamental, free=True)
+    return Spacing(
+        fundamental=omega,
+        std=spread,
+        groups=groups,
+        misfit=average.misfit,
+        degrees=average.degrees,
+        evidence=float(average.log_volume - 0.5 * average.misfit + prior + decays),
+        certainty=float(alone.log_volume - 0.5 * alone.misfit + prior),
+        tones=count,
+    )
+
+
+def _on_tones(tones: Lines, omega: float, std: float) -> tuple[float, int]:
+    """What tones at multiples of half the fundamental add to the odds, and how many there are."""
+    added, count = 0.0, 0
+    for value, own in zip(np.abs(tones.exponents.imag), tones.std.imag, strict=True):
+        half = round(2.0 * value / omega)
+        sigma = float(np.hypot(own, 0.5 * half * std))
+        off = (value - 0.5 * half * omega) / sigma if sigma > 0.0 else np.inf
+        if half and abs(off) < ON_TONE:
+            added += max(float(np.log(0.5 * omega / (sigma * np.sqrt(2.0 * np.pi)))) - 0.5 * off**2, 0.0)
+            count += 1
+    return added, count

@@ -1,0 +1,184 @@
+r"""Families of lines: those that are harmonics of one mode, and what they say of it together.
+
+.. math:: s_l \Im \lambda_l = \Im \lambda_r + m_l \omega, \qquad \Re \lambda_l = \Re \lambda_r
+
+(Allen 2009, eqs. 11-12), s = -1 where it is the conjugate of a line that is a harmonic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.periodic.least_squares import ModeParameters
+from floquid.periodic.period._spectral_lines import Lines
+
+APART = 1e-6
+"""The probability at which two lines of one mode may be taken for lines of two."""
+
+ON_AXIS = 4.0
+"""Standard deviations within which a multiplier is real."""
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Lines of one mode: which, on which half of the plane, and at which harmonic; the strongest is the first."""
+
+    lines: tuple[int, ...]
+    signs: tuple[int, ...]
+    harmonics: tuple[int, ...]
+    half_turns: int | None = None
+    """κ where the multiplier is real, its lines being at (m + κ/2)ω; else None."""
+
+    def joined(self, line: int, sign: int, harmonic: int) -> Group:
+        """With one more line."""
+        return Group((*self.lines, line), (*self.signs, sign), (*self.harmonics, harmonic), half_turns=self.half_turns)
+
+
+@dataclass(frozen=True, slots=True)
+class Average:
+    """Modes from the lines of each, by least squares with the inverse covariance as weight."""
+
+    exponents: NDArray[np.complex128]
+    """λ of each group on the branch of its strongest line; of a real multiplier the decay alone (groups,)."""
+    fundamental: float
+    covariance: NDArray[np.float64]
+    """Of the decays, of the frequencies of pairs, and of the fundamental where that was free."""
+    misfit: float
+    """A chi-square of `degrees` degrees of freedom."""
+    degrees: int
+    log_volume: float
+    """ln of √(|cov θ|/|cov lines|)/√(2π)^degrees: the density of the lines at the average, less the misfit."""
+
+
+def grouped(lines: Lines, fundamental: float, std: float = 0.0) -> list[Group]:
+    """Lines as families, each line with the family that it is nearest to, starting from the strongest.
+
+    Parameters
+    ----------
+    lines
+        The lines.
+    fundamental, std
+        ω, and its deviation [rad/s].
+
+    Returns
+    -------
+    list of Group
+        The families, strongest first; one line alone is a family too.
+    """
+    from scipy.special import chdtri
+
+    limit = float(chdtri(2, APART))
+    groups: list[Group] = []
+    for line in np.argsort(-lines.strength, kind="stable"):
+        best, least = None, limit
+        for place, group in enumerate(groups):
+            for sign in (1, -1) if group.half_turns is None else (1,):
+                harmonic, distance = _distance(lines, group.lines[0], int(line), sign, fundamental, std)
+                if distance < least and harmonic not in group.harmonics:
+                    best, least = (place, sign, harmonic), distance
+        if best is None:
+            half = _half_turns(lines, int(line), fundamental, std)
+            groups.append(Group((int(line),), (1,), (0,), half_turns=half))
+        else:
+            groups[best[0]] = groups[best[0]].joined(int(line), best[1], best[2])
+    return groups
+
+
+def _half_turns(lines: Lines, line: int, fundamental: float, std: float) -> int | None:
+    """κ where a line is at κω/2 within its deviation; else None."""
+    value = lines.exponents[line].imag
+    half = round(2.0 * value / fundamental)
+    off = abs(value - 0.5 * half * fundamental)
+    return half if off <= ON_AXIS * float(np.hypot(lines.std[line].imag, 0.5 * half * std)) else None
+
+
+def _distance(lines: Lines, seed: int, line: int, sign: int, fundamental: float, std: float) -> tuple[int, float]:
+    """The harmonic that a line would be, and the chi-square of its distance from there."""
+    n, cov = len(lines.exponents), lines.covariance
+    one, other = lines.exponents[seed], lines.exponents[line]
+    turns = round((sign * other.imag - one.imag) / fundamental)
+    decay, turn = other.real - one.real, sign * other.imag - one.imag - turns * fundamental
+    a = cov[seed, seed] + cov[line, line] - 2.0 * cov[seed, line]
+    c = cov[n + seed, n + seed] + cov[n + line, n + line] - 2.0 * sign * cov[n + seed, n + line] + (turns * std) ** 2
+    b = cov[seed, n + seed] + sign * cov[line, n + line] - sign * cov[seed, n + line] - cov[line, n + seed]
+    determinant = a * c - b * b
+    if not determinant > 0.0:
+        return turns, np.inf
+    return turns, float((c * decay * decay - 2.0 * b * decay * turn + a * turn * turn) / determinant)
+
+
+def averaged(lines: Lines, groups: Sequence[Group], fundamental: float, *, free: bool) -> Average:
+    """The exponent of each family, and the fundamental where it is `free`; else it is as given.
+
+    Parameters
+    ----------
+    lines
+        The lines.
+    groups
+        Their families.
+    fundamental
+        ω [rad/s].
+    free
+        Whether ω is found too, from all the spacings.
+
+    Returns
+    -------
+    Average
+        Exponents, with their covariance.
+    """
+    n, families = len(lines.exponents), len(groups)
+    pairs = [place for place, group in enumerate(groups) if group.half_turns is None]
+    design, known = np.zeros((2 * n, families + len(pairs))), np.zeros(2 * n)
+    turns = np.zeros(2 * n)
+    for place, group in enumerate(groups):
+        for line, sign, harmonic in zip(group.lines, group.signs, group.harmonics, strict=True):
+            design[line, place] = 1.0
+            turns[n + line] = sign * harmonic + 0.5 * (group.half_turns or 0)
+            if group.half_turns is None:
+                design[n + line, families + pairs.index(place)] = sign
+    if free:
+        design = np.concatenate([design, turns[:, None]], axis=1)
+    else:
+        known = turns * fundamental
+    seen = np.concatenate([lines.exponents.real, lines.exponents.imag]) - known
+    kept = np.diag(lines.covariance) > 0
+    # A line at rest says that its family is at rest there, exactly: no number of its own.
+    scale = np.sqrt(np.diag(lines.covariance)[kept])
+    white = np.linalg.cholesky(lines.covariance[np.ix_(kept, kept)] / np.outer(scale, scale))
+    rows = np.linalg.solve(white, design[kept] / scale[:, None])
+    data = np.linalg.solve(white, seen[kept] / scale)
+    value, _, rank, sizes = np.linalg.lstsq(rows, data, rcond=1e-12)
+    inverse = np.linalg.pinv(rows, rcond=1e-12)
+    residual = data - rows @ value
+    exponents = value[:families].astype(complex)
+    exponents[pairs] += 1j * value[families : families + len(pairs)]
+    degrees = int(kept.sum()) - int(rank)
+    volume = -float(np.sum(np.log(sizes[:rank]))) - float(np.sum(np.log(np.diag(white)))) - float(np.sum(np.log(scale)))
+    return Average(
+        exponents=exponents,
+        fundamental=float(value[-1]) if free else fundamental,
+        covariance=inverse @ inverse.T,
+        misfit=float(residual @ residual),
+        degrees=degrees,
+        log_volume=volume - 0.5 * degrees * float(np.log(2.0 * np.pi)),
+    )
+
+
+def entries_of(groups: Sequence[Group], average: Average) -> ModeParameters:
+    """The families as entries of a fit, with the harmonics from the lowest to the highest seen."""
+    half = [group.half_turns for group in groups]
+    bands = [
+        (min(group.harmonics) if k is None else -(k // 2) - k % 2, max(group.harmonics))
+        for group, k in zip(groups, half, strict=True)
+    ]
+    return ModeParameters.made(
+        average.exponents,
+        bands,
+        average.fundamental,
+        real=[k is not None for k in half],
+        offsets=[0.5 * (k or 0) for k in half],
+    )

@@ -1,0 +1,26 @@
+"""Which modes and bands there are: moves decided by scores, lines of the residual, the final fit."""
+
+from floquid.periodic.search._evidence import coloured, combinations_of, evidence
+from floquid.periodic.search._final import finished
+from floquid.periodic.search._moves import without_needless
+from floquid.periodic.search._new_lines import with_lines
+from floquid.periodic.search._result import SearchResult
+from floquid.periodic.search._rounds import begun, searched, searched_white
+from floquid.periodic.search._scores import period_step
+from floquid.periodic.search._state import Limits, State
+
+__all__ = [
+    "Limits",
+    "SearchResult",
+    "State",
+    "begun",
+    "coloured",
+    "combinations_of",
+    "evidence",
+    "finished",
+    "period_step",
+    "searched",
+    "searched_white",
+    "with_lines",
+    "without_needless",
+]

@@ -1,0 +1,309 @@
+"""The end of a fit: bands a little wider than what is reported, real multipliers, clusters, and what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.errors import IdentificationError
+from floquid.periodic.expansion import GAP
+from floquid.periodic.least_squares import (
+    ModeParameters,
+    Residual,
+    Solution,
+    chosen_bands,
+    noise_of,
+    residuals_of,
+    shapes,
+    solve,
+)
+from floquid.periodic.search._moves import joined
+from floquid.periodic.search._new_lines import EXPECTED
+from floquid.periodic.search._peaks import strongest
+from floquid.periodic.search._result import SearchResult
+from floquid.periodic.search._scores import differences, equality, spread_of_harmonics, sure_columns
+from floquid.periodic.search._state import STRICT, Limits, State, coefficients_of
+
+LOOSE = 0.02
+"""The probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm."""
+
+PADDING = 1
+"""Harmonics fitted beyond each end of a band: weak ones that are left out bend the exponents."""
+
+CROWDED = 0.15
+"""The difference of two exponents, over both decays, within which lines that both have tell hardly anything apart."""
+
+BESIDE = 1.0
+"""The same within which what one mode lacks bends the other."""
+
+DOUBTFUL = 1e-3
+"""The probability of harmonics of one exponent at which a mode gets more room."""
+
+CLUSTER = 1e-3
+"""The same at which a mode is taken for several that are not told apart."""
+
+ROOM = 2
+"""Harmonics more on each side then."""
+
+AXIS = 4.0
+"""Deviations from the axis up to which it is tried to take a multiplier for a real one."""
+
+REAL = 1e-3
+"""The probability at which noise may move a real multiplier off the axis."""
+
+UNTOLD = 0.5
+"""The deviation of an exponent, over its decay, from which on it is a column that is there and no mode to report."""
+
+
+def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -> SearchResult:
+    """The fit with its final bands, its real multipliers, and the period if it is a parameter."""
+    if search:
+        state, _ = centred(state, state.solution.entries.bands)
+        state, _ = _with_real_ones(state, state.solution.entries.bands)
+        state = joined(state, limits) if limits.choose else state
+    state, bands = with_final_bands(state, limits)
+    if limits.choose:
+        state = _with_room(state, limits)
+    state, bands = centred(state, bands)
+    if search:
+        state, bands = _with_real_ones(state, bands)
+    if free_period:
+        # Not before: with modes still missing, the period would go to where it takes what is theirs.
+        state = state.with_fit(solve(state.blocks, replace(state.solution.entries, free_period=True), hold=True))
+    if search:
+        state, bands = _without_untold(state, bands)
+    state, clusters = _with_clusters(state)
+    noise = noise_of(state.blocks, state.solution, limits.floor)
+    state = state.with_noise(limits.floor)
+    further = state.solution.further
+    state = state.with_fit(replace(solve(state.blocks, state.solution, hold=True), further=further))
+    residuals = residuals_of(state.blocks, state.solution, limits.floor)
+    peak = state.peak or strongest(state.blocks, residuals, 2.0 * np.pi / state.solution.entries.fundamental, EXPECTED)
+    return SearchResult(
+        state.blocks, state.solution, bands, peak, tuple(residuals), _misfit(state, residuals, noise), clusters
+    )
+
+
+def _misfit(state: State, residuals: list[Residual], noise: NDArray[np.float64]) -> float:
+    """The rms of what is left over the level of its noise, the largest of all responses."""
+    shares = [
+        noise[block.rows, block.hit] / residual.noise for block, residual in zip(state.blocks, residuals, strict=True)
+    ]
+    return float(np.max(np.concatenate(shares)))
+
+
+def with_final_bands(state: State, limits: Limits) -> tuple[State, NDArray[np.int64]]:
+    """The fit at rest with bands on the safe side, and the bands that rise above the noise (entries, 2)."""
+    entries = state.solution.entries
+    if not limits.choose or not (~entries.fixed).any():
+        return state.with_fit(solve(state.blocks, state.solution, hold=True)), entries.bands
+    wide = state.linearise(entries.padded(GAP + 1, limits.most))
+    loose = chosen_bands(state.blocks, wide, LOOSE, each=True)
+    bands = chosen_bands(state.blocks, wide, limits.harmonic_alarm)
+    free = ~entries.fixed[:, None]
+    low, high = np.minimum(entries.bands, loose)[:, :1], np.maximum(entries.bands, loose)[:, 1:]
+    fitted = np.where(free, np.concatenate([low, high], axis=1), entries.bands)
+    low, high = np.minimum(entries.bands, bands)[:, :1], np.maximum(entries.bands, bands)[:, 1:]
+    bands = np.where(free, np.concatenate([low, high], axis=1), entries.bands)
+    for _ in range(2):
+        solution = state.solve(_padded(entries, fitted, limits.most), at_rest=1e-3, iterations=30)
+        if solution is None:
+            break
+        away = solution.entries.fixed & ~entries.fixed
+        if not away.any():
+            return state.with_fit(solution), bands
+        # A weak mode ran away where it was given more harmonics than it can be told to have.
+        fitted = np.where(away[:, None], entries.bands, fitted)
+    return state.with_fit(solve(state.blocks, state.solution, hold=True)), entries.bands
+
+
+def _sure(state: State) -> NDArray[np.bool_]:
+    """Which columns are surely no noise: what others ask for says nothing (columns,)."""
+    from scipy.special import chdtri
+
+    return sure_columns(state.blocks, state.solution, float(chdtri(2 * state.rows, STRICT)))
+
+
+def _doubtful(solution: Solution, sure: NDArray[np.bool_], alarm: float) -> list[int]:
+    """The modes whose harmonics do not have one exponent, but for that probability each."""
+    from scipy.special import chdtrc
+
+    free = np.flatnonzero(~solution.entries.fixed & ~solution.entries.real)
+    tests = [(int(entry), *equality(solution, int(entry), sure)) for entry in free]
+    return [entry for entry, score, degrees in tests if degrees and chdtrc(degrees, score) < alarm]
+
+
+def _with_room(state: State, limits: Limits) -> State:
+    """With wider bands of modes whose harmonics do not agree, and of those that fold next to them.
+
+    What is left out of a mode on the lines of another bends that one.
+    """
+    # Room does little harm: here all harmonics are asked, those of noise too.
+    everything = np.ones(len(state.solution.entries.sines()), bool)
+    doubtful, entries = _doubtful(state.solution, everything, DOUBTFUL), state.solution.entries
+    if not doubtful:
+        return state
+    near = [
+        other
+        for other in np.flatnonzero(~entries.fixed & ~entries.real)
+        if any(other == one or _apart(entries, int(one), int(other)) < BESIDE for one in doubtful)
+    ]
+    wider = entries.padded(ROOM, limits.most).bands
+    bands = entries.bands.copy()
+    bands[near] = wider[near]
+    solution = state.solve(replace(entries, bands=bands), at_rest=1e-3, iterations=30)
+    if solution is None or (solution.entries.fixed != entries.fixed).any():
+        return state
+    return state.with_fit(solution)
+
+
+def _apart(entries: ModeParameters, one: int, other: int) -> float:
+    """How far apart two modes are modulo the fundamental, over the decays of both."""
+    _, _, gap = differences(entries, one, other) or (1, 0, np.inf)
+    return abs(gap) / (abs(entries.exponents[one].real) + abs(entries.exponents[other].real) + 1e-300)
+
+
+def _with_clusters(state: State) -> tuple[State, tuple[int, ...]]:
+    """With the spread of the harmonics' own exponents in the variances of clusters, and which modes these are.
+
+    Modes that fold next to their own conjugate have the variances that they would have with its harmonics fitted, too.
+    Those are not fitted: the cost is even about the point between both, and the fit would end there.
+    """
+    sure, solution = _sure(state), state.solution
+    entries, free = solution.entries, np.flatnonzero(~solution.entries.fixed)
+    clusters = _doubtful(solution, sure, CLUSTER)
+    further = np.zeros(len(solution.gradient))
+
+    def own(entry: int) -> list[int]:
+        turns = free[~entries.real[free]]
+        return [int(np.searchsorted(free, entry)), len(free) + int(np.searchsorted(turns, entry))]
+
+    for entry, off, wide in _mirrored(entries):
+        more = np.diag(state.linearise(wide).covariance()) - np.diag(solution.covariance())
+        further[own(entry)] = np.clip(more[own(entry)], 0.0, (2.0 * off) ** 2)
+    for entry in clusters:
+        further[own(entry)] += spread_of_harmonics(solution, entry, sure)
+    return (state.with_fit(replace(solution, further=further)) if further.any() else state), tuple(clusters)
+
+
+def _mirrored(entries: ModeParameters) -> Iterator[tuple[int, float, ModeParameters]]:
+    """Each mode that folds next to its own conjugate, how far it is from the point between both, and wider entries.
+
+    Those have the conjugate's harmonics in its band: each line then holds both. Left out of the one, they move the
+    other, but hardly beyond it.
+    """
+    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
+        value, (low, high) = entries.exponents[entry], entries.bands[entry]
+        half = round(2.0 * value.imag / entries.fundamental)
+        off = abs(value.imag - 0.5 * half * entries.fundamental)
+        if off < BESIDE * abs(value.real) and low + high != -half:
+            bands = entries.bands.copy()
+            bands[entry] = min(low, -half - high), max(high, -half - low)
+            yield int(entry), off, replace(entries, bands=bands)
+
+
+def centred(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.int64]]:
+    """The same fit, each mode on the branch whose zeroth harmonic carries most of the energy of its shape.
+
+    Channels are weighted by the inverse of their noise; ties go to the larger frequency.
+    """
+    entries = state.solution.entries
+    both = shapes(state.blocks, state.solution)
+    noise = np.full(both.coefficients.shape[1:3], np.inf)
+    for block in state.blocks:
+        noise[block.rows, block.hit] = block.noise
+    energy = np.sum(np.abs(both.coefficients / noise[:, :, None]) ** 2, axis=(1, 2))
+    exponents, fitted, kept = entries.exponents.copy(), entries.bands.copy(), bands.copy()
+    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
+        ties = np.flatnonzero(energy[entry] > (1.0 - 1e-6) * energy[entry].max())
+        turns = exponents[entry].imag + both.harmonics[ties] * entries.fundamental
+        m = int(both.harmonics[ties[np.argmax(np.abs(turns))]])
+        exponents[entry] += 1j * m * entries.fundamental
+        fitted[entry] -= m
+        kept[entry] -= m
+        if exponents[entry].imag < 0.0:
+            exponents[entry] = exponents[entry].conjugate()
+            fitted[entry], kept[entry] = -fitted[entry, ::-1], -kept[entry, ::-1]
+    if (fitted == entries.bands).all():
+        return state, bands
+    return state.with_fit(state.linearise(replace(entries, exponents=exponents, bands=fitted))), kept
+
+
+def _padded(entries: ModeParameters, bands: NDArray[np.int64], most: int) -> ModeParameters:
+    """The entries with these bands and a harmonic more on each side, but for harmonics where another mode has one.
+
+    There the two would tell nothing apart, and the other one takes what is left out.
+    """
+    padded = replace(entries, bands=bands).padded(PADDING, most).bands
+    free = np.flatnonzero(~entries.fixed & ~entries.real)
+    for entry in free:
+        taken: set[int] = set()
+        for other in free:
+            if other == entry or _apart(entries, int(entry), int(other)) > CROWDED:
+                continue
+            sign, turns, _ = differences(entries, int(entry), int(other)) or (1, 0, 0j)
+            ends = sign * entries.bands[other] + turns
+            taken |= set(range(int(ends.min()), int(ends.max()) + 1))
+        low, high = entries.bands[entry]
+        while low > padded[entry, 0] and low - 1 not in taken:
+            low -= 1
+        while high < padded[entry, 1] and high + 1 not in taken:
+            high += 1
+        padded[entry] = low, high
+    return replace(entries, bands=padded)
+
+
+def _simpler(state: State, found: Solution) -> bool:
+    """Whether a fit with fewer numbers does: noise explains what it leaves more."""
+    from scipy.special import chdtri
+
+    fewer = len(state.solution.gradient) - len(found.gradient)
+    fewer += state.rows * (coefficients_of(state.solution.entries) - coefficients_of(found.entries))
+    return fewer > 0 and found.cost - state.solution.cost < float(chdtri(fewer, REAL))
+
+
+def _with_real_ones(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.int64]]:
+    """With each pair whose multipliers may be one real multiplier taken for that, where noise explains the rest."""
+    for entry in np.flatnonzero(~state.solution.entries.fixed & ~state.solution.entries.real):
+        entries = state.solution.entries
+        value, omega = entries.exponents[entry], entries.fundamental
+        half = round(2.0 * value.imag / omega)
+        free = np.flatnonzero(~entries.fixed)
+        place = len(free) + int(np.searchsorted(free[~entries.real[free]], entry))
+        off, std = abs(value.imag - 0.5 * half * omega), np.sqrt(max(state.solution.covariance()[place, place], 0.0))
+        if off > min(max(abs(value.real), std), AXIS * std):
+            continue
+        turns = np.abs(np.append(entries.bands[entry], bands[entry]) + 0.5 * half).reshape(2, 2).max(axis=1)
+        fitted, kept = (np.array([-(half // 2) - half % 2, int(np.floor(turn - 0.5 * half))]) for turn in turns)
+        real, exponents = entries.real.copy(), entries.exponents.copy()
+        offsets, ends = entries.offsets.copy(), entries.bands.copy()
+        real[entry], exponents[entry] = True, value.real
+        offsets[entry], ends[entry] = 0.5 * half, fitted
+        trial = replace(entries, real=real, exponents=exponents, offsets=offsets, bands=ends)
+        with suppress(IdentificationError, np.linalg.LinAlgError):
+            found = solve(state.blocks, state.linearise(trial), at_rest=1e-2, iterations=10)
+            if _simpler(state, found):
+                state, bands = state.with_fit(found), bands.copy()
+                bands[entry] = kept
+    return state, bands
+
+
+def _without_untold(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.int64]]:
+    """With the modes whose own information is next to none held: they would ruin the deviations of all others."""
+    entries = state.solution.entries
+    free = np.flatnonzero(~entries.fixed)
+    if len(free) < 2:
+        return state, bands
+    std = np.sqrt(np.maximum(np.diag(state.solution.covariance()), 0.0))[: len(free)]
+    untold = free[std > UNTOLD * np.abs(entries.exponents[free].real)]
+    if not 0 < len(untold) < len(free):
+        return state, bands
+    fixed = entries.fixed.copy()
+    fixed[untold] = True
+    fixed[untold[entries.real[untold]]] = False  # a real multiplier has no column of its own but as a mode
+    solution = state.linearise(replace(entries, fixed=fixed))
+    return state.with_fit(solve(state.blocks, solution, hold=True)), bands

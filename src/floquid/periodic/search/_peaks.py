@@ -1,0 +1,156 @@
+r"""The strongest decaying exponential in what a fit leaves: looked for on the lines of windowed spectra.
+
+.. math:: G(\sigma, f) = \sum_{c,h} \frac{2\,|\sum_k r_{c,h}(t_k)\, e^{-(\sigma + 2\pi i f) t_k}|^2}
+          {s_{c,h}(f)^2 \sum_k e^{-2 \sigma t_k}}
+
+is what one exponential takes out of the misfit; in white noise it is a chi-square of two degrees of freedom a channel
+and hit. The noise s is the median level of each of a few bands, so that noise which is coloured makes no peaks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.periodic.least_squares import Block, Residual, squared
+
+DECAYS = 8
+"""Decay rates looked at, from one over the record to `FASTEST` over a period."""
+
+FEW_DECAYS = 4
+"""The same where nothing is to be fitted, and a look is enough."""
+
+FASTEST = 0.7
+
+GROWTH = (2.0, 6.0)
+"""Growth over the record of the growing exponentials looked at, as logarithms."""
+
+DIED = 8.0
+"""Decays after which an exponential has died."""
+
+SKIRT = 10.0
+"""Times what a decaying line has beside its peak below which another peak may be that."""
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """An exponential e^{λt}, λ on the upper half, with what it takes out of the misfit and what noise would."""
+
+    exponent: complex
+    gain: float
+    limit: float
+
+
+def strongest(
+    blocks: Sequence[Block],
+    residuals: Sequence[Residual],
+    period: float,
+    false_alarm: float,
+) -> Peak:
+    """The exponential that takes most out of what is left.
+
+    Parameters
+    ----------
+    blocks
+        The blocks.
+    rests
+        What is left of each.
+    period
+        The period [s].
+    false_alarm
+        The probability at which noise alone passes the limit, over all lines.
+
+    Returns
+    -------
+    Peak
+        The strongest.
+    """
+    return peaks(blocks, residuals, period, false_alarm, most=0, decays=FEW_DECAYS)[0]
+
+
+def peaks(
+    blocks: Sequence[Block],
+    residuals: Sequence[Residual],
+    period: float,
+    false_alarm: float,
+    passed: Sequence[float] = (),
+    *,
+    most: int,
+    decays: int = DECAYS,
+) -> tuple[Peak, list[Peak]]:
+    """The exponential that takes most out of what is left, and those that may be tried, at most so many.
+
+    These are apart from one another and from the angular frequencies `passed` [rad/s], strongest first; the first is
+    there in any case, the others pass the limit. Other parameters as of `strongest`.
+    """
+    from scipy.special import chdtri
+
+    span = max(residual.span for residual in residuals)
+    looked_at = np.geomspace(1.0 / span, max(FASTEST / period, 2.0 / span), decays)
+    rates = np.concatenate([looked_at, -np.array(GROWTH) / span])
+    spectra = [_Spectra(residual) for residual in residuals]
+    gains, omegas = zip(*(_gains(spectra, rate) for rate in rates), strict=True)
+    gain, omega = np.concatenate(gains), np.concatenate(omegas)
+    rate = np.repeat(rates, [len(own) for own in omegas])
+    degrees = 2 * sum(len(block.rows) for block in blocks)
+    limit = float(chdtri(degrees, false_alarm / len(omega)))
+
+    def at(k: int) -> Peak:
+        return Peak(complex(-rate[k], omega[k]), float(gain[k]), limit)
+
+    largest = at(int(np.argmax(gain)))
+    for frequency in passed:
+        gain[np.abs(omega - frequency) <= 8.0 * np.pi / span] = 0.0
+    found: list[Peak] = []
+    while len(found) < most:
+        k = int(np.argmax(gain))
+        if found and gain[k] < limit:
+            break
+        found.append(at(k))
+        if gain[k] < limit:
+            break
+        # The skirts of a peak are no peaks of their own.
+        width = np.maximum(np.maximum(np.abs(rate), abs(rate[k])), 2.0 * np.pi / span)
+        apart = np.abs(omega - omega[k]) / width
+        gain[(gain < SKIRT * gain[k] / (1.0 + apart**2)) | (apart < 8.0)] = 0.0
+    return largest, found
+
+
+def _gains(spectra: Sequence[_Spectra], rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What an exponential of each frequency and one decay takes out of the misfit, and the frequencies (lines,)."""
+    from scipy.fft import next_fast_len
+
+    step = min(own.residual.step for own in spectra)
+    grid = max(own.residual.values.shape[1] * own.residual.step for own in spectra)
+    # What comes after a fast decay has died is not looked at, and its lines are as wide as it is fast.
+    length = min(grid, DIED / rate) if rate > 0.0 else grid
+    lines = int(next_fast_len(int(np.ceil(2.0 * (length / step + 1.0))), real=True) or 0)
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(lines, step), np.float64)
+    gain = np.sum([own.gain(rate, omega, lines) for own in spectra], axis=0)
+    gain[0] *= 0.5
+    return gain, omega
+
+
+class _Spectra:
+    """What a fit leaves of one block, ready for transforms under many windows."""
+
+    def __init__(self, residual: Residual) -> None:
+        self.residual, self.times = residual, np.arange(residual.values.shape[1]) * residual.step
+        self.there = np.zeros(len(self.times))
+        self.there[residual.taken] = 1.0
+        self.weights: dict[int, NDArray[np.float64]] = {}
+
+    def gain(self, decay: float, omega: NDArray[np.float64], lines: int) -> NDArray[np.float64]:
+        """What an exponential of each frequency takes out of the misfit (lines,)."""
+        residual, times = self.residual, self.times[:lines]
+        window = np.exp(-decay * (times - (0.0 if decay >= 0 else times[-1])))
+        if lines not in self.weights:
+            bands = residual.levels.shape[1]
+            centres = (np.arange(bands) + 0.5) / bands * (np.pi / residual.step)
+            levels = np.array([np.interp(omega, centres, own) for own in residual.levels])
+            self.weights[lines] = 2.0 / (levels * levels)
+        power = squared(np.fft.rfft(residual.values[:, :lines] * window, lines, axis=1))
+        return np.einsum("rl,rl->l", power, self.weights[lines]) / float((window * window) @ self.there[:lines])

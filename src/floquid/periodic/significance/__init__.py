@@ -1,0 +1,23 @@
+"""Tests on a model: whether the system is periodic at all, and whether it turns with the period given."""
+
+from floquid.periodic.significance._period_mismatch import (
+    NEGLIGIBLE_SLIP,
+    SIGNIFICANT,
+    Synchrony,
+    drift,
+    spacing,
+    synchrony,
+)
+from floquid.periodic.significance._periodicity_test import PartialTests, Periodicity, periodicity
+
+__all__ = [
+    "NEGLIGIBLE_SLIP",
+    "SIGNIFICANT",
+    "PartialTests",
+    "Periodicity",
+    "Synchrony",
+    "drift",
+    "periodicity",
+    "spacing",
+    "synchrony",
+]

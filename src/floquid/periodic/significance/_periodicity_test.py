@@ -1,0 +1,377 @@
+"""Is the system periodic at all? One test of all harmonics beside the zeroth, and what it could have missed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import Rebuilt, finite, frozen_array, input_error
+from floquid.core import Estimates, PeriodicModel
+from floquid.lifting import Lifted
+from floquid.periodic.significance._harmonic_spacing_test import spacing_probability
+from floquid.periodic.significance._wald import holm, noncentrality, root, wald
+
+HARMONICS = (1, 2)
+"""Harmonics per period that are looked at: stiffness that varies once or twice a period shows in these first."""
+
+LEVEL = 0.05
+"""The probability at which chance may pass for periodicity."""
+
+POWER = 0.95
+"""The probability with which what lies above a detection limit is seen."""
+
+MISPLACED = 0.01
+"""The probability at which harmonics may pass for modes of their own."""
+
+CLEAR = 1e-6
+"""The probability at which noise may pass for a harmonic whose place is looked at."""
+
+TWIN = 0.5
+"""How near to a mode a harmonic may be, over the sum of their decays, for its coefficient to be told from the mode's:
+below, chi-squares are no longer those of chance (measured)."""
+
+SMALLEST = 1e-300
+"""Probabilities below this are not told apart."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PartialTests(Rebuilt):
+    """The same test on parts of the harmonics, one a harmonic, a mode or a channel.
+
+    Parameters
+    ----------
+    statistics, degrees, p_values
+        The chi-square of each, its degrees of freedom, and its probability under the null hypothesis (parts,).
+    adjusted
+        The probabilities corrected for the number of all parts of the table: harmonics, modes and channels (Holm 1979).
+    """
+
+    statistics: NDArray[np.float64]
+    degrees: NDArray[np.int64]
+    p_values: NDArray[np.float64]
+    adjusted: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name in ("statistics", "degrees", "p_values", "adjusted"):
+            dtype = np.int64 if name == "degrees" else np.float64
+            value = frozen_array(getattr(self, name), name, "PartialTests", axes=("parts",), dtype=dtype)
+            object.__setattr__(self, name, value)
+
+    @property
+    def strongest(self) -> int:
+        """The part that departs most from what chance gives."""
+        return int(np.argmax(self.statistics - self.degrees))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Periodicity(Rebuilt):
+    r"""Whether a response is that of a periodic system.
+
+    The null hypothesis is a constant system seen by sensors that stand still in it: of every mode the zeroth harmonic
+    alone is there. A sensor that moves periodically, such as one that scans, makes the response periodic as well.
+
+    Parameters
+    ----------
+    statistic, degrees, p_value
+        The chi-square over all harmonics tested, its degrees of freedom, and the probability of such a value or a
+        larger one under the null hypothesis.
+    level, power
+        The probability at which chance may pass for periodicity, and that with which what is above `limits` is seen.
+    harmonics
+        The harmonics tested, each on both sides, per period (harmonics,).
+    exponents
+        Those of the modes, of a conjugate pair that of positive imaginary part (modes,) [1/s].
+    channels
+        The names of the channels.
+    by_harmonic, by_mode, by_channel
+        The test on each harmonic, each mode and each channel alone.
+    sizes
+        The size of each harmonic, both sides, as a share of the mode's zeroth, all channels and hits together weighted
+        by the inverse of their noise, and noise taken off (modes, harmonics); NaN where it was not tested.
+    limits
+        The share above which a harmonic is seen with the probability `power`, whatever its shape, if it alone is there
+        (modes, harmonics); NaN where it was not tested.
+    untested
+        Mode and harmonic m of what could not be tested, since it is beyond what the sampling shows, was not fitted, or
+        lies on a mode (cases, 2).
+    locked
+        Modes whose multipliers are real and folded at the same half or whole fundamental as another's: a constant
+        system has that only by chance, but it is no part of the test.
+    spacing_p
+        The probability of the responses if what was taken for harmonics lies whole numbers of fundamentals from its
+        mode. A small one says that modes of a constant system were merged. None where it was not looked at.
+
+    Raises
+    ------
+    InputError
+        A shape is not possible.
+    """
+
+    statistic: float
+    degrees: int
+    p_value: float
+    level: float
+    power: float
+    harmonics: NDArray[np.int64]
+    exponents: NDArray[np.complex128]
+    channels: tuple[str, ...]
+    by_harmonic: PartialTests
+    by_mode: PartialTests
+    by_channel: PartialTests
+    sizes: NDArray[np.float64]
+    limits: NDArray[np.float64]
+    untested: NDArray[np.int64]
+    locked: NDArray[np.int64]
+    spacing_p: float | None = None
+
+    def __post_init__(self) -> None:
+        of, put = "Periodicity", object.__setattr__
+        put(self, "channels", tuple(self.channels))
+        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
+        put(self, "exponents", frozen_array(self.exponents, "exponents", of, axes=("modes",), dtype=np.complex128))
+        put(self, "untested", frozen_array(self.untested, "untested", of, axes=("cases", 2), dtype=np.int64))
+        put(self, "locked", frozen_array(self.locked, "locked", of, axes=("modes",), dtype=np.int64))
+        shape = (len(self.exponents), len(self.harmonics))
+        for name in ("sizes", "limits"):
+            values = np.array(getattr(self, name), np.float64)
+            if values.shape != shape:
+                raise input_error(name, of, f"have shape {shape}", f"has shape {values.shape}")
+            values.flags.writeable = False
+            put(self, name, values)
+
+    @property
+    def periodic(self) -> bool | None:
+        """Whether the null hypothesis is refused at `level`; None where harmonics are not where they would be."""
+        refused = self.p_value <= self.level
+        return None if refused and self.spacing_p is not None and self.spacing_p < MISPLACED else refused
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The result in words: the verdict, then what it does not speak for."""
+        return (self._verdict(), *self._remarks())
+
+    def _verdict(self) -> str:
+        p = f"p < {SMALLEST:g}" if self.p_value < SMALLEST else f"p = {self.p_value:.2g}"
+        if not self.degrees:
+            return "Whether anything is periodic cannot be tested: no harmonic beside the zeroth is to be seen."
+        if self.periodic is None:
+            return (
+                f"Whether anything is periodic cannot be told: there are harmonics ({p}), but not where harmonics are "
+                f"(p = {self.spacing_p:.2g}). Most likely modes of a constant system fold onto one another, and were "
+                "taken for one."
+            )
+        if not self.periodic:
+            return f"Nothing periodic is seen: {p}; {self._limits_in_words()}."
+        places = []
+        if self.by_harmonic.adjusted[k := self.by_harmonic.strongest] <= self.level:
+            places.append(f"at {self.harmonics[k]} per period")
+        if self.by_mode.adjusted[k := self.by_mode.strongest] <= self.level:
+            places.append(f"in mode {k + 1}")
+        if self.by_channel.adjusted[k := self.by_channel.strongest] <= self.level:
+            places.append(f"in channel {self.channels[k]}")
+        where = f"strongest {', '.join(places)}" if places else "no one harmonic, mode or channel stands out"
+        return f"The response is periodic: {p}, {where}."
+
+    def _limits_in_words(self) -> str:
+        seen = np.isfinite(self.limits)
+        modes = np.flatnonzero(seen.any(axis=1))
+        worst = np.where(seen, self.limits, 0.0).max(axis=1)[modes]
+        low, high = int(np.argmin(worst)), int(np.argmax(worst))
+        least, most = f"{100 * worst[low]:.2g} %", f"{100 * worst[high]:.2g} %"
+        size = most if least == most else f"{least} (mode {modes[low] + 1}) to {most} (mode {modes[high] + 1})"
+        return f"harmonics above {size} of the mode would have been, {100 * self.power:.3g} times in 100"
+
+    def _remarks(self) -> tuple[str, ...]:
+        remarks = []
+        if len(self.untested):
+            cases = ", ".join(f"{m} of mode {mode + 1}" for mode, m in self.untested)
+            why = "being beyond what the sampling shows, not fitted, or on a mode"
+            remarks.append(f"Not tested, {why}: m = {cases}.")
+        if len(self.locked):
+            names = ", ".join(str(mode + 1) for mode in self.locked)
+            remarks.append(
+                f"The multipliers of modes {names} are real, as those of modes that periodicity locks; a constant "
+                "system has that only by chance. It is no part of the test."
+            )
+        return tuple(remarks)
+
+
+def periodicity(
+    model: PeriodicModel,
+    *,
+    harmonics: Sequence[int] = HARMONICS,
+    level: float = LEVEL,
+    power: float = POWER,
+    lifted: Lifted | None = None,
+) -> Periodicity:
+    r"""Test whether a system is periodic at all.
+
+    .. math:: W = b^T \Sigma^{-1} b \sim \chi^2, \qquad
+              \Sigma = \mathrm{diag}_{c,h}(N_{c,h}) + S C S^T
+
+    with b the real and imaginary parts of the coefficients of the harmonics ±m, m in `harmonics`, of every mode,
+    channel and hit: all zero in a constant system seen by sensors that stand still in it. Σ is their joint covariance,
+    N that of the noise of each row, C that of exponents and fundamental, S the slopes (decision 0014). It is a Wald
+    test (Wald 1943), the inverse by Woodbury's identity, so that no matrix is larger than the exponents make it. The
+    harmonics are given beforehand: those that selection kept are the largest ones of noise, too.
+
+    Of a real multiplier at κ/2 fundamentals, harmonic m and -κ - m are one another's conjugates. That it is real is not
+    counted: a constant mode whose frequency is exactly there looks the same. Neither is a harmonic that lies on a mode
+    or its conjugate, as the first of a mode at half the fundamental does.
+
+    Two modes of a constant system that are a whole number of fundamentals apart look like one periodic mode. With
+    `lifted`, what was taken for harmonics is looked at: whether it is where harmonics are, as exactly as the responses
+    tell.
+
+    Parameters
+    ----------
+    model
+        The model, with the estimates of all its harmonics (`unselected`).
+    harmonics
+        The harmonics per period that are tested, on both sides of the zeroth.
+    level
+        The probability at which chance may pass for periodicity.
+    power
+        The probability with which what lies above the detection limits is to be seen.
+    lifted
+        The responses, to see whether harmonics are modes of their own; None does not look.
+
+    Returns
+    -------
+    Periodicity
+        The probability, the same for each harmonic, mode and channel, and how small a harmonic would have been seen.
+
+    Raises
+    ------
+    InputError
+        The model has no estimates of harmonics that were not selected, or a number is not possible.
+    """
+    orders = _orders(harmonics)
+    for name, value in (("level", level), ("power", power)):
+        if not 0.0 < finite(value, name, "periodicity") < 1.0:
+            raise input_error(name, "periodicity", "lie between 0 and 1", f"is {value:g}")
+    whole = model.unselected
+    if whole is None:
+        raise input_error(
+            "model",
+            "periodicity",
+            "have the estimates of harmonics that were not selected, too (`unselected`)",
+            "has none",
+            "Identify with `constrained=True` and an identifier that gives deviations, and not from a file.",
+        )
+    asked = np.isin(np.abs(whole.harmonics), orders)
+    tested = np.flatnonzero(asked & ~_on_a_mode(whole))
+    every = np.arange(whole.blocks.shape[0])
+    statistic, degrees, p_value = wald(whole, tested, every)
+    sides = np.abs(whole.harmonics[tested])
+    parts = (
+        [wald(whole, tested[sides == m], every) for m in orders],
+        [wald(whole, tested[whole.modes[tested] == r], every) for r in range(len(whole.exponents))],
+        [wald(whole, tested, every[[c]]) for c in every],
+    )
+    adjusted = np.split(holm(np.array([p for part in parts for *_, p in part])), np.cumsum([len(p) for p in parts])[:2])
+    tables = [_table(part, own) for part, own in zip(parts, adjusted, strict=True)]
+    sizes, limits = _sizes_and_limits(whole, orders, tested, noncentrality(degrees, level, power))
+    return Periodicity(
+        statistic=statistic,
+        degrees=degrees,
+        p_value=p_value,
+        level=float(level),
+        power=float(power),
+        harmonics=orders,
+        exponents=whole.exponents,
+        channels=tuple(channel.name for channel in model.channels),
+        by_harmonic=tables[0],
+        by_mode=tables[1],
+        by_channel=tables[2],
+        sizes=sizes,
+        limits=limits,
+        untested=_untested(whole, orders, tested),
+        locked=_locked(whole),
+        spacing_p=None if lifted is None else spacing_probability(whole, lifted, _clear(whole, tested)),
+    )
+
+
+def _orders(harmonics: Sequence[int]) -> NDArray[np.int64]:
+    given = np.atleast_1d(np.asarray(harmonics))
+    whole = given.ndim == 1 and given.size and np.issubdtype(given.dtype, np.integer)
+    if not whole or given.min() < 1 or len(np.unique(given)) < len(given):
+        must = "be different whole numbers from 1 on"
+        raise input_error("harmonics", "periodicity", must, f"is {harmonics!r:.60}", "Pass e.g. (1, 2).")
+    return np.sort(given).astype(np.int64)
+
+
+def _on_a_mode(whole: Estimates) -> NDArray[np.bool_]:
+    """Which terms lie on another mode's zeroth harmonic, or on the conjugate of one (terms,)."""
+    zeroth = np.flatnonzero(whole.harmonics == 0)
+    places = np.concatenate([whole.rates[zeroth], whole.rates[zeroth].conj()])
+    gaps = np.abs(np.subtract.outer(whole.rates, places))
+    decays = np.abs(whole.rates.real)[:, None] + np.abs(places.real)
+    return (gaps < TWIN * decays).any(axis=1) & (whole.harmonics != 0)
+
+
+def _table(part: list[tuple[float, int, float]], adjusted: NDArray[np.float64]) -> PartialTests:
+    statistics, degrees, p_values = zip(*part, strict=True)
+    return PartialTests(
+        statistics=np.array(statistics),
+        degrees=np.array(degrees, np.int64),
+        p_values=np.array(p_values),
+        adjusted=adjusted,
+    )
+
+
+def _clear(whole: Estimates, tested: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Harmonics that clearly rise above the noise, each by itself."""
+    every = np.arange(whole.blocks.shape[0])
+    found = [k for k in tested if whole.turning[k] and wald(whole, np.array([k]), every)[2] < CLEAR]
+    return np.array(found, np.intp)
+
+
+def _sizes_and_limits(
+    whole: Estimates, orders: NDArray[np.int64], tested: NDArray[np.intp], least: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    r"""How large each harmonic is, and how large it would have to be, over the zeroth of its mode.
+
+    The shape that is seen least has the largest variance, at most the sum of the largest of noise and of exponents:
+
+    .. math:: b^T \Sigma^{-1} b \ge |b|^2 / (\lambda_{\max}(N) + \lambda_{\max}(S C S^T))
+    """
+    sizes, limits = np.full((2, len(whole.exponents), len(orders)), np.nan)
+    std, factor = whole.std(), root(whole.covariance)
+    for mode, k in np.ndindex(sizes.shape):
+        zeroth = whole.term(mode, 0)
+        terms = tested[(whole.modes[tested] == mode) & (np.abs(whole.harmonics[tested]) == orders[k])]
+        if zeroth is None or not len(terms):
+            continue
+        unit = np.abs(whole.scales[zeroth])
+        reference = float(np.sum(np.abs(whole.coefficients[zeroth] / unit) ** 2))
+        squares = float(np.sum(np.abs(whole.coefficients[terms] / unit) ** 2 - np.abs(std[terms] / unit) ** 2))
+        sizes[mode, k] = np.sqrt(max(squares, 0.0) / reference)
+        stretch = np.abs(whole.scales[terms] / unit).max(axis=(1, 2))
+        both = np.concatenate([terms, terms + len(whole.modes)])
+        spread = whole.spread[:, both][:, :, both] * np.outer(np.tile(stretch, 2), np.tile(stretch, 2))
+        moved = (whole.slopes[terms] / unit[:, :, None]).reshape(-1, len(factor)) @ factor
+        variance = np.linalg.eigvalsh(spread).max() + np.linalg.eigvalsh((moved.conj().T @ moved).real).max()
+        limits[mode, k] = np.sqrt(least * variance / reference)
+    return sizes, limits
+
+
+def _untested(whole: Estimates, orders: NDArray[np.int64], tested: NDArray[np.intp]) -> NDArray[np.int64]:
+    """Mode and harmonic of what is asked for and not tested; of a real multiplier one of two conjugates is."""
+    done = set(zip(whole.modes[tested].tolist(), whole.harmonics[tested].tolist(), strict=True))
+    missing = [
+        (mode, m)
+        for mode, turns in enumerate(whole.half_turns)
+        for m in np.concatenate([-orders[::-1], orders]).tolist()
+        if (mode, m) not in done and not (whole.real[mode] and 2 * m + turns < 0)
+    ]
+    return np.array(missing, np.int64).reshape(-1, 2)
+
+
+def _locked(whole: Estimates) -> NDArray[np.int64]:
+    """Modes of real multipliers that share their half turns, not zero, with another."""
+    turns = whole.half_turns
+    return np.flatnonzero((turns != 0) & ((turns[:, None] == turns).sum(axis=1) > 1)).astype(np.int64)

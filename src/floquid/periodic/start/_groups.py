@@ -1,0 +1,90 @@
+"""Where the fit of the samples starts: the poles of lifted responses, taken apart at their unfolded frequencies."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import PeriodicModel
+from floquid.lifting import Lifted
+from floquid.lti import ModalModel
+from floquid.periodic.expansion import expansion
+from floquid.periodic.least_squares import ModeParameters
+
+SEEN = 1e-6
+"""The probability at which noise may pass for a harmonic of a pole."""
+
+APART = 2
+"""Harmonics of one pole that are further apart than this start as modes of their own."""
+
+OFF_AXIS = 0.05
+"""The imaginary part that a real exponent starts with, over its decay: on the axis, nothing says which way it lies."""
+
+
+def groups(modal: ModalModel, lifted: Lifted) -> ModeParameters:
+    """One mode for each pole of lifted responses and each group of its significant harmonics.
+
+    Modes fold onto one another in lifted responses: their poles then come out as one, or bent. Their harmonics lie at
+    different unfolded frequencies, and start as modes of their own, parted at the sign of the frequency and at gaps of
+    more than `APART` harmonics; where they are one mode after all, a test of equal exponents joins them.
+
+    Parameters
+    ----------
+    modal
+        The modal model of `lifted.responses`, with deviations.
+    lifted
+        The lifted responses.
+
+    Returns
+    -------
+    Entries
+        The modes, each with its band of harmonics about the largest.
+    """
+    from scipy.special import chdtri
+
+    found = expansion(modal, lifted)
+    omega = 2.0 * np.pi / lifted.period
+    limit = float(chdtri(2 * found.coefficients.shape[1] * found.coefficients.shape[2], SEEN))
+    exponents, bands = [], []
+    for r in found.upper:
+        score = _score(found.coefficients[r], found.std[r])
+        turns = found.exponents[r].imag / omega + found.harmonics
+        seen = (score > limit) & (np.abs(turns) < 0.5 * lifted.n_phases - 1e-6)
+        if found.real[r]:
+            seen &= turns > -1e-6  # the other half is its conjugate
+        if not seen.any():
+            seen[int(np.argmax(score * (turns > -1e-6)))] = True
+        places = np.flatnonzero(seen)
+        cut = (np.diff(found.harmonics[places]) > APART) | (np.sign(turns[places[1:]]) != np.sign(turns[places[:-1]]))
+        for own in np.split(places, np.flatnonzero(cut) + 1):
+            strongest = int(own[np.argmax(score[own])])
+            value = found.exponents[r] + 1j * omega * found.harmonics[strongest]
+            ends = found.harmonics[own[[0, -1]]] - found.harmonics[strongest]
+            if value.imag < 0.0:
+                value, ends = value.conjugate(), -ends[::-1]
+            if found.real[r]:
+                least = omega / int(lifted.responses.lengths.max())
+                value += 1j * OFF_AXIS * max(abs(value.real), least)
+            exponents.append(value)
+            bands.append(ends)
+    return ModeParameters.made(exponents, np.array(bands, np.int64).reshape(-1, 2), omega)
+
+
+def entries_of(model: PeriodicModel) -> ModeParameters:
+    """The modes of a model, each pair once, with the bands that it keeps."""
+    return ModeParameters.of(model)
+
+
+def equal_multipliers(model: PeriodicModel) -> bool:
+    """Whether two modes of a model share a multiplier: free in each hit, residues do not tell them apart."""
+    gaps = np.abs(np.subtract.outer(model.multipliers, model.multipliers)) + np.eye(model.order)
+    return bool((gaps < 1e-12).any())
+
+
+def _score(coefficients: NDArray[np.complex128], std: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """The chi-square of each harmonic over channels and hits (harmonics,)."""
+    total = np.zeros(coefficients.shape[-1])
+    for value, deviation in ((coefficients.real, std.real), (coefficients.imag, std.imag)):
+        share = np.divide(value, deviation, out=np.zeros_like(value), where=deviation > 0)
+        total += np.sum(share**2, axis=(0, 1))
+    return total
