@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli._folder import result_folder
-from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, RecordFiles, split
+from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, RecordFiles, Verbose, split
 from floquid.cli._output import NAMES, print_json, write_result
 from floquid.cli._progress import progress
 from floquid.cli._record_options import RecordOptions
@@ -43,6 +43,7 @@ def identify(
     out: OptionalPlace = None,
     format: Literal["text", "json"] = "text",  # noqa: A002
     settings: OptionalPlace = None,
+    verbose: Verbose = False,
     debug: Debug = False,
 ) -> None:
     """Identify the Floquet exponents, the periodic mode shapes and A(t) from free responses.
@@ -95,6 +96,8 @@ def identify(
         text prints tables; json prints summary.json alone.
     settings
         A settings.toml written by an earlier run; options given here come first.
+    verbose
+        Print the reasons too: the noise of each channel, why the order is what it is, what the columns are.
     debug
         Show the traceback of an error.
     """
@@ -130,7 +133,7 @@ def identify(
     if format == "json":
         print_json(analysis)
     else:
-        print_analysis(analysis)
+        print_analysis(analysis, verbose=verbose)
         print_folder(out)
     if analysis.failed:
         raise IdentificationError(analysis.warnings[0])

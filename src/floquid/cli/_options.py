@@ -46,6 +46,7 @@ NewRecordFile = Annotated[
     Path, Parameter(converter=_path, help=f"The file to write; its suffix chooses the format: {SUFFIXES}.")
 ]
 OptionalPlace = Annotated[Path | None, Parameter(converter=_path)]
+Verbose = Annotated[bool, Parameter(negative="", show_default=False)]
 Debug = Annotated[bool, Parameter(negative="", show_default=False)]
 
 

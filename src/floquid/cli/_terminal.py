@@ -14,13 +14,12 @@ from floquid.lifting import Lifted
 from floquid.periodic import participation
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
-from floquid.validation import Validation
 from floquid.views import (
     MODE_NOTES,
     is_real,
     mode_notes,
+    outcome_lines,
     passed_words,
-    period_words,
     upper_modes,
     whitening_words,
     with_error,
@@ -36,6 +35,9 @@ NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does
 FAILS = "there are no standard deviations, since the model fails"
 NOISE = "White noise found, standard deviation"
 LEFT = "What the model leaves, noise and all, standard deviation"
+MOST_DONE = 4
+"""Sentences on what was done with the record that are printed without `--verbose`."""
+
 RARE = 0.01
 """The probability of a structure's misfit below which it is told that chance seldom leaves as much."""
 
@@ -45,41 +47,57 @@ def terminal(*, stderr: bool = False) -> Console:
     return Console(stderr=stderr, markup=False, emoji=False, highlight=False)
 
 
-def print_analysis(analysis: Analysis) -> None:
-    """The record, the modes, A(t) and the warnings, in that order."""
+def print_analysis(analysis: Analysis, *, verbose: bool = False) -> None:
+    """The record, the modes, a line for each other finding, A(t) and the warnings; with `verbose` the reasons, too."""
     console = terminal()
-    _print_record(console, analysis)
+    _print_record(console, analysis, verbose=verbose)
     modes = "Modes of a model that fails" if analysis.failed else "Modes"
     print_title(console, f"{modes}: order {analysis.model.order}, conjugates counted one by one")
     print_modes(console, analysis)
+    _print_legend(console, analysis, verbose=verbose)
+    console.print()
+    table = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for name, words in outcome_lines(analysis).items():
+        table.add_row(name, words)
+    console.print(table)
+    if analysis.validation is not None and not analysis.validation.passed:
+        for reason in analysis.validation.reasons:
+            console.print(f"  {reason}", style="yellow")
+    if verbose:
+        _print_reasons(console, analysis)
+    if analysis.state is not None:
+        print_state(console, analysis)
+    for warning in analysis.warnings:
+        console.print(f"Warning: {warning}", style="yellow")
+    if not verbose:
+        console.print("--verbose explains the columns and gives the reasons.", style="dim")
+
+
+def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> None:
+    """What the columns of the table of modes are: with `verbose` all of them, else what a table cannot say itself."""
     used = {word for r in upper_modes(analysis.model) for word in mode_notes(analysis, r)}
     meanings = [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]
     without = FAILS if analysis.failed else NO_DEVIATIONS
     deviations = without if analysis.model.exponent_std is None else DEVIATIONS
-    kept = ", as asked for" if analysis.settings.harmonics is not None else " that rise above the noise"
-    kept += ", the residues held to them" if analysis.held else ""
-    legend = f"A row with ± is a conjugate pair; {deviations}. {LEGEND}; m: harmonics of the shape{kept}"
-    console.print("; ".join([legend, *meanings]) + ".", style="dim")
+    parts = [f"±: a conjugate pair; {deviations}"]
+    if verbose:
+        kept = ", as asked for" if analysis.settings.harmonics is not None else " that rise above the noise"
+        kept += ", the residues held to them" if analysis.held else ""
+        parts += [LEGEND, f"m: harmonics of the shape{kept}"]
+    console.print("; ".join([*parts, *meanings]) + ".", style="dim")
+
+
+def _print_reasons(console: Console, analysis: Analysis) -> None:
+    """Why the order is what it is, what the test for periodicity says, and what was done about coloured noise."""
+    console.print()
     if analysis.choice is not None and not analysis.choice.ambiguous:
         console.print(f"The order is clear. {' '.join(analysis.choice.reasons)}", style="dim")
     for sentence in () if analysis.periodicity is None else analysis.periodicity.sentences:
-        console.print(sentence)
-    if analysis.state is not None:
-        print_state(console, analysis)
-    if analysis.validation is not None:
-        print_validation(console, analysis.validation)
-    for warning in analysis.warnings:
-        console.print(f"Warning: {warning}", style="yellow")
-
-
-def print_validation(console: Console, validation: Validation) -> None:
-    """The verdict; where the model passed, in one sentence."""
-    if not validation.passed:
-        print_title(console, "Validation: the model does not pass")
-        for reason in validation.reasons:
-            console.print(f"  {reason}", style="yellow")
-        return
-    console.print(f"Validation passed: {passed_words(validation)}", style="dim")
+        console.print(sentence, style="dim")
+    if analysis.validation is not None and analysis.validation.passed:
+        console.print(f"Validation passed: {passed_words(analysis.validation)}", style="dim")
 
 
 def print_folder(folder: Path | None, *others: str) -> None:
@@ -92,28 +110,29 @@ def print_folder(folder: Path | None, *others: str) -> None:
     terminal().print(f"Beside it: {names}")
 
 
-def _print_record(console: Console, analysis: Analysis) -> None:
+def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> None:
+    """How much was measured and what was done with it; with `verbose` also before, and the noise of each channel."""
     first, cycles = analysis.records[0], analysis.cycles
     samples = counted(f"{first.sample_rate * analysis.model.period:.6g}", "sample")
     console.print(
         f"{counted(len(cycles), 'record')}, {counted(first.n_channels, 'channel')} at {first.sample_rate:.8g} Hz; "
-        f"period {period_words(analysis)} s (ω = {analysis.model.fundamental:.6g} rad/s): {samples} a period, "
+        f"ω = {analysis.model.fundamental:.6g} rad/s: {samples} a period, "
         f"{', '.join(str(c.n_cycles) for c in cycles)} periods."
     )
+    done = analysis.synchronisation
+    for sentence in done if verbose else done[:MOST_DONE]:
+        console.print(f"  {sentence}")
+    if not verbose:
+        if len(done) > MOST_DONE:
+            console.print(f"  … and {len(done) - MOST_DONE} more (--verbose).", style="dim")
+        return
     for step in dict.fromkeys(step for record in analysis.records for step in record.provenance.steps):
         console.print(f"  {step}", style="dim")
-    for sentence in analysis.synchronisation:
-        console.print(f"  {sentence}")
     coloured = analysis.whitening is not None
     title = "Noise found, standard deviation after the whitening filter" if coloured else NOISE
     print_title(console, LEFT if analysis.failed else title)
     console.print(_noise_table(analysis))
     print_whitening(console, analysis)
-    if coloured:
-        words = (
-            "The noise above is what is left after the filter, less than that of the record; shapes are the record's."
-        )
-        console.print(words, style="dim")
 
 
 def print_whitening(console: Console, found: Lifted | Analysis) -> None:

@@ -10,6 +10,7 @@ from floquid.views._families import Family, families
 from floquid.views._modes import grows, is_real, upper_modes
 from floquid.views._names import shortened
 from floquid.views._noise import raw_noise
+from floquid.views._outcome import outcome_lines, verdict_line
 from floquid.views._shapes import ShapeCurves, shape_curves
 from floquid.views._spectra import Spectrum, lifted_spectrum, record_spectrum
 from floquid.views._synchronisation import Synchronisation, synchronisation
@@ -39,6 +40,7 @@ __all__ = [
     "lifted_spectrum",
     "mode_notes",
     "multiplier_ellipses",
+    "outcome_lines",
     "passed_words",
     "period_words",
     "raw_noise",
@@ -49,6 +51,7 @@ __all__ = [
     "synthesis",
     "unfolded",
     "upper_modes",
+    "verdict_line",
     "whitening_words",
     "with_error",
 ]

@@ -1,0 +1,108 @@
+"""What was found beside the modes, a line each: noise, order, period, forced response, verdict."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from floquid.pipeline import Analysis
+from floquid.validation import Validation
+from floquid.views._modes import upper_modes
+from floquid.views._words import mode_notes, period_words
+
+MOST_NAMED = 6
+"""Harmonics of the forced response that are named."""
+
+
+def outcome_lines(analysis: Analysis) -> dict[str, str]:
+    """The outcome of an analysis beside its modes, a short line for each name.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found.
+
+    Returns
+    -------
+    dict
+        The lines by their names, those left out that have nothing to say.
+    """
+    lines = {
+        "Noise": _noise(analysis),
+        "Order": _order(analysis),
+        "Period": _period(analysis),
+        "Forced response": _forced(analysis),
+        "Verdict": "" if analysis.validation is None else verdict_line(analysis.validation),
+    }
+    return {name: words for name, words in lines.items() if words}
+
+
+def verdict_line(validation: Validation) -> str:
+    """The verdict on a model, with what it rests on if it passed.
+
+    Parameters
+    ----------
+    validation
+        The verdict.
+
+    Returns
+    -------
+    str
+        The line.
+    """
+    if not validation.passed:
+        count = len(validation.reasons)
+        return f"the model does not pass, for {count} reason{'s' if count != 1 else ''}"
+    fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
+    return f"passed: {fit:.1%} of cycles left out is predicted, with {error:.3g} times the noise as the largest error"
+
+
+def _noise(analysis: Analysis) -> str:
+    peaks = np.array([np.abs(hit.values).max(axis=(1, 2)) for hit in analysis.cycles]).T
+    shares = 100.0 * analysis.noise / peaks
+    low, high = f"{shares.min():.2g}", f"{shares.max():.2g}"
+    size = f"{low} %" if low == high else f"{low} to {high} %"
+    if analysis.failed:
+        return f"what the model leaves, noise and all, is {size} of the peaks"
+    if analysis.whitening is None:
+        return f"white, {size} of the peaks"
+    return f"coloured along the record; after the filter that whitens it, {size} of the peaks"
+
+
+def _order(analysis: Analysis) -> str:
+    order, modes = analysis.model.order, len(upper_modes(analysis.model))
+    if analysis.settings.order is not None:
+        return f"{order}, as asked for"
+    if analysis.choice is None:
+        return ""
+    if analysis.choice.ambiguous:
+        return f"{order}, ambiguous: the warnings say why"
+    weak = sum("weak" in mode_notes(analysis, r) for r in upper_modes(analysis.model))
+    needed = "the one mode is needed" if modes == 1 else f"each of the {modes} modes is needed"
+    return f"{order}, clear: {needed}" + (f", {weak} weakly determined" if weak else "")
+
+
+def _period(analysis: Analysis) -> str:
+    if analysis.shafts:
+        how = "the mean of what the angle of the shaft says"
+    else:
+        how = "estimated from the response" if analysis.settings.estimate_period else "as given"
+    line, tested = f"{period_words(analysis)} s, {how}", analysis.periodicity
+    if analysis.fit.own_period is not None:
+        difference, std = analysis.fit.own_period
+        line += f"; that of the response differs by {difference:.1g} ± {std:.1g} of it"
+    if tested is None or not tested.degrees:
+        return line
+    p = "p < 1e-300" if tested.p_value < 1e-300 else f"p = {tested.p_value:.2g}"
+    words = {True: "periodic", False: "nothing periodic is seen", None: "whether periodic cannot be told"}
+    return f"{line}; {words[tested.periodic]} ({p})"
+
+
+def _forced(analysis: Analysis) -> str:
+    forced = analysis.fit.forced
+    if forced is None:
+        return ""
+    parts = ["offset"] * bool(forced.offset.any()) + ["drift"] * bool(forced.drift.any())
+    if len(forced.harmonics):
+        names = [str(j) for j in forced.harmonics[:MOST_NAMED]] + ["…"] * (len(forced.harmonics) > MOST_NAMED)
+        parts.append(f"{', '.join(names)} per revolution")
+    return f"{' and '.join(parts)}, fitted beside the modes"
