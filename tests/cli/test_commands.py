@@ -19,7 +19,7 @@ from tests.cli.conftest import EARLIER, ROTOR, ROTOR_PERIOD, after_stages, conte
 import floquid
 from floquid.cli import _terminal, run
 from floquid.cli._app import app
-from floquid.cli._record_options import RecordOptions
+from floquid.cli._setting_options import ModelOptions, RecordOptions
 from floquid.plot import FIGURES
 from floquid.systems import JeffcottRotor
 from floquid.views import MODE_NOTES
@@ -64,7 +64,7 @@ def rotor(tmp_path_factory):
     folder = tmp_path_factory.mktemp("rotor")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("COLUMNS", "80")
-        text = typed(["identify", *ROTOR, "--period", ROTOR_PERIOD, "--out", str(folder / "out")])
+        text = typed(["identify", *ROTOR, "--period", ROTOR_PERIOD, "--verbose", "--out", str(folder / "out")])
     return text, folder / "out"
 
 
@@ -232,7 +232,7 @@ def test_several_hits(here):
     assert "8 samples a period, 40, 50 periods." in text
     third = JeffcottRotor().simulate(n_periods=20, samples_per_period=8, noise=0.02, seed=3, impulse_deg=70.0)
     save_npz("third.npz", third.values)
-    assert "least of 3 hits" in typed(f"identify good.npz other.npz third.npz --period {PERIOD}")
+    assert "least of 3 hits" in typed(f"identify good.npz other.npz third.npz --period {PERIOD} --verbose")
 
 
 # From one command to the next.
@@ -295,8 +295,9 @@ def test_demo(here, request):
 def words_of(function):
     """The name of each argument and option of a command, and whether it is an option; those that commands share too."""
     for name, parameter in inspect.signature(function).parameters.items():
-        if "RecordOptions" in str(parameter.annotation):
-            yield from ((field.name, True) for field in fields(RecordOptions))
+        shared = [own for own in (RecordOptions, ModelOptions) if own.__name__ in str(parameter.annotation)]
+        if shared:
+            yield from ((field.name, True) for field in fields(shared[0]))
         else:
             yield name, parameter.kind is parameter.KEYWORD_ONLY
 
@@ -391,9 +392,18 @@ def test_a_terminal_that_cannot_show_greek(here, monkeypatch):
 
 
 def test_the_legend_says_how_it_was_finished(here):
-    free, held = (" ".join(typed(f"{GOOD}{option}").split()) for option in (" --no-constrained", ""))
+    free, held = (" ".join(typed(f"{GOOD}{option} --verbose").split()) for option in (" --no-constrained", ""))
     assert "harmonics of the shape that rise above the noise." in free
     assert "harmonics of the shape that rise above the noise, the residues held to them." in held
-    bare = " ".join(typed(f"{GOOD} --identifier era --harmonics 2").split())
+    bare = " ".join(typed(f"{GOOD} --identifier era --harmonics 2 --verbose").split())
     assert "this identifier gives no standard deviations" in bare
     assert "harmonics of the shape, as asked for." in bare
+
+
+def test_the_first_screen_fits_a_screen_and_leaves_the_reasons_to_verbose(here):
+    short, long = typed(GOOD), typed(f"{GOOD} --verbose")
+    assert len(short.splitlines()) <= 40
+    for name in ("Noise", "Order", "Period", "Verdict"):
+        assert re.search(rf"^{name} +\w", short, flags=re.MULTILINE)
+    assert "The order is clear." in long
+    assert "The order is clear." not in short

@@ -53,7 +53,7 @@ def test_variables_of_a_struct_are_channels(here, rows):
     words = "identify lab.mat --channels pos.T[0],pos.T[1],run.acc.x,run/acc/y --rate 1.2732395447351628"
     found = exponents(words)
     np.testing.assert_allclose(found, exponents("identify good.npz"), rtol=1e-9)
-    assert "run.acc.x" in typed(f"{words} --period {PERIOD}")
+    assert "run.acc.x" in typed(f"{words} --period {PERIOD} --verbose")
 
 
 def test_datasets_of_an_hdf5_file_are_channels_with_their_times(here, rows):

@@ -253,7 +253,7 @@ def test_the_result_goes_to_the_summary_the_file_and_the_terminal(rotor, tmp_pat
     assert content["periodic"] is True
     assert content["limits"] == rotor.periodicity.limits.tolist()
     assert content["by_channel"]["degrees"] == [16, 16, 16, 16]
-    print_analysis(rotor)
+    print_analysis(rotor, verbose=True)
     assert "The response is periodic: p < 1e-300" in capsys.readouterr().out
 
 

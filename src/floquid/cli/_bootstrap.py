@@ -7,7 +7,7 @@ import sys
 from contextlib import nullcontext
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
@@ -15,7 +15,7 @@ from cyclopts import Parameter
 from floquid._checks import input_error
 from floquid.cli._bootstrap_output import FILES, bootstrap_text, print_bootstrap
 from floquid.cli._folder import ResultFolder, result_file, result_folder
-from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, Place, Whole
+from floquid.cli._options import Debug, Format, OptionalWhole, OutputFolder, Place, Whole
 from floquid.cli._terminal import terminal
 from floquid.pipeline import Bootstrap
 from floquid.pipeline import bootstrap as bootstrap_analysis
@@ -34,8 +34,8 @@ def bootstrap(
     seed: Whole = 0,
     workers: OptionalWhole = None,
     whole: Annotated[bool, Parameter(negative=())] = False,
-    out: OptionalPlace = None,
-    format: Literal["text", "json"] = "text",  # noqa: A002
+    out: OutputFolder = None,
+    format: Format = "text",  # noqa: A002
     debug: Debug = False,
 ) -> None:
     """Check the standard deviations of a result: draw records from its model, fit each anew, and see the spread.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
@@ -14,7 +14,7 @@ from rich.table import Table
 from floquid._checks import input_error
 from floquid.cli._folder import result_folder
 from floquid.cli._identify import STAGES
-from floquid.cli._options import Debug, Place, Whole
+from floquid.cli._options import Debug, Format, Place, Whole
 from floquid.cli._output import NAMES, print_json, write_result
 from floquid.cli._progress import progress
 from floquid.cli._settings import Choices
@@ -49,7 +49,7 @@ def demo(
     seed: Whole = 0,
     paper: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     draws: Whole = 10,
-    format: Literal["text", "json"] = "text",  # noqa: A002
+    format: Format = "text",  # noqa: A002
     debug: Debug = False,
 ) -> None:
     """Simulate the experiment of Allen's paper, identify it, and compare with the truth.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from floquid._checks import input_error, positive
 from floquid.cli._floquet_output import AGREE, FILES, Examined, hill_claims, print_examined, save_modes, summary_text
 from floquid.cli._folder import ResultFolder, result_folder
-from floquid.cli._options import Debug, OptionalPlace, Place
+from floquid.cli._options import Debug, Format, OutputFolder, Place
 from floquid.cli._progress import progress
 from floquid.errors import IdentificationError, InputError
 from floquid.floquet import (
@@ -44,8 +44,8 @@ def floquet(
     interpolation: Literal["fourier", "cubic", "linear"] | None = None,
     tolerance: float = 1e-12,
     check: bool = True,
-    out: OptionalPlace = None,
-    format: Literal["text", "json"] = "text",  # noqa: A002
+    out: OutputFolder = None,
+    format: Format = "text",  # noqa: A002
     debug: Debug = False,
 ) -> None:
     """Floquet exponents, periodic mode shapes and stability of a system whose A(t) is known.

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli._folder import result_folder
-from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, RecordFiles, Verbose, split
+from floquid.cli._options import Debug, Format, OutputFolder, RecordFiles, SettingsFile, Verbose
 from floquid.cli._output import NAMES, print_json, write_result
 from floquid.cli._progress import progress
-from floquid.cli._record_options import RecordOptions
 from floquid.cli._records import check_files, read_records
-from floquid.cli._settings import Choices, IdentifierName, load_choices
+from floquid.cli._setting_options import ModelOptions, RecordOptions, given
+from floquid.cli._settings import Choices, load_choices
 from floquid.cli._terminal import print_analysis, print_folder
 from floquid.errors import IdentificationError
 from floquid.pipeline import identify as identify_records
-from floquid.reconstruction import Form
 
 OF = "floquid identify"
 STAGES = 10
@@ -28,21 +27,11 @@ STAGES = 10
 def identify(
     *files: RecordFiles,
     record: RecordOptions | None = None,
-    identifier: IdentifierName | None = None,
-    order: OptionalWhole = None,
-    harmonics: OptionalWhole = None,
-    states: str | None = None,
-    form: Form | None = None,
-    delay: float | None = None,
-    structure: str | None = None,
-    output_error: Annotated[bool | None, Parameter(negative=())] = None,
-    forced: str | None = None,
-    constrained: bool | None = None,
-    validate: bool | None = None,
-    enforce: Annotated[bool, Parameter(negative="", show_default=False)] = False,
-    out: OptionalPlace = None,
-    format: Literal["text", "json"] = "text",  # noqa: A002
-    settings: OptionalPlace = None,
+    model: ModelOptions | None = None,
+    enforce: Annotated[bool, Parameter(negative="", show_default=False, group="Checks")] = False,
+    out: OutputFolder = None,
+    format: Format = "text",  # noqa: A002
+    settings: SettingsFile = None,
     verbose: Verbose = False,
     debug: Debug = False,
 ) -> None:
@@ -52,41 +41,8 @@ def identify(
     ----------
     files
         Records of free responses, of any format that is read. Several files are several hits on one system.
-    record
-        The clock of the records, their channels, and what is cut off.
-    identifier
-        The algorithm that finds the poles: ml, maximum likelihood (the usual one); ami, the Algorithm of Mode
-        Isolation; era, the eigensystem realisation algorithm; lscf and poly, least-squares complex frequency and its
-        poly-reference form; ami-ml, era-ml, lscf-ml and poly-ml, maximum likelihood started from them. era, lscf and
-        poly give no standard deviations, and need --harmonics.
-    order
-        The number of complex poles, conjugates counted one by one; found from the data when not given.
-    harmonics
-        Keep the harmonics from minus to plus this of each mode; those above the noise when not given. Needed with era,
-        lscf and poly.
-    states
-        The channels that are the displacement states of A(t), comma-separated; x+vx+ax for several channels of one
-        motion, all for weighted sums of all channels; no A(t) when not given.
-    form
-        The states that A(t) is in: second-order, displacements and their velocities, when not given; first-order, as
-        many channels as modes, as they are; delayed, channels and the same channels later, where they are too few.
-    delay
-        The delay of --form delayed [s]; the best one when not given.
-    structure
-        Fit A(t) with a structure, whose every element then has a small deviation: auto, the simplest one that the
-        record does not contradict, or blocks with their harmonics, such as "stiffness 2 symmetric; damping 0 known
-        0,1=0 1,0=0" or, with --form first-order, "system 2". One that contradicts the record is refused.
-    output_error
-        Fit the structure once more, to the record linearised anew at its exponents.
-    forced
-        The forced response beside the free one (imbalance, gravity, an orbit): auto finds it, none leaves it out, 1,2
-        are harmonics of the revolution that are fitted in any case; auto when not given.
-    constrained
-        Finish with residues held to their harmonics, the usual end: smaller deviations where modes are weak, fast, or
-        folded onto one another. --no-constrained keeps the residues of lifting free.
-    validate
-        Check the model: cycles left out are predicted, and what is left of the record is looked at; --no-validate does
-        not.
+    record, model
+        The fields of `Settings`.
     enforce
         End with exit code 3 and the reasons where the model does not pass its checks; the result is written all the
         same. A model that fails, since it leaves many times the noise, ends with exit code 1 in any case.
@@ -104,18 +60,7 @@ def identify(
     del debug
     check_files(files, OF)
     choices = (Choices() if settings is None else load_choices(settings)).with_given(
-        **(record or RecordOptions()).given(OF),
-        identifier=identifier,
-        order=order,
-        harmonics=harmonics,
-        states=None if states is None else split(states),
-        form=form,
-        delay=delay,
-        structure=structure,
-        output_error=output_error,
-        forced=forced,
-        constrained=constrained,
-        validate=validate,
+        **given(record, OF), **given(model, OF)
     )
     if enforce and not choices.settings.validate:
         must, got = "come with the checks of the model", "they are switched off"

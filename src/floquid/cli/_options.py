@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from cyclopts import Parameter, Token
+from cyclopts import Group, Parameter, Token
 
 from floquid.readers import SUFFIXES
 
 
-def _whole_number(_type: Any, tokens: Sequence[Token]) -> int:
+def whole_number(_type: Any, tokens: Sequence[Token]) -> int:
     """The parser's own would round 2.5 down to 2 without a word."""
     text = tokens[0].value
     try:
@@ -31,8 +31,8 @@ def _path(_type: Any, tokens: Sequence[Token]) -> Path:
     return Path(text)
 
 
-Whole = Annotated[int, Parameter(converter=_whole_number)]
-OptionalWhole = Annotated[int | None, Parameter(converter=_whole_number)]
+Whole = Annotated[int, Parameter(converter=whole_number)]
+OptionalWhole = Annotated[int | None, Parameter(converter=whole_number)]
 Place = Annotated[Path, Parameter(converter=_path)]
 RecordFile = Annotated[Path, Parameter(converter=_path, help=f"The record: {SUFFIXES}.")]
 RecordFiles = Annotated[
@@ -46,8 +46,12 @@ NewRecordFile = Annotated[
     Path, Parameter(converter=_path, help=f"The file to write; its suffix chooses the format: {SUFFIXES}.")
 ]
 OptionalPlace = Annotated[Path | None, Parameter(converter=_path)]
-Verbose = Annotated[bool, Parameter(negative="", show_default=False)]
-Debug = Annotated[bool, Parameter(negative="", show_default=False)]
+OUTPUT = Group("Output", sort_key=9)
+Verbose = Annotated[bool, Parameter(negative="", show_default=False, group=OUTPUT)]
+Debug = Annotated[bool, Parameter(negative="", show_default=False, group=OUTPUT)]
+Format = Annotated[Literal["text", "json"], Parameter(group=OUTPUT)]
+OutputFolder = Annotated[Path | None, Parameter(converter=_path, group=OUTPUT)]
+SettingsFile = Annotated[Path | None, Parameter(converter=_path, group=OUTPUT)]
 
 
 def split(text: str) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from floquid.cli._folder import result_file
-from floquid.cli._options import Debug, OptionalPlace, Place
+from floquid.cli._options import Debug, OutputFolder, Place
 from floquid.cli._progress import progress
 from floquid.cli._terminal import terminal
 from floquid.reporting import report as write_report
@@ -17,7 +17,7 @@ STAGES = 3
 def report(
     result: Place,
     *,
-    out: OptionalPlace = None,
+    out: OutputFolder = None,
     title: str | None = None,
     debug: Debug = False,
 ) -> None:

@@ -6,15 +6,14 @@ import sys
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Literal
 
 from floquid._checks import input_error
 from floquid.cli._folder import ResultFolder, result_folder
-from floquid.cli._options import Debug, OptionalPlace, OptionalWhole, RecordFiles, split
+from floquid.cli._options import Debug, Format, OptionalWhole, OutputFolder, RecordFiles, SettingsFile, split
 from floquid.cli._progress import progress
-from floquid.cli._record_options import RecordOptions
 from floquid.cli._records import check_files, read_records
 from floquid.cli._scan_output import FILES, Scanned, print_scan, scan_text
+from floquid.cli._setting_options import RECORDS, RecordOptions, given
 from floquid.cli._settings import Choices, IdentifierName, load_choices
 from floquid.order import OrderScan
 from floquid.order import scan as scan_orders
@@ -22,12 +21,6 @@ from floquid.pipeline import Settings, lifted, prepare
 
 OF = "floquid scan"
 STAGES = 8
-
-PREPARED_BY = (
-    *("period", "tach", "azimuth", "estimate_period", "pulses_per_revolution", "periods_per_revolution"),
-    *("channels", "orbit", "find_hits", "skip", "forced", "trust_period", "noise_floor"),
-)
-"""The settings that say what records are taken for; those of what comes after have nothing to do with a scan."""
 
 HIGHEST = 10_000
 """The highest order that is looked at in a list: what lies beyond is a slip of the keyboard."""
@@ -39,9 +32,9 @@ def scan(
     identifier: IdentifierName | None = None,
     orders: str | None = None,
     most: OptionalWhole = None,
-    out: OptionalPlace = None,
-    format: Literal["text", "json"] = "text",  # noqa: A002
-    settings: OptionalPlace = None,
+    out: OutputFolder = None,
+    format: Format = "text",  # noqa: A002
+    settings: SettingsFile = None,
     debug: Debug = False,
 ) -> None:
     """Show how many modes there are: identify at many orders, see which poles stay, and look at mode indicators.
@@ -73,7 +66,7 @@ def scan(
     check_files(files, OF)
     listed = _orders(orders, most)
     choices = (Choices() if settings is None else load_choices(settings)).with_given(
-        **(record or RecordOptions()).given(OF),
+        **given(record, OF),
         identifier=identifier,
     )
     with (
@@ -102,7 +95,7 @@ def _scanned(
 
     records, choices = read_records(files, choices, OF, report)
     chosen = choices.resolved()
-    settings = Settings(**{name: getattr(chosen, name) for name in PREPARED_BY})
+    settings = Settings(**{name: getattr(chosen, name) for name in RECORDS})
     prepared = prepare(records, settings, report=report)
     responses = lifted(prepared, report=report)
     samples = int(responses.responses.lengths.max())

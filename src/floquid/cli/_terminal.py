@@ -35,7 +35,7 @@ NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does
 FAILS = "there are no standard deviations, since the model fails"
 NOISE = "White noise found, standard deviation"
 LEFT = "What the model leaves, noise and all, standard deviation"
-MOST_DONE = 4
+MOST_DONE = 5
 """Sentences on what was done with the record that are printed without `--verbose`."""
 
 RARE = 0.01
@@ -119,15 +119,14 @@ def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> Non
         f"ω = {analysis.model.fundamental:.6g} rad/s: {samples} a period, "
         f"{', '.join(str(c.n_cycles) for c in cycles)} periods."
     )
-    done = analysis.synchronisation
+    steps = [step for record in analysis.records for step in record.provenance.steps]
+    done = list(dict.fromkeys([*steps, *analysis.synchronisation]))
     for sentence in done if verbose else done[:MOST_DONE]:
         console.print(f"  {sentence}")
     if not verbose:
         if len(done) > MOST_DONE:
             console.print(f"  … and {len(done) - MOST_DONE} more (--verbose).", style="dim")
         return
-    for step in dict.fromkeys(step for record in analysis.records for step in record.provenance.steps):
-        console.print(f"  {step}", style="dim")
     coloured = analysis.whitening is not None
     title = "Noise found, standard deviation after the whitening filter" if coloured else NOISE
     print_title(console, LEFT if analysis.failed else title)

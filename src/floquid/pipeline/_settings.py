@@ -24,63 +24,65 @@ class Settings:
     Parameters
     ----------
     period
-        The period [s]; None takes that of each record's clock.
+        The period of the system [s]; that of each record's clock if not given. Seen from the ground, half a revolution
+        of a two-fold symmetric shaft.
     channels
-        Names of the channels to use; empty for all.
+        Names of the channels to use; all if not given.
     order
-        The number of complex poles, conjugates one by one; None finds it.
+        The number of complex poles, conjugates counted one by one; found from the data if not given.
     harmonics
-        Keep the harmonics -harmonics … harmonics of each mode; None keeps those that rise above the noise.
+        Keep the harmonics from minus to plus this of each mode; those above the noise if not given.
     states
-        Names of the channels that are the displacement states of A(t), as `reconstruct` takes them: "x+vx" for several
-        channels of one motion, ("all",) for sums of all channels; empty to leave A(t) out.
+        Channels that are the displacement states of A(t), as `reconstruct` takes them; no A(t) if not given. "x+vx" for
+        several channels of one motion, ("all",) for sums of all channels.
     form
-        "second-order": displacements and their velocities. "first-order": as many channels as modes, as they are.
-        "delayed": channels and the same channels later, where they are too few to span the states.
+        The states that A(t) is in: second-order, first-order or delayed. "second-order": displacements and their
+        velocities. "first-order": as many channels as modes, as they are. "delayed": channels and the same channels
+        later, where they are too few to span the states.
     delay
-        Of "delayed" [s]; None takes the one with the best condition.
+        The delay [s] of delayed states; the one with the best condition if not given.
     structure
-        What A(t) is fitted to be (`refine`): an `AbstractStructure`, its text (`structure_of`), such as
-        "stiffness 2 symmetric; damping 0", or "auto" for the simplest second-order form that the data do not
-        contradict; kept as text, empty for the free A(t) of `reconstruct`.
+        What A(t) is fitted to be, such as "stiffness 2 symmetric; damping 0", or "auto"; free if not given. An
+        `AbstractStructure` or its text (`structure_of`); "auto" is the simplest second-order form that the data do not
+        contradict; kept as text.
     output_error
-        Whether the structured A(t) is fitted once more, to the record linearised anew at its exponents.
+        Fit the structured A(t) once more, to the record linearised anew at its exponents.
     system_times
         The number of instants of a period at which A(t) is given, 10,000 at most.
     identifier
-        The algorithm that finds the poles, with its options; None for maximum likelihood at `mode_false_alarm`.
+        The algorithm that finds the poles; maximum likelihood if not given. An object, with its options; maximum
+        likelihood is at `mode_false_alarm`.
     mode_false_alarm
-        The probability at which noise may pass for a mode; the `identifier` given has its own.
+        The probability at which noise may pass for a mode. The `identifier` given has its own.
     harmonic_false_alarm
-        The probability that noise passes for a harmonic anywhere, over all harmonics of all modes together.
+        The probability that noise passes for a harmonic anywhere. Over all harmonics of all modes together.
     noise_floor
-        The least share of a channel's largest value that the noise is taken to be: the level down to which the record
-        can be believed.
+        The least share of a channel's largest value that the noise is taken to be. It is the level down to which the
+        record can be believed.
     constrained
-        Finish with residues held to their harmonics, and look for modes that lifting cannot tell apart.
+        Finish with residues constrained to their harmonics. Modes that lifting cannot tell apart are looked for, too.
     trust_period
-        Warn instead of refusing when the response seems to repeat with another period than the one given.
+        Warn instead of refusing where the response seems to repeat with another period than the one given.
     estimate_period
-        Find the period from the response alone; where `period` is given too, within a factor of 1.5 of it.
+        Find the period from the response alone, within a factor of 1.5 of a period given too.
     tach
-        The name of a channel of tachometer pulses; None for a record's own clock.
+        The name of a channel of tachometer pulses.
     azimuth
-        The name of a channel that holds the angle of the shaft.
+        The name of a channel that holds the angle of the shaft, in degrees or radians.
     pulses_per_revolution
         Pulses of the tachometer in a revolution.
     periods_per_revolution
-        Periods of the system in a revolution of the shaft: 2 for a two-fold symmetric shaft seen from the ground.
+        Periods of the system in a revolution of the shaft. 2 for a two-fold symmetric shaft seen from the ground.
     forced
-        The forced response beside the free one: "auto" finds it, "none" leaves it out, "1,2" or (1, 2) are harmonics of
-        the revolution that are fitted in any case.
+        The forced response: auto finds it, none leaves it out, 1,2 are harmonics of the revolution to be fitted.
     orbit
-        Whether the orbit that a record holds is subtracted.
+        Subtract the periodic orbit that a record holds.
     find_hits
-        Whether each record is searched for impacts, and cut into one free response after each.
+        Look for impacts in each record, and take each free response after one as a hit of its own.
     skip
-        Periods after each impact that are left out, where they are not linear yet: of each record, without `find_hits`.
+        Periods left out after each impact, or at the start of each record, where the response is not linear yet.
     validate
-        Whether the model is checked on cycles left out, on what it leaves of the record, and on A(t) integrated.
+        Check the model on cycles left out, on what it leaves of the record, and on A(t) integrated.
 
     Raises
     ------
