@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
-from floquid.reconstruction._coordinates import Coordinates
-from floquid.reconstruction._states import channel_noise
+from floquid.reconstruction._coordinates import Coordinates, channel_noise
 
 LARGEST_CONDITION = 1e8
 """The condition number of the equilibrated modal matrix beyond which its inverse is noise."""

@@ -1,0 +1,84 @@
+"""Periodic matrices in all their forms, and the arithmetic on them."""
+
+from floquid.floquet.matrices._arithmetic import (
+    Operand,
+    added,
+    assembled,
+    constant_matrix,
+    operand,
+    product,
+    scaled,
+    transposed,
+)
+from floquid.floquet.matrices._balancing import balance, balanced_units, binary_units
+from floquid.floquet.matrices._conversion import SAME, after_jumps, real_series, to_harmonics, to_pieces, to_samples
+from floquid.floquet.matrices._forms import (
+    FunctionMatrix,
+    HarmonicMatrix,
+    Interpolation,
+    PiecewiseMatrix,
+    SampledMatrix,
+)
+from floquid.floquet.matrices._fourier import Elements, Needs, Reach, elements, fourier, of_function, reach
+from floquid.floquet.matrices._given import as_array, named
+from floquid.floquet.matrices._interpolation import line_weights
+from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix
+from floquid.floquet.matrices._period_check import refuse_other_period
+from floquid.floquet.matrices._periods import (
+    common_period,
+    constant_value,
+    declared,
+    joint_breaks,
+    multiples,
+    reduced,
+    repeated,
+)
+from floquid.floquet.matrices._state_matrix import Prepared, StateMatrix, periodic, prepare
+
+__all__ = [
+    "SAME",
+    "AbstractPeriodicMatrix",
+    "Elements",
+    "FunctionMatrix",
+    "HarmonicMatrix",
+    "Interpolation",
+    "Needs",
+    "Operand",
+    "PiecewiseMatrix",
+    "Prepared",
+    "Reach",
+    "SampledMatrix",
+    "StateMatrix",
+    "added",
+    "after_jumps",
+    "as_array",
+    "assembled",
+    "balance",
+    "balanced_units",
+    "binary_units",
+    "common_period",
+    "constant_matrix",
+    "constant_value",
+    "declared",
+    "elements",
+    "fourier",
+    "joint_breaks",
+    "line_weights",
+    "multiples",
+    "named",
+    "of_function",
+    "operand",
+    "periodic",
+    "prepare",
+    "product",
+    "reach",
+    "real_series",
+    "reduced",
+    "refuse_other_period",
+    "repeated",
+    "scaled",
+    "to_harmonics",
+    "to_pieces",
+    "to_samples",
+    "transposed",
+]
