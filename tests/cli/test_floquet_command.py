@@ -14,7 +14,8 @@ from tests.unit.floquet.files.test_read_openfast import REAL, Rotor, even, write
 
 from floquid import floquet
 from floquid.cli import _floquet
-from floquid.floquet import _collocation, state_participation
+from floquid.floquet import state_participation
+from floquid.floquet.monodromy_matrix import _collocation
 from floquid.systems import JeffcottRotor
 
 FILES = {"summary.json", "modes.npz", "figures/exponents.png", "figures/shapes.png"}

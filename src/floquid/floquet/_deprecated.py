@@ -16,11 +16,13 @@ def lyapunov(*arguments: Any, **options: Any) -> FloquetLyapunov:
 
 
 def _lifted(self: DiscretePeriodicSystem, *arguments: Any, **options: Any) -> LiftedSystem:
+    """The former method `lift`, with its `arguments` and `options`."""
     _warn("DiscretePeriodicSystem.lifted", "floquet.lift")
     return lift(self, *arguments, **options)
 
 
 def _from_control(*arguments: Any, **options: Any) -> DiscretePeriodicSystem:
+    """The former name of `realise`, with its `arguments` and `options`."""
     _warn("DiscretePeriodicSystem.from_control", "floquet.realise")
     return realise(*arguments, **options)
 
