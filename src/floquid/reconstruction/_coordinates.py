@@ -57,7 +57,7 @@ class State:
         return State(f"d/dt {self.name}", parts, self.noise)
 
     def weights(self, rates: NDArray[np.complex128], count: int) -> tuple[NDArray, NDArray]:
-        """What each of `count` channels is multiplied by (..., channels), and the slope of that by the rate."""
+        """Factors of `count` channels (..., channels), and their slopes by the rate."""
         weights, slopes = np.zeros((2, *rates.shape, count), complex)
         own = [part.weight(rates) for part in self.parts]
         if len(self.noise) < 2:
@@ -84,7 +84,7 @@ class Coordinates:
     form: str
     """"second-order", "first-order" or "delayed"."""
     words: str
-    """What the states are, in words."""
+    """The states in words."""
     mixing: NDArray[np.float64] | None = None
     """Of states from all channels: what each channel is of the displacements (channels, displacements)."""
     chosen: tuple[int, ...] = ()

@@ -148,7 +148,7 @@ def chance(point: Point) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """What a structure is fitted to."""
+    """The estimates that a structure is fitted to."""
 
     model: PeriodicModel
     coordinates: Coordinates
@@ -333,7 +333,7 @@ def _refinement(
 
 
 def _gain_names(fit: _Fit) -> list[str]:
-    """What each unknown gain is."""
+    """The meaning of each unknown gain."""
     states = fit.coordinates.names
     return [f"{fit.model.channels[fit.seen[k].channel].name} per {states[fit.seen[k].displacement]}" for k in fit.gains]
 

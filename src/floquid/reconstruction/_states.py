@@ -10,7 +10,7 @@ from floquid.reconstruction._combination import combined
 from floquid.reconstruction._coordinates import OF, Coordinates, Part, State, channel_noise, derivative_of, refuse_rest
 
 ALL = "all"
-"""What is said for all channels, each state a weighted sum of them."""
+"""The word for all channels, each state a weighted sum of them."""
 
 Names = str | Sequence[str | Sequence[str]]
 

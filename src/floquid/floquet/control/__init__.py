@@ -11,24 +11,3 @@ from floquid.floquet.control._simulate import simulate
 from floquid.floquet.control._sine_response import SineResponse, sine_response
 from floquid.floquet.control._system import PeriodicSystem
 from floquid.floquet.control._zeros import zeros
-
-__all__ = [
-    "DiscretePeriodicSystem",
-    "HarmonicSystem",
-    "HarmonicTransfer",
-    "LiftedSystem",
-    "PeakGain",
-    "PeriodicSystem",
-    "SineResponse",
-    "discretise",
-    "gramian",
-    "h2_norm",
-    "hankel_norm",
-    "harmonic_transfer",
-    "lift",
-    "linf_norm",
-    "realise",
-    "simulate",
-    "sine_response",
-    "zeros",
-]

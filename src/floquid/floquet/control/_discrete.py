@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
-from floquid.floquet.control._system import PeriodicSystem
+from floquid.floquet.control._system import PeriodicSystem, checked_system, input_units, matrix_reach
 from floquid.floquet.matrices import AbstractPeriodicMatrix, Prepared, after_jumps, assembled, named
-from floquid.floquet.monodromy_matrix import TOLERANCE, checked, factors, product_logarithms
+from floquid.floquet.monodromy_matrix import TOLERANCE, checked, factors, multipliers_of, product_logarithms
 
 
 @final
@@ -119,10 +119,7 @@ class DiscretePeriodicSystem(Rebuilt):
         NDArray[np.complex128]
             The multipliers (n,), by the size of their angle, then by falling magnitude; the same at every phase.
         """
-        logs = product_logarithms(self.A)
-        size = np.exp(logs.real)
-        turned = np.where(logs.imag == 0.0, size, -size)
-        return np.where(np.isin(logs.imag, (0.0, np.pi)), turned, size * np.exp(1j * logs.imag))
+        return multipliers_of(product_logarithms(self.A))
 
     def exponents(self) -> NDArray[np.complex128]:
         r"""The Floquet exponents on the principal branch.
@@ -135,9 +132,7 @@ class DiscretePeriodicSystem(Rebuilt):
             The exponents (n,) [1/s], in the order of `multipliers`; the real part of a multiplier of zero is -inf.
         """
         logs = product_logarithms(self.A)
-        out = np.empty(logs.shape, dtype=np.complex128)
-        out.real, out.imag = logs.real / self.period, logs.imag / self.period
-        return out
+        return np.asarray(logs.real / self.period + 1j * (logs.imag / self.period), dtype=np.complex128)
 
     def simulate(
         self, inputs: ArrayLike, *, initial: ArrayLike | None = None, first_phase: int = 0
@@ -206,9 +201,7 @@ def discretise(system: PeriodicSystem, n_phases: int, *, tolerance: float = TOLE
         There is no step, or the system cannot be integrated.
     """
     of = "floquet.discretise"
-    if not isinstance(system, PeriodicSystem):
-        got = f"is {type(system).__name__}"
-        raise input_error("system", of, "be a PeriodicSystem", got, "Of A(t) alone: `PeriodicSystem(A=...)`.")
+    checked_system(system, of, inputs=False)
     count = integer(n_phases, "n_phases", of, at_least=1)
     n, units = system.n_states, np.empty(0)
     prepared = checked(system.A, None, (), tolerance, of)
@@ -247,10 +240,7 @@ def _with_held_inputs(
     The units make the inputs move the states as quickly as these move each other, so that neither a step's error nor
     its rounding depends on the units that the inputs came in.
     """
-    probes = B.period * (np.arange(64) + 0.381966) / 64
-    reach = (np.abs(B.at(probes)).max(axis=0) / prepared.scale[:, None]).max(axis=0)
-    rate = prepared.size or 1.0 / B.period
-    units = np.where(reach > 0.0, 2.0 ** np.round(np.log2(rate / np.where(reach > 0.0, reach, rate))), 1.0)
+    units = input_units(prepared, matrix_reach(prepared, B))
     n, m = B.shape
     both = assembled([[A, B @ np.diag(units)], [np.zeros((m, n)), np.zeros((m, m))]], A.period)
     return checked(both, None, (), tolerance, of), units

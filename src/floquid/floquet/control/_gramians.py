@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
-from floquid.floquet.control._system import PeriodicSystem
-from floquid.floquet.matrices import AbstractPeriodicMatrix, assembled
+from floquid.floquet.control._system import PeriodicSystem, checked_system
+from floquid.floquet.matrices import AbstractPeriodicMatrix, assembled, probe_times
 from floquid.floquet.monodromy_matrix import TOLERANCE, checked, factors, product_logarithms
 
 Kind: TypeAlias = Literal["reachability", "observability"]
 
 _UNDAMPED = 1e-9  # decay in a period that cannot be told from none
-_PROBES = 64
 
 
 def gramian(
@@ -67,14 +66,6 @@ def gramian(
     return gramian_at(system, kind, system.period * np.arange(count + 1) / count, tolerance, of)[:-1]
 
 
-def checked_system(system: PeriodicSystem, of: str, *, inputs: bool) -> None:
-    """Refuse what is no periodic system, and one without inputs where they are needed."""
-    if not isinstance(system, PeriodicSystem):
-        raise input_error("system", of, "be a PeriodicSystem", f"is {type(system).__name__}")
-    if inputs and system.B is None:
-        raise input_error("system", of, "have inputs", "has none", "Give it a `B`.")
-
-
 def gramian_at(
     system: PeriodicSystem, kind: Kind, instants: NDArray[np.float64], tolerance: float, of: str
 ) -> NDArray[np.float64]:
@@ -103,7 +94,7 @@ class _Steps(NamedTuple):
     phi: NDArray[np.float64]
     gain: NDArray[np.float64]
     units: NDArray[np.float64]
-    """What the matrices X are in units of (n, n)."""
+    """The units of the matrices X (n, n)."""
 
 
 def _steps(system: PeriodicSystem, kind: Kind, instants: NDArray[np.float64], tolerance: float, of: str) -> _Steps:
@@ -149,8 +140,7 @@ def _refuse_unstable(steps: _Steps, period: float, of: str) -> None:
 
 def largest_entry(matrix: AbstractPeriodicMatrix) -> float:
     """The largest entry, in size, over the period."""
-    probes = matrix.period * (np.arange(_PROBES) + 0.381966) / _PROBES
-    return float(np.abs(matrix.at(probes)).max())
+    return float(np.abs(matrix.at(probe_times(matrix.period, 64))).max())
 
 
 def _symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

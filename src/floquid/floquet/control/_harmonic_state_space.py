@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
-from floquid.floquet.control._system import PeriodicSystem
+from floquid.floquet.control._system import PeriodicSystem, with_inputs
 from floquid.floquet.hill_method import block_toeplitz, hill, refuse_undamped, smoothed, speeds
-from floquid.floquet.matrices import AbstractPeriodicMatrix, FunctionMatrix, Needs, fourier, reach
+from floquid.floquet.matrices import AbstractPeriodicMatrix, FunctionMatrix, Needs, checked_tolerance, fourier, reach
 
 _LARGEST = 2500  # rows of the lifted state matrix
 _SMALL = 1000  # rows to which a few states are taken
@@ -98,7 +98,7 @@ class HarmonicSystem(Rebuilt):
         """
         of = "HarmonicSystem.from_system"
         count = integer(n_harmonics, "n_harmonics", of, at_least=0)
-        matrices = _with_inputs(system, of)
+        matrices = with_inputs(system, of)
         size = (2 * count + 1) * max(max(matrix.shape) for matrix in matrices)
         if size > _LARGEST:
             raise input_error(
@@ -127,7 +127,7 @@ class HarmonicSystem(Rebuilt):
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HarmonicTransfer(Rebuilt):
-    r"""What a periodic system answers to one exponential: exponentials at all harmonics beside it.
+    r"""The response of a periodic system to one exponential: exponentials at all harmonics beside it.
 
     .. math:: u(t) = u\, e^{i\Omega t} \quad\Rightarrow\quad y(t) = \sum_k H_k(i\Omega)\, u\, e^{i(\Omega + k\omega) t}
 
@@ -219,7 +219,7 @@ def harmonic_transfer(
     response. Where A(t) jumps, it is first made smooth by a periodic change of coordinates, as in `hill`.
     """
     of = "floquet.harmonic_transfer"
-    inputs = _with_inputs(system, of)[1].shape[1]
+    inputs = with_inputs(system, of)[1].shape[1]
     lines = frozen_array(omega, "omega", of, axes=("lines",))
     if lines.size:
         refuse_undamped(hill(system.A, raises=False), lines, of)
@@ -267,11 +267,9 @@ def respond(
     of: str,
 ) -> Responses:
     """The response to `columns` (inputs, columns) e^{iΩt}, settled to `tolerance`."""
-    accuracy = positive(tolerance, "tolerance", of)
-    if not 1e-14 <= accuracy <= 1e-2:
-        raise input_error("tolerance", of, "lie in [1e-14, 1e-2]", f"is {accuracy:g}")
+    accuracy = checked_tolerance(tolerance, of, largest=1e-2)
     wanted = None if n_harmonics is None else integer(n_harmonics, "n_harmonics", of, at_least=0)
-    lifted = _Lifted(*_with_inputs(system, of))
+    lifted = _Lifted(*with_inputs(system, of))
     jumps = any(np.size(matrix.breaks) for matrix in lifted)
     lifted = _smooth(lifted)
     needs = _needs(lifted, accuracy, wanted is None)
@@ -355,16 +353,8 @@ def _smooth(lifted: _Lifted) -> _Lifted:
     return _Lifted(smooth.matrix, back @ lifted.B, lifted.C @ change, lifted.D)
 
 
-def _with_inputs(system: PeriodicSystem, of: str) -> tuple[AbstractPeriodicMatrix, ...]:
-    if not isinstance(system, PeriodicSystem):
-        raise input_error("system", of, "be a PeriodicSystem", f"is {type(system).__name__}")
-    if system.B is None or system.D is None:
-        raise input_error("system", of, "have inputs", "has none", "Give it a `B`.")
-    return system.A, system.B, system.C, system.D
-
-
 def _needs(lifted: _Lifted, tolerance: float, whole: bool) -> Needs:
-    """What the harmonics of the matrices need, those of D where the `whole` response is wanted."""
+    """The truncations that the matrices need, D included where the `whole` response is wanted."""
     found = a, b, c, d = tuple(reach(matrix, tolerance) for matrix in lifted)
     # An input at a harmonic of B is carried on by A and read at one of C beside it.
     lowest = max(a.highest, b.highest + c.highest, d.highest if whole else 0)

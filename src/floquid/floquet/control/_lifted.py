@@ -163,12 +163,7 @@ class LiftedSystem(Rebuilt):
         InputError
             python-control is not installed.
         """
-        try:
-            from control import StateSpace
-        except ImportError as error:
-            message = f"`to_control` works with the package control, which cannot be imported ({error})."
-            raise InputError(f"{message}\n  Install it: pip install control") from None
-        return StateSpace(
+        return control_package("to_control").StateSpace(
             self.A,
             self.B,
             self.C,
@@ -190,6 +185,16 @@ class LiftedSystem(Rebuilt):
         from scipy.signal import StateSpace
 
         return StateSpace(self.A, self.B, self.C, self.D, dt=self.dt)
+
+
+def control_package(of: str) -> Any:
+    """python-control, or the message that it is missing where the callable `of` needs it."""
+    try:
+        import control
+    except ImportError as error:
+        message = f"`{of}` works with the package control, which cannot be imported ({error})."
+        raise InputError(f"{message}\n  Install it: pip install control") from None
+    return control
 
 
 def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: int = 0) -> LiftedSystem:

@@ -9,11 +9,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, input_error, positive
-from floquid.floquet.control._gramians import checked_system, largest_entry
-from floquid.floquet.control._norms import grid, hankel_values, stretches
-from floquid.floquet.control._system import PeriodicSystem
-from floquid.floquet.matrices import AbstractPeriodicMatrix, FunctionMatrix, constant_value, joint_breaks
-from floquid.floquet.monodromy_matrix import TOLERANCE, checked, exponents, factors, gauss, product_logarithms, stages
+from floquid.floquet.control._gramians import largest_entry
+from floquid.floquet.control._norms import grid, hankel_values
+from floquid.floquet.control._system import PeriodicSystem, checked_system
+from floquid.floquet.matrices import AbstractPeriodicMatrix, FunctionMatrix, constant_value, joint_breaks, stretches
+from floquid.floquet.monodromy_matrix import (
+    TOLERANCE,
+    checked,
+    divided,
+    exponents,
+    factors,
+    gauss,
+    product_logarithms,
+    stages,
+)
 
 _OF = "floquet.linf_norm"
 _TURN = 1.0  # of the Hamiltonian flow in one step [rad]: none can turn by a quarter unseen
@@ -126,7 +135,7 @@ class _Scaled(NamedTuple):
 
 
 class _Horizon(NamedTuple):
-    r"""What stretches of time do to a state before and a costate after them (stretches, n, n).
+    r"""The maps by stretches of time of a state before and a costate after them (stretches, n, n).
 
     .. math:: x_1 = F x_0 + W p_1, \qquad p_0 = G x_0 + F^T p_1
     """
@@ -147,7 +156,7 @@ def _scaled(system: PeriodicSystem, direct: float) -> _Scaled:
 
 
 def _bounds(scaled: _Scaled, gain: float) -> bool:
-    """Whether no input has as large a gain, over any horizon."""
+    """True if no input has as large a gain, over any horizon."""
     now = _steps(scaled, gain)
     least = np.linalg.eigvalsh(np.concatenate([now.W, now.G]))[:, 0]
     if (least < -1e-9).any():
@@ -229,8 +238,7 @@ def _factors(scaled: _Scaled, gain: float) -> NDArray[np.float64]:
     parts = np.maximum(1, np.ceil(turn / _TURN)).astype(np.intp)
     if (parts == 1).all():
         return found.matrices
-    step = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    instants = np.append(np.repeat(found.left, parts) + step * np.repeat(width / parts, parts), period)
+    instants = np.append(divided(found.left, found.right, parts)[1], period)
     return factors(prepared, instants, tolerance, _OF).matrices
 
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.floquet.control._gramians import checked_system, gramian_at
-from floquid.floquet.control._system import PeriodicSystem
-from floquid.floquet.matrices import AbstractPeriodicMatrix, joint_breaks
+from floquid.floquet.control._gramians import gramian_at
+from floquid.floquet.control._system import PeriodicSystem, checked_system
+from floquid.floquet.matrices import joint_breaks, stretches
 from floquid.floquet.monodromy_matrix import TOLERANCE
 
 _PANELS = 4  # of the first quadrature over a period
@@ -16,7 +16,6 @@ _POINTS = 10  # of Gauss, in a panel
 _DOUBLINGS = 6
 _SETTLED = 1e-10
 _GRID = 32  # instants of a period between which a largest value is looked for
-_PROBES = 65
 _LOST = 1e-14  # of the squared Hankel singular values
 
 
@@ -149,14 +148,6 @@ def hankel_values(
     values = np.linalg.eigvals(reach @ observe).real.max(axis=1)
     lost = _LOST * np.einsum("tij,tji->t", np.abs(reach), np.abs(observe)).max()  # whatever the units of the states
     return np.sqrt(np.where(values > lost, values, 0.0))
-
-
-def stretches(matrix: AbstractPeriodicMatrix) -> NDArray[np.float64]:
-    """Instants from one break to the next, just within both (stretches, instants)."""
-    breaks = np.asarray(matrix.breaks)
-    starts = breaks if breaks.size else np.zeros(1)
-    widths = np.append(starts[1:], starts[0] + matrix.period) - starts
-    return starts[:, None] + widths[:, None] * np.linspace(1e-12, 1.0 - 1e-12, _PROBES)
 
 
 def grid(system: PeriodicSystem) -> NDArray[np.float64]:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error
-from floquid.floquet.control._system import PeriodicSystem
+from floquid.floquet.control._system import PeriodicSystem, checked_system, input_units, matrix_reach
 from floquid.floquet.matrices import SAME, AbstractPeriodicMatrix, FunctionMatrix, Prepared, after_jumps, joint_breaks
-from floquid.floquet.monodromy_matrix import TOLERANCE, Evaluate, checked, factorise, stages
+from floquid.floquet.monodromy_matrix import TOLERANCE, Evaluate, checked, divided, factorise, stages
 
 Between: TypeAlias = Literal["linear", "held"]
 Inputs: TypeAlias = Callable[..., ArrayLike] | ArrayLike
@@ -79,8 +79,7 @@ def simulate(
     -----
     Forcing as a part of the state: Van Loan 1978, Computing integrals involving the matrix exponential.
     """
-    if not isinstance(system, PeriodicSystem):
-        raise input_error("system", _OF, "be a PeriodicSystem", f"is {type(system).__name__}")
+    checked_system(system, _OF, inputs=False)
     if between not in get_args(Between):
         raise input_error("between", _OF, 'be "linear" or "held"', f"is {between!r}")
     instants = frozen_array(times, "times", _OF, axes=("times",))
@@ -187,7 +186,7 @@ def _steps(
     n = len(prepared.scale)
     m = 0 if entry is None else entry.shape[1]
     whole = n + blocks * m
-    units = np.empty(0) if entry is None else _units(prepared, _reach(prepared, entry))
+    units = np.empty(0) if entry is None else input_units(prepared, matrix_reach(prepared, entry))
 
     def evaluate(owner: NDArray[np.intp], times: NDArray[np.float64]) -> NDArray[np.float64]:
         out = np.zeros((*times.shape, whole, whole))
@@ -242,7 +241,7 @@ def _driven(
         middles = 0.5 * (ends[1:] + ends[:-1])
         probes = np.concatenate([middles[:: max(1, len(middles) // _PROBES)], np.linspace(ends[0], ends[-1], _PROBES)])
         reach = (np.abs(forcing(probes)) / prepared.scale).max(axis=1).max(keepdims=True)
-    unit = _units(prepared, reach)
+    unit = input_units(prepared, reach)
     states = np.empty((len(ends), n))
     state = np.append(start, 1.0)
     states[0] = start
@@ -310,22 +309,8 @@ def _pieces(
     owner, ends, width = owner[real], ends[real], width[real]
     longest = min(0.5 * period, stages(len(scale)) / (3.0 * prepared.size)) if prepared.size else 0.5 * period
     parts = np.maximum(1, np.ceil(width / longest - 1e-9)).astype(np.intp)
-    step = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    size, begin = np.repeat(width / parts, parts), np.repeat(ends[:, 0], parts)
-    rights = np.where(step == np.repeat(parts, parts) - 1, np.repeat(ends[:, 1], parts), begin + (step + 1) * size)
-    return np.repeat(owner, parts), begin + step * size, rights
-
-
-def _reach(prepared: Prepared, entry: AbstractPeriodicMatrix) -> NDArray[np.float64]:
-    """How quickly a unit of each input moves the states, in their units (inputs,)."""
-    probes = entry.period * (np.arange(_PROBES) + 0.381966) / _PROBES
-    return (np.abs(entry.at(probes)).max(axis=0) / prepared.scale[:, None]).max(axis=0)
-
-
-def _units(prepared: Prepared, reach: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Units of the inputs in which they move the states as quickly as these move each other, powers of two."""
-    rate = prepared.size or 1.0 / prepared.matrix.period
-    return np.where(reach > 0.0, 2.0 ** np.round(np.log2(rate / np.where(reach > 0.0, reach, rate))), 1.0)
+    interval, lefts, rights = divided(ends[:, 0], ends[:, 1], parts)
+    return owner[interval], lefts, rights
 
 
 def _finite(states: NDArray[np.float64], instants: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, finite, frozen_array, input_error, positive
 from floquid.floquet.control._harmonic_state_space import respond
-from floquid.floquet.control._system import PeriodicSystem
+from floquid.floquet.control._system import PeriodicSystem, checked_system
 from floquid.floquet.hill_method import growth_doubt, hill, refuse_undamped
 
 
@@ -121,8 +121,7 @@ def sine_response(
     """
     of = "floquet.sine_response"
     speed = finite(omega, "omega", of, unit="rad/s")
-    if not isinstance(system, PeriodicSystem):
-        raise input_error("system", of, "be a PeriodicSystem", f"is {type(system).__name__}")
+    checked_system(system, of, inputs=False)
     size = amplitude if np.ndim(amplitude) else np.full(system.n_inputs, amplitude)
     column = frozen_array(size, "amplitude", of, axes=(system.n_inputs,), dtype=np.complex128)
     _refuse_without_steady_state(system, speed, of)

@@ -15,6 +15,7 @@ from floquid.floquet.matrices import (
     AbstractPeriodicMatrix,
     FunctionMatrix,
     Operand,
+    Prepared,
     assembled,
     constant_matrix,
     constant_value,
@@ -22,6 +23,8 @@ from floquid.floquet.matrices import (
     multiples,
     named,
     operand,
+    probe_times,
+    stretches,
 )
 
 _SINGULAR = 1e-12  # reciprocal condition of I ∓ D₁D₂ below which a loop has no solution
@@ -128,7 +131,7 @@ class PeriodicSystem:
         if self.n_inputs != other.n_outputs:
             got = f"has {other.n_outputs}"
             raise input_error("right", "@", f"have as many outputs as the left has inputs, {self.n_inputs}", got)
-        second, first = _with_inputs(self, "left", "@"), _with_inputs(other, "right", "@")
+        second, first = with_inputs(self, "@", "left"), with_inputs(other, "@", "right")
         (A2, B2, C2, D2), (A1, B1, C1, D1) = second, first
         return _built(
             A=[[A1, np.zeros((other.n_states, self.n_states))], [B2 @ C1, A2]],
@@ -147,7 +150,7 @@ class PeriodicSystem:
         sizes, theirs = (self.n_outputs, self.n_inputs), (other.n_outputs, other.n_inputs)
         if sizes != theirs:
             raise input_error("right", "+", f"have {sizes[0]} outputs and {sizes[1]} inputs", f"has {theirs}")
-        (A1, B1, C1, D1), (A2, B2, C2, D2) = _with_inputs(self, "left", "+"), _with_inputs(other, "right", "+")
+        (A1, B1, C1, D1), (A2, B2, C2, D2) = with_inputs(self, "+", "left"), with_inputs(other, "+", "right")
         n, m = self.n_states, other.n_states
         return _built(
             A=[[A1, np.zeros((n, m))], [np.zeros((m, n)), A2]],
@@ -199,14 +202,13 @@ class PeriodicSystem:
             then the loop has no solution.
         """
         of = "PeriodicSystem.feedback"
-        if not isinstance(other, PeriodicSystem):
-            raise input_error("other", of, "be a PeriodicSystem", f"is {type(other).__name__}")
+        checked_system(other, of, inputs=True, argument="other")
         if sign not in (-1, 1):
             raise input_error("sign", of, "be -1 or 1", f"is {sign!r}")
         wanted, theirs = (self.n_inputs, self.n_outputs), (other.n_outputs, other.n_inputs)
         if wanted != theirs:
             raise input_error("other", of, f"have {wanted[0]} outputs and {wanted[1]} inputs", f"has {theirs}")
-        (A1, B1, C1, D1), (A2, B2, C2, D2) = _with_inputs(self, "self", of), _with_inputs(other, "other", of)
+        (A1, B1, C1, D1), (A2, B2, C2, D2) = with_inputs(self, of, "self"), with_inputs(other, of, "other")
         E = _inverse(np.eye(self.n_outputs) - sign * (D1 @ D2), of)  # y₁ = E (C₁x₁ ± D₁C₂x₂ + D₁r)
         direct, from_first, from_second = E @ D1, E @ C1, sign * (E @ D1 @ C2)
         back = sign * (B1 @ D2)
@@ -260,15 +262,6 @@ def _over_one_period(given: dict[str, Operand]) -> dict[str, AbstractPeriodicMat
     }
 
 
-def _with_inputs(
-    system: PeriodicSystem, argument: str, of: str
-) -> tuple[AbstractPeriodicMatrix, AbstractPeriodicMatrix, AbstractPeriodicMatrix, AbstractPeriodicMatrix]:
-    """Its four matrices."""
-    if system.B is None or system.D is None:
-        raise input_error(argument, of, "have inputs", "has none", "Give it a `B`.")
-    return system.A, system.B, system.C, system.D
-
-
 def _built(
     *,
     A: list[list[Operand]],
@@ -304,15 +297,9 @@ def _joined(first: tuple[str, ...], second: tuple[str, ...]) -> tuple[str, ...]:
 
 def _inverse(matrix: AbstractPeriodicMatrix, of: str) -> AbstractPeriodicMatrix:
     """The inverse at every time, refused where there is none."""
-    breaks = np.asarray(matrix.breaks)
-    starts = breaks if breaks.size else np.zeros(1)
-    widths = np.append(starts[1:], starts[0] + matrix.period) - starts
-    inside = (np.arange(_PROBES) + 0.5) / _PROBES
-    stretches = matrix.at(starts[:, None] + widths[:, None] * inside)
-    sizes = np.linalg.svd(stretches, compute_uv=False)
-    signs = np.linalg.slogdet(stretches)[0]
-    # Between two breaks the determinant is continuous: with both signs it has a zero, whether or not a probe met it.
-    if (sizes[..., -1] <= _SINGULAR * sizes[..., 0]).any() or (signs != signs[:, :1]).any():
+    values = matrix.at(stretches(matrix))
+    sizes = np.linalg.svd(values, compute_uv=False)
+    if (sizes[..., -1] <= _SINGULAR * sizes[..., 0]).any() or changes_sign(values):
         raise input_error(
             "other",
             of,
@@ -322,8 +309,50 @@ def _inverse(matrix: AbstractPeriodicMatrix, of: str) -> AbstractPeriodicMatrix:
         )
     if constant_value(matrix) is not None:
         return constant_matrix(_inverted(matrix, np.zeros(())), matrix.period)
-    return FunctionMatrix(function=partial(_inverted, matrix), period=matrix.period, breaks=breaks, vectorised=True)
+    return FunctionMatrix(
+        function=partial(_inverted, matrix), period=matrix.period, breaks=matrix.breaks, vectorised=True
+    )
 
 
 def _inverted(matrix: AbstractPeriodicMatrix, times: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.linalg.inv(matrix.at(times)).astype(np.float64, copy=False)
+
+
+def matrix_reach(prepared: Prepared, entry: AbstractPeriodicMatrix) -> NDArray[np.float64]:
+    """The speed at which a unit of each input moves the states, in their units (inputs,)."""
+    size = np.abs(entry.at(probe_times(entry.period, _PROBES))).max(axis=0)
+    return (size / prepared.scale[:, None]).max(axis=0)
+
+
+def input_units(prepared: Prepared, reach: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Units of the inputs in which they move the states as quickly as these move each other, powers of two."""
+    rate = prepared.size or 1.0 / prepared.matrix.period
+    return np.where(reach > 0.0, 2.0 ** np.round(np.log2(rate / np.where(reach > 0.0, reach, rate))), 1.0)
+
+
+def checked_system(system: PeriodicSystem, of: str, *, inputs: bool, argument: str = "system") -> None:
+    """Refuse what is no periodic system, and one without inputs where they are needed."""
+    if not isinstance(system, PeriodicSystem):
+        got = f"is {type(system).__name__}"
+        raise input_error(argument, of, "be a PeriodicSystem", got, "Of A(t) alone: `PeriodicSystem(A=...)`.")
+    if inputs and system.B is None:
+        raise input_error(argument, of, "have inputs", "has none", "Give it a `B`.")
+
+
+def with_inputs(
+    system: PeriodicSystem, of: str, argument: str = "system"
+) -> tuple[AbstractPeriodicMatrix, AbstractPeriodicMatrix, AbstractPeriodicMatrix, AbstractPeriodicMatrix]:
+    """A, B, C and D of a periodic system, refused where it has no inputs."""
+    checked_system(system, of, inputs=True, argument=argument)
+    assert system.B is not None
+    assert system.D is not None
+    return system.A, system.B, system.C, system.D
+
+
+def changes_sign(values: NDArray[np.float64]) -> bool:
+    """True if a determinant has both signs between two breaks, of values (stretches, instants, n, n).
+
+    There it is continuous, and so has a zero, whether or not an instant met it.
+    """
+    signs = np.linalg.slogdet(values)[0]
+    return bool((signs != signs[:, :1]).any())

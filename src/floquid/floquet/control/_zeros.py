@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.errors import InputError
-from floquid.floquet.control._gramians import checked_system
-from floquid.floquet.control._norms import stretches
-from floquid.floquet.control._system import PeriodicSystem
+from floquid.floquet.control._system import PeriodicSystem, changes_sign, with_inputs
 from floquid.floquet.matrices import (
     AbstractPeriodicMatrix,
     FunctionMatrix,
@@ -20,6 +18,7 @@ from floquid.floquet.matrices import (
     constant_matrix,
     joint_breaks,
     real_series,
+    stretches,
 )
 from floquid.floquet.monodromy_matrix import TOLERANCE, checked, factors, product_logarithms
 
@@ -70,7 +69,7 @@ def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> NDArray[np
     Control Systems, 5.1. The outputs and their derivatives are projected out of every factor of a product that is not
     formed, so that no infinite zeros have to be told from finite ones.
     """
-    checked_system(system, _OF, inputs=True)
+    with_inputs(system, _OF)
     if system.n_inputs != system.n_outputs:
         got = f"has {system.n_inputs} inputs and {system.n_outputs} outputs"
         remedy = "Leave out the surplus; zeros of a system that is not square are those of no square part of it."
@@ -114,10 +113,9 @@ class _Output(NamedTuple):
 
 
 def _scaled(system: PeriodicSystem, prepared: Prepared) -> _Scaled:
-    assert system.B is not None
-    assert system.D is not None
+    _, B, C, D = with_inputs(system, _OF)
     to, back = np.diag(prepared.scale), np.diag(1.0 / prepared.scale)
-    return _Scaled(back @ prepared.matrix @ to, back @ system.B, system.C @ to, system.D)
+    return _Scaled(back @ prepared.matrix @ to, back @ B, C @ to, D)
 
 
 def _differentiated(scaled: _Scaled, name: str, index: int) -> _Output:
@@ -175,9 +173,7 @@ def _closed(scaled: _Scaled, rows: list[_Output]) -> AbstractPeriodicMatrix:
         lengths = np.linalg.norm(values, axis=axis, keepdims=True).max(axis=(0, 1))
         values = values / np.where(lengths > 0.0, lengths, 1.0)
     sizes = np.linalg.svd(values, compute_uv=False)
-    signs = np.linalg.slogdet(values)[0]
-    # Between two breaks the determinant is continuous: with both signs it has a zero, whether or not a probe met it.
-    if (sizes[..., -1] <= _SINGULAR).any() or (signs != signs[:, :1]).any():
+    if (sizes[..., -1] <= _SINGULAR).any() or changes_sign(values):
         raise input_error(
             "system",
             _OF,

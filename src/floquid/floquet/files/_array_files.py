@@ -1,4 +1,4 @@
-"""What files of arrays hold, by name: NumPy archives, MATLAB files, HDF5, JSON, and floquid's own results."""
+"""Arrays by name from NumPy archives, MATLAB files, HDF5, JSON, and floquid's own results."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ _LISTED = 40
 
 
 class DamagedError(Exception):
-    """What is wrong with a file, in words."""
+    """A damaged file, and its fault in words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contents:
-    """What was found under the names that count, and the names of all that is there."""
+    """The arrays under the names that count, and the names of all that the file holds."""
 
     path: Path
     arrays: dict[str, Any]
     names: tuple[str, ...]
     result: bool = False
-    """Whether it is a result of `floquid identify`: A is then (times, n, n)."""
+    """True for a result of `floquid identify`, whose A is (times, n, n)."""
 
     def error(self, must: str, got: str, remedy: str = "") -> InputError:
         """The message «Argument `paths` of `floquet.read_matrix` must …, but rotor.npz …»."""
@@ -46,7 +46,7 @@ class Contents:
 
 
 def contents(path: Path) -> Contents:
-    """What `path` holds; nothing in it is ever unpickled or run.
+    """The arrays of the file at `path`; nothing in it is ever unpickled or run.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def _hdf5(path: Path) -> Contents:
 
 
 def _thing(file: Any, name: str) -> Any:
-    """What is at a path, by hard links alone."""
+    """The object at a path inside a file, by hard links alone."""
     import h5py
 
     found = file

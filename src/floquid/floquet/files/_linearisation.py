@@ -23,7 +23,7 @@ _BLADE = re.compile(r"\bblade (\d{1,2})\b|\bBD_(\d{1,2})\b", re.IGNORECASE)
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AzimuthResolution(Rebuilt):
-    r"""Whether the azimuths resolve A(ψ): the sizes of its harmonics.
+    r"""The resolution of A(ψ) by the azimuths: the sizes of its harmonics.
 
     .. math:: s_k = \frac{\sqrt{2 - \delta_{k0}}\;\lVert D^{-1} A_k D \rVert_F}
               {\left(\frac{1}{N}\sum_j \lVert D^{-1} A(\psi_j) D \rVert_F^2\right)^{1/2}}, \qquad
@@ -196,7 +196,7 @@ class OpenFastLinearisation(Rebuilt):
         return np.arange(-count, count + 1), _coefficients(self.azimuths, values, count)
 
     def resolution(self) -> AzimuthResolution:
-        """Whether the azimuths resolve A(ψ).
+        """The resolution of A(ψ) by the azimuths.
 
         What lies above (azimuths - 1)/2 harmonics is folded onto lower ones, unseen, and A(ψ) looks the smoother for
         it: three azimuths see the third harmonic as constant. So the harmonics must reach the passage of the blades,

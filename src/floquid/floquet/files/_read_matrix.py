@@ -230,7 +230,7 @@ def _without_end(
 
 
 def _resolution(matrix: SampledMatrix) -> tuple[str, ...]:
-    """What there is to say of samples whose harmonics do not die out."""
+    """A warning for samples whose harmonics do not die out."""
     values = np.asarray(matrix.values)
     if matrix.interpolation != "fourier" or values.shape[2] < 2:
         return ()

@@ -17,7 +17,7 @@ from floquid.floquet.files._lin_file import LinFile, LinSignals, read_lin
 from floquid.floquet.files._linearisation import OpenFastLinearisation, mean_over_revolution
 
 AzimuthRole: TypeAlias = Literal["phase", "drop", "keep"]
-"""What becomes of the rotor azimuth, a rigid-body state; see `read_openfast`."""
+"""The treatment of the rotor azimuth, a rigid-body state; see `read_openfast`."""
 
 _OF = "floquet.read_openfast"
 _MUST = "name the linearisation files of one model over one revolution"

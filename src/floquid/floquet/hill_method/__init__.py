@@ -4,14 +4,3 @@ from floquid.floquet.hill_method._hill import hill
 from floquid.floquet.hill_method._hill_matrix import block_toeplitz, speeds
 from floquid.floquet.hill_method._hill_modes import HillModes, HillOutcome, growth_doubt, refuse_undamped
 from floquid.floquet.hill_method._smoothing import smoothed
-
-__all__ = [
-    "HillModes",
-    "HillOutcome",
-    "block_toeplitz",
-    "growth_doubt",
-    "hill",
-    "refuse_undamped",
-    "smoothed",
-    "speeds",
-]

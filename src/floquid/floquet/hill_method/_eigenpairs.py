@@ -66,7 +66,7 @@ class Truncated(NamedTuple):
     """Of each eigenvalue (modes,)."""
 
     def rounding(self, problem: Problem) -> NDArray[np.float64]:
-        """What rounding may move the exponents by (modes,) [1/s]."""
+        """The largest effect of rounding on the exponents (modes,) [1/s]."""
         return 4.0 * _EPS * self.condition * problem.norm
 
     def split(self, problem: Problem) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import input_error, integer, positive
+from floquid._checks import input_error, integer
 from floquid.floquet.hill_method._eigenpairs import Problem, Truncated, effect_of_edges, truncated
 from floquid.floquet.hill_method._gauge import swinging_along
 from floquid.floquet.hill_method._hill_matrix import modulo
@@ -19,6 +19,7 @@ from floquid.floquet.matrices import (
     Reach,
     StateMatrix,
     binary_units,
+    checked_tolerance,
     fourier,
     periodic,
     reach,
@@ -95,9 +96,7 @@ def hill(
     Selection by the shape rather than by Im λ: Moore 2005; Bentvelsen and Lazarus 2018.
     """
     of = "floquet.hill"
-    accuracy = positive(tolerance, "tolerance", of)
-    if not 1e-14 <= accuracy <= 1e-2:
-        raise input_error("tolerance", of, "lie in [1e-14, 1e-2]", f"is {accuracy:g}")
+    accuracy = checked_tolerance(tolerance, of, largest=1e-2)
     matrix = periodic(system, period, breaks, of)
     n_states = matrix.shape[0]
     wanted = None if n_harmonics is None else integer(n_harmonics, "n_harmonics", of, at_least=1)

@@ -1,4 +1,4 @@
-"""What Hill's method finds."""
+"""The modes that Hill's method finds."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class HillModes(Rebuilt):
 
     @property
     def converged(self) -> bool:
-        """Whether no exponent changed by more than the tolerance."""
+        """True if no exponent changed by more than the tolerance."""
         return self.outcome is HillOutcome.CONVERGED
 
     @property

@@ -20,10 +20,10 @@ from floquid.floquet.matrices._forms import (
     SampledMatrix,
 )
 from floquid.floquet.matrices._fourier import Elements, Needs, Reach, elements, fourier, of_function, reach
-from floquid.floquet.matrices._given import as_array, named
+from floquid.floquet.matrices._given import as_array, checked_tolerance, named
 from floquid.floquet.matrices._interpolation import line_weights
 from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix
-from floquid.floquet.matrices._period_check import refuse_other_period
+from floquid.floquet.matrices._period_check import probe_times, refuse_other_period
 from floquid.floquet.matrices._periods import (
     common_period,
     constant_value,
@@ -32,53 +32,6 @@ from floquid.floquet.matrices._periods import (
     multiples,
     reduced,
     repeated,
+    stretches,
 )
 from floquid.floquet.matrices._state_matrix import Prepared, StateMatrix, periodic, prepare
-
-__all__ = [
-    "SAME",
-    "AbstractPeriodicMatrix",
-    "Elements",
-    "FunctionMatrix",
-    "HarmonicMatrix",
-    "Interpolation",
-    "Needs",
-    "Operand",
-    "PiecewiseMatrix",
-    "Prepared",
-    "Reach",
-    "SampledMatrix",
-    "StateMatrix",
-    "added",
-    "after_jumps",
-    "as_array",
-    "assembled",
-    "balance",
-    "balanced_units",
-    "binary_units",
-    "common_period",
-    "constant_matrix",
-    "constant_value",
-    "declared",
-    "elements",
-    "fourier",
-    "joint_breaks",
-    "line_weights",
-    "multiples",
-    "named",
-    "of_function",
-    "operand",
-    "periodic",
-    "prepare",
-    "product",
-    "reach",
-    "real_series",
-    "reduced",
-    "refuse_other_period",
-    "repeated",
-    "scaled",
-    "to_harmonics",
-    "to_pieces",
-    "to_samples",
-    "transposed",
-]

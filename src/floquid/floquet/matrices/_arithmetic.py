@@ -190,7 +190,7 @@ def _pointwise(
     second: AbstractPeriodicMatrix,
     period: float,
 ) -> AbstractPeriodicMatrix:
-    """What is made of the values of two matrices of one period: pieces of pieces, else a function."""
+    """Two matrices of one period combined value by value: pieces of pieces, else a function."""
     breaks = joint_breaks((first, second), period)
     if isinstance(first, PiecewiseMatrix) and isinstance(second, PiecewiseMatrix):
         values = combine(*(np.moveaxis(values_between(part, breaks, period), 2, 0) for part in (first, second)))

@@ -147,7 +147,7 @@ def _trimmed(matrix: HarmonicMatrix, tolerance: float) -> HarmonicMatrix:
 
 
 def _allowed(values: NDArray[np.complex128], tolerance: float) -> NDArray[np.float64]:
-    """What may be left out of each entry (rows, columns)."""
+    """The size of the harmonics that may be left out of each entry (rows, columns)."""
     sizes = np.abs(values).sum(axis=2)
     return np.maximum(tolerance * sizes, _FLOOR * sizes.max())
 

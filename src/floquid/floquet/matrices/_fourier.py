@@ -49,11 +49,11 @@ class Reach(NamedTuple):
     """The highest of those that are strong: a truncation raised by less may not meet anything new."""
 
     ends: bool
-    """Whether they have an end; if not, only strong lines are counted."""
+    """True if they have an end; if not, only strong lines are counted."""
 
 
 class Needs(NamedTuple):
-    """What truncations have to reach for the sake of the matrices."""
+    """The truncations that the harmonics of the matrices need."""
 
     lowest: int
     """The lowest truncation."""
@@ -295,5 +295,5 @@ def _projection() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _units(largest: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What an error of each entry is measured by: the largest entry of its row or its column, whichever is less."""
+    """The unit of an error of each entry: the largest entry of its row or its column, whichever is less."""
     return np.minimum(largest.max(axis=1)[:, None], largest.max(axis=0)[None, :])

@@ -19,8 +19,16 @@ def checked_period(period: float, of: str) -> float:
     return length
 
 
+def checked_tolerance(tolerance: float, of: str, largest: float = 1e-3) -> float:
+    """The tolerance, from 1e-14 to the `largest` that passes."""
+    accuracy = positive(tolerance, "tolerance", of)
+    if not 1e-14 <= accuracy <= largest:
+        raise input_error("tolerance", of, f"lie in [1e-14, {largest:.0e}]".replace("e-0", "e-"), f"is {accuracy:g}")
+    return accuracy
+
+
 def as_array(value: ArrayLike, argument: str, of: str, remedy: str = "") -> NDArray[Any]:
-    """What was given, as an array of whatever it holds."""
+    """The value given as an array, of whatever it holds."""
     try:
         return np.asarray(value)
     except ValueError:

@@ -1,4 +1,4 @@
-"""What a matrix is between its samples."""
+"""Interpolation between the samples of a matrix."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from floquid._checks import input_error
 
 
 def line_weights(n_samples: int) -> NDArray[np.float64]:
-    """What the lines of `rfft` of `n_samples` count for in the real series through the samples (lines,)."""
+    """Weights of the lines of `rfft` of `n_samples` in the real series through the samples (lines,)."""
     weights = np.full(n_samples // 2 + 1, 2.0 / n_samples)
     weights[0] = 1.0 / n_samples
     if n_samples % 2 == 0:
@@ -55,8 +55,11 @@ def _interpolant(
 
     knots = np.append(times, times[0] + period)
     stack = np.moveaxis(np.concatenate([values, values[..., :1]], axis=2), 2, 0)
-    spline = CubicSpline(knots, stack, bc_type="periodic") if kind == "cubic" else make_interp_spline(knots, stack, k=1)
-    return partial(_spline, spline, times[0], period)
+    if kind == "cubic":
+        return CubicSpline(knots, stack, bc_type="periodic")  # it goes on periodically by itself
+    line = make_interp_spline(knots, stack, k=1)
+    line.extrapolate = "periodic"
+    return line
 
 
 def _constant(value: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -68,9 +71,3 @@ def _series(lines: NDArray[np.complex128], start: float, period: float, at: NDAr
     angle = np.multiply.outer(np.mod((at.ravel() - start) / period, 1.0), 2.0 * np.pi * np.arange(count))
     flat = lines.reshape(-1, count).T
     return (np.cos(angle) @ flat.real - np.sin(angle) @ flat.imag).reshape(*at.shape, rows, columns)
-
-
-def _spline(
-    spline: Callable[[NDArray[np.float64]], NDArray[np.float64]], start: float, period: float, at: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    return np.asarray(spline(start + np.mod(at - start, period)))

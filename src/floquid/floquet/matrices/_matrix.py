@@ -1,4 +1,4 @@
-"""What every form of a periodic matrix answers."""
+"""The type that every form of a periodic matrix has."""
 
 from __future__ import annotations
 

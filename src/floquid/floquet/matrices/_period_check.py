@@ -9,7 +9,6 @@ from floquid._checks import input_error
 from floquid.floquet.matrices._balancing import balance
 from floquid.floquet.matrices._forms import FunctionMatrix
 
-PROBES = 16
 OFFSET = 0.381966
 """Off every simple fraction of the period, where jumps and zeros like to sit."""
 
@@ -40,6 +39,6 @@ def refuse_other_period(matrix: FunctionMatrix, of: str) -> None:
         )
 
 
-def probe_times(period: float) -> NDArray[np.float64]:
+def probe_times(period: float, count: int = 16) -> NDArray[np.float64]:
     """Instants spread over the period (times,) [s]."""
-    return period * (np.arange(PROBES) + OFFSET) / PROBES
+    return period * (np.arange(count) + OFFSET) / count

@@ -26,6 +26,7 @@ REPEATS = 1e-10
 
 _GOLDEN = 0.3819660112501051
 _PROBES = 32
+_WITHIN = 65  # instants of a stretch without a break
 
 
 def common_period(*periods: float) -> float:
@@ -186,7 +187,7 @@ def _repetitions(matrix: AbstractPeriodicMatrix) -> int:
 
 
 def _repeats(matrix: AbstractPeriodicMatrix, count: int) -> bool:
-    """Whether one `count`-th of the period is a period."""
+    """True if one `count`-th of the period is a period."""
     shift = matrix.period / count
     times = _probes(matrix, shift)
     allowed = REPEATS * _size(matrix)
@@ -224,3 +225,11 @@ def _incommensurate(first: float, second: float, of: str) -> Exception:
         f"are {first:.15g} s and {second:.15g} s, which have none to within {SAME:g}",
         "If they are meant to be equal or a whole multiple, give both from one number.",
     )
+
+
+def stretches(matrix: AbstractPeriodicMatrix) -> NDArray[np.float64]:
+    """Instants from one break to the next, just within both (stretches, instants)."""
+    breaks = np.asarray(matrix.breaks)
+    starts = breaks if breaks.size else np.zeros(1)
+    widths = np.append(starts[1:], starts[0] + matrix.period) - starts
+    return starts[:, None] + widths[:, None] * np.linspace(1e-12, 1.0 - 1e-12, _WITHIN)

@@ -1,4 +1,4 @@
-"""What may be given as A(t), and its form for integration: resolved into harmonics where it is smooth."""
+"""A(t) in the forms that it may be given in, and in that for integration: harmonics where it is smooth."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Prepared(NamedTuple):
 
     matrix: AbstractPeriodicMatrix
     smooth: bool
-    """Whether it is smooth between its breaks for certain."""
+    """True if it is smooth between its breaks for certain."""
 
     scale: NDArray[np.float64]
     """Units of the states (n,) in which A is best balanced."""
@@ -41,7 +41,7 @@ class Prepared(NamedTuple):
 
 
 def periodic(system: StateMatrix, period: float | None, breaks: ArrayLike, of: str) -> AbstractPeriodicMatrix:
-    """What was given as A(t), as a square periodic matrix.
+    """A(t), in whatever form it was given, as a square periodic matrix.
 
     Raises
     ------

@@ -1,10 +1,10 @@
 """Exponents, modes and stability by integration over a period: factors of the monodromy matrix."""
 
-from floquid.floquet.monodromy_matrix._collocation import MOST, Evaluate, factorise, gauss, stages
+from floquid.floquet.monodromy_matrix._collocation import MOST, Evaluate, divided, factorise, gauss, inverse, stages
 from floquid.floquet.monodromy_matrix._exponents import exponents, multipliers
 from floquid.floquet.monodromy_matrix._floquet_lyapunov import FloquetLyapunov, floquet_lyapunov
 from floquid.floquet.monodromy_matrix._modes import FloquetModes, ModesOutcome, modes
-from floquid.floquet.monodromy_matrix._periodic_schur import product_logarithms
+from floquid.floquet.monodromy_matrix._periodic_schur import multipliers_of, product_logarithms
 from floquid.floquet.monodromy_matrix._stability import (
     Stability,
     Verdict,
@@ -15,31 +15,3 @@ from floquid.floquet.monodromy_matrix._stability import (
     upper_modes,
 )
 from floquid.floquet.monodromy_matrix._transition import TOLERANCE, checked, factors, monodromy, transition
-
-__all__ = [
-    "MOST",
-    "TOLERANCE",
-    "Evaluate",
-    "FloquetLyapunov",
-    "FloquetModes",
-    "ModesOutcome",
-    "Stability",
-    "Verdict",
-    "checked",
-    "compare",
-    "exponents",
-    "factorise",
-    "factors",
-    "floquet_lyapunov",
-    "gauss",
-    "modes",
-    "monodromy",
-    "multiplier_is_real",
-    "multipliers",
-    "product_logarithms",
-    "stability",
-    "stages",
-    "state_participation",
-    "transition",
-    "upper_modes",
-]

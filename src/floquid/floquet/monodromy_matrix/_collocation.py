@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ class Factors(NamedTuple):
     """(factors, n, n)."""
 
     finished: bool
-    """Whether every interval reached the tolerance."""
+    """True if every interval reached the tolerance."""
 
 
 class Rule(NamedTuple):
@@ -60,6 +60,17 @@ def stages(n: int) -> int:
     return 8 if n <= 6 else 6
 
 
+def divided(
+    left: NDArray[np.float64], right: NDArray[np.float64], parts: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+    """Intervals cut into equal `parts` each (intervals,): whose each piece is, its left and its right end (pieces,)."""
+    owner = np.repeat(np.arange(len(parts)), parts)
+    step = np.arange(len(owner)) - np.repeat(np.cumsum(parts) - parts, parts)
+    lefts = left[owner] + step * ((right - left) / parts)[owner]
+    last = step + 1 == parts[owner]
+    return owner, lefts, np.where(last, right[owner], np.append(lefts[1:], 0.0))
+
+
 @cache
 def gauss(n_nodes: int) -> Rule:
     """The rule of `n_nodes`, its inner weights by integration of the Legendre polynomials through the nodes."""
@@ -72,7 +83,7 @@ def gauss(n_nodes: int) -> Rule:
 
 @cache
 def _extrapolation(n_nodes: int) -> NDArray[np.float64]:
-    """What the values at the nodes make of those just inside both ends (2, nodes)."""
+    """Weights that extrapolate values at the nodes to just inside both ends (2, nodes)."""
     legendre = np.polynomial.legendre
     values = legendre.legvander(legendre.leggauss(n_nodes)[0], n_nodes - 1)
     return legendre.legvander(np.array([2.0 * _INSIDE - 1.0, 1.0 - 2.0 * _INSIDE]), n_nodes - 1) @ np.linalg.inv(values)
@@ -199,10 +210,10 @@ def _step(
     halves = collocate(values[:, :s], half)
     halves = halves.reshape(-1, 2, *halves.shape[1:])
     whole = halves[:, 1] @ halves[:, 0]
-    inverse = _inverse(whole)
+    back = inverse(whole)
     difference = single - whole
-    error = np.maximum(_size(difference @ inverse), _size(inverse @ difference))
-    rounding = 2.0**-53 * _size(whole) * _size(inverse)
+    error = np.maximum(_size(difference @ back), _size(back @ difference))
+    rounding = 2.0**-53 * _size(whole) * _size(back)
     if not smooth:
         # A jump between an end and the node next to it is seen by no node.
         off = _size_of_all(values[:, s:] - np.einsum("en,inkl->iekl", _extrapolation(s), values[:, :s]))
@@ -211,13 +222,13 @@ def _step(
     return halves, whole, error, rounding
 
 
-def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def inverse(matrices: NDArray[Any]) -> NDArray[Any]:
     """The inverses; infinity for what has none, so that its interval is halved."""
     try:
-        return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
+        return np.asarray(np.linalg.inv(matrices))
     except np.linalg.LinAlgError:
         regular = np.linalg.det(matrices) != 0.0
-        out = np.full(matrices.shape, np.inf)
+        out = np.full_like(matrices, np.inf)
         out[regular] = np.linalg.inv(matrices[regular])
         return out
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import input_error
 from floquid.floquet.matrices import HarmonicMatrix, Prepared, StateMatrix
 from floquid.floquet.monodromy_matrix._collocation import Factors, gauss, stages
-from floquid.floquet.monodromy_matrix._periodic_schur import product_logarithms
+from floquid.floquet.monodromy_matrix._periodic_schur import multipliers_of, product_logarithms
 from floquid.floquet.monodromy_matrix._transition import TOLERANCE, checked, factors
 
 _LOST = 1e-7  # of the sum of the exponents' sizes: largest miss of Liouville's formula that passes
@@ -39,12 +39,7 @@ def multipliers(
     InputError
         As in `exponents`.
     """
-    found = _logarithms(system, period, breaks, tolerance, "floquet.multipliers")[0]
-    real = np.isin(found.imag, (0.0, np.pi))
-    # A real multiplier that overflows is infinite, and not infinity times the zero of a sine.
-    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        size = np.exp(found.real)
-        return np.where(real, np.where(found.imag == 0.0, size, -size), size * np.exp(1j * found.imag))
+    return multipliers_of(_logarithms(system, period, breaks, tolerance, "floquet.multipliers")[0])
 
 
 def exponents(
@@ -83,11 +78,6 @@ def exponents(
     """
     found, length = _logarithms(system, period, breaks, tolerance, "floquet.exponents")
     return found / length
-
-
-def period_factors(prepared: Prepared, tolerance: float, of: str) -> Factors:
-    """The factors of Φ(T, 0)."""
-    return factors(prepared, np.array([0.0, prepared.matrix.period]), tolerance, of)
 
 
 def balanced(found: Factors, prepared: Prepared) -> NDArray[np.float64]:
@@ -129,7 +119,7 @@ def _logarithms(
 ) -> tuple[NDArray[np.complex128], float]:
     """The sorted logarithms of the multipliers, and the period."""
     prepared = checked(system, period, breaks, tolerance, of)
-    found = period_factors(prepared, tolerance, of)
+    found = factors(prepared, np.array([0.0, prepared.matrix.period]), tolerance, of)
     logs = product_logarithms(balanced(found, prepared))
     refuse_lost(logs, found, prepared, of)
     return logs, prepared.matrix.period

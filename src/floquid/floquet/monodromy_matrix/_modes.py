@@ -23,7 +23,7 @@ _CLOSE = 10.0  # errors of an exponent within which another is not told from it
 
 
 class ModesOutcome(Enum):
-    """What the analysis came to, with what to do."""
+    """The outcome of the analysis, with the remedy."""
 
     FULL = "the modes are a full set"
     DEFECTIVE = (

@@ -106,6 +106,15 @@ def product_logarithms(factors: NDArray[np.float64]) -> NDArray[np.complex128]:
     return found[principal_order(found)]
 
 
+def multipliers_of(logs: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Multipliers from their logarithms (n,): real where these say so, zero and infinite out of range."""
+    # A real multiplier that overflows is infinite, and not infinity times the zero of a sine.
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        size = np.exp(logs.real)
+        real = np.where(logs.imag == 0.0, size, -size)
+        return np.where(np.isin(logs.imag, (0.0, np.pi)), real, size * np.exp(1j * logs.imag))
+
+
 def modes(form: PeriodicSchur) -> ProductModes:
     """The eigenvalues of the product and its eigenvectors, carried through the factors."""
     logs, vectors, growth = zip(*(_block_modes(form, block) for block in form.blocks()), strict=True)

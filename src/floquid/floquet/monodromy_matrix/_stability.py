@@ -1,4 +1,4 @@
-"""Whether a periodic system is stable, in words; how far two spectra are apart; what states a mode is made of."""
+"""The verdict on stability in words, the distance of two spectra, and the states that a mode is made of."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Verdict(Enum):
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stability(Rebuilt):
-    """Whether a periodic system is stable.
+    """The verdict on the stability of a periodic system, with its reasons.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Stability(Rebuilt):
 
 
 def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: ArrayLike | None = None) -> Stability:
-    r"""Whether x' = A(t) x is stable, and how not.
+    r"""The verdict on the stability of x' = A(t) x, from its exponents.
 
     .. math:: \max_r \mathrm{Re}\,\lambda_r < 0
 
@@ -154,7 +154,7 @@ def upper_modes(modes: FloquetModes) -> list[int]:
 
 
 def multiplier_is_real(modes: FloquetModes, mode: int) -> bool:
-    """Whether a mode is its own conjugate: its multiplier is real.
+    """True for a mode that is its own conjugate: its multiplier is real.
 
     Parameters
     ----------

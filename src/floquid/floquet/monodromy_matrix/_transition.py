@@ -5,9 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import finite, frozen_array, input_error, positive
-from floquid.floquet.matrices import FunctionMatrix, HarmonicMatrix, Prepared, StateMatrix, periodic, prepare
-from floquid.floquet.monodromy_matrix._collocation import MOST, Factors, factorise, stages
+from floquid._checks import finite, frozen_array, input_error
+from floquid.floquet.matrices import (
+    FunctionMatrix,
+    HarmonicMatrix,
+    Prepared,
+    StateMatrix,
+    checked_tolerance,
+    periodic,
+    prepare,
+)
+from floquid.floquet.monodromy_matrix._collocation import MOST, Factors, divided, factorise, stages
 
 TOLERANCE = 1e-12
 """Relative error of a factor of Φ that is aimed at by default."""
@@ -145,9 +153,7 @@ def monodromy(
 
 def checked(system: StateMatrix, period: float | None, breaks: ArrayLike, tolerance: float, of: str) -> Prepared:
     """A(t) ready to be integrated to `tolerance`, both checked."""
-    accuracy = positive(tolerance, "tolerance", of)
-    if not 1e-14 <= accuracy <= 1e-3:
-        raise input_error("tolerance", of, "lie in [1e-14, 1e-3]", f"is {accuracy:g}")
+    accuracy = checked_tolerance(tolerance, of)
     return prepare(periodic(system, period, breaks, of), accuracy, of)
 
 
@@ -211,11 +217,7 @@ def intervals(
             "use `floquet.hill`, which takes no steps.",
         )
     parts = wanted.astype(np.intp)
-    whole = np.repeat(np.arange(len(parts)), parts)
-    step = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    width = (right - left) / parts
-    lefts = left[whole] + step * width[whole]
-    rights = np.where(step == parts[whole] - 1, right[whole], left[whole] + (step + 1) * width[whole])
+    _, lefts, rights = divided(left, right, parts)
     gap = np.searchsorted(instants, 0.5 * (lefts + rights), side="right") - 1
     return gap, lefts, rights
 

@@ -2,5 +2,3 @@
 
 from floquid.floquet.stability_maps._stability_map import Instability, StabilityMap, stability_map
 from floquid.floquet.stability_maps._transitions import transitions
-
-__all__ = ["Instability", "StabilityMap", "stability_map", "transitions"]

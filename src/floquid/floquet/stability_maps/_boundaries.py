@@ -55,7 +55,7 @@ def taken(of: Samples, index: NDArray[np.intp]) -> Samples:
 
 
 def swapped(vectors: NDArray[np.complex64], first: NDArray[np.intp], second: NDArray[np.intp]) -> NDArray[np.bool_]:
-    r"""Whether neighbours on the unit circle change places between two samples (pairs,).
+    r"""True where neighbours on the unit circle change places between two samples (pairs,).
 
     The multipliers are in the order of their angles. Where two meet and pass, the eigenvectors of their places do:
 
@@ -100,7 +100,7 @@ def thin_bands(known: Samples, evaluate: Evaluate, margin: float, halvings: int)
 
 
 def _hiding(known: Samples) -> NDArray[np.bool_]:
-    """Whether a change of stability may hide in each interval between samples (samples - 1,)."""
+    """True for intervals between samples in which a change of stability may hide (samples - 1,)."""
     calm = ~known.unstable[:-1] & ~known.unstable[1:]
     out = np.zeros(len(calm), dtype=np.bool_)
     pairs = np.flatnonzero(calm)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import finite, frozen_array, input_error, positive
-from floquid.floquet.matrices import as_array, balance
+from floquid._checks import frozen_array, input_error, positive
+from floquid.floquet.matrices import as_array, balance, checked_tolerance
 
 PROBED = 16  # instants at which a system is compared with itself one period later, and sized
 PROBES = np.array([0.381966, 0.190983, 0.737])  # fractions of a period, off every simple one
@@ -106,9 +106,7 @@ def family(
     if jumps.size and not (jumps[0] >= 0.0 and jumps[-1] < 1.0):
         got = f"runs from {jumps[0]:g} to {jumps[-1]:g}"
         raise input_error("breaks", of, "lie in [0, 1)", got, "In fractions of the period.")
-    accuracy = finite(tolerance, "tolerance", of)
-    if not 1e-14 <= accuracy <= 1e-3:
-        raise input_error("tolerance", of, "lie in [1e-14, 1e-3]", f"is {accuracy:g}")
+    accuracy = checked_tolerance(tolerance, of)
     if not 1e-4 <= positive(narrowest, "narrowest", of) <= 0.125:
         raise input_error("narrowest", of, "lie in [1e-4, 1/8], in periods", f"is {narrowest:g}")
     middle = points[len(points) // 2 : len(points) // 2 + 1]
@@ -117,16 +115,16 @@ def family(
     if len(shape) < 2 or shape[-1] != shape[-2] or not shape[-1] or (len(shape) > 2 and not vectorised):
         stack = "(..., n, n) for times and parameters that broadcast" if vectorised else "(n, n)"
         raise input_error("system", of, f"return a square matrix {stack}", f"returns shape {shape}")
-    options: dict[str, Any] = {
-        "system": system,
-        "period": period,
-        "names": names,
-        "vectorised": vectorised,
-        "breaks": jumps,
-        "tolerance": accuracy,
-        "narrowest": narrowest,
-        "of": of,
-    }
-    rough = Family(scale=np.ones(shape[-1]), **options)
+    rough = Family(
+        system=system,
+        period=period,
+        names=names,
+        vectorised=vectorised,
+        breaks=jumps,
+        tolerance=accuracy,
+        narrowest=narrowest,
+        scale=np.ones(shape[-1]),
+        of=of,
+    )
     times = rough.periods(middle)[:, None] * (np.arange(PROBED) + PROBES[0]) / PROBED
-    return Family(scale=balance(rough.at(middle, times)[0])[0], **options)
+    return replace(rough, scale=balance(rough.at(middle, times)[0])[0])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.floquet.matrices import line_weights
-from floquid.floquet.monodromy_matrix import MOST, factorise, stages
+from floquid.floquet.monodromy_matrix import MOST, divided, factorise, inverse, stages
 from floquid.floquet.stability_maps._family import PROBED, PROBES, Family
 
 _LAST = 512  # samples of a period, at least, that are tried until its harmonics have died away
@@ -19,7 +19,7 @@ _DEFECTIVE = 4  # multipliers that may coalesce into one block: how far rounding
 
 
 class Spectra(NamedTuple):
-    """What is known at each of the points."""
+    """Exponents, growth and eigenvectors at each of the points."""
 
     exponents: NDArray[np.complex128]
     """On the principal branch, ascending in their real parts (points, n) [1/s]."""
@@ -28,7 +28,7 @@ class Spectra(NamedTuple):
     """The largest real part (points,) [1/s]."""
 
     certain: NDArray[np.float64]
-    """What is left of it when the error of each exponent is taken off (points,) [1/s]."""
+    """The same with the error of each exponent taken off (points,) [1/s]."""
 
     multiplier: NDArray[np.complex128]
     """The largest multiplier (points,)."""
@@ -176,12 +176,8 @@ def _monodromy(
         got = f"needs more than {MOST} steps a period at {of.words(points[worst])}"
         raise input_error("system", of.of, "be integrable", got, "Take out states that decay at once; check the units.")
     parts = steps.astype(np.intp).ravel()
-    whole = np.repeat(np.arange(len(parts)), parts)
-    step = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    owner, piece = np.divmod(whole, len(ends) - 1)
-    width = (ends[piece + 1] - ends[piece]) / parts[whole]
-    left = ends[piece] + step * width
-    right = np.where(step + 1 == parts[whole], ends[piece + 1], left + width)
+    whole, left, right = divided(np.tile(ends[:-1], len(points)), np.tile(ends[1:], len(points)), parts)
+    owner = whole // (len(ends) - 1)
     product, power = np.empty((len(points), n, n)), np.zeros(len(points), dtype=np.int64)
     gain = np.empty(len(points))
     share = np.cumsum(np.bincount(owner)) // (_INTERVALS if smooth else _INTERVALS // 20)
@@ -283,17 +279,6 @@ def _eigen(
         multiplier=multiplier,
         vectors=np.take_along_axis(vectors, turned[:, None, :], axis=2).astype(np.complex64),
     )
-
-
-def inverse(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """The inverses; infinity for what has none."""
-    try:
-        return np.asarray(np.linalg.inv(matrices), dtype=np.complex128)
-    except np.linalg.LinAlgError:
-        out = np.full(matrices.shape, np.inf, dtype=matrices.dtype)
-        regular = np.linalg.det(matrices) != 0.0
-        out[regular] = np.linalg.inv(matrices[regular])
-        return out
 
 
 def joined(parts: Sequence[Spectra]) -> Spectra:

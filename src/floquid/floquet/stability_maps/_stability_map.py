@@ -91,7 +91,7 @@ class StabilityMap(Rebuilt):
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the system is unstable at each point (points,)."""
+        """True where the system is unstable (points,)."""
         return self.kind != Instability.STABLE
 
 
