@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.floquet.matrices._given import as_array, checked_breaks, checked_period, refuse_repeated_end
-from floquid.floquet.matrices._interpolation import interpolant
+from floquid.floquet.matrices._interpolation import interpolant, series_at
 from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix
 
 Interpolation: TypeAlias = Literal["fourier", "cubic", "linear"]
@@ -201,15 +201,10 @@ class HarmonicMatrix(AbstractPeriodicMatrix):
 
     def at(self, times: ArrayLike) -> NDArray[np.float64]:
         """The values at `times` [s] of any shape (..., rows, columns)."""
-        instants = np.asarray(times, dtype=np.float64)
-        values = np.asarray(self.coefficients, dtype=np.complex128)
         harmonics = np.asarray(self.harmonics)
         half = len(harmonics) // 2  # the upper half says all: the series is real
-        angle = np.multiply.outer(np.mod(instants.ravel() / self.period, 1.0), 2.0 * np.pi * harmonics[half:])
-        weight = np.where(harmonics[half:] == 0, 1.0, 2.0)
-        upper = (values[..., half:] * weight).reshape(-1, len(weight)).T
-        series = np.cos(angle) @ upper.real - np.sin(angle) @ upper.imag
-        return series.reshape(*instants.shape, *self.shape)
+        upper = np.asarray(self.coefficients)[..., half:] * np.where(harmonics[half:] == 0, 1.0, 2.0)
+        return series_at(upper, harmonics[half:], np.asarray(times, dtype=np.float64) / self.period)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

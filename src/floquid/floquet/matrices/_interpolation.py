@@ -66,8 +66,15 @@ def _constant(value: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np
     return np.broadcast_to(value, (*at.shape, *value.shape)).copy()
 
 
-def _series(lines: NDArray[np.complex128], start: float, period: float, at: NDArray[np.float64]) -> NDArray[np.float64]:
+def series_at(
+    lines: NDArray[np.complex128], harmonics: NDArray[np.int64], phases: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Re Σ of the lines (rows, columns, harmonics) times e^{2πi m φ}, at phases φ in periods (..., rows, columns)."""
     rows, columns, count = lines.shape
-    angle = np.multiply.outer(np.mod((at.ravel() - start) / period, 1.0), 2.0 * np.pi * np.arange(count))
+    angle = np.multiply.outer(np.mod(phases.ravel(), 1.0), 2.0 * np.pi * harmonics)
     flat = lines.reshape(-1, count).T
-    return (np.cos(angle) @ flat.real - np.sin(angle) @ flat.imag).reshape(*at.shape, rows, columns)
+    return (np.cos(angle) @ flat.real - np.sin(angle) @ flat.imag).reshape(*phases.shape, rows, columns)
+
+
+def _series(lines: NDArray[np.complex128], start: float, period: float, at: NDArray[np.float64]) -> NDArray[np.float64]:
+    return series_at(lines, np.arange(lines.shape[2]), (at - start) / period)
