@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from floquid.floquet import monodromy, stability_map
-from floquid.floquet._matrices import FunctionMatrix
+from floquid.floquet import FunctionMatrix, monodromy, stability_map
 from floquid.systems import JeffcottRotor
 
 ERROR = 1e-10

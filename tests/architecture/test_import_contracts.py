@@ -134,3 +134,13 @@ def test_a_wrong_import_breaks_its_contract(lint, room, line, contract):
 
 def test_an_import_through_another_room_is_seen(lint):
     assert "oracle" in lint({"pipeline": "import floquid.lifting", "lifting": "import floquid.systems"})
+
+
+@pytest.mark.parametrize(
+    ("room", "other"),
+    [("hill_method", "monodromy_matrix"), ("monodromy_matrix", "hill_method"), ("matrices", "control")],
+)
+def test_inside_floquet_imports_go_downwards(lint, room, other):
+    """Integration and Hill's method share no code: each is the check of the other."""
+    broken = lint({f"floquet/{room}": f"import floquid.floquet.{other}", f"floquet/{other}": ""})
+    assert "floquet-rooms" in broken

@@ -10,11 +10,12 @@ import pytest
 import scipy.io
 from tests.cli.conftest import contents
 from tests.cli.test_commands import PERIOD, strict_json, typed
-from tests.unit.test_openfast import REAL, Rotor, even, write_turn
+from tests.unit.floquet.files.test_read_openfast import REAL, Rotor, even, write_turn
 
 from floquid import floquet
 from floquid.cli import _floquet
-from floquid.floquet import _collocation, state_participation
+from floquid.floquet import state_participation
+from floquid.floquet.monodromy_matrix import _collocation
 from floquid.systems import JeffcottRotor
 
 FILES = {"summary.json", "modes.npz", "figures/exponents.png", "figures/shapes.png"}
@@ -344,7 +345,7 @@ def test_azimuths_that_are_too_few(work):
 
 @REAL
 def test_a_real_turbine(work):
-    from tests.unit.test_openfast import FOLDER
+    from tests.unit.floquet.files.test_read_openfast import FOLDER
 
     text = typed(["floquet", *(str(FOLDER / f"Main.{number}.lin") for number in (1, 12, 24)), "--out", "new"])
     assert "Stability: asymptotically stable" in text

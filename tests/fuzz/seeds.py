@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from tests.contracts.test_readers_bad_input import CSV
 from tests.unit import test_readers_uff as uff
-from tests.unit.test_openfast import Rotor, even, lin_text
-from tests.unit.test_openfast import matrices as lin_matrices
+from tests.unit.floquet.files.test_read_openfast import Rotor, even, lin_text
+from tests.unit.floquet.files.test_read_openfast import matrices as lin_matrices
 
 from floquid.core import Channel, ConstantPeriod, Record
 from floquid.readers import write

@@ -16,7 +16,7 @@ from tests.fuzz import mutators, seeds
 
 from floquid import floquet
 from floquid.cli._settings import load_choices
-from floquid.floquet._lin_file import read_lin
+from floquid.floquet import read_lin
 from floquid.readers import FORMATS, describe_file, read
 
 Call = Callable[[Path], object]

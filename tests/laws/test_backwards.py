@@ -88,7 +88,7 @@ def test_modes_solve_the_equation(n, spread, seed):
 def test_lyapunov_transform_is_periodic_and_makes_the_system_constant(n, spread, seed):
     truth = chosen(n, spread, seed)
     system = system_with_exponents(truth, PERIOD, seed=seed)
-    found = floquet.lyapunov(system, n_phases=128)
+    found = floquet.floquet_lyapunov(system, n_phases=128)
     lines = np.fft.fft(found.transform, axis=0)
     orders = np.fft.fftfreq(len(lines), 1.0 / len(lines))[:, None, None]
     rate = np.fft.ifft(2j * np.pi / found.period * orders * lines, axis=0).real

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from floquid.floquet import common_period
-from floquid.floquet._matrices import FunctionMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix
+from floquid.floquet import FunctionMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix, common_period
 
 LAWS = settings(max_examples=60, deadline=None, derandomize=True)
 KINDS = ["harmonics", "odd harmonics", "pieces", "samples", "spline", "polygon", "function", "vectorised"]

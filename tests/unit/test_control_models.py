@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from floquid.core import Channel, PeriodicModel
 from floquid.errors import InputError
-from floquid.floquet import FunctionMatrix, PeriodicSystem, discretise
+from floquid.floquet import FunctionMatrix, PeriodicSystem, discretise, lift
 from floquid.periodic import from_control, to_control
 from floquid.systems import JeffcottRotor
 
@@ -286,7 +286,7 @@ def test_the_free_response_of_a_known_system():
     """What `floquet` has for the same rotor: a hit is its initial state, and the poles are its multipliers."""
     rotor = JeffcottRotor()
     discrete = discretise(PeriodicSystem(A=FunctionMatrix(function=rotor.system, period=rotor.period)), 12)
-    lifted = discrete.lifted().to_control()
+    lifted = lift(discrete).to_control()
     start = np.array([0.3, -0.2, 0.5, 0.1])
     free = control.forced_response(lifted, timepts=np.arange(5) * rotor.period, initial_state=start, squeeze=False)
     found = from_control(

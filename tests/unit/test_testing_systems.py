@@ -10,7 +10,7 @@ from scipy.stats import chi2, f
 from floquid.errors import InputError
 from floquid.lifting import lift
 from floquid.lti import MaximumLikelihood, TimeResponses
-from floquid.testing import CLASSES, Ranges, cramer_rao_bound, findable, must_be_found, random_system
+from floquid.testing import CLASSES, Ranges, cramer_rao_bound, findable, random_system
 
 SMALL = Ranges(modes=(1, 4), outputs=(1, 30), cycles=(30, 80))
 
@@ -128,10 +128,10 @@ class TestBound:
 
 
 def judged(logs, sizes, *, noise=0.02, samples=200, outputs=20, **options):
-    """`must_be_found` of pairs of these sizes, one answer a pair."""
+    """`findable(...).must` of pairs of these sizes, one answer a pair."""
     multipliers, residues = decays(logs, outputs=outputs)
     residues = residues * np.repeat(sizes, 2)[:, None, None]
-    must = must_be_found(multipliers, residues, np.full((outputs, 1), noise), [samples], 1.0, **options)
+    must = findable(multipliers, residues, np.full((outputs, 1), noise), [samples], 1.0, **options).must
     assert_array_equal(must[::2], must[1::2])
     return must[::2].tolist()
 
@@ -200,7 +200,7 @@ class TestMustBeFound:
         assert beside.must.tolist() == [True, True, False, False]
 
     def test_nothing_is_no_mode(self):
-        assert must_be_found([], np.zeros((0, 2, 1)), np.ones((2, 1)), [10], 1.0).tolist() == []
+        assert findable([], np.zeros((0, 2, 1)), np.ones((2, 1)), [10], 1.0).must.tolist() == []
         assert cramer_rao_bound([], np.zeros((0, 2, 1)), np.ones((2, 1)), [10], 1.0).shape == (0, 0)
 
 

@@ -1,4 +1,4 @@
-"""What `reconstruct` chooses of itself: to build the same again, of another model of the same modes."""
+"""The choices that `reconstruct` makes itself: to build the same again, of another model of the same modes."""
 
 from __future__ import annotations
 

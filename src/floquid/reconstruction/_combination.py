@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError
-from floquid.reconstruction._coordinates import Coordinates, Part, State
-from floquid.reconstruction._states import channel_noise, derivative_of, refuse_rest
+from floquid.reconstruction._coordinates import Coordinates, Part, State, channel_noise, derivative_of, refuse_rest
 
 NO_CHANCE = 1e-6
 """The probability of what is left at which the channels are no constant combinations of the displacements."""

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import Channel, PeriodicModel
+from floquid.errors import IdentificationError
+
+OF = "reconstruct"
+
+DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}
+"""The derivative of a displacement that a quantity is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +57,7 @@ class State:
         return State(f"d/dt {self.name}", parts, self.noise)
 
     def weights(self, rates: NDArray[np.complex128], count: int) -> tuple[NDArray, NDArray]:
-        """What each of `count` channels is multiplied by (..., channels), and the slope of that by the rate."""
+        """Factors of `count` channels (..., channels), and their slopes by the rate."""
         weights, slopes = np.zeros((2, *rates.shape, count), complex)
         own = [part.weight(rates) for part in self.parts]
         if len(self.noise) < 2:
@@ -74,7 +84,7 @@ class Coordinates:
     form: str
     """"second-order", "first-order" or "delayed"."""
     words: str
-    """What the states are, in words."""
+    """The states in words."""
     mixing: NDArray[np.float64] | None = None
     """Of states from all channels: what each channel is of the displacements (channels, displacements)."""
     chosen: tuple[int, ...] = ()
@@ -98,3 +108,38 @@ class Coordinates:
         """Weights of the channels (modes, harmonics, states, channels), and their slopes by the rate."""
         both = [state.weights(rates, self.n_channels) for state in self.states]
         return np.stack([one for one, _ in both], axis=-2), np.stack([other for _, other in both], axis=-2)
+
+
+def derivative_of(channel: Channel) -> int:
+    """The derivative of a displacement that a channel measures.
+
+    Raises
+    ------
+    InputError
+        It measures no motion.
+    """
+    if channel.quantity not in DERIVATIVES:
+        raise input_error(
+            "states",
+            OF,
+            "name channels of displacement, velocity or acceleration",
+            f"channel {channel.name!r} measures {channel.quantity} [{channel.unit}]",
+            "Choose motions, or give the channel its quantity.",
+        )
+    return DERIVATIVES[str(channel.quantity)]
+
+
+def refuse_rest(model: PeriodicModel, states: Sequence[State]) -> None:
+    """Refuse to divide by a rate of zero."""
+    rates = model.exponents[:, None] + 1j * model.harmonics * model.fundamental
+    if any(part.power < 0 for state in states for part in state.parts) and (rates == 0).any():
+        raise IdentificationError(
+            "A mode has a harmonic at zero frequency and no decay: its displacement is not in the record."
+        )
+
+
+def channel_noise(model: PeriodicModel) -> NDArray[np.float64]:
+    """The noise of each channel, or its size where no noise is known (channels,)."""
+    reference = model.coefficients if model.coefficient_std is None else model.coefficient_std
+    size = np.sqrt(np.max(np.abs(reference) ** 2, axis=(0, 2, 3)))
+    return np.where(size > 0, size, 1.0)

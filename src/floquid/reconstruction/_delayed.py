@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error, positive
 from floquid.core import PeriodicModel, channels_named
-from floquid.reconstruction._coordinates import Coordinates, Part, State
-from floquid.reconstruction._states import ALL, OF, Names
+from floquid.reconstruction._coordinates import OF, Coordinates, Part, State
+from floquid.reconstruction._states import ALL, Names
 
 TRIED = 200
 """Delays that are tried."""

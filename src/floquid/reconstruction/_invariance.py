@@ -42,7 +42,7 @@ UNDETERMINED = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What a channel sees of a displacement: gain · sᵖ e^{sτ} times its coefficient."""
+    """A displacement seen by a channel: gain · sᵖ e^{sτ} times its coefficient."""
 
     channel: int
     displacement: int
@@ -225,7 +225,7 @@ def _differences(problem: Problem, point: Point, amplitudes: Array) -> tuple[Arr
 
 
 def _predicted(problem: Problem, point: Point, channel: int, moved: NDArray[np.int64]) -> tuple[Array, Array]:
-    """What a channel sees at unit amplitude (terms,), and its slopes by parameters and ω (terms, parameters)."""
+    """The signal of a channel at unit amplitude (terms,), and its slopes by parameters and ω (terms, parameters)."""
     own = problem.estimates
     value = np.zeros(len(own.modes), complex)
     slope = np.zeros((len(own.modes), len(moved)), complex)

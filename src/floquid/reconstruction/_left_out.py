@@ -1,4 +1,4 @@
-"""What the harmonics that are left out may do to A(t) and Φ: a part of their deviations that no noise makes."""
+"""The effect of harmonics left out on A(t) and Φ: a part of their deviations that no noise makes."""
 
 from __future__ import annotations
 
@@ -57,5 +57,5 @@ def sizes_left_out(estimates: Estimates, kept: NDArray[np.bool_], rows: NDArray[
 
 
 def spread_of(sizes: NDArray[np.float64], slopes: Jacobian) -> NDArray[np.float64]:
-    """What coefficients of these sizes and of any phase add to the variance of the elements (states, states)."""
+    """The variance that coefficients of these sizes and of any phase add to the elements (states, states)."""
     return 0.5 * np.einsum("ijkch,kch->ij", np.abs(slopes.by_coefficient) ** 2, sizes**2)

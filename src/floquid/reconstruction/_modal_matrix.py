@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
-from floquid.reconstruction._coordinates import Coordinates
-from floquid.reconstruction._states import channel_noise
+from floquid.reconstruction._coordinates import Coordinates, channel_noise
 
 LARGEST_CONDITION = 1e8
 """The condition number of the equilibrated modal matrix beyond which its inverse is noise."""
@@ -27,9 +26,9 @@ class Shapes:
     coefficients: NDArray[np.complex128]
     """Of the channels (modes, channels, harmonics)."""
     hits: NDArray[np.complex128]
-    """What each hit is multiplied by in them (modes, hits)."""
+    """The factor of each hit in them (modes, hits)."""
     weights: NDArray[np.complex128]
-    """What each channel is multiplied by in each state (modes, harmonics, states, channels)."""
+    """The factor of each channel in each state (modes, harmonics, states, channels)."""
     slopes: NDArray[np.complex128]
     """The slope of the weights by the rate (modes, harmonics, states, channels)."""
     kept: NDArray[np.bool_]

@@ -12,14 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import finite, input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
-from floquid.reconstruction._coordinates import Coordinates, Part, State
+from floquid.reconstruction._coordinates import Coordinates, Part, State, derivative_of
 from floquid.reconstruction._harmonic_balance import Mode, NoModeError
 from floquid.reconstruction._invariance import Point, Seen, covariance_of, fitted, problem_of
 from floquid.reconstruction._modal_matrix import modal_at, shapes_of
 from floquid.reconstruction._reconstruct import coordinates_of, instants_of
 from floquid.reconstruction._refinement import Refinement
 from floquid.reconstruction._state_model import StateModel
-from floquid.reconstruction._states import Names, derivative_of
+from floquid.reconstruction._states import Names
 from floquid.reconstruction._structure import AbstractStructure, Basis
 from floquid.reconstruction._structure_text import structure_of
 
@@ -148,7 +148,7 @@ def chance(point: Point) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """What a structure is fitted to."""
+    """The estimates that a structure is fitted to."""
 
     model: PeriodicModel
     coordinates: Coordinates
@@ -333,7 +333,7 @@ def _refinement(
 
 
 def _gain_names(fit: _Fit) -> list[str]:
-    """What each unknown gain is."""
+    """The meaning of each unknown gain."""
     states = fit.coordinates.names
     return [f"{fit.model.channels[fit.seen[k].channel].name} per {states[fit.seen[k].displacement]}" for k in fit.gains]
 

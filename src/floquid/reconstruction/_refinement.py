@@ -1,4 +1,4 @@
-"""What the fit of a structured equation of motion gives."""
+"""The result of fitting a structured equation of motion."""
 
 from __future__ import annotations
 

@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from floquid._checks import input_error
 from floquid.core import Channel, PeriodicModel, channels_named
-from floquid.errors import IdentificationError
-from floquid.reconstruction._coordinates import Coordinates, Part, State
-
-OF = "reconstruct"
-
-DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}
-"""The derivative of a displacement that a quantity is."""
+from floquid.reconstruction._combination import combined
+from floquid.reconstruction._coordinates import OF, Coordinates, Part, State, channel_noise, derivative_of, refuse_rest
 
 ALL = "all"
-"""What is said for all channels, each state a weighted sum of them."""
+"""The word for all channels, each state a weighted sum of them."""
 
 Names = str | Sequence[str | Sequence[str]]
 
@@ -35,8 +27,6 @@ def second_order(model: PeriodicModel, states: Names) -> Coordinates:
     """
     _even(model)
     if states == ALL and ALL not in {channel.name for channel in model.channels}:
-        from floquid.reconstruction._combination import combined
-
         return combined(model, model.order // 2)
     groups = groups_of(model.channels, states)
     needed = model.order // 2
@@ -93,41 +83,6 @@ def groups_of(channels: Sequence[Channel], states: Names) -> list[list[int]]:
         for row in group:
             derivative_of(channels[row])
     return rows
-
-
-def derivative_of(channel: Channel) -> int:
-    """The derivative of a displacement that a channel measures.
-
-    Raises
-    ------
-    InputError
-        It measures no motion.
-    """
-    if channel.quantity not in DERIVATIVES:
-        raise input_error(
-            "states",
-            OF,
-            "name channels of displacement, velocity or acceleration",
-            f"channel {channel.name!r} measures {channel.quantity} [{channel.unit}]",
-            "Choose motions, or give the channel its quantity.",
-        )
-    return DERIVATIVES[str(channel.quantity)]
-
-
-def refuse_rest(model: PeriodicModel, states: Sequence[State]) -> None:
-    """Refuse to divide by a rate of zero."""
-    rates = model.exponents[:, None] + 1j * model.harmonics * model.fundamental
-    if any(part.power < 0 for state in states for part in state.parts) and (rates == 0).any():
-        raise IdentificationError(
-            "A mode has a harmonic at zero frequency and no decay: its displacement is not in the record."
-        )
-
-
-def channel_noise(model: PeriodicModel) -> NDArray[np.float64]:
-    """The noise of each channel, or its size where no noise is known (channels,)."""
-    reference = model.coefficients if model.coefficient_std is None else model.coefficient_std
-    size = np.sqrt(np.max(np.abs(reference) ** 2, axis=(0, 2, 3)))
-    return np.where(size > 0, size, 1.0)
 
 
 def _even(model: PeriodicModel) -> None:

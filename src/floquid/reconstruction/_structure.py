@@ -1,4 +1,4 @@
-"""What is known of the form of a state matrix: which elements there are, with which harmonics, and which are equal."""
+"""The known form of a state matrix: its elements, their harmonics, and which are equal."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Block(Rebuilt):
         return found
 
     def constant(self, n: int) -> NDArray[np.float64]:
-        """What is known (n, n).
+        """The known elements (n, n).
 
         Parameters
         ----------
@@ -113,7 +113,7 @@ class Basis:
     known: NDArray[np.complex128]
     """(d, harmonics, n, n)."""
     names: tuple[str, ...]
-    """What each parameter is."""
+    """The meaning of each parameter."""
 
     @property
     def harmonics(self) -> NDArray[np.int64]:
@@ -167,7 +167,7 @@ class AbstractStructure(ABC):
     @property
     @abstractmethod
     def sign(self) -> float:
-        """What the blocks are multiplied by on the right-hand side."""
+        """The factor of the blocks on the right-hand side."""
 
     @abstractmethod
     def wider(self) -> list[tuple[str, AbstractStructure]]:
@@ -273,7 +273,7 @@ class SecondOrder(AbstractStructure):
         return found
 
     def _apart(self, name: str, block: Block) -> bool:
-        """Whether the gyroscopic block may stand beside this one."""
+        """True if the gyroscopic block may stand beside this one."""
         return self.gyroscopic is None or name != "damping" or block.symmetry != "none"
 
     def _merged(self, damping: Block) -> SecondOrder:

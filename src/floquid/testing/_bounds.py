@@ -127,7 +127,6 @@ def bound_of(known: Known) -> NDArray[np.float64]:
         residues = known.residues[at][:, :, known.lengths == length].reshape(len(at), -1) / block.scale[:, None]
         whole += information(block, residues, real)
     small = _inverse(whole)
-    small = _inverse(whole)
     onto = np.zeros((2 * n, len(moves)))
     for row, (entry, kind) in enumerate(zip(moves, turn, strict=True)):
         mode = at[entry]

@@ -90,7 +90,7 @@ def _whole(bounds: tuple[int, int], generator: np.random.Generator) -> int:
 
 
 def _classes(modes: int, ranges: Ranges, generator: np.random.Generator) -> tuple[str, ...]:
-    """What is special about the system, as far as it has modes enough for it."""
+    """The classes of the system, as far as it has modes enough for them."""
     shares = (ranges.pairs, ranges.weak, ranges.real, ranges.half, ranges.coloured, ranges.several, ranges.exact)
     drawn = [name for name, share in zip(CLASSES, shares, strict=True) if generator.uniform() < share]
     needs = {"close pair": 2, "real exponent": 1, "half-per-rev": 1}

@@ -29,7 +29,7 @@ TIME_CONSTANTS = 12.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Findable(Rebuilt):
-    """What the responses of a known model can tell about each of its poles.
+    """The information on each pole in the responses of a known model.
 
     Parameters
     ----------
@@ -64,30 +64,6 @@ class Findable(Rebuilt):
         return both[: len(self.must)] + 1j * both[len(self.must) :]
 
 
-def must_be_found(
-    multipliers: ArrayLike,
-    residues: ArrayLike,
-    noise: ArrayLike,
-    lengths: ArrayLike,
-    dt: float,
-    *,
-    false_alarm: float = 1e-9,
-) -> NDArray[np.bool_]:
-    """Which modes a good identifier must find (`findable`, which see for the parameters and errors).
-
-    Parameters
-    ----------
-    multipliers, residues, noise, lengths, dt, false_alarm
-        As for `findable`.
-
-    Returns
-    -------
-    ndarray
-        Whether each mode must be found (modes,); conjugates agree.
-    """
-    return findable(multipliers, residues, noise, lengths, dt, false_alarm=false_alarm).must
-
-
 def findable(
     multipliers: ArrayLike,
     residues: ArrayLike,
@@ -97,7 +73,7 @@ def findable(
     *,
     false_alarm: float = 1e-9,
 ) -> Findable:
-    r"""What the responses of a known model can tell of each of its poles.
+    r"""The information on each pole in the responses of a known model.
 
     A mode must be found when three things hold: both deviations of its pole, by the Cramér-Rao bound, are below 0.2 %
     of the fundamental 2π/dt; it lies five deviations (of the difference, where the other is as well determined) apart
@@ -170,7 +146,7 @@ def _limit(probability: float, degrees: int, samples: int) -> float:
 def _apart(
     known: Known, covariance: NDArray[np.float64], visible: NDArray[np.bool_], sharp: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Whether each pole lies `APART` deviations from all visible others, modulo the fundamental (modes,).
+    """True for poles that lie `APART` deviations from all visible others, modulo the fundamental (modes,).
 
     Beside a pole that is sharp too the deviation is that of their difference; where the other one may be anywhere,
     that of this one.
@@ -263,7 +239,7 @@ def _held(logs: NDArray[np.complex128], real: NDArray[np.bool_], data: list[NDAr
 
 
 def _far(known: Known) -> NDArray[np.bool_]:
-    """Whether no other pole is so near to each upper one that it could move to take its part (upper,)."""
+    """True for upper poles that no other is near enough to replace by a move (upper,)."""
     logs = known.logs
     gap = logs[known.upper, None] - logs
     gap = np.abs(gap - 2j * np.pi * np.rint(gap.imag / (2.0 * np.pi)))

@@ -13,12 +13,12 @@ from floquid.lti import TimeResponses
 from floquid.testing._findable import Findable, findable
 
 CLASSES = ("close pair", "weak mode", "real exponent", "half-per-rev", "coloured noise", "several hits", "no noise")
-"""What may be special about a random system, several things at once."""
+"""Kinds of difficulty in a random system, several at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ranges:
-    """What `random_system` draws from: (least, most) of each quantity, and the share of systems in each class.
+    """Ranges that `random_system` draws from: (least, most) of each quantity, and the share of each class.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ class RandomSystem(Rebuilt):
         return TimeResponses(values=values, dt=self.truth.period, noise=noise, lengths=self.lengths)
 
     def findable(self) -> tuple[Findable, ...]:
-        """What the responses can tell of each mode: for white noise, and for coloured noise for its own colour too.
+        """The information on each mode in the responses: for white noise, and for coloured noise in its own colour too.
 
         Noise that is an autoregression is white after the filter that undoes it, and the filter leaves exponents as
         they are: it multiplies each harmonic by 1 - a e^{-(λ + imω) Δt}.

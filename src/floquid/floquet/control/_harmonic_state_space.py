@@ -1,0 +1,385 @@
+"""The harmonic state space of a periodic system, and its harmonic transfer function."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
+from floquid.floquet.control._system import PeriodicSystem, with_inputs
+from floquid.floquet.hill_method import block_toeplitz, hill, refuse_undamped, smoothed, speeds
+from floquid.floquet.matrices import AbstractPeriodicMatrix, FunctionMatrix, Needs, checked_tolerance, fourier, reach
+
+_LARGEST = 2500  # rows of the lifted state matrix
+_SMALL = 1000  # rows to which a few states are taken
+_PER_STATE = 41  # rows a state that are allowed to many states
+_STEPS = 4  # steps as long as the highest strong line that are allowed for
+_OF_JUMPS = 64  # harmonics that are given by default where jumps or kinks make them go on without end
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class HarmonicSystem(Rebuilt):
+    r"""A periodic system in harmonics, cut off at N: a system that does not vary in time.
+
+    .. math:: s\,\mathcal X = (\mathcal A - \mathcal N)\,\mathcal X + \mathcal B\,\mathcal U, \qquad
+              \mathcal Y = \mathcal C\,\mathcal X + \mathcal D\,\mathcal U, \qquad
+              x(t) = \sum_{k=-N}^{N} x_k\, e^{(s + i k \omega) t}
+
+    The block (k, m) of 𝒜 is A_{k-m}, and 𝒩 is i k ω on the diagonal.
+
+    Parameters
+    ----------
+    A
+        𝒜 - 𝒩 ((2 N + 1) n, (2 N + 1) n) [1/s].
+    B, C, D
+        ℬ, 𝒞 and 𝒟, lifted alike: harmonic by harmonic, from -N to N.
+    n_harmonics
+        The truncation N.
+    period
+        T [s].
+    states, inputs, outputs
+        The name and the harmonic of every row, as ("x1", -2).
+
+    Raises
+    ------
+    InputError
+        A shape does not agree with the labels.
+
+    Notes
+    -----
+    Wereley and Hall 1990; Möllerstedt and Bernhardsson 2000. A truncation is no system with a sound input and output
+    at every harmonic: rows near ±N lack their neighbours. Use `harmonic_transfer` for values that are checked.
+    """
+
+    A: NDArray[np.complex128]
+    B: NDArray[np.complex128]
+    C: NDArray[np.complex128]
+    D: NDArray[np.complex128]
+    n_harmonics: int
+    period: float
+    states: tuple[tuple[str, int], ...]
+    inputs: tuple[tuple[str, int], ...]
+    outputs: tuple[tuple[str, int], ...]
+
+    def __post_init__(self) -> None:
+        of = "HarmonicSystem"
+        n, n_inputs, n_outputs = len(self.states), len(self.inputs), len(self.outputs)
+        shapes = {"A": (n, n), "B": (n, n_inputs), "C": (n_outputs, n), "D": (n_outputs, n_inputs)}
+        for name, shape in shapes.items():
+            array = frozen_array(getattr(self, name), name, of, axes=shape, dtype=np.complex128)
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "n_harmonics", integer(self.n_harmonics, "n_harmonics", of, at_least=0))
+        object.__setattr__(self, "period", positive(self.period, "period", of, unit="s"))
+
+    @classmethod
+    def from_system(cls, system: PeriodicSystem, n_harmonics: int) -> HarmonicSystem:
+        """The harmonic state space of a periodic system.
+
+        Parameters
+        ----------
+        system
+            The periodic system, with inputs.
+        n_harmonics
+            The truncation N.
+
+        Returns
+        -------
+        HarmonicSystem
+            Its lifted matrices, every row labelled.
+
+        Raises
+        ------
+        InputError
+            The system has no inputs, or (2 N + 1) n is too large.
+        """
+        of = "HarmonicSystem.from_system"
+        count = integer(n_harmonics, "n_harmonics", of, at_least=0)
+        matrices = with_inputs(system, of)
+        size = (2 * count + 1) * max(max(matrix.shape) for matrix in matrices)
+        if size > _LARGEST:
+            raise input_error(
+                "n_harmonics", of, f"keep every lifted matrix within {_LARGEST} rows", f"{count} needs {size}"
+            )
+        lifted = [block_toeplitz(fourier(matrix, 2 * count), count) for matrix in matrices]
+        lifted[0] -= np.diag(speeds(system.n_states, count, 2.0 * np.pi / system.period))
+        harmonics = range(-count, count + 1)
+        names = {key: getattr(system, key) for key in ("states", "inputs", "outputs")}
+        labels = {key: tuple((name, k) for k in harmonics for name in found) for key, found in names.items()}
+        A, B, C, D = lifted
+        return cls(A=A, B=B, C=C, D=D, n_harmonics=count, period=system.period, **labels)
+
+    def __repr__(self) -> str:
+        counts = [len(found) // (2 * self.n_harmonics + 1) for found in (self.states, self.inputs, self.outputs)]
+        return (
+            f"HarmonicSystem({counts[0]} states, {counts[1]} inputs and {counts[2]} outputs at the harmonics "
+            f"-{self.n_harmonics}..{self.n_harmonics}, period={self.period:g})"
+        )
+
+    def transfer(self, s: complex) -> NDArray[np.complex128]:
+        """The truncated harmonic transfer function 𝒞 (s - 𝒜 + 𝒩)⁻¹ ℬ + 𝒟 at one s [1/s] (outputs, inputs)."""
+        return self.C @ np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B) + self.D
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HarmonicTransfer(Rebuilt):
+    r"""The response of a periodic system to one exponential: exponentials at all harmonics beside it.
+
+    .. math:: u(t) = u\, e^{i\Omega t} \quad\Rightarrow\quad y(t) = \sum_k H_k(i\Omega)\, u\, e^{i(\Omega + k\omega) t}
+
+    Parameters
+    ----------
+    omega
+        Ω (lines,) [rad/s].
+    values
+        H_k(iΩ) (outputs, inputs, harmonics, lines).
+    harmonics
+        k, ascending (harmonics,).
+    period
+        T [s].
+    n_harmonics
+        The truncation N that was needed.
+    error
+        The largest change of any harmonic at any line from the truncation before (outputs, inputs).
+    inputs, outputs
+        Their names.
+    """
+
+    omega: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    harmonics: NDArray[np.int64]
+    period: float
+    n_harmonics: int
+    error: NDArray[np.float64]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        of, put = "HarmonicTransfer", object.__setattr__
+        put(self, "omega", frozen_array(self.omega, "omega", of, axes=("lines",)))
+        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
+        sizes = (len(self.outputs), len(self.inputs))
+        axes = (*sizes, len(self.harmonics), len(self.omega))
+        put(self, "values", frozen_array(self.values, "values", of, axes=axes, dtype=np.complex128))
+        put(self, "error", frozen_array(self.error, "error", of, axes=sizes, finite=False))
+        put(self, "period", positive(self.period, "period", of, unit="s"))
+
+    @property
+    def fundamental(self) -> float:
+        """ω = 2π/T [rad/s]."""
+        return 2.0 * np.pi / self.period
+
+
+def harmonic_transfer(
+    system: PeriodicSystem,
+    omega: ArrayLike,
+    *,
+    n_harmonics: int | None = None,
+    tolerance: float = 1e-8,
+    raises: bool = True,
+) -> HarmonicTransfer:
+    r"""The harmonic transfer function on the imaginary axis.
+
+    .. math:: H_k(i\Omega) = \left[\mathcal C\,(i\Omega - \mathcal A + \mathcal N)^{-1} \mathcal B
+              + \mathcal D\right]_{k,0}
+
+    Parameters
+    ----------
+    system
+        The periodic system, with inputs.
+    omega
+        Ω (lines,) [rad/s].
+    n_harmonics
+        The highest harmonic k that is given. By default all that matter; 64 where a matrix has breaks, for then the
+        harmonics of the response fall off slowly and never end, however well each of them is known.
+    tolerance
+        Of the largest value from an input to an output: the largest change from one truncation to the next, half as
+        large again or larger by the highest strong harmonic of a matrix, that passes, from 1e-14 to 1e-2.
+    raises
+        Whether a truncation that does not suffice is an error; else see `error`.
+
+    Returns
+    -------
+    HarmonicTransfer
+        The harmonics, and how far they have settled.
+
+    Raises
+    ------
+    InputError
+        The system has no inputs, a line meets an undamped exponent, modulo ω, or the values have not settled and
+        `raises` is true.
+
+    Notes
+    -----
+    Wereley and Hall 1990; Möllerstedt and Bernhardsson 2000. That of an unstable system is one too, but no steady
+    response. Where A(t) jumps, it is first made smooth by a periodic change of coordinates, as in `hill`.
+    """
+    of = "floquet.harmonic_transfer"
+    inputs = with_inputs(system, of)[1].shape[1]
+    lines = frozen_array(omega, "omega", of, axes=("lines",))
+    if lines.size:
+        refuse_undamped(hill(system.A, raises=False), lines, of)
+    found = respond(system, lines, np.eye(inputs), n_harmonics, tolerance, raises, of)
+    return HarmonicTransfer(
+        omega=lines,
+        values=found.values,
+        harmonics=found.harmonics,
+        period=system.period,
+        n_harmonics=found.truncation,
+        error=found.error,
+        inputs=system.inputs,
+        outputs=system.outputs,
+    )
+
+
+class Responses(NamedTuple):
+    """The outputs' harmonics for some columns of input amplitudes."""
+
+    values: NDArray[np.complex128]
+    """(outputs, columns, harmonics, lines)."""
+
+    harmonics: NDArray[np.int64]
+    truncation: int
+    error: NDArray[np.float64]
+    """(outputs, columns)."""
+
+
+class _Lifted(NamedTuple):
+    """The four matrices, A smooth if it can be, and x = P z."""
+
+    A: AbstractPeriodicMatrix
+    B: AbstractPeriodicMatrix
+    C: AbstractPeriodicMatrix
+    D: AbstractPeriodicMatrix
+
+
+def respond(
+    system: PeriodicSystem,
+    omega: NDArray[np.float64],
+    columns: NDArray[np.complex128] | NDArray[np.float64],
+    n_harmonics: int | None,
+    tolerance: float,
+    raises: bool,
+    of: str,
+) -> Responses:
+    """The response to `columns` (inputs, columns) e^{iΩt}, settled to `tolerance`."""
+    accuracy = checked_tolerance(tolerance, of, largest=1e-2)
+    wanted = None if n_harmonics is None else integer(n_harmonics, "n_harmonics", of, at_least=0)
+    lifted = _Lifted(*with_inputs(system, of))
+    jumps = any(np.size(matrix.breaks) for matrix in lifted)
+    lifted = _smooth(lifted)
+    needs = _needs(lifted, accuracy, wanted is None)
+    if wanted is None and jumps:
+        wanted = max(0, min(_OF_JUMPS, _most(system.n_states, needs) - 2 - needs.step))
+    truncations = _truncations(system.n_states, wanted, needs, of)
+    highest = truncations[-1] if wanted is None else wanted
+    shape = (system.n_outputs, columns.shape[1], 2 * highest + 1, len(omega))
+    values = np.zeros(shape, dtype=np.complex128)
+    change = np.full((*shape[:2], len(omega)), np.inf)
+    left, used, first = np.arange(len(omega)), truncations[0], True
+    for truncation in truncations:
+        if not left.size:
+            break
+        used = truncation
+        now = _solved(lifted, system, omega[left], columns, truncation, highest, of)
+        if not first:
+            change[..., left] = np.abs(now - values[..., left]).max(axis=2)
+        values[..., left], first = now, False
+        largest = np.abs(values).max(axis=(2, 3))[..., None]
+        left = left[(change[..., left] > accuracy * largest).any(axis=(0, 1))]
+    error = change.max(axis=2, initial=0.0)
+    if left.size and raises:
+        raise input_error(
+            "omega" if not np.isfinite(values).all() else "system",
+            of,
+            f"have a response that settles to {accuracy:g} of its largest harmonic",
+            f"at Ω = {omega[left[0]]:g} rad/s it still changes by {error.max():.3g} at {used} harmonics",
+            "Keep off the undamped exponents, name the jumps of callables in `breaks`, raise `tolerance`, or pass "
+            "`raises=False` and look at `error`.",
+        )
+    kept = min(highest, used)
+    values = values[:, :, highest - kept : highest + kept + 1]
+    return Responses(values, np.arange(-kept, kept + 1), used, error)
+
+
+def _solved(
+    lifted: _Lifted,
+    system: PeriodicSystem,
+    omega: NDArray[np.float64],
+    columns: NDArray[np.complex128] | NDArray[np.float64],
+    truncation: int,
+    reach: int,
+    of: str,
+) -> NDArray[np.complex128]:
+    """The outputs' harmonics up to `reach` at one truncation (outputs, columns, harmonics, lines)."""
+    n_columns = columns.shape[1]
+    matrix = block_toeplitz(fourier(lifted.A, 2 * truncation), truncation)
+    matrix -= np.diag(speeds(system.n_states, truncation, 2.0 * np.pi / system.period))
+    drive = np.einsum("nih,ic->hnc", fourier(lifted.B, truncation), columns).reshape(-1, n_columns)
+    inner = np.empty((len(drive), n_columns, len(omega)), dtype=np.complex128)
+    diagonal = np.eye(len(drive))
+    for index, line in enumerate(omega.tolist()):
+        try:
+            inner[..., index] = np.linalg.solve(1j * line * diagonal - matrix, drive)
+        except np.linalg.LinAlgError:
+            raise input_error(
+                "omega", of, "keep off the exponents", f"Ω = {line:g} rad/s is one of an undamped mode"
+            ) from None
+    out = np.zeros((system.n_outputs, n_columns, 2 * reach + 1, len(omega)), dtype=np.complex128)
+    kept = min(truncation, reach)
+    middle = slice(reach - kept, reach + kept + 1)
+    rows = slice((truncation - kept) * system.n_outputs, (truncation + kept + 1) * system.n_outputs)
+    read = block_toeplitz(fourier(lifted.C, 2 * truncation), truncation)[rows]
+    through = np.tensordot(read, inner, 1).reshape(2 * kept + 1, system.n_outputs, n_columns, len(omega))
+    direct = np.einsum("oih,ic->och", fourier(lifted.D, kept), columns)
+    out[:, :, middle] = through.transpose(1, 2, 0, 3) + direct[..., None]
+    return out
+
+
+def _smooth(lifted: _Lifted) -> _Lifted:
+    """The system in coordinates z of x = P z in which A is smooth."""
+    smooth = smoothed(lifted.A)
+    if smooth is None:
+        return lifted
+    period, cuts = lifted.A.period, smooth.matrix.breaks
+    change = FunctionMatrix(function=smooth.change, period=period, breaks=cuts, vectorised=True)
+    back = FunctionMatrix(
+        function=lambda times: np.linalg.inv(smooth.change(times)), period=period, breaks=cuts, vectorised=True
+    )
+    return _Lifted(smooth.matrix, back @ lifted.B, lifted.C @ change, lifted.D)
+
+
+def _needs(lifted: _Lifted, tolerance: float, whole: bool) -> Needs:
+    """The truncations that the matrices need, D included where the `whole` response is wanted."""
+    found = a, b, c, d = tuple(reach(matrix, tolerance) for matrix in lifted)
+    # An input at a harmonic of B is carried on by A and read at one of C beside it.
+    lowest = max(a.highest, b.highest + c.highest, d.highest if whole else 0)
+    return Needs(lowest, max(2, a.strong, b.strong, c.strong), _STEPS if all(lines.ends for lines in found) else 1)
+
+
+def _most(n: int, needs: Needs) -> int:
+    """The largest truncation that is tried."""
+    ordinary = (min(_LARGEST, max(_SMALL, _PER_STATE * n)) // n - 1) // 2
+    return max(ordinary, min(needs.lowest + needs.steps * needs.step, (_LARGEST // n - 1) // 2))
+
+
+def _truncations(n: int, wanted: int | None, needs: Needs, of: str) -> list[int]:
+    """Truncations that reach what the matrices need, each further than that before by their strong harmonics."""
+    most = _most(n, needs)
+    out = [max(4, needs.lowest, 0 if wanted is None else wanted + 2)]
+    least = out[0] + needs.step
+    if least > most:
+        raise input_error(
+            "system" if out[0] == needs.lowest else "n_harmonics",
+            of,
+            f"keep (2 N + 1) n within {_LARGEST}",
+            f"{least} harmonics of {n} states are {(2 * least + 1) * n}",
+            "Reduce the states or the harmonics of the matrices, ask for fewer harmonics, or raise `tolerance`.",
+        )
+    while out[-1] + needs.step <= most:
+        out.append(min(most, out[-1] + max(needs.step, out[-1] // 2)))
+    return out

@@ -1,0 +1,299 @@
+"""Time-invariant systems that stand for a discrete periodic one, and their way to other packages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, final, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid.errors import InputError
+from floquid.floquet.control._discrete import DiscretePeriodicSystem, checked_phase
+
+if TYPE_CHECKING:
+    from scipy.signal import StateSpace
+
+Form: TypeAlias = Literal["time", "cyclic"]
+
+Label: TypeAlias = tuple[int, str]
+"""The phase and the name of a lifted signal."""
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LiftedSystem(Rebuilt):
+    r"""A time-invariant system with the responses of a periodic one; `lift` makes it.
+
+    .. math:: x_{h+1} = A x_h + B u_h, \qquad y_h = C x_h + D u_h
+
+    Parameters
+    ----------
+    A, B, C, D
+        Its matrices.
+    dt
+        The step [s]: the period by "time", the step of the periodic system by "cyclic".
+    form
+        "time" or "cyclic".
+    n_phases
+        Steps of the periodic system a period, P.
+    first_phase
+        The phase of the first sample.
+    states, inputs, outputs
+        Phase and name of each; by "time" all states are those at the first phase.
+    """
+
+    A: NDArray[np.float64]
+    B: NDArray[np.float64]
+    C: NDArray[np.float64]
+    D: NDArray[np.float64]
+    dt: float
+    form: Form
+    n_phases: int
+    first_phase: int
+    states: tuple[Label, ...]
+    inputs: tuple[Label, ...]
+    outputs: tuple[Label, ...]
+
+    def __post_init__(self) -> None:
+        n, m, p = len(self.states), len(self.inputs), len(self.outputs)
+        for name, axes in (("A", (n, n)), ("B", (n, m)), ("C", (p, n)), ("D", (p, m))):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), name, "LiftedSystem", axes=axes))
+
+    def poles(self) -> NDArray[np.complex128]:
+        """The eigenvalues of A (states,), the largest first.
+
+        By "time" they are the multipliers, small ones to a fraction of the largest alone: see
+        `DiscretePeriodicSystem.multipliers`. By "cyclic" they are the P-th roots of the multipliers.
+        """
+        found = np.linalg.eigvals(self.A).astype(np.complex128)
+        return found[np.argsort(-np.abs(found), kind="stable")]
+
+    def stack(self, inputs: ArrayLike) -> NDArray[np.float64]:
+        """A sequence of inputs, from the first phase on, as this system takes it.
+
+        Parameters
+        ----------
+        inputs
+            u of the periodic system (inputs, samples); by "time" the samples are whole periods.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            The lifted inputs (lifted inputs, steps).
+
+        Raises
+        ------
+        InputError
+            The shape is not possible.
+        """
+        of, count = "LiftedSystem.stack", len(self.inputs) // self.n_phases
+        given = frozen_array(inputs, "inputs", of, axes=(count, "samples"), remedy="Time is the last axis.")
+        samples = given.shape[1]
+        if self.form == "cyclic":
+            out = np.zeros((self.n_phases, count, samples))
+            every = np.arange(samples)
+            out[every % self.n_phases, :, every] = given.T
+            return out.reshape(-1, samples)
+        if samples % self.n_phases:
+            got = f"hold {samples} samples"
+            raise input_error("inputs", of, f"be whole periods of {self.n_phases} samples", got, "Append zeros.")
+        return given.reshape(count, -1, self.n_phases).transpose(2, 0, 1).reshape(len(self.inputs), -1)
+
+    def unstack(self, outputs: ArrayLike) -> NDArray[np.float64]:
+        """The sequence of outputs of the periodic system, from this one's.
+
+        Parameters
+        ----------
+        outputs
+            The lifted outputs (lifted outputs, steps).
+
+        Returns
+        -------
+        NDArray[np.float64]
+            y of the periodic system (outputs, samples).
+
+        Raises
+        ------
+        InputError
+            The shape is not possible.
+        """
+        of = "LiftedSystem.unstack"
+        given = frozen_array(outputs, "outputs", of, axes=(len(self.outputs), "steps"), remedy="Time is the last axis.")
+        count, steps = len(self.outputs) // self.n_phases, given.shape[1]
+        blocks = given.reshape(self.n_phases, count, steps)
+        if self.form == "cyclic":
+            every = np.arange(steps)
+            return blocks[every % self.n_phases, :, every].T
+        return blocks.transpose(1, 2, 0).reshape(count, -1)
+
+    def initial(self, state: ArrayLike) -> NDArray[np.float64]:
+        """The lifted state of a state of the periodic system at the first phase.
+
+        Parameters
+        ----------
+        state
+            x (n,).
+
+        Returns
+        -------
+        NDArray[np.float64]
+            The lifted state (states,).
+
+        Raises
+        ------
+        InputError
+            The shape is not possible.
+        """
+        count = len(self.states) // (self.n_phases if self.form == "cyclic" else 1)
+        given = frozen_array(state, "state", "LiftedSystem.initial", axes=(count,))
+        return np.concatenate([given, np.zeros(len(self.states) - count)])
+
+    def to_control(self) -> Any:
+        """The system as that of python-control, every signal named "name[phase]", a full stop in it as a middle dot.
+
+        Returns
+        -------
+        control.StateSpace
+            The system.
+
+        Raises
+        ------
+        InputError
+            python-control is not installed.
+        """
+        return control_package("to_control").StateSpace(
+            self.A,
+            self.B,
+            self.C,
+            self.D,
+            self.dt,
+            states=_words(self.states),
+            inputs=_words(self.inputs),
+            outputs=_words(self.outputs),
+        )
+
+    def to_scipy(self) -> StateSpace:
+        """The system as that of scipy, which knows no names.
+
+        Returns
+        -------
+        scipy.signal.StateSpace
+            The system, in steps of `dt`.
+        """
+        from scipy.signal import StateSpace
+
+        return StateSpace(self.A, self.B, self.C, self.D, dt=self.dt)
+
+
+def control_package(of: str) -> Any:
+    """python-control, or the message that it is missing where the callable `of` needs it."""
+    try:
+        import control
+    except ImportError as error:
+        message = f"`{of}` works with the package control, which cannot be imported ({error})."
+        raise InputError(f"{message}\n  Install it: pip install control") from None
+    return control
+
+
+def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: int = 0) -> LiftedSystem:
+    r"""A time-invariant system with the responses of a discrete periodic one.
+
+    By "time", one step is a period, and the inputs and outputs of a period are stacked: with
+    :math:`\Phi_{i,j} = A_{i-1} \cdots A_j`, counted from the first phase,
+
+    .. math:: x_{h+1} = \Phi_{P,0}\, x_h + [\Phi_{P,1} B_0, \ldots, B_{P-1}]\, u_h, \qquad
+              (y_h)_i = C_i \Phi_{i,0}\, x_h + \sum_{j<i} C_i \Phi_{i,j+1} B_j\, (u_h)_j + D_i\, (u_h)_i
+
+    Its poles are the multipliers. By "cyclic", a step stays a step, and every signal has P copies, of which the
+    one of the present phase holds the signal and the others are zero. Its poles are all P-th roots of the
+    multipliers, and small multipliers are not lost in a product.
+
+    Parameters
+    ----------
+    system
+        The periodic system.
+    form
+        "time" (Meyer and Burrus 1975) or "cyclic" (Flamm 1991).
+    first_phase
+        The phase with which a step begins, 0 to P - 1: the lifted state is the state at that phase.
+
+    Returns
+    -------
+    LiftedSystem
+        The system, its states, inputs and outputs labelled by phase and name.
+
+    Raises
+    ------
+    InputError
+        The form is unknown, or the phase is not possible.
+
+    Notes
+    -----
+    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control, chapter 6.
+    """
+    of = "floquet.lift"
+    if form not in get_args(Form):
+        raise input_error("form", of, "be " + " or ".join(f'"{word}"' for word in get_args(Form)), f"is {form!r}")
+    first = checked_phase(first_phase, system.n_phases, of)
+    order = np.roll(np.arange(system.n_phases), -first)
+    matrices = tuple(stack[order] for stack in (system.A, system.B, system.C, system.D))
+    A, B, C, D = _in_time(*matrices) if form == "time" else _cyclic(*matrices)
+    phases = order.tolist()
+    return LiftedSystem(
+        A=A,
+        B=B,
+        C=C,
+        D=D,
+        dt=system.period if form == "time" else system.dt,
+        form="time" if form == "time" else "cyclic",
+        n_phases=system.n_phases,
+        first_phase=first,
+        states=_labels(phases[:1] if form == "time" else phases, system.states),
+        inputs=_labels(phases, system.inputs),
+        outputs=_labels(phases, system.outputs),
+    )
+
+
+def _in_time(
+    A: NDArray[np.float64], B: NDArray[np.float64], C: NDArray[np.float64], D: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """The matrices of a step of one period, by what the state at each phase owes to the first state and the inputs."""
+    n_phases, n_outputs, n_inputs = D.shape
+    n = A.shape[1]
+    owed = np.hstack([np.eye(n), np.zeros((n, n_phases * n_inputs))])
+    outputs = np.zeros((n_phases, n_outputs, n + n_phases * n_inputs))
+    for phase in range(n_phases):
+        own = slice(n + phase * n_inputs, n + (phase + 1) * n_inputs)
+        outputs[phase] = C[phase] @ owed
+        outputs[phase, :, own] = D[phase]
+        owed = A[phase] @ owed
+        owed[:, own] = B[phase]
+    seen = outputs.reshape(n_phases * n_outputs, -1)
+    return owed[:, :n], owed[:, n:], seen[:, :n], seen[:, n:]
+
+
+def _cyclic(
+    A: NDArray[np.float64], B: NDArray[np.float64], C: NDArray[np.float64], D: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], ...]:
+    """Each phase's matrices as blocks, those into the state a row of blocks further down, the last into the first."""
+    following = np.roll(np.arange(len(A)), -1)
+    return _blocks(A, following), _blocks(B, following), _blocks(C), _blocks(D)
+
+
+def _blocks(stack: NDArray[np.float64], rows: NDArray[np.intp] | None = None) -> NDArray[np.float64]:
+    count, height, width = stack.shape
+    every = np.arange(count)
+    out = np.zeros((count, height, count, width))
+    out[every if rows is None else rows, :, every, :] = stack
+    return out.reshape(count * height, count * width)
+
+
+def _labels(phases: list[int], names: tuple[str, ...]) -> tuple[Label, ...]:
+    return tuple((phase, name) for phase in phases for name in names)
+
+
+def _words(labels: tuple[Label, ...]) -> list[str]:
+    """The labels as python-control takes them, which keeps the full stop for itself."""
+    return [f"{name.replace('.', '·')}[{phase}]" for phase, name in labels]

@@ -1,0 +1,323 @@
+"""Responses of a periodic system to any inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import frozen_array, input_error
+from floquid.floquet.control._system import PeriodicSystem, checked_system, input_units, matrix_reach
+from floquid.floquet.matrices import SAME, AbstractPeriodicMatrix, FunctionMatrix, Prepared, after_jumps, joint_breaks
+from floquid.floquet.monodromy_matrix import TOLERANCE, Evaluate, checked, divided, factorise, stages
+
+Between: TypeAlias = Literal["linear", "held"]
+Inputs: TypeAlias = Callable[..., ArrayLike] | ArrayLike
+"""u(t): a callable, t [s] -> (inputs,), or its samples (inputs, times)."""
+
+_Signal: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+_OF = "floquet.simulate"
+_BATCH = 2048  # gaps between instants that are integrated at once
+_PROBES = 64
+
+
+def simulate(
+    system: PeriodicSystem,
+    inputs: Inputs | None,
+    times: ArrayLike,
+    *,
+    initial: ArrayLike | None = None,
+    between: Between = "linear",
+    breaks: ArrayLike = (),
+    vectorised: bool = False,
+    tolerance: float = TOLERANCE,
+) -> NDArray[np.float64]:
+    r"""The outputs of a periodic system under given inputs.
+
+    .. math:: x(t_{k+1}) = \Phi(t_{k+1}, t_k)\, x(t_k) + \int_{t_k}^{t_{k+1}} \Phi(t_{k+1}, s)\, B(s)\, u(s)\, ds,
+              \qquad y(t_k) = C(t_k)\, x(t_k) + D(t_k)\, u(t_k)
+
+    Φ and the integral are found together, as the transition matrix of the states with the forcing as one more column,
+    by collocation on intervals halved until each reaches the tolerance. Of samples, what belongs to a gap between two
+    instants is found once for every phase of the period that it begins at: a long record in steps that divide the
+    period costs hardly more than one period of it.
+
+    Parameters
+    ----------
+    system
+        The periodic system.
+    inputs
+        u(t): a callable, t [s] -> (inputs,); or its samples at `times` (inputs, times); None for no inputs.
+    times
+        Instants, ascending, with the initial state at the first (times,) [s].
+    initial
+        The state at the first instant (n,); zero by default.
+    between
+        What samples of u are taken to be between the instants: "linear", or "held" at the last sample.
+    breaks
+        Instants at which a callable u jumps (breaks,) [s]. One that is not named is found, at the cost of some fifty
+        halvings; a pulse shorter than a step may be missed.
+    vectorised
+        Whether a callable takes an array of times, (times,) [s] -> (inputs, times).
+    tolerance
+        The relative error of each step: that of the transition to itself, that of the forcing to its largest value.
+        From 1e-14 to 1e-3.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        y at `times` (outputs, times); the value after it where C, D or the inputs jump.
+
+    Raises
+    ------
+    InputError
+        A shape is not possible, `times` does not ascend, the system cannot be integrated, or the response overflows.
+
+    Notes
+    -----
+    Forcing as a part of the state: Van Loan 1978, Computing integrals involving the matrix exponential.
+    """
+    checked_system(system, _OF, inputs=False)
+    if between not in get_args(Between):
+        raise input_error("between", _OF, 'be "linear" or "held"', f"is {between!r}")
+    instants = frozen_array(times, "times", _OF, axes=("times",))
+    if not instants.size or (np.diff(instants) < 0.0).any():
+        raise input_error("times", _OF, "ascend and hold one instant at least", f"has shape {instants.shape}")
+    start = frozen_array(
+        np.zeros(system.n_states) if initial is None else initial, "initial", _OF, axes=(system.n_states,)
+    )
+    prepared = checked(system.A, None, (), tolerance, _OF)
+    jumps = frozen_array(breaks, "breaks", _OF, axes=("breaks",))
+    if inputs is None or (system.B is None and not callable(inputs)):
+        _check_samples(np.zeros((system.n_inputs, instants.size)) if inputs is None else inputs, system, instants)
+        given = np.zeros((0, instants.size))
+        states = _sampled(prepared, None, given, instants, start, between, tolerance)
+    elif callable(inputs):
+        if system.B is None:
+            raise input_error("inputs", _OF, "be None for a system without inputs", "is a callable", "Give it a `B`.")
+        signal = _signal(inputs, system.n_inputs, vectorised)
+        states = _driven(prepared, system.B, signal, instants, start, jumps, tolerance)
+        given = signal(instants)
+    else:
+        given = _check_samples(inputs, system, instants)
+        states = _sampled(prepared, system.B, given, instants, start, between, tolerance)
+    phases = np.mod(instants, system.period)
+    outputs = np.einsum("tij,tj->it", after_jumps(system.C, phases), states)
+    if system.D is not None and len(given):
+        outputs += np.einsum("tij,jt->it", after_jumps(system.D, phases), given)
+    return outputs
+
+
+def _check_samples(inputs: ArrayLike, system: PeriodicSystem, instants: NDArray[np.float64]) -> NDArray[np.float64]:
+    axes = (system.n_inputs, instants.size)
+    return frozen_array(inputs, "inputs", _OF, axes=axes, remedy="Give one sample for each of `times`, the last axis.")
+
+
+def _signal(inputs: Callable[..., ArrayLike], count: int, vectorised: bool) -> _Signal:
+    """A callable as times (times,) -> (inputs, times), its values checked."""
+
+    def checked_values(value: ArrayLike, axes: tuple[int, ...], time: float) -> NDArray[np.float64]:
+        remedy = f"This is its value at t = {time:g}."
+        return frozen_array(value, "inputs", _OF, axes=axes, remedy=remedy)
+
+    def signal(times: NDArray[np.float64]) -> NDArray[np.float64]:
+        if vectorised:
+            return checked_values(inputs(times), (count, len(times)), float(times[0]))
+        values = [checked_values(np.atleast_1d(inputs(t)), (count,), t) for t in times.tolist()]
+        return np.array(values).reshape(len(times), count).T
+
+    return signal
+
+
+def _sampled(
+    prepared: Prepared,
+    entry: AbstractPeriodicMatrix | None,
+    inputs: NDArray[np.float64],
+    instants: NDArray[np.float64],
+    start: NDArray[np.float64],
+    between: Between,
+    tolerance: float,
+) -> NDArray[np.float64]:
+    r"""The states at the instants (times, n) under samples of the inputs.
+
+    .. math:: x_{k+1} = \Phi_k x_k + \int \Phi B\, ds\; u_k
+              + \int \Phi B\, \frac{s - t_k}{t_{k+1} - t_k}\, ds\; (u_{k+1} - u_k)
+    """
+    widths = np.diff(instants)
+    period = prepared.matrix.period
+    # Instants k·dt are known to their own rounding, and gaps that differ by less are one.
+    grain = max(SAME, 8.0 * np.finfo(float).eps * float(np.abs(instants).max()) / period) * period
+    phases = np.mod(instants[:-1], period)
+    keys = np.stack([np.round(phases / grain), np.round(widths / grain)], axis=1).astype(np.int64)
+    _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    blocks = 0 if entry is None else 1 + (between == "linear")
+    steps = np.empty((len(first), len(start), len(start) + blocks * len(inputs)))
+    for begin in range(0, len(first), _BATCH):
+        some = first[begin : begin + _BATCH]
+        steps[begin : begin + _BATCH] = _steps(prepared, entry, phases[some], widths[some], blocks, tolerance)
+    n, m = len(start), len(inputs)
+    index = which.ravel()
+    forcing = np.zeros((len(index), n))
+    if blocks:
+        forcing += np.einsum("kij,jk->ki", steps[index, :, n : n + m], inputs[:, :-1])
+    if blocks == 2:
+        forcing += np.einsum("kij,jk->ki", steps[index, :, n + m :], np.diff(inputs))
+    states = np.empty((len(instants), n))
+    states[0] = start
+    free = steps[:, :, :n]
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k, step in enumerate(index.tolist()):
+            states[k + 1] = free[step] @ states[k] + forcing[k]
+    return _finite(states, instants)
+
+
+def _steps(
+    prepared: Prepared,
+    entry: AbstractPeriodicMatrix | None,
+    left: NDArray[np.float64],
+    widths: NDArray[np.float64],
+    blocks: int,
+    tolerance: float,
+) -> NDArray[np.float64]:
+    """Φ over each gap, and beside it what the inputs, then their slopes, move the states (gaps, n, n + blocks m)."""
+    matrix = prepared.matrix
+    n = len(prepared.scale)
+    m = 0 if entry is None else entry.shape[1]
+    whole = n + blocks * m
+    units = np.empty(0) if entry is None else input_units(prepared, matrix_reach(prepared, entry))
+
+    def evaluate(owner: NDArray[np.intp], times: NDArray[np.float64]) -> NDArray[np.float64]:
+        out = np.zeros((*times.shape, whole, whole))
+        out[..., :n, :n] = matrix.at(times)
+        if entry is not None:
+            out[..., :n, n : n + m] = entry.at(times)
+        if blocks == 2:
+            rows = np.arange(n, n + m)
+            out[..., rows, rows + m] = (1.0 / widths[owner])[:, None, None]
+        return out
+
+    matrices = (matrix,) if entry is None else (matrix, entry)
+    gap, starts, ends = _pieces(left, left + widths, joint_breaks(matrices, matrix.period), prepared)
+    found = _factors(evaluate, gap, starts, ends, prepared, np.tile(units, blocks), entry, tolerance)
+    out = np.broadcast_to(np.eye(whole), (len(left), whole, whole)).copy()
+    with np.errstate(over="ignore", invalid="ignore"):
+        for owner, factor in zip(found[0].tolist(), found[1], strict=True):
+            out[owner] = factor @ out[owner]
+    return out[:, :n]
+
+
+def _driven(
+    prepared: Prepared,
+    entry: AbstractPeriodicMatrix,
+    signal: _Signal,
+    instants: NDArray[np.float64],
+    start: NDArray[np.float64],
+    jumps: NDArray[np.float64],
+    tolerance: float,
+) -> NDArray[np.float64]:
+    """The states at the instants (times, n) under inputs that are a function of time."""
+    matrix, n = prepared.matrix, len(start)
+    period = matrix.period
+    turns = period * np.arange(np.floor(instants[0] / period), np.ceil(instants[-1] / period) + 1.0)
+    # A stop at every turn keeps the steps of one batch few, however far apart the instants are.
+    stops = np.concatenate([turns, np.add.outer(turns, joint_breaks((matrix, entry), period)).ravel(), jumps])
+    stops = stops[(stops > instants[0]) & (stops < instants[-1])]
+    ends = np.unique(np.concatenate([instants, stops]))
+
+    def forcing(times: NDArray[np.float64]) -> NDArray[np.float64]:
+        values = signal(times.ravel()).T.reshape(*times.shape, -1)
+        return np.einsum("...ij,...j->...i", entry.at(times), values)
+
+    def evaluate(_: NDArray[np.intp], times: NDArray[np.float64]) -> NDArray[np.float64]:
+        out = np.zeros((*times.shape, n + 1, n + 1))
+        out[..., :n, :n] = matrix.at(times)
+        out[..., :n, n] = forcing(times)
+        return out
+
+    reach = np.zeros(1)
+    if len(ends) > 1:
+        middles = 0.5 * (ends[1:] + ends[:-1])
+        probes = np.concatenate([middles[:: max(1, len(middles) // _PROBES)], np.linspace(ends[0], ends[-1], _PROBES)])
+        reach = (np.abs(forcing(probes)) / prepared.scale).max(axis=1).max(keepdims=True)
+    unit = input_units(prepared, reach)
+    states = np.empty((len(ends), n))
+    state = np.append(start, 1.0)
+    states[0] = start
+    with np.errstate(over="ignore", invalid="ignore"):
+        for begin in range(0, len(ends) - 1, _BATCH):
+            left, right = ends[:-1][begin : begin + _BATCH], ends[1:][begin : begin + _BATCH]
+            gap, starts, stops = _pieces(left, right, np.empty(0), prepared)
+            owners, matrices = _factors(evaluate, gap, starts, stops, prepared, unit, None, tolerance)
+            for owner, factor in zip(owners.tolist(), matrices, strict=True):
+                state = factor @ state
+                states[begin + owner + 1] = state[:n]
+    return _finite(states, ends)[np.searchsorted(ends, instants)]
+
+
+def _factors(
+    evaluate: Evaluate,
+    gap: NDArray[np.intp],
+    left: NDArray[np.float64],
+    right: NDArray[np.float64],
+    prepared: Prepared,
+    units: NDArray[np.float64],
+    entry: AbstractPeriodicMatrix | None,
+    tolerance: float,
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """The transition matrices of states and inputs over short intervals, and the gap that each is in."""
+    forced_by_function = len(units) > 0 and (entry is None or isinstance(entry, FunctionMatrix))
+    found = factorise(
+        evaluate,
+        gap,
+        left,
+        right,
+        scale=np.concatenate([prepared.scale, units]),
+        tolerance=tolerance,
+        smooth=prepared.smooth and not forced_by_function,
+    )
+    if not found.finished:
+        worst = found.left[int(np.argmin(found.right - found.left))]
+        raise input_error(
+            "system",
+            _OF,
+            f"be integrable with its inputs to a relative error of {tolerance:g}",
+            f"the steps near t = {worst:g} shrink without end",
+            "Name the instants at which its matrices or a callable input jump in their `breaks`, or raise `tolerance`.",
+        )
+    return found.owner, found.matrices
+
+
+def _pieces(
+    left: NDArray[np.float64], right: NDArray[np.float64], breaks: NDArray[np.float64], prepared: Prepared
+) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+    """First intervals in each gap: the gap (intervals,), left and right ends, none across a break or too long."""
+    period, scale = prepared.matrix.period, prepared.scale
+    owner, ends = np.arange(len(left)), np.stack([left, right], axis=1)
+    if breaks.size and len(left):
+        turns = period * np.arange(np.ceil(right.max() / period) + 1.0)
+        jumps = np.add.outer(turns, breaks).ravel()
+        gap, jump = np.nonzero((jumps > left[:, None]) & (jumps < right[:, None]))
+        every = np.concatenate([owner, owner, gap]), np.concatenate([left, right, jumps[jump]])
+        order = np.lexsort((every[1], every[0]))
+        whose, at = every[0][order], every[1][order]
+        same = whose[1:] == whose[:-1]
+        owner, ends = whose[:-1][same], np.stack([at[:-1], at[1:]], axis=1)[same]
+    width = ends[:, 1] - ends[:, 0]
+    real = width > 0.0
+    owner, ends, width = owner[real], ends[real], width[real]
+    longest = min(0.5 * period, stages(len(scale)) / (3.0 * prepared.size)) if prepared.size else 0.5 * period
+    parts = np.maximum(1, np.ceil(width / longest - 1e-9)).astype(np.intp)
+    interval, lefts, rights = divided(ends[:, 0], ends[:, 1], parts)
+    return owner[interval], lefts, rights
+
+
+def _finite(states: NDArray[np.float64], instants: NDArray[np.float64]) -> NDArray[np.float64]:
+    good = np.isfinite(states).all(axis=1)
+    if not good.all():
+        last = instants[int(np.argmin(good))]
+        raise input_error(
+            "times", _OF, "end before the response leaves the range of floating point", f"it overflows by t = {last:g}"
+        )
+    return states

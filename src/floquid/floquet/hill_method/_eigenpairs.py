@@ -1,0 +1,204 @@
+"""Hill's truncated problem at one truncation: its eigenpairs, and those n among them that are the modes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.floquet.hill_method._hill_matrix import block_toeplitz, in_exponentials, modulo, real_hill
+
+_SAME = (1e-6, 1e-4, 1e-8)  # of ω: within which two eigenvalues are one of a family, or a multiple one
+_SPLIT = 6.0  # times the rounding: a k-fold exponent splits by at most 2 k times what each moves by to first order
+_FLOOR = 1e-13  # of A's size: a leak below it is none
+_EPS = float(np.finfo(float).eps)
+
+
+class Problem(NamedTuple):
+    """A(t) in harmonics, in balanced units."""
+
+    coefficients: NDArray[np.complex128]
+    """A_m, m = -2 N..2 N (n, n, 4 N + 1) [1/s]."""
+
+    fundamental: float
+    """ω [rad/s]."""
+
+    @property
+    def n_harmonics(self) -> int:
+        """The truncation N."""
+        return self.coefficients.shape[2] // 4
+
+    @property
+    def n_states(self) -> int:
+        """The number of states n."""
+        return self.coefficients.shape[0]
+
+    @property
+    def growth(self) -> float:
+        """The mean trace of A(t), which the exponents sum to [1/s]."""
+        return float(np.trace(self.coefficients[..., self.coefficients.shape[2] // 2]).real)
+
+    @property
+    def size(self) -> float:
+        """The largest row sum of all |A_m| [1/s]."""
+        return float(np.abs(self.coefficients).sum(axis=(1, 2)).max())
+
+    @property
+    def norm(self) -> float:
+        """A bound of the norm of the truncated matrix [1/s]."""
+        return self.size + self.n_harmonics * self.fundamental
+
+
+class Truncated(NamedTuple):
+    """The modes of a truncation, one of each family, conjugates together."""
+
+    exponents: NDArray[np.complex128]
+    """λ where the shape is best centred in the truncation (modes,) [1/s]."""
+
+    vectors: NDArray[np.complex128]
+    """The shapes' harmonics -N..N (modes, n, 2 N + 1)."""
+
+    leak: NDArray[np.float64]
+    """A bound of what A carries out of the truncation (modes,) [1/s], for shapes of norm one."""
+
+    condition: NDArray[np.float64]
+    """Of each eigenvalue (modes,)."""
+
+    def rounding(self, problem: Problem) -> NDArray[np.float64]:
+        """The largest effect of rounding on the exponents (modes,) [1/s]."""
+        return 4.0 * _EPS * self.condition * problem.norm
+
+    def split(self, problem: Problem) -> NDArray[np.float64]:
+        """How far off, modulo iω, each has the farthest of those that may be one with it but for rounding (modes,).
+
+        A defective exponent is found as several, as far from it as from each other: what they are known to, although
+        they may hardly change from one truncation to the next.
+        """
+        apart = np.abs(modulo(np.subtract.outer(self.exponents, self.exponents), problem.fundamental))
+        # The condition of an exactly defective one is without bound, that by which it splits is not.
+        rounding = np.minimum(self.rounding(problem), np.cbrt(_EPS) * problem.norm)
+        one = apart <= _SPLIT * np.minimum(rounding, rounding[:, None])
+        return np.where(one, apart, 0.0).max(axis=1)
+
+
+def effect_of_edges(problem: Problem, modes: Truncated) -> NDArray[np.float64]:
+    r"""About what the harmonics beyond the truncation would move the exponents by (modes,) [1/s].
+
+    .. math:: \kappa \sum_{|k| > N} \frac{|(A p)_k|^2}{|k|\, \omega}, \qquad (A p)_k = \sum_m A_{k-m}\, p_m
+
+    To second order, with κ the condition and the left partner of each shape taken to leak as it does itself.
+    """
+    n_harmonics = problem.n_harmonics
+    count = 2 * n_harmonics + 1
+    whole = np.zeros((len(modes.exponents), problem.n_states, count + 4 * n_harmonics), dtype=np.complex128)
+    for index in np.flatnonzero(np.abs(problem.coefficients).any(axis=(0, 1))).tolist():
+        whole[..., index : index + count] += problem.coefficients[..., index] @ modes.vectors
+    energy = (np.abs(whole) ** 2).sum(axis=1)
+    k = np.abs(np.arange(whole.shape[2]) - 3 * n_harmonics)
+    weights = np.where(k > n_harmonics, 1.0 / (np.maximum(k, 1) * problem.fundamental), 0.0)
+    return modes.condition * (energy @ weights)
+
+
+def truncated(problem: Problem) -> Truncated | None:
+    r"""The modes of A_{k-m} - i m ω δ_{km}; None while the truncation cannot tell n of them.
+
+    Every mode is there about 2 N + 1 times, as λ + i k ω with its harmonics moved by k; that copy is taken of which the
+    least is carried over the edges, the best centred of several. Where multiple exponents are not told from copies,
+    all are taken from one multiple of iω, where each stands once.
+    """
+    from scipy.linalg import eig
+
+    n = problem.n_states
+    matrix = real_hill(problem.coefficients, problem.n_harmonics, problem.fundamental)
+    found = eig(matrix, left=True, overwrite_a=True, check_finite=False)
+    values, left, right = (np.asarray(part, dtype=np.complex128) for part in found)
+    upper = np.flatnonzero(values.imag >= 0.0)
+    values, left, right = values[upper], left[:, upper], right[:, upper]
+    condition = 1.0 / np.maximum(np.abs((left.conj() * right).sum(axis=0)), 1e-300)
+    vectors = in_exponentials(right, n)
+    leak = _leaks(problem, vectors)
+    order = np.argsort(_ranks(problem, vectors, leak), kind="stable")
+    for same in _SAME:
+        taken = _one_of_each(values, order, n, problem.fundamental, same * problem.fundamental)
+        if taken is None:
+            continue
+        picked, conjugate = taken
+        exponents = values[picked]
+        exponents[conjugate] = exponents[conjugate].conj()
+        chosen = Truncated(exponents, vectors[picked], leak[picked], condition[picked])
+        # Liouville: a family taken twice, or one left out, shows in the sum unless its growth is the mean one.
+        doubt = n * same * problem.fundamental + chosen.rounding(problem).sum()
+        doubt += (chosen.condition * chosen.leak**2).sum() / problem.fundamental
+        if abs(exponents.real.sum() - problem.growth) <= doubt:
+            chosen.vectors[conjugate] = chosen.vectors[conjugate][..., ::-1].conj()
+            return chosen
+    return None
+
+
+def nearest(problem: Problem, near: complex, start: NDArray[np.complex128]) -> Truncated:
+    """The one mode nearest to an exponent, by inverse iteration from a shape (n, 2 N + 1) on both sides."""
+    from scipy.linalg import lu_factor, lu_solve
+
+    n, count = start.shape
+    speeds = 1j * problem.fundamental * np.repeat(np.arange(count) - count // 2, n)
+    matrix = block_toeplitz(problem.coefficients, problem.n_harmonics)
+    diagonal = np.arange(len(speeds))
+    matrix[diagonal, diagonal] -= speeds + near + _EPS * problem.size
+    factors = lu_factor(matrix, check_finite=False)
+    right, left = start.T.ravel(), start.T.ravel()
+    shift = 0.0j
+    for _ in range(3):
+        right = lu_solve(factors, right, check_finite=False)
+        right /= np.linalg.norm(right)
+        left = lu_solve(factors, left, trans=2, check_finite=False)
+        left /= np.linalg.norm(left)
+    overlap = left.conj() @ right
+    matrix[diagonal, diagonal] += _EPS * problem.size
+    shift = (left.conj() @ (matrix @ right)) / overlap
+    vector = right.reshape(count, n).T[None]
+    return Truncated(
+        np.array([near + shift]), vector, _leaks(problem, vector), np.array([1.0 / max(abs(overlap), 1e-300)])
+    )
+
+
+def _leaks(problem: Problem, vectors: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """A bound of the part of A p that lies beyond the truncation (vectors,) [1/s]."""
+    n_harmonics = problem.n_harmonics
+    norms = np.linalg.norm(problem.coefficients, axis=(0, 1))[2 * n_harmonics :]
+    beyond = np.append(np.cumsum(norms[:0:-1])[::-1], 0.0)  # sums over harmonics above 0..2 N
+    m = np.arange(-n_harmonics, n_harmonics + 1)
+    weights = beyond[n_harmonics - m] + beyond[n_harmonics + m]
+    return np.linalg.norm(vectors, axis=1) @ weights
+
+
+def _ranks(problem: Problem, vectors: NDArray[np.complex128], leak: NDArray[np.float64]) -> NDArray[np.float64]:
+    energy = (np.abs(vectors) ** 2).sum(axis=1)
+    m = np.arange(energy.shape[1]) - energy.shape[1] // 2
+    return np.maximum(leak, _FLOOR * (problem.size + problem.fundamental)) * (1.0 + np.abs(energy @ m))
+
+
+def _one_of_each(
+    values: NDArray[np.complex128], order: NDArray[np.intp], n: int, fundamental: float, same: float
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]] | None:
+    """The first of every family in `order` and whether its conjugate is meant, until there are n; None if not n.
+
+    Only eigenvalues with Im ≥ 0 are looked at, each for itself and for its conjugate.
+    """
+    taken = np.empty(0, dtype=np.complex128)
+    picked: list[int] = []
+    conjugate: list[bool] = []
+    for index in order.tolist():
+        pair = (values[index],) if values[index].imag == 0.0 else (values[index], values[index].conjugate())
+        for is_conjugate, value in enumerate(pair):
+            apart = value - taken
+            turns = np.round(apart.imag / fundamental)
+            near = np.abs(apart - 1j * fundamental * turns) <= same
+            if near.any() and not (near & (turns == 0)).any():
+                continue
+            taken = np.append(taken, value)
+            picked.append(index)
+            conjugate.append(bool(is_conjugate))
+        if len(taken) >= n:
+            break
+    return (np.array(picked), np.array(conjugate)) if len(taken) == n else None

@@ -1,0 +1,221 @@
+"""Hill's method: exponents from the state equation in harmonics, without any integration over time."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import input_error, integer
+from floquid.floquet.hill_method._eigenpairs import Problem, Truncated, effect_of_edges, truncated
+from floquid.floquet.hill_method._gauge import swinging_along
+from floquid.floquet.hill_method._hill_matrix import modulo
+from floquid.floquet.hill_method._hill_modes import HillModes, HillOutcome, assemble
+from floquid.floquet.hill_method._smoothing import smoothed
+from floquid.floquet.matrices import (
+    AbstractPeriodicMatrix,
+    FunctionMatrix,
+    Reach,
+    StateMatrix,
+    binary_units,
+    checked_tolerance,
+    fourier,
+    periodic,
+    reach,
+    refuse_other_period,
+)
+
+_LARGEST = 4500  # rows of the truncated matrix: what a plain computer holds, a minute or two
+_SMALL = 1000  # rows to which a few states are taken: beyond, harmonics die away too slowly to be waited for
+_ILL = 10.0  # condition of an exponent worth the cure
+_AFFORDED = 2200  # rows to which any number of states is taken where A(t) has far lines
+_STEPS = 4  # steps as long as the highest strong line that are allowed for
+_PER_STATE = 41  # rows a state that are allowed to many states: 20 harmonics
+
+
+class _Step(NamedTuple):
+    """A truncation and how far its exponents are from those of the one before."""
+
+    problem: Problem
+    modes: Truncated
+    change: NDArray[np.float64]
+
+
+def hill(
+    system: StateMatrix,
+    period: float | None = None,
+    *,
+    breaks: ArrayLike = (),
+    n_harmonics: int | None = None,
+    tolerance: float = 1e-10,
+    raises: bool = True,
+) -> HillModes:
+    r"""The Floquet modes from Hill's truncated harmonic problem.
+
+    .. math:: \lambda\, p_k = \sum_{m=-N}^{N} A_{k-m}\, p_m - i k \omega\, p_k, \qquad
+              x(t) = e^{\lambda t} \sum_m p_m e^{i m \omega t}
+
+    Each exponent is among the eigenvalues about 2 N + 1 times, as λ + i m ω. The copy is taken that leaks least over
+    the edges of the truncation and is best centred in it; conjugates are taken together. N starts from the highest
+    harmonic of A(t) and grows, by half or by the highest strong harmonic, until no exponent changes by more than the
+    tolerance, little leaks over the edges, and their sum is the mean trace of A(t). An A(t) that jumps is
+    seen from coordinates in which it is smooth first, which leaves the exponents as they are; so its breaks must be
+    named.
+
+    Parameters
+    ----------
+    system
+        A(t): a periodic matrix; a callable, t [s] -> (n, n) [1/s]; or its samples (n, n, phases).
+    period
+        The period T of A(t) [s]; None for a periodic matrix, which knows its own.
+    breaks
+        Instants in [0, period) at which a callable jumps (breaks,) [s].
+    n_harmonics
+        The truncation N; found where not given.
+    tolerance
+        Of max(\|λ\|, ω): the largest change from one truncation to the next that passes, from 1e-14 to 1e-2.
+    raises
+        Whether it is an error that the truncation does not suffice; else see `outcome` and `change`. Exponents that
+        settle to rounding alone, as multiple ones do, are none: `outcome` says so and `change` by how much.
+
+    Returns
+    -------
+    HillModes
+        Exponents on the principal strip, shapes, and how far they have settled.
+
+    Raises
+    ------
+    InputError
+        `system` is not a finite real (n, n) of that period; the truncation is too large; or the exponents have not
+        settled and `raises` is true.
+
+    Notes
+    -----
+    Hill 1886; in state form Wereley 1990. Zhou, Hagiwara and Araki 2004 show that the truncation converges.
+    Selection by the shape rather than by Im λ: Moore 2005; Bentvelsen and Lazarus 2018.
+    """
+    of = "floquet.hill"
+    accuracy = checked_tolerance(tolerance, of, largest=1e-2)
+    matrix = periodic(system, period, breaks, of)
+    n_states = matrix.shape[0]
+    wanted = None if n_harmonics is None else integer(n_harmonics, "n_harmonics", of, at_least=1)
+    if (2 * (wanted or 3) + 1) * n_states > _LARGEST:
+        raise input_error(
+            "n_harmonics",
+            of,
+            f"keep (2 N + 1) n within {_LARGEST}",
+            f"{wanted or 3} harmonics of {n_states} states are {(2 * (wanted or 3) + 1) * n_states}",
+            "Reduce the states, or use `floquet.exponents`, whose cost does not grow with the harmonics.",
+        )
+    if isinstance(matrix, FunctionMatrix):
+        refuse_other_period(matrix, of)
+    smooth = smoothed(matrix)
+    seen = matrix if smooth is None else smooth.matrix
+    scale = binary_units(np.abs(fourier(seen, 16)).sum(axis=2))
+    lines = reach(seen, accuracy, scale)
+    truncations = _growing(n_states, lines) if wanted is None else _up_to(wanted, lines)
+    step, outcome = _settle(seen, scale, truncations, lines, accuracy)
+    if step is None:
+        raise input_error(
+            "system",
+            of,
+            f"have {n_states} modes that a truncation at {truncations[-1]} harmonics can tell",
+            "they cannot be told from their copies",
+            _REMEDY,
+        )
+    found = assemble(step.modes, step.problem, step.change, scale, matrix.period, outcome, smooth)
+    if raises and outcome is HillOutcome.TRUNCATED:
+        raise input_error(
+            "system",
+            of,
+            f"have exponents that settle to {accuracy:g} of max(|λ|, ω)",
+            f"they still change by {found.change.max():.3g} 1/s, or A(t) has harmonics (up to {lines.highest}) "
+            f"that were not met, at {found.n_harmonics} harmonics: {outcome.value}",
+            "Raise `tolerance`, or pass `raises=False` and look at `change`.",
+        )
+    return found
+
+
+_REMEDY = "Name the instants at which a callable jumps in `breaks`, or use `floquet.exponents`, which integrates."
+
+
+def _settle(
+    matrix: AbstractPeriodicMatrix,
+    scale: NDArray[np.float64],
+    truncations: list[int],
+    lines: Reach,
+    tolerance: float,
+) -> tuple[_Step | None, HillOutcome]:
+    """The last truncation needed."""
+    fundamental = 2.0 * np.pi / matrix.period
+    before: _Step | None = None
+    for n_harmonics in truncations:
+        coefficients = fourier(matrix, 2 * n_harmonics) * (scale / scale[:, None])[:, :, None]
+        problem = Problem(coefficients, fundamental)
+        modes = truncated(problem)
+        if modes is None:
+            before = None
+            continue
+        allowed = tolerance * np.maximum(np.abs(modes.exponents), fundamental)
+        modes = _refined(problem, modes, allowed)
+        change = np.full(len(modes.exponents), np.inf)
+        if before is not None:
+            change = _changes(modes.exponents, before.modes.exponents, fundamental)
+        step = _Step(problem, modes, change)
+        # A truncation that meets no line which that before did not meet has settled nothing.
+        far = before is not None and n_harmonics - before.problem.n_harmonics >= lines.strong
+        before = step
+        if not (far and n_harmonics >= lines.highest):
+            continue
+        known = np.maximum(allowed, 2.0 * modes.rounding(problem))
+        missed = abs(float(modes.exponents.real.sum()) - problem.growth)
+        if (np.maximum(change, effect_of_edges(problem, modes)) > known).any() or missed > known.sum():
+            continue
+        change = np.maximum(change, modes.split(problem))
+        return step._replace(change=change), HillOutcome.CONVERGED if (change <= allowed).all() else HillOutcome.ROUNDED
+    return before, HillOutcome.TRUNCATED
+
+
+def _refined(problem: Problem, modes: Truncated, allowed: NDArray[np.float64]) -> Truncated:
+    """The modes with those that are ill conditioned in harmonics found again, where that can be cured."""
+    rounding = modes.rounding(problem)
+    curable = (rounding > 0.1 * allowed) & (modes.condition > _ILL)
+    out = Truncated(*(part.copy() for part in modes))  # type: ignore[arg-type]
+    for index in np.flatnonzero(curable):
+        again = swinging_along(problem, modes, int(index))
+        if abs(again.exponents[0] - modes.exponents[index]) <= 10.0 * rounding[index]:
+            for part, new in zip(out, again, strict=True):
+                part[index] = new[0]
+    return out
+
+
+def _changes(now: NDArray[np.complex128], before: NDArray[np.complex128], fundamental: float) -> NDArray[np.float64]:
+    """How far each exponent is from its own of the truncation before, modulo iω."""
+    from scipy.optimize import linear_sum_assignment
+
+    apart = np.abs(modulo(np.subtract.outer(now, before), fundamental))
+    rows, columns = linear_sum_assignment(apart)
+    return apart[rows, columns]
+
+
+def _growing(n: int, lines: Reach) -> list[int]:
+    """Truncations from the harmonics that A(t) has, each half as large again at least, up to the largest allowed."""
+    most = (min(_LARGEST, max(_SMALL, _PER_STATE * n)) // n - 1) // 2
+    first = max(3, lines.highest, lines.strong + 1 if lines.strong < 5 else 0)
+    # Far lines need truncations as far apart, two at least, even where rows are dear.
+    step, afforded = max(2, lines.strong), (_AFFORDED // n - 1) // 2
+    if lines.ends and first + step <= afforded:
+        most = max(most, min(first + _STEPS * step, afforded))
+    out = [min(first, most)]
+    while out[-1] < most:
+        grown = min(most, out[-1] + max(2, out[-1] // 2, lines.strong))
+        if len(out) > 1 and grown - out[-1] < lines.strong:
+            break
+        out.append(grown)
+    return out if len(out) > 1 else [out[0] - 1, out[0]]
+
+
+def _up_to(wanted: int, lines: Reach) -> list[int]:
+    """A truncation that is asked for, after a smaller one that it is held against."""
+    return [wanted - max(1, wanted // 3, lines.strong if 2 * lines.strong <= wanted else 0), wanted]

@@ -1,0 +1,37 @@
+"""Periodic matrices in all their forms, and the arithmetic on them."""
+
+from floquid.floquet.matrices._arithmetic import (
+    Operand,
+    added,
+    assembled,
+    constant_matrix,
+    operand,
+    product,
+    scaled,
+    transposed,
+)
+from floquid.floquet.matrices._balancing import balance, balanced_units, binary_units
+from floquid.floquet.matrices._conversion import SAME, after_jumps, real_series, to_harmonics, to_pieces, to_samples
+from floquid.floquet.matrices._forms import (
+    FunctionMatrix,
+    HarmonicMatrix,
+    Interpolation,
+    PiecewiseMatrix,
+    SampledMatrix,
+)
+from floquid.floquet.matrices._fourier import Elements, Needs, Reach, elements, fourier, of_function, reach
+from floquid.floquet.matrices._given import as_array, checked_tolerance, named
+from floquid.floquet.matrices._interpolation import line_weights
+from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix
+from floquid.floquet.matrices._period_check import probe_times, refuse_other_period
+from floquid.floquet.matrices._periods import (
+    common_period,
+    constant_value,
+    declared,
+    joint_breaks,
+    multiples,
+    reduced,
+    repeated,
+    stretches,
+)
+from floquid.floquet.matrices._state_matrix import Prepared, StateMatrix, periodic, prepare

@@ -1,0 +1,299 @@
+"""Fourier coefficients of periodic matrices, right to rounding whatever the form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.floquet.matrices._forms import (
+    AbstractPeriodicMatrix,
+    HarmonicMatrix,
+    PiecewiseMatrix,
+    SampledMatrix,
+)
+from floquid.floquet.matrices._interpolation import line_weights
+
+_FIRST, _LAST = 64, 2048  # samples of a period of a function without breaks, before it is cut into elements
+_POINTS = 16  # of Gauss, in an element
+_ELEMENTS = 4096
+_ROUNDING = 4e-15
+_ENDLESS = 256  # lines that are looked at of a matrix whose lines have no end
+_STRONG, _STRONG_OF_MANY = 1e-3, 5e-2  # of the largest line: what a step has to pass over, where the lines have an end
+_PROBES = np.array([0.1180339887, 0.4721359549, 0.7639320225])  # off every simple fraction of the period
+
+
+class Elements(NamedTuple):
+    """A periodic matrix as a series of Legendre polynomials in each of some intervals."""
+
+    left: NDArray[np.float64]
+    """Where each begins (elements,) [s]."""
+
+    width: NDArray[np.float64]
+    """How long each is (elements,) [s]."""
+
+    series: NDArray[np.float64]
+    """The coefficients (elements, degrees, rows, columns)."""
+
+
+class Reach(NamedTuple):
+    """How far the lines of a periodic matrix reach."""
+
+    highest: int
+    """The highest harmonic that counts."""
+
+    strong: int
+    """The highest of those that are strong: a truncation raised by less may not meet anything new."""
+
+    ends: bool
+    """True if they have an end; if not, only strong lines are counted."""
+
+
+class Needs(NamedTuple):
+    """The truncations that the harmonics of the matrices need."""
+
+    lowest: int
+    """The lowest truncation."""
+
+    step: int
+    """The least step from one to the next that meets anything new."""
+
+    steps: int
+    """Of how many steps there is to be room."""
+
+
+def reach(matrix: AbstractPeriodicMatrix, tolerance: float, scale: NDArray[np.float64] | None = None) -> Reach:
+    """How far the lines above `tolerance` of the size reach, however far apart they are.
+
+    Where the lines have no end (jumps, kinks) only the strong ones are counted; the others fall off steadily.
+
+    Parameters
+    ----------
+    matrix
+        M(t).
+    tolerance
+        Of the norm of all lines.
+    scale
+        Units of the states in which a square matrix is looked at (n,).
+
+    Returns
+    -------
+    Reach
+        The highest line, and the highest strong one.
+    """
+    coefficients, has_end = _all_lines(matrix)
+    if scale is not None:
+        coefficients = coefficients * (scale / scale[:, None])[:, :, None]
+    norms = np.linalg.norm(coefficients, axis=(0, 1))[coefficients.shape[2] // 2 :]
+    floor = tolerance * float(np.linalg.norm(norms))
+    largest = float(norms[1:].max(initial=0.0))
+    strong = _last_above(norms, max(floor, (_STRONG if has_end else _STRONG_OF_MANY) * largest))
+    return Reach(_last_above(norms, floor) if has_end else strong, strong, has_end)
+
+
+def _last_above(norms: NDArray[np.float64], floor: float) -> int:
+    above = np.flatnonzero(norms > floor)
+    return int(above[-1]) if above.size else 0
+
+
+def _all_lines(matrix: AbstractPeriodicMatrix) -> tuple[NDArray[np.complex128], bool]:
+    """All coefficients of M(t) (rows, columns, 2 M + 1), and whether that is all."""
+    if isinstance(matrix, HarmonicMatrix):
+        return fourier(matrix, int(np.asarray(matrix.harmonics)[-1])), True
+    if isinstance(matrix, SampledMatrix) and matrix.interpolation == "fourier":
+        return fourier(matrix, np.shape(matrix.values)[2] // 2), True
+    if not np.size(matrix.breaks):
+        found = _of_smooth(matrix, None)
+        if found is not None:
+            return found, True
+    return _of_elements(elements(matrix), matrix.period, _ENDLESS), False
+
+
+def fourier(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> NDArray[np.complex128]:
+    r"""The Fourier coefficients of a periodic matrix.
+
+    .. math:: M_m = \frac{1}{T} \int_0^T M(t)\, e^{-i m \omega t}\, dt, \qquad \omega = 2\pi/T
+
+    In closed form for harmonics, constant pieces and trigonometric samples. A function without breaks is sampled at
+    equal steps until its upper harmonics have died away, which is checked between the samples; a spline, or a
+    function that jumps or does not die away, is cut into elements, on each of which it is a series of Legendre
+    polynomials, whose coefficients are in closed form too.
+
+    Parameters
+    ----------
+    matrix
+        M(t).
+    n_harmonics
+        The highest harmonic N.
+
+    Returns
+    -------
+    NDArray[np.complex128]
+        M_m for m = -N..N (rows, columns, 2 N + 1); coefficients below the rounding of the samples are zero.
+
+    Raises
+    ------
+    InputError
+        A function is neither smooth nor smooth in pieces, so that elements without end would be needed.
+    """
+    if isinstance(matrix, HarmonicMatrix):
+        lines = np.arange(-n_harmonics, n_harmonics + 1)
+        out = np.zeros((*matrix.shape, len(lines)), dtype=np.complex128)
+        _, to, source = np.intersect1d(lines, np.asarray(matrix.harmonics), return_indices=True)
+        out[..., to] = np.asarray(matrix.coefficients)[..., source]
+        return out
+    if isinstance(matrix, PiecewiseMatrix):
+        values, edges = np.asarray(matrix.values), np.asarray(matrix.edges)
+        width = np.append(edges[1:], edges[0] + matrix.period) - edges
+        pieces = Elements(edges, width, np.moveaxis(values, 2, 0)[:, None])
+        return _of_elements(pieces, matrix.period, n_harmonics)
+    if isinstance(matrix, SampledMatrix) and matrix.interpolation == "fourier":
+        return _of_samples(matrix, n_harmonics)
+    if not np.size(matrix.breaks):
+        found = _of_smooth(matrix, n_harmonics)
+        if found is not None:
+            return found
+    return _of_elements(elements(matrix), matrix.period, n_harmonics)
+
+
+def elements(matrix: AbstractPeriodicMatrix) -> Elements:
+    """A matrix cut at its breaks, and halved until its Legendre series end within each element.
+
+    Raises
+    ------
+    InputError
+        Elements without end would be needed.
+    """
+    breaks, period = np.asarray(matrix.breaks), matrix.period
+    left = breaks if breaks.size else np.zeros(1)
+    right = np.append(left[1:], left[0] + period)
+    nodes, project = _projection()
+    done: list[Elements] = []
+    floor = np.zeros(matrix.shape)
+    while left.size:
+        width = right - left
+        values = matrix.at(left[:, None] + 0.5 * width[:, None] * (1.0 + nodes))
+        floor = np.maximum(floor, _units(np.abs(values).max(axis=(0, 1))))
+        series = np.einsum("dp,eprc->edrc", project, values)
+        tail = np.abs(series[:, -3:]).max(axis=1) * (width / period)[:, None, None]
+        # What is too short to be halved holds a jump; its share of any coefficient is below rounding.
+        ended = (tail <= _ROUNDING * floor).all(axis=(1, 2)) | (width <= 1e-15 * period)
+        done.append(Elements(left[ended], width[ended], series[ended]))
+        middle = 0.5 * (left + right)
+        left, right = (np.concatenate([a[~ended], b[~ended]]) for a, b in ((left, middle), (middle, right)))
+        if left.size and left.size + sum(len(part.left) for part in done) > _ELEMENTS:
+            raise input_error(
+                "system",
+                "floquet.fourier",
+                "be smooth in pieces",
+                f"more than {_ELEMENTS} pieces of the period do not suffice, near t = {left[0]:g} for one",
+                "Give noisy or measured values as samples; name the instants at which a callable jumps in `breaks`.",
+            )
+    return Elements(*(np.concatenate(parts) for parts in zip(*done, strict=True)))
+
+
+def of_function(
+    function: Callable[[NDArray[np.float64]], NDArray[np.complex128]],
+    cuts: NDArray[np.float64],
+    period: float,
+    n_harmonics: int,
+) -> NDArray[np.complex128]:
+    """The coefficients (..., 2 N + 1) of a function times -> (times, ...), smooth between the `cuts` of the period."""
+    parts = np.maximum(1, np.ceil(np.diff(cuts) / period * (n_harmonics + 4.0) * 0.5)).astype(int)
+    edges = np.unique(
+        np.concatenate([np.linspace(a, b, p + 1) for a, b, p in zip(cuts, cuts[1:], parts, strict=False)])
+    )
+    nodes, project = _projection()
+    left, width = edges[:-1], np.diff(edges)
+    values = function((left[:, None] + 0.5 * width[:, None] * (1.0 + nodes)).ravel())
+    values = values.reshape(len(left), len(nodes), 1, -1)
+    series = np.einsum("dp,eprc->edrc", project, values)
+    return _of_elements(Elements(left, width, series), period, n_harmonics)[0]
+
+
+def _window(coefficients: NDArray[np.complex128], n_harmonics: int) -> NDArray[np.complex128]:
+    """Coefficients of -M..M cut down or filled up to -N..N."""
+    rows, columns, count = coefficients.shape
+    have = min(n_harmonics, count // 2)
+    out = np.zeros((rows, columns, 2 * n_harmonics + 1), dtype=np.complex128)
+    centre = slice(count // 2 - have, count // 2 + have + 1)
+    out[..., n_harmonics - have : n_harmonics + have + 1] = coefficients[..., centre]
+    return out
+
+
+def _two_sided(upper: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Coefficients of -M..M of a real matrix from those of 0..M."""
+    parts = [upper[..., :0:-1].conj(), upper[..., :1].real, upper[..., 1:]]
+    return np.concatenate(parts, axis=-1, dtype=np.complex128)
+
+
+def _of_samples(matrix: SampledMatrix, n_harmonics: int) -> NDArray[np.complex128]:
+    values, times = np.asarray(matrix.values), np.asarray(matrix.times)
+    n_samples = values.shape[2]
+    lines = np.fft.rfft(values, axis=2) * line_weights(n_samples)
+    lines[..., 1:] *= 0.5  # each line is shared by m and -m
+    lines *= np.exp(-2j * np.pi * times[0] / matrix.period * np.arange(lines.shape[2]))
+    return _window(_two_sided(lines), n_harmonics)
+
+
+def _of_smooth(matrix: AbstractPeriodicMatrix, n_harmonics: int | None) -> NDArray[np.complex128] | None:
+    """The coefficients, all there are for N of None, from samples at equal steps; None if they do not die away."""
+    period, n = matrix.period, _FIRST
+    while n < 4 * ((n_harmonics or 0) + 1) and n < _LAST:
+        n *= 2
+    samples = matrix.at(period * np.arange(n) / n)
+    probes = matrix.at(period * _PROBES)
+    while True:
+        upper = np.moveaxis(np.fft.rfft(samples, axis=0), 0, 2)[..., : n // 2] / n
+        units = _units(np.abs(samples).max(axis=0))
+        if (np.abs(upper[..., 3 * n // 8 :]).max(axis=2) <= _ROUNDING * units).all():
+            upper[np.abs(upper) <= 0.1 * _ROUNDING * units[..., None]] = 0.0
+            angle = 2.0 * np.pi * np.multiply.outer(np.arange(n // 2), _PROBES)
+            series = 2.0 * (upper @ np.exp(1j * angle)).real - upper[..., :1].real
+            if (np.abs(np.moveaxis(probes, 0, 2) - series).max(axis=2) <= 1e3 * _ROUNDING * units).all():
+                every = _two_sided(upper)
+                return every if n_harmonics is None else _window(every, n_harmonics)
+        if n >= _LAST:
+            return None
+        between = matrix.at(period * (np.arange(n) + 0.5) / n)
+        samples = np.stack([samples, between], axis=1).reshape(2 * n, *matrix.shape)
+        n *= 2
+
+
+def _of_elements(pieces: Elements, period: float, n_harmonics: int) -> NDArray[np.complex128]:
+    r"""From the integrals ∫ P_d(x) e^{-iax} dx = 2 (-i)^d j_d(a) over -1..1."""
+    from scipy.special import spherical_jn
+
+    harmonics = np.arange(n_harmonics + 1)
+    n_degrees = pieces.series.shape[1]
+    out = np.zeros((*pieces.series.shape[2:], len(harmonics)), dtype=np.complex128)
+    real = not np.iscomplexobj(pieces.series)
+    lower = np.zeros_like(out)
+    for begin in range(0, len(pieces.left), 256):  # in parts, for memory
+        left, width, series = (part[begin : begin + 256] for part in pieces)
+        angle = np.multiply.outer(np.pi * width / period, harmonics)
+        turn = np.exp(-2j * np.pi * np.multiply.outer((left + 0.5 * width) / period, harmonics))
+        for degree in range(n_degrees):
+            weight = (width / period)[:, None] * spherical_jn(degree, angle) * turn * (-1j) ** degree
+            out += np.tensordot(series[:, degree], weight, (0, 0))
+            if not real:
+                # for harmonic -m the angle and the turn change sign: the conjugate weight
+                lower += np.tensordot(series[:, degree], weight.conj(), (0, 0))
+    return _two_sided(out) if real else np.concatenate([lower[..., :0:-1], out], axis=-1)
+
+
+def _projection() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gauss points on -1..1 (points,) and the matrix from values there to Legendre coefficients (degrees, points)."""
+    from numpy.polynomial import legendre
+
+    nodes, weights = legendre.leggauss(_POINTS)
+    degrees = np.arange(_POINTS)
+    return nodes, legendre.legvander(nodes, _POINTS - 1).T * weights * (degrees[:, None] + 0.5)
+
+
+def _units(largest: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The unit of an error of each entry: the largest entry of its row or its column, whichever is less."""
+    return np.minimum(largest.max(axis=1)[:, None], largest.max(axis=0)[None, :])

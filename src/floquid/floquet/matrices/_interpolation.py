@@ -1,0 +1,80 @@
+"""Interpolation between the samples of a matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+
+
+def line_weights(n_samples: int) -> NDArray[np.float64]:
+    """Weights of the lines of `rfft` of `n_samples` in the real series through the samples (lines,)."""
+    weights = np.full(n_samples // 2 + 1, 2.0 / n_samples)
+    weights[0] = 1.0 / n_samples
+    if n_samples % 2 == 0:
+        weights[-1] = 1.0 / n_samples  # e^{iPωt/2} and its conjugate share the one term of the highest line
+    return weights
+
+
+def interpolant(
+    values: NDArray[np.float64],
+    times: NDArray[np.float64],
+    period: float,
+    kind: str,
+    argument: tuple[str, str] = ("values", "SampledMatrix"),
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process.
+
+    Raises
+    ------
+    InputError
+        The values, the `argument` of a callable, are so large, or so near in time, that what is between them overflows.
+    """
+    if values.shape[2] == 1:
+        return partial(_constant, values[..., 0])
+    try:
+        with np.errstate(over="raise", invalid="raise"):
+            return _interpolant(values, times, period, kind)
+    except (FloatingPointError, ValueError):  # scipy refuses differences that have overflowed
+        shortest = float(np.diff(times, append=times[0] + period).min())
+        got = f"reach {np.abs(values).max():.3g} at steps down to {shortest:.3g} s, where that overflows"
+        remedy = "Leave out one of two times that are nearly one, or choose other units."
+        raise input_error(*argument, "be such that what is between them can be worked out", got, remedy) from None
+
+
+def _interpolant(
+    values: NDArray[np.float64], times: NDArray[np.float64], period: float, kind: str
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    if kind == "fourier":
+        return partial(_series, np.fft.rfft(values, axis=2) * line_weights(values.shape[2]), times[0], period)
+    from scipy.interpolate import CubicSpline, make_interp_spline
+
+    knots = np.append(times, times[0] + period)
+    stack = np.moveaxis(np.concatenate([values, values[..., :1]], axis=2), 2, 0)
+    if kind == "cubic":
+        return CubicSpline(knots, stack, bc_type="periodic")  # it goes on periodically by itself
+    line = make_interp_spline(knots, stack, k=1)
+    line.extrapolate = "periodic"
+    return line
+
+
+def _constant(value: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.broadcast_to(value, (*at.shape, *value.shape)).copy()
+
+
+def series_at(
+    lines: NDArray[np.complex128], harmonics: NDArray[np.int64], phases: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Re Σ of the lines (rows, columns, harmonics) times e^{2πi m φ}, at phases φ in periods (..., rows, columns)."""
+    rows, columns, count = lines.shape
+    angle = np.multiply.outer(np.mod(phases.ravel(), 1.0), 2.0 * np.pi * harmonics)
+    flat = lines.reshape(-1, count).T
+    return (np.cos(angle) @ flat.real - np.sin(angle) @ flat.imag).reshape(*phases.shape, rows, columns)
+
+
+def _series(lines: NDArray[np.complex128], start: float, period: float, at: NDArray[np.float64]) -> NDArray[np.float64]:
+    return series_at(lines, np.arange(lines.shape[2]), (at - start) / period)

@@ -1,0 +1,188 @@
+"""The type that every form of a periodic matrix has."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from floquid.floquet.matrices._forms import HarmonicMatrix, PiecewiseMatrix, SampledMatrix
+
+
+def _operations():
+    """The room, whose arithmetic and conversions know the forms, and so this type of theirs.
+
+    A closed algebra is circular by nature: this import, when an operator is first used, is the one that runs back.
+    """
+    from floquid.floquet import matrices
+
+    return matrices
+
+
+class AbstractPeriodicMatrix(ABC):
+    """A real matrix M(t) = M(t + T): what all its forms answer."""
+
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def period(self) -> float:
+        """The period T [s]."""
+
+    @property
+    @abstractmethod
+    def shape(self) -> tuple[int, int]:
+        """The numbers of rows and columns."""
+
+    @property
+    def breaks(self) -> NDArray[np.float64]:
+        """Instants in [0, T) at which the matrix or a derivative jumps (breaks,) [s]."""
+        return np.empty(0)
+
+    @abstractmethod
+    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+        """The values at `times` [s] of any shape (..., rows, columns)."""
+
+    def __call__(self, times: ArrayLike) -> NDArray[np.float64]:
+        return self.at(times)
+
+    # numpy must not broadcast over the operands itself.
+    __array_ufunc__ = None
+
+    def __add__(self, other: Any) -> AbstractPeriodicMatrix:
+        return _operations().added(self, other, 1.0)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> AbstractPeriodicMatrix:
+        return _operations().added(self, other, -1.0)
+
+    def __rsub__(self, other: Any) -> AbstractPeriodicMatrix:
+        return -self + other
+
+    def __neg__(self) -> AbstractPeriodicMatrix:
+        return self * -1.0
+
+    def __mul__(self, factor: Any) -> AbstractPeriodicMatrix:
+        return _operations().scaled(self, factor)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: Any) -> AbstractPeriodicMatrix:
+        return self * (1.0 / divisor)
+
+    def __matmul__(self, other: Any) -> AbstractPeriodicMatrix:
+        return _operations().product(self, other)
+
+    def __rmatmul__(self, other: Any) -> AbstractPeriodicMatrix:
+        return _operations().product(other, self)
+
+    @property
+    def T(self) -> AbstractPeriodicMatrix:  # noqa: N802 - as numpy has it
+        """The transpose."""
+        return _operations().transposed(self)
+
+    def to_harmonics(self, n_harmonics: int | None = None, *, tolerance: float = 1e-12) -> HarmonicMatrix:
+        """The Fourier series.
+
+        Parameters
+        ----------
+        n_harmonics
+            The highest harmonic kept; what lies above is left out, however much it is. By default as many as it takes
+            for the rest to fall below `tolerance`.
+        tolerance
+            What the harmonics left out may come to, as a share of each entry of the matrix.
+
+        Returns
+        -------
+        HarmonicMatrix
+            The series.
+
+        Raises
+        ------
+        InputError
+            The harmonics do not fall below `tolerance` within 512, as at a jump, and `n_harmonics` is not given; or a
+            function does not repeat itself after its period.
+        """
+        return _operations().to_harmonics(self, n_harmonics, tolerance)
+
+    def to_samples(self, n_samples: int) -> SampledMatrix:
+        """Samples at equal steps from t = 0, with the trigonometric polynomial between them.
+
+        Parameters
+        ----------
+        n_samples
+            Samples in the period; harmonics from half of it up are folded, unseen. At a jump the sample is the value
+            after it.
+
+        Returns
+        -------
+        SampledMatrix
+            The samples.
+
+        Raises
+        ------
+        InputError
+            A function does not repeat itself after its period.
+        """
+        return _operations().to_samples(self, n_samples)
+
+    def to_pieces(self, n_pieces: int) -> PiecewiseMatrix:
+        r"""Equal pieces from t = 0, in each of which the matrix is its mean there.
+
+        .. math:: M_i = \frac{P}{T} \int_{iT/P}^{(i + 1)T/P} M(t)\, dt
+
+        The mean, rather than the value in the middle, keeps the integral over the period, so that of A(t) the product
+        of the multipliers stays what it is. Exponents are right to second order in the length of a piece.
+
+        Parameters
+        ----------
+        n_pieces
+            Pieces in the period, P.
+
+        Returns
+        -------
+        PiecewiseMatrix
+            The pieces.
+
+        Raises
+        ------
+        InputError
+            The means are not found, as of a function that jumps where it names no break; or a function does not
+            repeat itself after its period.
+        """
+        return _operations().to_pieces(self, n_pieces)
+
+    def repeated(self, count: int) -> AbstractPeriodicMatrix:
+        """The same matrix declared over `count` of its periods.
+
+        Parameters
+        ----------
+        count
+            Periods in the new one.
+
+        Returns
+        -------
+        AbstractPeriodicMatrix
+            The matrix, in the same form.
+        """
+        return _operations().repeated(self, count)
+
+    def reduced(self) -> AbstractPeriodicMatrix:
+        """The same matrix declared over its smallest period.
+
+        That is the period over k for the largest k, up to 1000, with which the matrix repeats itself to 1e-10 of its
+        largest value: by its harmonics if it has them, else at 32 instants and between any two of its breaks. What is
+        constant has no smallest period and stays as it is. Half or a third of a revolution is often the period of
+        what two or three blades do to quantities of the fixed frame alone; a matrix that holds quantities of a single
+        blade has the whole revolution, and is not reduced.
+
+        Returns
+        -------
+        AbstractPeriodicMatrix
+            The matrix, in the same form; of trigonometric samples that k does not divide, the harmonics.
+        """
+        return _operations().reduced(self)

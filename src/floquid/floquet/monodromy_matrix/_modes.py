@@ -1,0 +1,301 @@
+"""Floquet modes of a known A(t): exponents, periodic shapes, harmonic participation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import Rebuilt, input_error, integer
+from floquid.floquet.matrices import Prepared, StateMatrix, balanced_units
+from floquid.floquet.monodromy_matrix import _periodic_schur
+from floquid.floquet.monodromy_matrix._collocation import Factors
+from floquid.floquet.monodromy_matrix._exponents import balanced, refuse_lost, trace_integral
+from floquid.floquet.monodromy_matrix._transition import TOLERANCE, checked, factors
+
+_FIRST, _LAST = 64, 512  # phases of the period tried until the shapes' harmonics have died away
+_MANY = 20  # states from which half as many phases are tried first, since each costs their cube
+_TAIL = 1e-10  # of a shape: its harmonics in the last eighth, where more phases are not needed
+_SHARED = 1e3  # condition of an exponent above which its shape may be another's
+_CLOSE = 10.0  # errors of an exponent within which another is not told from it
+
+
+class ModesOutcome(Enum):
+    """The outcome of the analysis, with the remedy."""
+
+    FULL = "the modes are a full set"
+    DEFECTIVE = (
+        "some exponents cannot be told from multiple ones that share a shape (see `defective`): their mean is right, "
+        "each by itself only to the root of the tolerance, and terms t e^{λt} belong to the response; use "
+        "`floquet_lyapunov`, which needs no full set"
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FloquetModes(Rebuilt):
+    r"""The modes of x' = A(t) x.
+
+    .. math:: x(t) = \sum_r p_r(t)\, e^{\lambda_r t}\, q_r, \qquad
+              p_r(t) = p_r(t + T) = \sum_m c_{r,m}\, e^{i m \omega t}
+
+    Each exponent is the representative of its class modulo iω whose zeroth harmonic is the strongest of its shape,
+    states weighted so that units do not matter; conjugates are chosen together. Of the zeroth harmonic of a shape the
+    state that is strongest by the same weights is one.
+
+    Parameters
+    ----------
+    exponents
+        λ (modes,) [1/s], by \|Im λ\| of the principal value, then by falling real part.
+    coefficients
+        c_{r,m} (modes, states, harmonics).
+    harmonics
+        m, ascending (harmonics,).
+    period
+        T [s].
+    participation
+        The share of each harmonic in its shape's mean square (modes, harmonics), states weighted as above: it sums to
+        one over the harmonics.
+    condition
+        Of each exponent, 1 for shapes at right angles (modes,): by what a relative error of the multipliers' factors is
+        multiplied.
+    defective
+        Groups of indices of modes that cannot be told from a multiple exponent with a shared shape.
+    outcome
+        Whether the modes are a full set.
+    mean_trace
+        The mean of tr A(t) over the period [1/s], which the exponents sum to (Liouville).
+    """
+
+    exponents: NDArray[np.complex128]
+    coefficients: NDArray[np.complex128]
+    harmonics: NDArray[np.int64]
+    period: float
+    participation: NDArray[np.float64]
+    condition: NDArray[np.float64]
+    defective: tuple[tuple[int, ...], ...]
+    outcome: ModesOutcome
+    mean_trace: float
+
+    @property
+    def order(self) -> int:
+        """The number of modes, conjugates counted one by one."""
+        return len(self.exponents)
+
+    @property
+    def fundamental(self) -> float:
+        """ω = 2π/T [rad/s]."""
+        return 2.0 * np.pi / self.period
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """e^{λT} (modes,); one below 1e-308 is zero."""
+        with np.errstate(over="ignore", under="ignore"):
+            return np.exp(self.exponents * self.period)
+
+    @property
+    def frequencies_hz(self) -> NDArray[np.float64]:
+        """The physical frequencies |λ|/2π (modes,) [Hz]."""
+        return np.abs(self.exponents) / (2.0 * np.pi)
+
+    @property
+    def damping_ratios(self) -> NDArray[np.float64]:
+        """The damping ratios -Re λ/|λ| (modes,), negative for a growing mode."""
+        size = np.abs(self.exponents)
+        return np.divide(-self.exponents.real, size, out=np.zeros_like(size), where=size > 0)
+
+    @property
+    def growth(self) -> float:
+        """The largest Re λ [1/s]: the system is asymptotically stable where it is negative."""
+        return float(self.exponents.real.max())
+
+    def principal(self) -> NDArray[np.complex128]:
+        """The exponents on the strip -ω/2 < Im λ ≤ ω/2 (modes,) [1/s]."""
+        turns = self.exponents.imag / self.fundamental
+        return self.exponents - 1j * self.fundamental * np.ceil(turns - 0.5 - 1e-12)
+
+    def shapes(self, times: ArrayLike) -> NDArray[np.complex128]:
+        """The periodic shapes p_r at `times` [s] (modes, states, times)."""
+        t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        return self.coefficients @ np.exp(1j * self.fundamental * np.multiply.outer(self.harmonics, t))
+
+    def response(self, initial: ArrayLike, times: ArrayLike) -> NDArray[np.float64]:
+        """The free response from x(0) = `initial` (states,) at `times` [s] (states, times).
+
+        Raises
+        ------
+        InputError
+            The modes are defective and span no response, or `initial` does not fit.
+        """
+        start = np.asarray(initial, dtype=np.float64)
+        if start.shape != (self.order,):
+            raise input_error(
+                "initial", "FloquetModes.response", f"have shape ({self.order},)", f"has shape {start.shape}"
+            )
+        if self.defective:
+            raise input_error(
+                "self", "FloquetModes.response", "be a full set of modes", "is defective", "Use `floquet.transition`."
+            )
+        t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        amounts = np.linalg.solve(self.shapes([0.0])[..., 0].T, start.astype(np.complex128))
+        grown = amounts[:, None] * np.exp(np.multiply.outer(self.exponents, t))
+        return np.einsum("rnt,rt->nt", self.shapes(t), grown).real
+
+
+def modes(
+    system: StateMatrix,
+    period: float | None = None,
+    *,
+    breaks: ArrayLike = (),
+    n_phases: int | None = None,
+    tolerance: float = TOLERANCE,
+) -> FloquetModes:
+    """The Floquet modes of A(t): exponents and periodic shapes, by factors that are never multiplied out.
+
+    Parameters
+    ----------
+    system, period, breaks, tolerance
+        As in `transition`.
+    n_phases
+        Equal steps of the period at which shapes are found, 8 at least; by default 32 or 64, or as many more as
+        their harmonics need, 512 at most.
+
+    Returns
+    -------
+    FloquetModes
+        The modes, in the order of `exponents`.
+
+    Raises
+    ------
+    InputError
+        As in `exponents`.
+
+    Notes
+    -----
+    Allen 2009, eqs. (3), (4), (6). The shape of a small multiplier is carried through each factor in the direction in
+    which errors decay.
+    """
+    of = "floquet.modes"
+    prepared = checked(system, period, breaks, tolerance, of)
+    first = _FIRST if len(prepared.scale) < _MANY else _FIRST // 2
+    count = first if n_phases is None else integer(n_phases, "n_phases", of, at_least=8)
+    while True:
+        length = prepared.matrix.period
+        found = factors(prepared, length * np.arange(count + 1) / count, tolerance, of)
+        carried = _periodic_schur.modes(_periodic_schur.schur(balanced(found, prepared)))
+        shapes = _at_phases(carried, found, count)
+        lines = np.fft.fft(shapes, axis=0) / count
+        sizes = np.abs(lines).max(axis=1)  # (lines, modes)
+        upper = sizes[count // 2 - count // 16 : count // 2 + count // 16 + 1].max(axis=0)
+        if n_phases is not None or count >= _LAST or (upper <= _TAIL * sizes.max(axis=0)).all():
+            break
+        count *= 2
+    refuse_lost(carried.logarithms, found, prepared, of)
+    return _assembled(carried, lines, prepared, found, tolerance)
+
+
+def _at_phases(carried: _periodic_schur.ProductModes, found: Factors, count: int) -> NDArray[np.complex128]:
+    """The shapes x_k exp(growth_k - λ t_k) at the phases (phases, n, modes), of unit length at phase zero."""
+    nodes = np.searchsorted(found.owner, np.arange(count))  # the first factor of each step begins on its phase
+    share = np.arange(count)[:, None] / count
+    # The two terms are large and nearly equal: they are taken apart before the exponential.
+    real = carried.growth[nodes] - share * carried.logarithms.real
+    return carried.vectors[nodes] * np.exp(real - 1j * share * carried.logarithms.imag)[:, None, :]
+
+
+def _assembled(
+    carried: _periodic_schur.ProductModes,
+    lines: NDArray[np.complex128],
+    prepared: Prepared,
+    found: Factors,
+    tolerance: float,
+) -> FloquetModes:
+    """The modes sorted, each on its representative branch, in the units of the caller."""
+    period, count = prepared.matrix.period, len(lines)
+    order = _periodic_schur.principal_order(carried.logarithms)
+    exponents = carried.logarithms[order] / period
+    limit = (count - 1) // 2
+    harmonics = np.arange(-limit, limit + 1)
+    plain = np.moveaxis(lines[harmonics % count][:, :, order], (2, 1, 0), (0, 1, 2)) * prepared.scale[None, :, None]
+    units = balanced_units(np.abs(prepared.matrix.at(period * np.arange(16) / 16)).max(axis=0))
+    energy = (np.abs(plain / units[None, :, None]) ** 2).sum(axis=1)
+    centres = _centres(exponents, energy, harmonics, 2.0 * np.pi / period)
+    shifted = np.stack([_moved(c, int(m)) for c, m in zip(plain, centres, strict=True)])
+    shares = (np.abs(shifted / units[None, :, None]) ** 2).sum(axis=1)
+    middle = shifted[:, :, limit]
+    strongest = np.take_along_axis(middle, np.abs(middle / units).argmax(axis=1)[:, None], axis=1)
+    vectors = carried.vectors[0][:, order] * (prepared.scale / units)[:, None]
+    condition = np.linalg.norm(_inverse_rows(vectors), axis=1) * np.linalg.norm(vectors, axis=0)
+    error = tolerance * len(found.owner) ** 0.5 * condition
+    groups = _defective(carried.logarithms[order], condition, error)
+    return FloquetModes(
+        exponents=exponents + 2j * np.pi / period * centres,
+        coefficients=shifted / strongest[:, :, None],
+        harmonics=harmonics,
+        period=period,
+        participation=shares / shares.sum(axis=1, keepdims=True),
+        condition=condition,
+        defective=groups,
+        outcome=ModesOutcome.DEFECTIVE if groups else ModesOutcome.FULL,
+        mean_trace=trace_integral(found, prepared) / period,
+    )
+
+
+def _centres(
+    exponents: NDArray[np.complex128],
+    energy: NDArray[np.float64],
+    harmonics: NDArray[np.int64],
+    fundamental: float,
+) -> NDArray[np.int64]:
+    """The harmonic that becomes the zeroth of each mode: the strongest; of equals that of the larger |Im|."""
+    centres = np.zeros(len(exponents), dtype=np.int64)
+    edge = 0.5 * fundamental
+    for r, (exponent, share) in enumerate(zip(exponents, energy, strict=True)):
+        alone = min(abs(exponent.imag), abs(abs(exponent.imag) - edge)) <= 1e-9 * fundamental
+        best = np.flatnonzero(share >= share.max() * (1.0 - 1e-6))
+        moved = np.abs(exponent.imag + harmonics[best] * fundamental)
+        # A mode that is its own conjugate has equal harmonics on both sides: the upper one is taken.
+        upper = harmonics[best] + (exponent.imag / fundamental if alone else 0.0)
+        centres[r] = harmonics[best[np.lexsort((-upper, -np.round(moved / fundamental, 6)))[0]]]
+    return centres
+
+
+def _moved(coefficients: NDArray[np.complex128], centre: int) -> NDArray[np.complex128]:
+    """The coefficients (n, harmonics) with `centre` made the zeroth; what leaves the range has died away."""
+    out = np.zeros_like(coefficients)
+    size = coefficients.shape[1]
+    if centre >= 0:
+        out[:, : size - centre] = coefficients[:, centre:]
+    else:
+        out[:, -centre:] = coefficients[:, : size + centre]
+    return out
+
+
+def _inverse_rows(vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """The left vectors; of a singular set those of one a rounding error away."""
+    u, s, vh = np.linalg.svd(vectors)
+    inverse = vh.conj().T @ (u.conj().T / np.maximum(s, 1e-16 * s[0])[:, None])
+    return np.asarray(inverse, dtype=np.complex128)
+
+
+def _defective(
+    logs: NDArray[np.complex128], condition: NDArray[np.float64], error: NDArray[np.float64]
+) -> tuple[tuple[int, ...], ...]:
+    """Groups of modes nearer to each other than their errors, whose shapes are nearly one."""
+    gap = logs[:, None] - logs[None, :]
+    turned = (gap.imag + np.pi) % (2.0 * np.pi) - np.pi
+    distance = np.hypot(gap.real, turned)
+    doubtful = condition > _SHARED
+    near = (distance <= _CLOSE * np.maximum(error[:, None], error[None, :])) & doubtful[:, None] & doubtful[None, :]
+    groups: list[tuple[int, ...]] = []
+    left = set(range(len(logs)))
+    while left:
+        group, fresh = set(), {left.pop()}
+        while fresh:
+            group |= fresh
+            fresh = {j for i in fresh for j in np.flatnonzero(near[i]).tolist()} - group
+        left -= group
+        if len(group) > 1:
+            groups.append(tuple(sorted(group)))
+    return tuple(sorted(groups))

@@ -1,0 +1,229 @@
+"""Transition matrix of a known A(t), to a stated tolerance."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import finite, frozen_array, input_error
+from floquid.floquet.matrices import (
+    FunctionMatrix,
+    HarmonicMatrix,
+    Prepared,
+    StateMatrix,
+    checked_tolerance,
+    periodic,
+    prepare,
+)
+from floquid.floquet.monodromy_matrix._collocation import MOST, Factors, divided, factorise, stages
+
+TOLERANCE = 1e-12
+"""Relative error of a factor of Φ that is aimed at by default."""
+
+
+def transition(
+    system: StateMatrix,
+    period: float | None,
+    times: ArrayLike,
+    *,
+    start: float = 0.0,
+    breaks: ArrayLike = (),
+    tolerance: float = TOLERANCE,
+) -> NDArray[np.float64]:
+    r"""The state transition matrix Φ(t, t₀) at `times`.
+
+    .. math:: \dot\Phi(t, t_0) = A(t)\,\Phi(t, t_0), \qquad \Phi(t_0, t_0) = I
+
+    By Gauss collocation of order 12 or 16 on intervals halved until each reaches the tolerance. A callable that is
+    smooth is first resolved into its harmonics from 64 or more samples at equal steps, so that it is called no more
+    often than that; one that is not is evaluated within each interval. What happens within less than 1/64 of the
+    period may pass unseen unless it stands between `breaks`: see `FunctionMatrix.narrowest`.
+
+    Parameters
+    ----------
+    system
+        A(t): a periodic matrix (`FunctionMatrix`, `HarmonicMatrix`, `SampledMatrix`, `PiecewiseMatrix`); a callable,
+        t [s] -> (n, n) [1/s]; or its samples (n, n, phases) at the phases 0, 1/P, ..., (P - 1)/P of the period,
+        between which it is the trigonometric polynomial through them. Samples must resolve A(t): what lies above P/2
+        harmonics is folded, unseen.
+    period
+        The period T of A(t) [s]; None for a periodic matrix, which knows its own.
+    times
+        Instants t, ascending, none before `start` (times,) [s].
+    start
+        The instant t₀ [s].
+    breaks
+        Instants in [0, period) at which a callable jumps (breaks,) [s]; no step crosses one. A jump that is not named
+        is found if the samples see it, at the cost of some fifty halvings.
+    tolerance
+        The relative error of each factor of Φ, both of its large and of its small directions, from 1e-14 to 1e-3.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        Φ(t, t₀) (times, n, n).
+
+    Raises
+    ------
+    InputError
+        `system` is not a finite real (n, n) of that period, `times` does not ascend from `start`, a break lies
+        outside the first period, or A(t) cannot be integrated.
+
+    Notes
+    -----
+    Allen 2009, eq. (3). Gauss collocation: Hairer, Lubich and Wanner, Geometric Numerical Integration, II.1.3.
+    """
+    of = "floquet.transition"
+    prepared = checked(system, period, breaks, tolerance, of)
+    instants = frozen_array(times, "times", of, axes=("times",))
+    begin = finite(start, "start", of, unit="s")
+    if instants.size and (instants[0] < begin or (np.diff(instants) < 0).any()):
+        raise input_error(
+            "times",
+            of,
+            f"ascend from `start` = {begin:g} [s]",
+            f"begins at {instants[0]:g} and may go back",
+            "Backwards in time use Φ(t, t₀) = Φ(t₀, t)⁻¹.",
+        )
+    found = factors(prepared, np.concatenate([[begin], instants]), tolerance, of)
+    out = np.empty((len(instants), *prepared.matrix.shape))
+    phi, place = np.eye(len(prepared.scale)), 0
+    with np.errstate(over="ignore", invalid="ignore"):
+        for gap in range(len(instants)):
+            while place < len(found.owner) and found.owner[place] == gap:
+                phi = found.matrices[place] @ phi
+                place += 1
+            out[gap] = phi
+    if not np.isfinite(out).all():
+        raise input_error(
+            "times",
+            of,
+            "end before Φ leaves the range of floating point",
+            f"Φ overflows before t = {instants[-1]:g}",
+            "Take a shorter interval; `floquet.exponents` never multiplies the factors out.",
+        )
+    return out
+
+
+def monodromy(
+    system: StateMatrix,
+    period: float | None = None,
+    *,
+    start: float = 0.0,
+    breaks: ArrayLike = (),
+    tolerance: float = TOLERANCE,
+) -> NDArray[np.float64]:
+    """The monodromy matrix Φ(t₀ + T, t₀) (n, n): the transition over one period.
+
+    Parameters
+    ----------
+    system, period, breaks, tolerance
+        As in `transition`.
+    start
+        The time t₀ [s].
+
+    Returns
+    -------
+    numpy.ndarray
+        Φ(t₀ + T, t₀) (n, n).
+
+    Raises
+    ------
+    InputError
+        As in `transition`.
+    """
+    of = "floquet.monodromy"
+    begin = finite(start, "start", of, unit="s")
+    prepared = checked(system, period, breaks, tolerance, of)
+    found = factors(prepared, np.array([begin, begin + prepared.matrix.period]), tolerance, of)
+    with np.errstate(over="ignore", invalid="ignore"):
+        phi = found.matrices[0]
+        for factor in found.matrices[1:]:
+            phi = factor @ phi
+    if not np.isfinite(phi).all():
+        raise input_error(
+            "system",
+            of,
+            "have a monodromy matrix within the range of floating point",
+            "it overflows",
+            "`floquet.exponents` finds the exponents from its factors, which it never multiplies out.",
+        )
+    return phi
+
+
+def checked(system: StateMatrix, period: float | None, breaks: ArrayLike, tolerance: float, of: str) -> Prepared:
+    """A(t) ready to be integrated to `tolerance`, both checked."""
+    accuracy = checked_tolerance(tolerance, of)
+    return prepare(periodic(system, period, breaks, of), accuracy, of)
+
+
+def factors(prepared: Prepared, instants: NDArray[np.float64], tolerance: float, of: str) -> Factors:
+    """The transition matrices of short intervals between successive instants, whose gap is their owner."""
+    matrix = prepared.matrix
+    gaps, left, right = intervals(prepared, instants, of)
+    found = factorise(
+        lambda _, times: matrix.at(times),
+        gaps,
+        left,
+        right,
+        scale=prepared.scale,
+        tolerance=tolerance,
+        smooth=prepared.smooth,
+    )
+    if not found.finished:
+        worst = found.left[int(np.argmin(found.right - found.left))]
+        raise input_error(
+            "system",
+            of,
+            f"be integrable to a relative error of {tolerance:g}",
+            f"the steps near t = {worst:g} shrink without end",
+            "Name the instants at which A(t) jumps in `breaks`, take out states that decay at once, or raise "
+            "`tolerance`.",
+        )
+    return found
+
+
+def intervals(
+    prepared: Prepared, instants: NDArray[np.float64], of: str
+) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+    """First intervals between the instants: gap (intervals,), left and right ends, none across a break."""
+    matrix = prepared.matrix
+    period, breaks = matrix.period, np.asarray(matrix.breaks)
+    ends = instants
+    if breaks.size and instants.size > 1:
+        turns = np.arange(np.floor(instants[0] / period), np.ceil(instants[-1] / period) + 1.0)
+        jumps = np.add.outer(turns * period, breaks).ravel()
+        inside = jumps[(jumps > instants[0]) & (jumps < instants[-1])]
+        ends = np.unique(np.concatenate([instants, inside]))
+    left, right = ends[:-1], ends[1:]
+    if (right <= left).any():
+        real = right > left
+        left, right = left[real], right[real]
+    n_nodes = stages(len(prepared.scale))
+    longest = min(0.5 * period, n_nodes / (1.5 * prepared.size)) if prepared.size else 0.5 * period
+    if not prepared.smooth and isinstance(matrix, FunctionMatrix):
+        longest = min(longest, n_nodes * matrix.narrowest * period)
+    if isinstance(matrix, HarmonicMatrix):
+        longest = min(longest, n_nodes * period / (4.0 * max(1, _fastest(matrix))))
+    wanted = np.maximum(1.0, np.ceil((right - left) / longest - 1e-9))
+    if not wanted.sum() <= MOST:
+        raise input_error(
+            "system",
+            of,
+            f"be integrable in {MOST} steps",
+            f"it is as large as {prepared.size:.3g} 1/s over {instants[-1] - instants[0]:.3g} s, which takes "
+            f"{wanted.sum():.2g}",
+            "Check its unit and that of the period; take out states that decay at once; take a shorter interval; or "
+            "use `floquet.hill`, which takes no steps.",
+        )
+    parts = wanted.astype(np.intp)
+    _, lefts, rights = divided(left, right, parts)
+    gap = np.searchsorted(instants, 0.5 * (lefts + rights), side="right") - 1
+    return gap, lefts, rights
+
+
+def _fastest(matrix: HarmonicMatrix) -> int:
+    """The highest harmonic of an entry above a millionth of that entry: the steps must see it, however slow Φ is."""
+    sizes = np.abs(np.asarray(matrix.coefficients))
+    counts = (sizes > 1e-6 * sizes.max(axis=2, keepdims=True)).any(axis=(0, 1))
+    return int(np.abs(np.asarray(matrix.harmonics)[counts]).max(initial=0))

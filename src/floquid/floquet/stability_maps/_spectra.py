@@ -1,0 +1,286 @@
+"""Exponents and growth of systems A(t; p) in batches over the values of their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.floquet.matrices import line_weights
+from floquid.floquet.monodromy_matrix import MOST, divided, factorise, inverse, stages
+from floquid.floquet.stability_maps._family import PROBED, PROBES, Family
+
+_LAST = 512  # samples of a period, at least, that are tried until its harmonics have died away
+_INTERVALS = 20_000  # of the points that are integrated in one go
+_DEFECTIVE = 4  # multipliers that may coalesce into one block: how far rounding may carry them is capped by it
+
+
+class Spectra(NamedTuple):
+    """Exponents, growth and eigenvectors at each of the points."""
+
+    exponents: NDArray[np.complex128]
+    """On the principal branch, ascending in their real parts (points, n) [1/s]."""
+
+    growth: NDArray[np.float64]
+    """The largest real part (points,) [1/s]."""
+
+    certain: NDArray[np.float64]
+    """The same with the error of each exponent taken off (points,) [1/s]."""
+
+    multiplier: NDArray[np.complex128]
+    """The largest multiplier (points,)."""
+
+    vectors: NDArray[np.complex64]
+    """Eigenvectors of Φ(T), ascending in the angles of their multipliers (points, n, n)."""
+
+
+def spectra(of: Family, points: NDArray[np.float64]) -> Spectra:
+    """The spectra at the points (points, parameters); each as if it were alone."""
+    periods = of.periods(points)
+    return _eigen(of, *products(of, points, periods, (0.0, 1.0)), periods)
+
+
+def products(
+    of: Family, points: NDArray[np.float64], periods: NDArray[np.float64], span: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Φ / 2^power over `span`, in periods (points, n, n), in balanced units; the power; the errors' gain (points,)."""
+    n = len(of.scale)
+    product = np.empty((len(points), n, n))
+    power, gain = np.zeros(len(points), dtype=np.int64), np.empty(len(points))
+    rest = np.arange(len(points))
+    if not of.breaks.size:
+        for group, series, size in _resolved(of, points, periods):
+            product[group], power[group], gain[group] = _monodromy(
+                of, points[group], size, _evaluator(series), span, smooth=True
+            )
+            rest = np.setdiff1d(rest, group, assume_unique=True)
+    if rest.size:
+        values, spans = points[rest], periods[rest]
+        sizes = _sizes(of, _repeating(of, values, spans)) * spans
+
+        def direct(owner: NDArray[np.intp], fractions: NDArray[np.float64]) -> NDArray[np.float64]:
+            return of.at(values[owner], fractions * spans[owner, None]) * spans[owner, None, None, None]
+
+        product[rest], power[rest], gain[rest] = _monodromy(of, values, sizes, direct, span, smooth=False)
+    return product, power, gain
+
+
+def _resolved(
+    of: Family, points: NDArray[np.float64], periods: NDArray[np.float64]
+) -> list[tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]]:
+    """Groups of points whose harmonics die away: their indices, the series of T A in fractions of T, and its size.
+
+    The samples double until they suffice, none is taken twice; the check is one period later, so it is one of the
+    period as well. Points whose harmonics have no end within reach are in no group.
+    """
+    groups = []
+    first = 2 * int(np.ceil(0.5 / of.narrowest))
+    index, count = np.arange(len(points)), first
+    samples = of.at(points, periods[:, None] * np.arange(count) / count)
+    while index.size:
+        spans = periods[index]
+        sizes = _sizes(of, samples)
+        lines = np.fft.rfft(samples, axis=1) * line_weights(count)[:, None, None]
+        lines[:, 1:-1] = lines[:, 1:-1].conj()
+        ratio = of.scale / of.scale[:, None]
+        upper = (np.abs(lines[:, 7 * count // 16 :]).sum(axis=1) * ratio).max(axis=(1, 2))
+        good = np.flatnonzero(upper <= of.tolerance * sizes)
+        if good.size:
+            kept = lines[good, :-1]
+            series = np.concatenate([kept.real, kept[:, 1:].imag], axis=1).reshape(len(good), count - 1, -1)
+            later = of.at(points[index[good]], spans[good, None] * (1.0 + PROBES[:2]))
+            between = (_basis(PROBES[:2], count // 2) @ series).reshape(later.shape)
+            missed = (np.abs(later - between).max(axis=1) * ratio).max(axis=(1, 2))
+            right = missed <= 10.0 * max(of.tolerance, 1e-13) * sizes[good]
+            good = good[right]
+            if good.size:
+                groups.append((index[good], series[right] * spans[good, None, None], sizes[good] * spans[good]))
+        hopeless = (count >= 64) & (upper > 0.3 * np.abs(lines).max(axis=(1, 2, 3)))
+        left = np.setdiff1d(np.flatnonzero(~hopeless), good, assume_unique=True)
+        if count >= max(_LAST, 4 * first) or not left.size:
+            break
+        index = index[left]
+        between = of.at(points[index], periods[index, None] * (np.arange(count) + 0.5) / count)
+        samples = np.stack([samples[left], between], axis=2).reshape(len(index), 2 * count, *between.shape[2:])
+        count *= 2
+    return groups
+
+
+def _basis(fractions: NDArray[np.float64], n_lines: int) -> NDArray[np.float64]:
+    """1, cos and sin of the harmonics below `n_lines` (..., 2 n_lines - 1) at fractions (...) of the period."""
+    angle = 2.0 * np.pi * fractions
+    turn = np.empty((*fractions.shape, n_lines), dtype=np.complex128)
+    turn[..., 0] = 1.0
+    turn[..., 1:] = (np.cos(angle) + 1j * np.sin(angle))[..., None]
+    np.cumprod(turn, axis=-1, out=turn)
+    return np.concatenate([turn.real, turn[..., 1:].imag], axis=-1)
+
+
+def _evaluator(series: NDArray[np.float64]) -> Callable[..., NDArray[np.float64]]:
+    n_lines = (series.shape[1] + 1) // 2
+    n = int(np.sqrt(series.shape[2]))
+
+    def evaluate(owner: NDArray[np.intp], fractions: NDArray[np.float64]) -> NDArray[np.float64]:
+        return (_basis(fractions, n_lines) @ series[owner]).reshape(*fractions.shape, n, n)
+
+    return evaluate
+
+
+def _repeating(of: Family, points: NDArray[np.float64], periods: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A at some instants (points, times, n, n), the same one period later."""
+    fractions = (np.arange(PROBED) + PROBES[0]) / PROBED
+    away = np.abs(fractions[:, None] - of.breaks).min(axis=1, initial=1.0) > 1e-6
+    now = of.at(points, periods[:, None] * fractions)
+    later = of.at(points, periods[:, None] * (1.0 + fractions[away][:2]))
+    differences = np.abs(later - now[:, away][:, :2]).max(axis=1, initial=0.0)
+    # Entry by entry, whatever their units, and not below what rounding makes of entries that come and go.
+    rounding = 1e-13 * _sizes(of, now)[:, None, None] * of.scale[:, None] / of.scale
+    wrong = (differences > 1e-8 * np.abs(now).max(axis=1) + rounding).any(axis=(1, 2))
+    change = differences.max(axis=(1, 2))
+    if wrong.any():
+        at = int(wrong.argmax())
+        got = f"A differs by {change[at]:.3g} one period of {periods[at]:g} later, at {of.words(points[at])}"
+        remedy = "A period that depends on the parameters is a callable of them."
+        raise input_error("period", of.of, "be a period of A(t)", got, remedy)
+    return now
+
+
+def _sizes(of: Family, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Largest row sums of A over the period, in the units of the family (points,) [1/s]."""
+    return (np.abs(samples).max(axis=1) * of.scale / of.scale[:, None]).sum(axis=2).max(axis=1)
+
+
+def _monodromy(
+    of: Family,
+    points: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    evaluate: Callable[..., NDArray[np.float64]],
+    span: tuple[float, float],
+    *,
+    smooth: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Φ / 2^power of each point over `span` (points, n, n), in balanced units; the power, the errors' gain (points,).
+
+    Time is in fractions of the period.
+    """
+    n = len(of.scale)
+    jumps = np.add.outer(np.arange(np.floor(span[0]), np.ceil(span[1])), of.breaks).ravel()
+    ends = np.concatenate([[span[0]], jumps[(jumps > span[0]) & (jumps < span[1])], [span[1]]])
+    longest = np.minimum(0.5, stages(n) / (3.0 * np.maximum(sizes, 1e-300)))
+    steps = np.maximum(1, np.ceil(np.diff(ends) / longest[:, None] - 1e-9))
+    if steps.sum(axis=1).max() > MOST:
+        worst = int(steps.sum(axis=1).argmax())
+        got = f"needs more than {MOST} steps a period at {of.words(points[worst])}"
+        raise input_error("system", of.of, "be integrable", got, "Take out states that decay at once; check the units.")
+    parts = steps.astype(np.intp).ravel()
+    whole, left, right = divided(np.tile(ends[:-1], len(points)), np.tile(ends[1:], len(points)), parts)
+    owner = whole // (len(ends) - 1)
+    product, power = np.empty((len(points), n, n)), np.zeros(len(points), dtype=np.int64)
+    gain = np.empty(len(points))
+    share = np.cumsum(np.bincount(owner)) // (_INTERVALS if smooth else _INTERVALS // 20)
+    for number in np.unique(share):
+        at = share[owner] == number
+        found = factorise(
+            evaluate, owner[at], left[at], right[at], scale=of.scale, tolerance=of.tolerance, smooth=smooth
+        )
+        if not found.finished:
+            worst = int(np.argmin(found.right - found.left))
+            where = f"{of.words(points[found.owner[worst]])}, near {found.left[worst]:g} of the period"
+            raise input_error(
+                "system",
+                of.of,
+                f"be integrable to a relative error of {of.tolerance:g}",
+                f"the steps shrink without end at {where}",
+                "Name the fractions of the period at which A(t) jumps in `breaks`, or raise `tolerance`.",
+            )
+        those, within = np.unique(found.owner, return_inverse=True)
+        balanced = found.matrices * of.scale / of.scale[:, None]
+        product[those], power[those], gain[those] = _product(within, balanced)
+    return product, power, gain
+
+
+def _product(
+    owner: NDArray[np.intp], matrices: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    r"""The product of each owner's factors, later ones on the left, kept in range by powers of two, as `_monodromy`.
+
+    The gain is how far an error of the factors, relative to each, reaches: with K factors,
+
+    .. math:: \sqrt K\, \max_k \lVert F_K \cdots F_{k+1} \rVert\, \lVert F_k \cdots F_1 \rVert
+    """
+    count = np.bincount(owner)
+    first = np.cumsum(count) - count
+    product, power, before = _chain(matrices, first, count, 1)
+    _, _, after = _chain(matrices.swapaxes(1, 2), first + count - 1, count, -1)
+    place = np.arange(before.shape[1])
+    rest = count[:, None] - 2 - place
+    behind = np.where(rest >= 0, np.take_along_axis(after, np.maximum(rest, 0), axis=1), 0.0)
+    reach = np.where(rest >= -1, before + behind, -np.inf).max(axis=1)
+    with np.errstate(over="ignore"):
+        return product, power, np.sqrt(count) * np.exp2(reach - power)
+
+
+def _chain(
+    matrices: NDArray[np.float64], first: NDArray[np.intp], count: NDArray[np.intp], step: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """The product of every `step`-th matrix from the first, its power of two, and log2 ‖·‖ after each one."""
+    n = matrices.shape[1]
+    product, power = np.broadcast_to(np.eye(n), (len(first), n, n)).copy(), np.zeros(len(first), dtype=np.int64)
+    sizes = np.zeros((len(first), int(count.max())))
+    for place in range(sizes.shape[1]):
+        more = np.flatnonzero(count > place)
+        grown = matrices[first[more] + step * place] @ product[more]
+        fraction, shift = np.frexp(np.abs(grown).max(axis=(1, 2)))
+        product[more] = np.ldexp(grown, -shift[:, None, None])
+        power[more] += shift
+        sizes[more, place] = power[more] + np.log2(n * np.maximum(fraction, 1e-300))
+    return product, power, sizes
+
+
+def _eigen(
+    of: Family,
+    product: NDArray[np.float64],
+    power: NDArray[np.int64],
+    gain: NDArray[np.float64],
+    periods: NDArray[np.float64],
+) -> Spectra:
+    r"""The multipliers of Φ and how far its error may carry each: its condition, up to the worst of a Jordan block.
+
+    .. math:: |\delta\mu_i| \le \lVert w_i \rVert\, \lVert v_i \rVert\, \lVert \delta\Phi \rVert
+
+    with v_i and w_i the right and left eigenvectors, w_i v_i = 1 (Golub and Van Loan, Matrix Computations, 7.2.2).
+    """
+    n = len(of.scale)
+    values, vectors = np.linalg.eig(product)
+    values, vectors = values.astype(np.complex128), vectors.astype(np.complex128)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        condition = np.linalg.norm(inverse(vectors), axis=2)
+        error = of.tolerance * gain[:, None] / np.abs(values)
+        error = np.fmin(error * condition, np.maximum(error ** (1.0 / min(n, _DEFECTIVE)), error))
+        logs = np.log(np.abs(values)) + np.log(2.0) * power[:, None]
+        angles = np.angle(values)
+        angles[angles <= -np.pi] = np.pi
+        best = logs.argmax(axis=1)
+        rows = np.arange(len(product))
+        certain = (logs - np.where(np.isneginf(logs), 0.0, error)).max(axis=1) / periods
+        multiplier = np.exp(logs[rows, best]) * np.exp(1j * angles[rows, best])
+    multiplier.imag[values.imag[rows, best] == 0.0] = 0.0
+    exponents = np.empty(values.shape, dtype=np.complex128)
+    exponents.real, exponents.imag = logs / periods[:, None], angles / periods[:, None]
+    order = np.lexsort((-exponents.imag, exponents.real), axis=1)
+    turned = np.lexsort((logs, angles), axis=1)
+    return Spectra(
+        exponents=np.take_along_axis(exponents, order, axis=1),
+        growth=logs[rows, best] / periods,
+        certain=certain,
+        multiplier=multiplier,
+        vectors=np.take_along_axis(vectors, turned[:, None, :], axis=2).astype(np.complex64),
+    )
+
+
+def joined(parts: Sequence[Spectra]) -> Spectra:
+    """The spectra one after another."""
+    return Spectra._make(np.concatenate(column) for column in zip(*parts, strict=True))
