@@ -21,9 +21,9 @@ from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
 from floquid.readers._angles import is_shaft_angle
 from floquid.readers._extras import extra
-from floquid.readers._openfast import rate_of_step
 from floquid.readers._stated import Stated, stated_in, stated_text
 from floquid.readers._table import Source, Table, check_distinct, rows_of
+from floquid.readers.openfast import rate_of_step
 
 _KEY, _GROUP = "floquid", "record"
 _AGAIN = "Copy or export it again."

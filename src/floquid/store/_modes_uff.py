@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error
 from floquid.core import Channel, PeriodicModel
-from floquid.readers._uff_ids import KINDS
+from floquid.readers.uff import KINDS
 from floquid.views import upper_modes
 
 _STRUCTURAL, _FIRST_ORDER, _TRANSLATIONS, _WITH_ROTATIONS, _COMPLEX = 1, 3, 2, 3, 5

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from floquid.core import Record
 from floquid.core._hdf5 import array_in, attribute, is_elsewhere, texts_in
 from floquid.errors import InputError
-from floquid.readers._by_path import table_of_variables
 from floquid.readers._table import Source, Table, numbers_of, orbit_of, texts_of
-from floquid.readers._variables import HDF5, MATLAB, Dialect, Kind, Variable, printable
+from floquid.readers.variables._by_path import table_of_variables
+from floquid.readers.variables._variables import HDF5, MATLAB, Dialect, Kind, Variable, printable
 
 if TYPE_CHECKING:
     import h5py

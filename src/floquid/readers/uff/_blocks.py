@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from floquid.errors import InputError
 from floquid.readers._table import Source
-from floquid.readers._uff_header import N_LINES, FunctionHeader, parse_header
+from floquid.readers.uff._header import N_LINES, FunctionHeader, parse_header
 
 _MARK = b"    -1"
 _BLANK = b" \t\r\n\x1a"

@@ -18,9 +18,9 @@ from floquid._checks import input_error
 from floquid.core import Channel
 from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
-from floquid.readers._by_name import scalar, table_by_name, time_column
 from floquid.readers._table import Source, Table
-from floquid.readers._variables import (
+from floquid.readers.variables._by_name import scalar, table_by_name, time_column
+from floquid.readers.variables._variables import (
     TIME_NAMES,
     Variable,
     VariableFile,

@@ -24,7 +24,7 @@ import numpy as np
 
 from floquid.core import Channel, ConstantPeriod, Quantity, Record
 from floquid.readers._table import Source
-from floquid.readers._uff_header import FunctionHeader
+from floquid.readers.uff._header import FunctionHeader
 
 KINDS: dict[str, int] = {
     "strain": 3,

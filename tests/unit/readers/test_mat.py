@@ -13,7 +13,7 @@ from floquid.core import Channel, ConstantPeriod, Record
 from floquid.core._matlab import load_variables
 from floquid.errors import InputError
 from floquid.readers import describe_file, read, write
-from floquid.readers._mat import _MatFile
+from floquid.readers.variables._mat import _MatFile
 
 VALUES = np.random.default_rng(5).standard_normal((2, 40))
 TIME = np.arange(40) / 12.5
@@ -168,7 +168,7 @@ def test_what_is_written_is_read_by_scipy(tmp_path):
 
 
 def test_what_does_not_fit_is_not_written(tmp_path, monkeypatch):
-    from floquid.readers import _mat
+    from floquid.readers.variables import _mat
 
     write(Record(values=VALUES, sample_rate=1.0, channels=["x", "y"]), tmp_path / "fits.mat")
     monkeypatch.setattr(_mat, "_LARGEST", VALUES.nbytes - 1)

@@ -14,7 +14,7 @@ from floquid._checks import describe
 from floquid.core import channels_named
 from floquid.core._time_axis import SECONDS, TimeColumn
 from floquid.readers._table import Source, Table, checked_orbit, make_channels
-from floquid.readers._variables import Variable, VariableFile, numbers, printable, require_numbers
+from floquid.readers.variables._variables import Variable, VariableFile, numbers, printable, require_numbers
 
 _WORDS = ("units", "quantities", "locations", "directions")
 KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period", "origin", "orbit")

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from floquid.core import Channel, Quantity
 from floquid.errors import InputError
 from floquid.readers._table import Source
-from floquid.readers._uff_header import DIRECTIONS, FunctionHeader, Point
-from floquid.readers._uff_ids import OwnLines
+from floquid.readers.uff._header import DIRECTIONS, FunctionHeader, Point
+from floquid.readers.uff._ids import OwnLines
 
 _QUANTITIES: dict[int, Quantity] = {
     2: "other",

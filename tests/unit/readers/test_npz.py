@@ -8,7 +8,7 @@ import pytest
 from floquid.core import Channel, Record
 from floquid.readers import describe_file, read, write
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
+DATA = Path(__file__).parents[4] / "shared" / "data"
 
 
 def archive(tmp_path, save=np.savez, **arrays):

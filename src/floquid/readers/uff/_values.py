@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from floquid.errors import InputError
 from floquid.readers._table import Source
-from floquid.readers._uff_blocks import Dataset
-from floquid.readers._uff_header import FunctionHeader
+from floquid.readers.uff._blocks import Dataset
+from floquid.readers.uff._header import FunctionHeader
 
 _ORDERS = {1: "<", 2: ">"}
 _FLOATS = {1: "DEC VMS", 3: "IBM 370"}

@@ -9,8 +9,8 @@ from floquid.core._nominal import Printed, nominal_rate_of_step
 from floquid.core._time_axis import SECONDS
 from floquid.errors import InputError
 from floquid.readers._table import Source
-from floquid.readers._uff_header import FunctionHeader
-from floquid.readers._uff_ids import OwnLines
+from floquid.readers.uff._header import FunctionHeader
+from floquid.readers.uff._ids import OwnLines
 
 _TIME_KINDS = (0, 1, 17)
 """Specific data types of an abscissa that may be a time: unknown, general, time."""
