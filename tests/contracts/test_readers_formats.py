@@ -244,7 +244,7 @@ def test_a_missing_library_is_named_with_what_to_install(kind, call, tmp_path, m
     monkeypatch.setitem(sys.modules, NEEDS[kind.needs], None)
     with pytest.raises(InputError, match=re.escape(f'pip install "floquid[{kind.needs}]"')) as caught:
         call(path)
-    assert f"{kind.suffix} needs" in str(caught.value)
+    assert f"works with the package {NEEDS[kind.needs]}" in str(caught.value)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 

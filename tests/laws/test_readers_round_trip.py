@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from floquid.core import Channel, ConstantPeriod, Record
-from floquid.core._time_axis import TimeColumn, repair
+from floquid.io import Source
 from floquid.readers import FORMATS, read, write
-from floquid.readers._table import Source
+from floquid.tables import TimeColumn, repair
 
 WORDS = st.text(st.characters(exclude_categories=["Cc", "Cs"]), max_size=12)
 UNITS = st.sampled_from(["-", "m", "µm", "rad", "V", "m/s^2", "°", "a]b", "[x", "s", 'in"', "a,b", "; "])
@@ -57,7 +57,7 @@ def test_round_trip(kind, record):
 
 
 def repaired(times):
-    return repair(TimeColumn(values=times, scale=1.0, label="time"), Source(path=Path("run.csv"), of="read"))
+    return repair(TimeColumn(values=times, scale=1.0, label="time"), Source(name=str(Path("run.csv")), of="read"))
 
 
 @given(

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import describe, input_error, integer, positive
-from floquid.core._given import load_package
 from floquid.floquet._discrete import DiscretePeriodicSystem, checked_phase
+from floquid.io import load_package
 
 if TYPE_CHECKING:
     from control import StateSpace

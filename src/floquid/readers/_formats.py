@@ -9,13 +9,14 @@ from typing import Protocol, final
 
 from floquid._checks import input_error
 from floquid.core import Record
-from floquid.readers._table import Source, Table
+from floquid.io import Source
 from floquid.readers._tdms import load_tdms, save_tdms
 from floquid.readers._wav import load_wav, save_wav
 from floquid.readers.columns import load_csv, load_parquet, save_csv, save_parquet
 from floquid.readers.openfast import load_out, load_outb, save_out, save_outb
 from floquid.readers.uff import load_uff, save_uff
 from floquid.readers.variables import load_hdf5, load_mat, load_npz, save_hdf5, save_mat, save_npz
+from floquid.tables import Table
 
 
 class Load(Protocol):

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Channel, ConstantPeriod, Quantity, Record
-from floquid.readers._table import Source
+from floquid.io import Source
 
 RECORD_LINE = "# floquid record: "
 """What the line begins with in a text file."""

@@ -16,14 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Channel, Record
-from floquid.core._labels import find_time, name_and_unit
-from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
+from floquid.io import Source, load_package
 from floquid.readers._angles import is_shaft_angle
-from floquid.readers._extras import extra
 from floquid.readers._stated import Stated, stated_in, stated_text
-from floquid.readers._table import Source, Table, check_distinct, rows_of
-from floquid.readers.openfast import rate_of_step
+from floquid.tables import Table, TimeColumn, check_distinct, find_time, name_and_unit, rate_of_step, rows_of
 
 _KEY, _GROUP = "floquid", "record"
 _AGAIN = "Copy or export it again."
@@ -59,7 +56,7 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     InputError
         npTDMS is not installed; the file is damaged or cut short; its channels do not go together.
     """
-    nptdms = extra("nptdms", package="npTDMS", name="tdms", suffix=".tdms", of=source.of)
+    nptdms = load_package("nptdms", source.of, extra="tdms")
     nptdms.log.log_manager.set_level(logging.CRITICAL)
     with source.path.open("rb") as stream:  # given the path, npTDMS would trust an index file beside it
         file = _guarded(source, lambda: nptdms.TdmsFile.open(stream))
@@ -238,7 +235,7 @@ def save_tdms(record: Record, path: Path) -> None:
     InputError
         npTDMS is not installed.
     """
-    nptdms = extra("nptdms", package="npTDMS", name="tdms", suffix=".tdms", of="write")
+    nptdms = load_package("nptdms", "write", extra="tdms")
     shared = {
         "wf_increment": 1.0 / record.sample_rate,
         "wf_start_offset": record.start,

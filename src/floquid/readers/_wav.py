@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error, printable
 from floquid.core import Channel, Record
+from floquid.io import Source
 from floquid.readers._stated import Stated, stated_in, stated_text
-from floquid.readers._table import Source, Table, check_distinct, rows_of
+from floquid.tables import Table, check_distinct, rows_of
 
 _OWN = b"flqd"
 _LARGEST = 0xFFFFFFFF

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from floquid._checks import printable
-from floquid.core._hdf5 import is_whole
+from floquid.io import is_whole
 from floquid.store._get import DamagedError
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from floquid._checks import input_error
-from floquid._files import readable_file
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import FloquidError, InputError
+from floquid.io import readable_file
 from floquid.lti import Composites, ModalModel, Outcome
 from floquid.order import Choice
 from floquid.periodic import PartialTests, Periodicity

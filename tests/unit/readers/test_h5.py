@@ -167,7 +167,7 @@ def test_a_damaged_index_of_chunks_makes_no_zeros(tmp_path, key):
     first = data.rindex(b"TREE\x01") + 24  # a key of 32 bytes (size, mask, offsets), an address of 8, and so on
     data[first + 40 * key + 8 + 1] ^= 1  # the row, and 256 more
     path.write_bytes(data)
-    refused(path, "hold `values` whole", "never written, or are lost", "Cut it to what was recorded")
+    refused(path, "parts of `values`", "never written, or are lost", "Cut it to what was recorded")
 
 
 def test_a_chunk_shorter_than_its_checksum(tmp_path):
@@ -183,7 +183,7 @@ def test_a_chunk_shorter_than_its_checksum(tmp_path):
             damaged.append(at)
     assert damaged
     path.write_bytes(data)
-    refused(path, "hold `channels` whole")
+    refused(path, "parts of `channels`")
 
 
 @pytest.mark.parametrize(("unit", "quantity"), [("m/s^2", "acceleration"), ("", "displacement")])
@@ -313,15 +313,15 @@ BAD = {
     "a negative rate": ({"sample_rate": -5.0}, "positive number in `sample_rate`", "-5.0"),
     "a rate in words": ({"sample_rate": "fast"}, "real numbers in `sample_rate`", "text"),
     "numbers as names": ({"channels": [1, 2]}, "one text a channel in `channels`", "has 2, numbers there"),
-    "names of other bytes": ({"channels": np.array([b"\xff", b"y"])}, "text in UTF-8 in `channels`"),
+    "names of other bytes": ({"channels": np.array([b"\xff", b"y"])}, "`channels` holds text that is not in UTF-8"),
     "names in references": ({"channels": lambda f, p: f.create_dataset(p, (2,), dtype=h5py.ref_dtype)}, "struct array"),
     "an external link": ({"values": link(h5py.ExternalLink("other.h5", "values"))}, "a link", "not followed"),
     "a link to itself": ({"values": link(h5py.SoftLink("/values"))}, "a link", "not followed"),
     "a link to nothing": ({"channels": link(h5py.SoftLink("/none"))}, "a link", "name the path"),
     "data of another file": ({"values": external}, "data of another file", "one file"),
     "data put together": ({"values": virtual}, "data of another file", "one file"),
-    "eight terabytes, unwritten": ({"values": unwritten}, "hold `values` whole", "never written"),
-    "eight terabytes of chunks, unwritten": ({"values": unwritten_chunks}, "hold `values` whole", "never written"),
+    "eight terabytes, unwritten": ({"values": unwritten}, "parts of `values`", "never written"),
+    "eight terabytes of chunks, unwritten": ({"values": unwritten_chunks}, "parts of `values`", "never written"),
     "an acquisition that stopped": ({"values": half_written}, "read as zeros", "NaN in the rest"),
     "numbers that stand for others": (
         {"values": attached(np.ones((2, 40), "i2"), scale_factor=0.5)}, "real numbers in `values`", "`scale_factor`",

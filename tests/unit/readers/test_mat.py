@@ -10,8 +10,8 @@ import pytest
 import scipy.io
 
 from floquid.core import Channel, ConstantPeriod, Record
-from floquid.core._matlab import load_variables
 from floquid.errors import InputError
+from floquid.io import load_variables
 from floquid.readers import describe_file, read, write
 from floquid.readers.variables._mat import _MatFile
 

@@ -11,9 +11,9 @@ import pytest
 import pyuff
 
 from floquid.core import Channel, ConstantPeriod, Record
-from floquid.core._nominal import nominal_rate_of_step, printed
 from floquid.errors import InputError
 from floquid.readers import describe_file, read, write
+from floquid.tables import nominal_rate_of_step, printed
 
 VALUES = np.random.default_rng(5).standard_normal(30)
 FOUR_PARTS = r"Argument `\w+` of `read` must .+, but .+\.\n  \S.+\."

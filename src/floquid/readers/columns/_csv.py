@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Record
-from floquid.core._time_axis import TimeColumn
+from floquid.io import Source
 from floquid.readers._stated import RECORD_LINE, stated_line, stated_text
-from floquid.readers._table import Source, Table, refuse_blurred_times, rows_of
 from floquid.readers.columns._csv_header import Header, find_delimiter, parse_header, split_cells
+from floquid.tables import Table, TimeColumn, refuse_blurred_times, rows_of
 
 _BLOCK = 1 << 16
 _BLANK = ' \t,;"\n'

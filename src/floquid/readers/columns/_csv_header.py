@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from floquid.core import Channel
-from floquid.core._labels import find_time, name_and_unit
 from floquid.errors import InputError
+from floquid.io import Source
 from floquid.readers._stated import Stated
-from floquid.readers._table import Source, check_distinct
+from floquid.tables import check_distinct, find_time, name_and_unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,12 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Channel, Record
-from floquid.core._labels import find_time, name_and_unit
-from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
-from floquid.readers._extras import extra
+from floquid.io import Source, load_package
 from floquid.readers._stated import Stated, stated_in, stated_text
-from floquid.readers._table import Source, Table, check_distinct, make_channels, refuse_blurred_times, rows_of
+from floquid.tables import (
+    Table,
+    TimeColumn,
+    check_distinct,
+    find_time,
+    make_channels,
+    name_and_unit,
+    refuse_blurred_times,
+    rows_of,
+)
 
 _KEY = b"floquid"
 _BLOCK = 1 << 16
@@ -52,7 +59,7 @@ def load_parquet(source: Source, *, channels: Sequence[str] | None, ignore_time:
     InputError
         pyarrow is not installed; the file is damaged, holds no column of numbers, or declares what it cannot hold.
     """
-    parquet = extra("pyarrow.parquet", package="pyarrow", name="parquet", suffix=".parquet", of=source.of)
+    parquet = load_package("pyarrow.parquet", source.of, extra="parquet")
     with source.path.open("rb") as stream:
         file = _guarded(source, lambda: parquet.ParquetFile(stream, page_checksum_verification=True))
         schema = _guarded(source, lambda: file.schema_arrow)
@@ -206,7 +213,7 @@ def save_parquet(record: Record, path: Path) -> None:
     InputError
         pyarrow is not installed, or the record starts so late that its times cannot be told apart.
     """
-    parquet = extra("pyarrow.parquet", package="pyarrow", name="parquet", suffix=".parquet", of="write")
+    parquet = load_package("pyarrow.parquet", "write", extra="parquet")
     import pyarrow as pa
 
     refuse_blurred_times(record)

@@ -10,9 +10,10 @@ import re
 from collections.abc import Sequence
 
 from floquid.core import Channel, Record
+from floquid.io import Source
 from floquid.readers._angles import is_shaft_angle
 from floquid.readers._stated import Stated
-from floquid.readers._table import Source, make_channels
+from floquid.tables import make_channels
 
 _UNITS = {"": "-", "-": "-", "°": "deg"}
 
@@ -63,10 +64,3 @@ def labels_of(channels: Sequence[Channel], width: int) -> list[str]:
 def units_of(record: Record, width: int) -> list[str]:
     """Units in parentheses, of at most `width` letters with them."""
     return [f"({re.sub(r'[^!-~]+', '_', channel.unit)[: width - 2]})" for channel in record.channels]
-
-
-def rate_of_step(step: float) -> float:
-    """One over a step [s], and 80 where that is 80.00000000000001."""
-    rate = 1.0 / step
-    whole = float(f"{rate:.12g}")
-    return whole if 1.0 / whole == step else rate

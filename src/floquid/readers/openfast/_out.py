@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Record
-from floquid.core._time_axis import TimeColumn
+from floquid.io import Source
 from floquid.readers._stated import RECORD_LINE, stated_line, stated_text
-from floquid.readers._table import Source, Table, refuse_blurred_times, rows_of
 from floquid.readers.openfast._common import channels_of, labels_of, units_of
+from floquid.tables import Table, TimeColumn, refuse_blurred_times, rows_of
 
 _MOST_WORDS = 60
 """Lines above the names, at most."""

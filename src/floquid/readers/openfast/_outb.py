@@ -30,10 +30,10 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import Record
-from floquid.core._time_axis import TimeColumn
+from floquid.io import Source
 from floquid.readers._stated import RECORD_LINE, Stated, stated_in, stated_text
-from floquid.readers._table import Source, Table, rows_of
-from floquid.readers.openfast._common import channels_of, labels_of, rate_of_step, units_of
+from floquid.readers.openfast._common import channels_of, labels_of, units_of
+from floquid.tables import Table, TimeColumn, rate_of_step, rows_of
 
 _WITH_TIME, _WITHOUT_TIME, _UNPACKED, _WITH_LENGTH = 1, 2, 3, 4
 _LETTERS = 10

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from floquid.core._nominal import Printed, nominal_rate_of_step
-from floquid.core._time_axis import SECONDS
 from floquid.errors import InputError
-from floquid.readers._table import Source
+from floquid.io import Source
 from floquid.readers.uff._header import FunctionHeader
 from floquid.readers.uff._ids import OwnLines
+from floquid.tables import SECONDS, Printed, nominal_rate_of_step
 
 _TIME_KINDS = (0, 1, 17)
 """Specific data types of an abscissa that may be a time: unknown, general, time."""

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 
 from floquid.errors import InputError
-from floquid.readers._table import Source
+from floquid.io import Source
 from floquid.readers.uff._header import N_LINES, FunctionHeader, parse_header
 
 _MARK = b"    -1"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from floquid.core import Channel, Quantity
 from floquid.errors import InputError
-from floquid.readers._table import Source
+from floquid.io import Source
 from floquid.readers.uff._header import DIRECTIONS, FunctionHeader, Point
 from floquid.readers.uff._ids import OwnLines
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from floquid.core._nominal import Printed, printed
-from floquid.readers._table import Source
+from floquid.io import Source
+from floquid.tables import Printed, printed
 
 N_LINES = 11
 

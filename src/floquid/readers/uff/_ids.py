@@ -23,7 +23,7 @@ from typing import get_args
 import numpy as np
 
 from floquid.core import Channel, ConstantPeriod, Quantity, Record
-from floquid.readers._table import Source
+from floquid.io import Source
 from floquid.readers.uff._header import FunctionHeader
 
 KINDS: dict[str, int] = {

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Channel, Record, channels_named
-from floquid.core._time_axis import TimeColumn
-from floquid.readers._table import Source, Table
+from floquid.io import Source
 from floquid.readers.uff._axis import Axis, shared_axis
 from floquid.readers.uff._blocks import Dataset, find_datasets
 from floquid.readers.uff._channels import check_names, make_channel, name_functions
 from floquid.readers.uff._header import FunctionHeader
 from floquid.readers.uff._ids import KINDS, OwnLines, id_lines, own_lines, unit_label
 from floquid.readers.uff._values import check_size, read_values
+from floquid.tables import Table, TimeColumn
 
 _TIME_RESPONSE, _UNITS = 1, 164
 _TYPES = {

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.errors import InputError
-from floquid.readers._table import Source
+from floquid.io import Source
 from floquid.readers.uff._blocks import Dataset
 from floquid.readers.uff._header import FunctionHeader
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from floquid._checks import describe
 from floquid.core import channels_named
-from floquid.core._time_axis import SECONDS, TimeColumn
-from floquid.readers._table import Source, Table, checked_orbit, make_channels
+from floquid.io import Source
 from floquid.readers.variables._variables import Variable, VariableFile, numbers, printable, require_numbers
+from floquid.tables import SECONDS, Table, TimeColumn, make_channels
 
 _WORDS = ("units", "quantities", "locations", "directions")
 KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period", "origin", "orbit")
@@ -44,8 +44,7 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
     )
     orbit = None
     if "orbit" in held:
-        require_numbers(source, held["orbit"])
-        orbit = checked_orbit(source, file.numbers("orbit"), len(names))
+        orbit = _orbit(source, numbers(source, file, "orbit"), len(names))
     if channels is not None:
         chosen = channels_named(named, channels, argument="channels", of=source.of)
         values, named = values[chosen], tuple(named[row] for row in chosen)
@@ -135,6 +134,16 @@ def _scale(source: Source, variable: Variable) -> float:
             "Save the times as numbers in seconds, or pass `rate` (`--rate`) [Hz] to ignore them.",
         )
     return scale
+
+
+def _orbit(source: Source, array: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
+    if array.ndim != 2 or array.shape[0] != n_channels or not array.shape[1] or not np.isfinite(array).all():
+        raise source.error(
+            f"have `orbit` of shape (channels, phases) with {n_channels} channels, all finite",
+            f"has shape {array.shape} there" + ("" if np.isfinite(array).all() else ", not all of it finite"),
+            "Save one period of the orbit a channel, or leave it out.",
+        )
+    return np.asarray(array, np.float64)
 
 
 def _values(source: Source, file: VariableFile, n_channels: int) -> NDArray[np.float64]:

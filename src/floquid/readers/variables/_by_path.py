@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import Channel
-from floquid.core._time_axis import TimeColumn
 from floquid.errors import InputError
-from floquid.readers._table import Source, Table
+from floquid.io import Source
 from floquid.readers.variables._by_name import scalar, table_by_name, time_column
 from floquid.readers.variables._variables import (
     TIME_NAMES,
@@ -30,6 +29,7 @@ from floquid.readers.variables._variables import (
     printable,
     require_numbers,
 )
+from floquid.tables import Table, TimeColumn
 
 _PATH = re.compile(r"(?P<path>.+?)(?P<turned>\.T)?(?:\[(?P<row>\d{1,9})\])?")
 _MOST_CHANNELS = 10_000

@@ -1,6 +1,6 @@
 """HDF5 files: plain ones, as most programs write them, and those that are MATLAB files of version 7.3.
 
-How MATLAB keeps arrays and texts is known to `floquid.core._hdf5`. No link is followed, and no data are read that are
+How MATLAB keeps arrays and texts is known to `floquid.io._hdf5`. No link is followed, and no data are read that are
 in other files.
 """
 
@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Record
-from floquid.core._hdf5 import array_in, attribute, is_elsewhere, texts_in
 from floquid.errors import InputError
-from floquid.readers._table import Source, Table, numbers_of, orbit_of, texts_of
+from floquid.io import Source, array_in, attribute, is_elsewhere, texts_in
 from floquid.readers.variables._by_path import table_of_variables
 from floquid.readers.variables._variables import HDF5, MATLAB, Dialect, Kind, Variable, printable
+from floquid.tables import Table, numbers_of, orbit_of, texts_of
 
 if TYPE_CHECKING:
     import h5py
@@ -49,7 +49,7 @@ def load_hdf5(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         raise _no_hdf5_file(source)
     try:
         with h5py.File(source.path, "r") as opened:
-            file = Hdf5File(source, opened)
+            file = Hdf5File(opened)
             return table_of_variables(source, file, channels=channels, ignore_time=ignore_time)
     except (InputError, MemoryError):
         raise
@@ -75,8 +75,7 @@ def _no_hdf5_file(source: Source) -> InputError:
 class Hdf5File:
     """The variables of an open file; nothing is read before it is asked for."""
 
-    def __init__(self, source: Source, file: h5py.File) -> None:
-        self._source = source
+    def __init__(self, file: h5py.File) -> None:
         self._file: Any = file  # what is at a path is checked in `_walk`
         self.variables: dict[str, Variable] = {}
         matlab = False
@@ -89,11 +88,11 @@ class Hdf5File:
         """The array of a variable of numbers, in its shape."""
         if not self.variables[path].size:
             return np.zeros(self.variables[path].shape)
-        return array_in(self._source, self._file[path], path)
+        return array_in(self._file[path])
 
     def texts(self, path: str) -> list[str] | None:
         """The texts in a dataset, the rows of a character array, or the texts in a cell array."""
-        return texts_in(self._source, self._file[path], path)
+        return texts_in(self._file[path])
 
     def _walk(self) -> Iterator[tuple[str, Any]]:
         """Every dataset with its path, and a group that MATLAB makes of one thing; of a link None.

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import Record
-from floquid.core._matlab import letters, load_variables, mat_order
 from floquid.errors import InputError
-from floquid.readers._table import Source, Table, numbers_of, orbit_of, texts_of
+from floquid.io import Source, letters, load_variables, mat_order
 from floquid.readers.variables._by_path import table_of_variables
 from floquid.readers.variables._hdf5 import is_hdf5, load_hdf5
 from floquid.readers.variables._variables import MATLAB, Dialect, Kind, Variable, printable
+from floquid.tables import Table, numbers_of, orbit_of, texts_of
 
 _LARGEST = (1 << 31) - (1 << 16)
 """Bytes that a variable may have in these files: two gibibytes, less what its head takes."""

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Record
-from floquid.readers._table import Source, Table, numbers_of, orbit_of, texts_of
+from floquid.io import Source
 from floquid.readers.variables._by_name import KEYS
 from floquid.readers.variables._by_path import table_of_variables
 from floquid.readers.variables._variables import NUMPY, Dialect, Kind, Variable, printable
+from floquid.tables import Table, numbers_of, orbit_of, texts_of
 
 _KINDS: dict[str, Kind] = {"c": "complex numbers", "U": "text", "S": "text", "M": "dates", "m": "time spans"}
 _KINDS |= dict.fromkeys("biuf", "numbers")

@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol
 from numpy.typing import NDArray
 
 from floquid._checks import printable
-from floquid.readers._table import Source
+from floquid.io import Source
 
 Kind = Literal[
     "numbers",

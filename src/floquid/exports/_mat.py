@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from io import BytesIO
 from typing import Any
 
 import numpy as np
 
+from floquid._version import __version__
 from floquid.core import PeriodicModel
 from floquid.reconstruction import StateModel
 
@@ -54,8 +54,7 @@ def mat_bytes(model: PeriodicModel, state: StateModel | None) -> bytes:
     empty = np.zeros((0, 0))
     savemat(stream, {name: empty if value is None else value for name, value in content.items()}, oned_as="column")
     whole = bytearray(stream.getbuffer())
-    # Not an import statement: the top level imports this room, and stays above it.
-    written = f"MATLAB 5.0 MAT-file, modes, by floquid {import_module('floquid').__version__}"
+    written = f"MATLAB 5.0 MAT-file, modes, by floquid {__version__}"
     whole[:_TEXT] = written.encode().ljust(_TEXT)
     return bytes(whole)
 

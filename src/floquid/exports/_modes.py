@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._checks import describe, input_error
-from floquid._files import as_path, atomic_path
 from floquid.core import PeriodicModel
+from floquid.exports._csv import csv_bytes
+from floquid.exports._mat import mat_bytes
+from floquid.exports._summary import mode_entries, summary
+from floquid.exports._uff import uff_bytes
+from floquid.io import as_path, atomic_path
 from floquid.pipeline import Analysis
-from floquid.store._modes_csv import csv_bytes
-from floquid.store._modes_mat import mat_bytes
-from floquid.store._modes_uff import uff_bytes
-from floquid.store._summary import mode_entries, summary
 
 MODE_FORMATS = (".uff", ".unv", ".mat", ".csv", ".json")
 """The suffixes that `export_modes` knows."""

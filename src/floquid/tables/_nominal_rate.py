@@ -185,7 +185,15 @@ def nominal_rate(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Printed:
-    """A number as a text has it: its `value`, the unit of its last digit `quantum`, and how many `digits` it has."""
+    """A number as a text has it.
+
+    Parameters
+    ----------
+    text, value
+        The text and its number.
+    quantum, digits
+        The unit of the last digit, and how many there are.
+    """
 
     text: str
     value: float
@@ -249,7 +257,7 @@ def _candidates(rate: float) -> Iterator[tuple[float, float]]:
         yield _rounded(rate, unit), 10.0**unit / rate
         if digits <= 4:
             unit = step_decade + 1 - digits
-            yield _inverse(_rounded(1.0 / rate, unit)), 10.0**unit * rate
+            yield rate_of_step(_rounded(1.0 / rate, unit)), 10.0**unit * rate
 
 
 def _rounded(value: float, unit: int) -> float:
@@ -257,8 +265,8 @@ def _rounded(value: float, unit: int) -> float:
     return float(f"{round(value / 10.0**unit)}e{unit}")
 
 
-def _inverse(step: float) -> float:
-    """One over `step`, and 6250 where that is 6249.999999999999."""
+def rate_of_step(step: float) -> float:
+    """One over `step` [s], and 6250 where that is 6249.999999999999."""
     rate = 1.0 / step
     whole = float(f"{rate:.12g}")
     return whole if abs(whole - rate) <= 4.0 * _EPS * rate else rate

@@ -16,7 +16,7 @@ _WRITABLE = "Choose a folder that exists and that you may write to."
 
 
 def as_path(path: object, *, of: str, argument: str = "path") -> Path:
-    """`path` as a `Path`.
+    """`path` as a `Path`, the `argument` of the public callable `of`.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def as_path(path: object, *, of: str, argument: str = "path") -> Path:
 
 
 def readable_file(path: object, *, of: str, argument: str = "path") -> Path:
-    """`path` as that of a regular file that can be opened and is not empty.
+    """`path`, the `argument` of `of`, as that of a regular file that can be opened and is not empty.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def readable_file(path: object, *, of: str, argument: str = "path") -> Path:
 
 @contextmanager
 def atomic_path(path: object, *, of: str = "write", argument: str = "path") -> Iterator[Path]:
-    """A temporary path beside `path`, of the same suffix, that takes its name when the block ends well.
+    """A temporary path beside `path` (`argument` of `of`), of its suffix, that takes its name when the block ends well.
 
     Write to the path that is yielded. At the end of the block the file is flushed to the disk and renamed, so that
     `path` holds either what it held before or all of the new file. When the block raises, the temporary file is

@@ -12,13 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sdypy_sep005.sep005 import assert_sep005
 
+from floquid import from_pandas, from_sep005, from_xarray, to_pandas, to_sep005, to_xarray
 from floquid.core import Channel, ConstantPeriod, PulseTimes, Record
 from floquid.errors import InputError
 
 WAYS = {
-    "pandas": lambda record: Record.from_pandas(record.to_pandas()),
-    "xarray": lambda record: Record.from_xarray(record.to_xarray()),
-    "sep005": lambda record: Record.from_sep005(record.to_sep005()),
+    "pandas": lambda record: from_pandas(to_pandas(record)),
+    "xarray": lambda record: from_xarray(to_xarray(record)),
+    "sep005": lambda record: from_sep005(to_sep005(record)),
 }
 EVERY_WAY = pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
 
@@ -78,7 +79,7 @@ def test_missing_samples_stay_missing(way):
 def test_the_record_is_no_view_of_the_object_and_the_object_none_of_the_record(way):
     assert not np.shares_memory(way(example()).values, example().values)
     record = example()
-    frame, data, signals = record.to_pandas(), record.to_xarray(), record.to_sep005()
+    frame, data, signals = to_pandas(record), to_xarray(record), to_sep005(record)
     frame.iloc[0, 0] = data["response"][0, 0] = signals[0]["data"][0] = 99.0
     assert record.values[0, 0] != 99.0
 
@@ -98,11 +99,11 @@ def test_a_clock_that_no_object_holds_is_given_again(way):
 
 
 MAKERS = {
-    "pandas": lambda values, **options: Record.from_pandas(pd.DataFrame(values.T, columns=["a", "b"]), **options),
-    "xarray": lambda values, **options: Record.from_xarray(
+    "pandas": lambda values, **options: from_pandas(pd.DataFrame(values.T, columns=["a", "b"]), **options),
+    "xarray": lambda values, **options: from_xarray(
         xr.DataArray(values, dims=("channel", "time"), coords={"channel": ["a", "b"]}), **options
     ),
-    "sep005": lambda values, **options: Record.from_sep005(
+    "sep005": lambda values, **options: from_sep005(
         [{"data": row, "name": name, "unit_str": "-", "fs": 1.0} for name, row in zip("ab", values, strict=True)],
         **options,
     ),
@@ -179,7 +180,7 @@ INDEXES = {
 
 @pytest.mark.parametrize(("index", "start"), INDEXES.values(), ids=INDEXES)
 def test_the_index_is_the_time(index, start):
-    record = Record.from_pandas(frame(index))
+    record = from_pandas(frame(index))
     assert (record.sample_rate, record.start) == (250.0, start)
     assert [c.label for c in record.channels] == ["x [mm]", "y [-]"]
     told = any("count from the first, " in step for step in record.provenance.steps)
@@ -189,25 +190,25 @@ def test_the_index_is_the_time(index, start):
 def test_dates_rounded_by_the_clock_that_took_them():
     """To whole microseconds, which are more than a hundredth of a step."""
     dates = pd.DatetimeIndex(np.round(np.arange(4000) / 51200 * 1e6).astype("int64") + 10**15, dtype="datetime64[us]")
-    assert Record.from_pandas(frame(dates.astype("datetime64[ns]"))).sample_rate == 51200.0
+    assert from_pandas(frame(dates.astype("datetime64[ns]"))).sample_rate == 51200.0
 
 
 def test_a_column_is_the_time_where_the_index_is_not():
     table = pd.DataFrame({"time [ms]": np.arange(20) * 2.0, "x": np.arange(20.0)})
-    record = Record.from_pandas(table)
+    record = from_pandas(table)
     assert (record.sample_rate, [c.name for c in record.channels]) == (500.0, ["x"])
-    given = Record.from_pandas(table, rate=7.0)
+    given = from_pandas(table, rate=7.0)
     assert (given.sample_rate, [c.name for c in given.channels]) == (7.0, ["x"])
     dates = table.assign(**{"time [ms]": pd.date_range("2026-01-01", periods=20, freq="1s")})
-    assert Record.from_pandas(dates.rename(columns={"time [ms]": "timestamp"})).sample_rate == 1.0
+    assert from_pandas(dates.rename(columns={"time [ms]": "timestamp"})).sample_rate == 1.0
 
 
 def test_a_table_read_from_our_csv_is_the_record(tmp_path):
     record = example(
         sample_rate=1000.0, channels=[Channel(name=n, unit=u) for n, u in zip("abcd", "m- N", strict=True)]
     )
-    record.to_pandas().to_csv(tmp_path / "run.csv")
-    back = Record.from_pandas(pd.read_csv(tmp_path / "run.csv"))
+    to_pandas(record).to_csv(tmp_path / "run.csv")
+    back = from_pandas(pd.read_csv(tmp_path / "run.csv"))
     # pandas before 3 reads a decimal to its last digit but one
     np.testing.assert_allclose(back.values, record.values, rtol=1e-14)
     assert (back.sample_rate, back.start) == (1000.0, -0.7)
@@ -215,8 +216,8 @@ def test_a_table_read_from_our_csv_is_the_record(tmp_path):
 
 
 def test_rows_left_out_are_missing_samples():
-    table = example(sample_rate=1000.0, clock=ConstantPeriod(period=0.3)).to_pandas().drop(index=[-0.7 + 0.005])
-    record = Record.from_pandas(table)
+    table = to_pandas(example(sample_rate=1000.0, clock=ConstantPeriod(period=0.3))).drop(index=[-0.7 + 0.005])
+    record = from_pandas(table)
     assert record.n_samples == 50
     assert np.flatnonzero(np.isnan(record.values[0])).tolist() == [5]
     assert (record.sample_rate, record.clock) == (1000.0, ConstantPeriod(period=0.3))
@@ -224,21 +225,21 @@ def test_rows_left_out_are_missing_samples():
 
 def test_attributes_that_are_out_of_date_do_not_count():
     """pandas keeps them when every second row is taken, and the rate in them is then wrong."""
-    half = Record.from_pandas(example(sample_rate=1000.0).to_pandas().iloc[::2])
+    half = from_pandas(to_pandas(example(sample_rate=1000.0)).iloc[::2])
     assert half.sample_rate == 500.0
     assert any("1000 Hz is stated" in step for step in half.provenance.steps)
-    tail = Record.from_pandas(example(sample_rate=1000 / 3).to_pandas().iloc[10:])
+    tail = from_pandas(to_pandas(example(sample_rate=1000 / 3)).iloc[10:])
     assert (tail.sample_rate, tail.start) == (1000 / 3, pytest.approx(-0.7 + 0.03, abs=1e-12))
     with pytest.raises(InputError, match="say its sampling rate"):
-        Record.from_pandas(example().to_pandas().reset_index(drop=True))
+        from_pandas(to_pandas(example()).reset_index(drop=True))
 
 
 def test_columns_chosen_and_renamed():
     record = example(orbit=np.arange(8.0).reshape(4, 2))
-    chosen = Record.from_pandas(record.to_pandas()[["F [N]", "x [mm]"]])
+    chosen = from_pandas(to_pandas(record)[["F [N]", "x [mm]"]])
     assert [c.name for c in chosen.channels] == ["F", "x"]
     assert chosen.orbit.tolist() == [[6.0, 7.0], [0.0, 1.0]]
-    renamed = Record.from_pandas(record.to_pandas().rename(columns={"F [N]": "thrust [kN]"}))
+    renamed = from_pandas(to_pandas(record).rename(columns={"F [N]": "thrust [kN]"}))
     assert renamed.channels[3] == Channel(name="thrust", unit="kN")
     assert renamed.orbit is None
     assert any("orbit" in step for step in renamed.provenance.steps)
@@ -247,38 +248,41 @@ def test_columns_chosen_and_renamed():
 def test_units_by_the_attributes_of_a_table():
     table = frame(pd.Index(STEPS))
     table.attrs["units"] = {"y": "m/s"}
-    assert [c.unit for c in Record.from_pandas(table).channels] == ["mm", "m/s"]
+    assert [c.unit for c in from_pandas(table).channels] == ["mm", "m/s"]
 
 
 def test_a_series_is_one_channel():
     series = pd.Series(np.arange(100.0), index=STEPS, name="x [m/s^2]")
-    record = Record.from_pandas(series)
+    record = from_pandas(series)
     assert record.channels == (Channel(name="x", unit="m/s^2"),)
 
 
 def test_numbers_that_may_be_missing():
     columns = {"a": pd.array([1, None, 3], dtype="Int64"), "b": pd.array([True, False, None], dtype="boolean")}
-    record = Record.from_pandas(pd.DataFrame(columns), rate=1.0)
+    record = from_pandas(pd.DataFrame(columns), rate=1.0)
     np.testing.assert_array_equal(record.values, [[1.0, np.nan, 3.0], [1.0, 0.0, np.nan]])
 
 
 def test_columns_of_several_levels():
     columns = pd.MultiIndex.from_tuples([("blade 1", "x"), ("blade 1", "y")])
-    record = Record.from_pandas(pd.DataFrame(np.zeros((3, 2)), columns=columns), rate=1.0)
+    record = from_pandas(pd.DataFrame(np.zeros((3, 2)), columns=columns), rate=1.0)
     assert [c.name for c in record.channels] == ["blade 1/x", "blade 1/y"]
 
 
 def test_the_attributes_survive_parquet(tmp_path):
     pytest.importorskip("pyarrow")
     record = example(clock=ConstantPeriod(period=0.3, origin=0.1), orbit=np.ones((4, 3)))
-    assert json.loads(json.dumps(record.to_pandas().attrs)) == record.to_pandas().attrs
-    record.to_pandas().to_parquet(tmp_path / "run.parquet")
-    assert_same(Record.from_pandas(pd.read_parquet(tmp_path / "run.parquet")), record)
+    assert json.loads(json.dumps(to_pandas(record).attrs)) == to_pandas(record).attrs
+    to_pandas(record).to_parquet(tmp_path / "run.parquet")
+    assert_same(from_pandas(pd.read_parquet(tmp_path / "run.parquet")), record)
 
 
 REFUSED_FRAMES = {
     "text": (frame(pd.Index(STEPS), note="ok"), "hold real numbers, but it has .* in 'note'"),
-    "no times": (pd.DataFrame({"x": [1.0, 2.0]}), "say its sampling rate, but it has no times"),
+    "no times": (
+        pd.DataFrame({"x": [1.0, 2.0]}),
+        "say its sampling rate, but it has neither a rate nor a column of times",
+    ),
     "whole numbers": (frame(pd.Index([3, 5, 7])), "say its sampling rate"),
     "another name": (frame(pd.Index(STEPS, name="depth [m]")), "say its sampling rate"),
     "uneven": (frame(pd.Index(STEPS**1.5)), "evenly spaced"),
@@ -294,8 +298,8 @@ REFUSED_FRAMES = {
 
 @pytest.mark.parametrize(("table", "words"), REFUSED_FRAMES.values(), ids=REFUSED_FRAMES)
 def test_a_table_that_is_no_record_is_refused(table, words):
-    with pytest.raises(InputError, match=rf"^Argument `frame` of `Record.from_pandas` must .*{words}"):
-        Record.from_pandas(table)
+    with pytest.raises(InputError, match=rf"^Argument `frame` of `from_pandas` must .*{words}"):
+        from_pandas(table)
 
 
 @pytest.mark.parametrize(
@@ -304,8 +308,8 @@ def test_a_table_that_is_no_record_is_refused(table, words):
 def test_attributes_that_are_damaged_are_refused(own):
     table = frame(pd.Index(STEPS))
     table.attrs["floquid"] = own
-    with pytest.raises(InputError, match=r"`frame` of `Record\.from_pandas`"):
-        Record.from_pandas(table)
+    with pytest.raises(InputError, match=r"`frame` of `from_pandas`"):
+        from_pandas(table)
 
 
 # xarray
@@ -316,37 +320,37 @@ def array(time=STEPS, dims=("time",), **coordinates):
 
 
 def test_a_user_finds_what_is_expected():
-    data = example(clock=ConstantPeriod(period=0.3, origin=0.1)).to_xarray()
+    data = to_xarray(example(clock=ConstantPeriod(period=0.3, origin=0.1)))
     assert data["response"].dims == ("channel", "time")
     assert data["time"].attrs["units"] == "s"
     assert data["unit"].sel(channel="F").item() == "N"
     assert data["response"].attrs == {"sample_rate": 51200 / 3, "period": 0.3, "origin": 0.1}
-    one = Record.from_xarray(data["response"].sel(channel="x"))
+    one = from_xarray(data["response"].sel(channel="x"))
     assert one.channels == (CHANNELS[0],)
 
 
 def test_the_array_alone_is_enough_and_its_order_does_not_matter():
     record = example(clock=ConstantPeriod(period=0.3, origin=0.1))
-    assert_same(Record.from_xarray(record.to_xarray()["response"].transpose("time", "channel")), record)
+    assert_same(from_xarray(to_xarray(record)["response"].transpose("time", "channel")), record)
 
 
 def test_a_variable_a_channel():
     data = xr.Dataset(
         {"u": ("time", STEPS, {"units": "m/s"}), "v": ("time", -STEPS)}, coords={"time": STEPS}, attrs={"period": 0.1}
     )
-    record = Record.from_xarray(data)
+    record = from_xarray(data)
     assert record.channels == (Channel(name="u", unit="m/s"), Channel(name="v"))
     assert record.clock == ConstantPeriod(period=0.1)
 
 
 def test_coordinates_of_time():
-    assert Record.from_xarray(array(pd.date_range("2026-01-01", periods=100, freq="4ms"))).sample_rate == 250.0
-    assert Record.from_xarray(array((STEPS * 1e9).astype("timedelta64[ns]"))).sample_rate == 250.0
+    assert from_xarray(array(pd.date_range("2026-01-01", periods=100, freq="4ms"))).sample_rate == 250.0
+    assert from_xarray(array((STEPS * 1e9).astype("timedelta64[ns]"))).sample_rate == 250.0
     milliseconds = array(STEPS * 1e3)
     milliseconds["time"].attrs["units"] = "ms"
-    assert Record.from_xarray(milliseconds).sample_rate == 250.0
+    assert from_xarray(milliseconds).sample_rate == 250.0
     other = array().rename(time="t")
-    assert Record.from_xarray(other, time="t").sample_rate == 250.0
+    assert from_xarray(other, time="t").sample_rate == 250.0
 
 
 def test_netcdf_in_between(tmp_path):
@@ -354,9 +358,9 @@ def test_netcdf_in_between(tmp_path):
     record = example(clock=ConstantPeriod(period=0.3, origin=0.1), orbit=np.ones((4, 3)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        record.to_xarray().to_netcdf(tmp_path / "run.nc", engine="scipy")
+        to_xarray(record).to_netcdf(tmp_path / "run.nc", engine="scipy")
         with xr.open_dataset(tmp_path / "run.nc", engine="scipy") as data:
-            assert_same(Record.from_xarray(data.load()), record)
+            assert_same(from_xarray(data.load()), record)
 
 
 REFUSED_ARRAYS = {
@@ -370,7 +374,7 @@ REFUSED_ARRAYS = {
     "number": (array().assign_attrs(sample_rate="fast"), "positive number as `sample_rate`"),
     "no array": (np.zeros(3), "be a DataArray or a Dataset"),
     "orbit": (
-        example(orbit=np.ones((4, 3))).to_xarray().isel(channel=0),
+        to_xarray(example(orbit=np.ones((4, 3)))).isel(channel=0),
         "have `orbit` over `channel` and phases",
     ),
 }
@@ -378,8 +382,8 @@ REFUSED_ARRAYS = {
 
 @pytest.mark.parametrize(("data", "words"), REFUSED_ARRAYS.values(), ids=REFUSED_ARRAYS)
 def test_an_array_that_is_no_record_is_refused(data, words):
-    with pytest.raises(InputError, match=rf"^Argument `data` of `Record.from_xarray` must .*{words}"):
-        Record.from_xarray(data)
+    with pytest.raises(InputError, match=rf"^Argument `data` of `from_xarray` must .*{words}"):
+        from_xarray(data)
 
 
 # SEP005
@@ -390,29 +394,29 @@ def signal(**changes):
 
 
 def test_what_we_give_is_sep005_by_its_own_assertion():
-    assert_sep005(example(clock=ConstantPeriod(period=0.3), orbit=np.ones((4, 3))).to_sep005())
+    assert_sep005(to_sep005(example(clock=ConstantPeriod(period=0.3), orbit=np.ones((4, 3)))))
 
 
 def test_a_single_dictionary_is_one_channel():
-    record = Record.from_sep005(signal(quantity="a", group="tower"))
+    record = from_sep005(signal(quantity="a", group="tower"))
     assert record.channels == (Channel(name="x", unit="m/s²", location="tower"),)
     assert record.sample_rate == 50.0
 
 
 def test_times_and_a_date():
     times = [0.5 + 0.02 * n for n in range(10)]
-    record = Record.from_sep005([signal(fs=None, time=times, start_timestamp="2026-08-16T01:00:00")])
+    record = from_sep005([signal(fs=None, time=times, start_timestamp="2026-08-16T01:00:00")])
     assert (record.sample_rate, record.start) == (50.0, 0.5)
     assert any("2026-08-16T01:00:00" in step for step in record.provenance.steps)
-    assert Record.from_sep005(signal(time=times)).start == 0.5
+    assert from_sep005(signal(time=times)).start == 0.5
 
 
 def test_samples_that_are_none_are_missing():
-    assert np.isnan(Record.from_sep005(signal(data=[1, None, 3])).values[0, 1])
+    assert np.isnan(from_sep005(signal(data=[1, None, 3])).values[0, 1])
 
 
 def test_groups_tell_equal_names_apart():
-    record = Record.from_sep005([signal(group="a"), signal(group="b")])
+    record = from_sep005([signal(group="a"), signal(group="b")])
     assert [c.name for c in record.channels] == ["a/x", "b/x"]
 
 
@@ -444,8 +448,8 @@ REFUSED_SIGNALS = {
 
 @pytest.mark.parametrize(("signals", "words"), REFUSED_SIGNALS.values(), ids=REFUSED_SIGNALS)
 def test_signals_that_are_no_record_are_refused(signals, words):
-    with pytest.raises(InputError, match=rf"^Argument `signals` of `Record.from_sep005` must .*{words}"):
-        Record.from_sep005(signals)
+    with pytest.raises(InputError, match=rf"^Argument `signals` of `from_sep005` must .*{words}"):
+        from_sep005(signals)
 
 
 # What is not installed
@@ -454,10 +458,10 @@ def test_signals_that_are_no_record_are_refused(signals, words):
 @pytest.mark.parametrize(
     ("package", "call"),
     [
-        ("pandas", lambda: Record.from_pandas(None)),
-        ("pandas", lambda: example().to_pandas()),
-        ("xarray", lambda: Record.from_xarray(None)),
-        ("xarray", lambda: example().to_xarray()),
+        ("pandas", lambda: from_pandas(None)),
+        ("pandas", lambda: to_pandas(example())),
+        ("xarray", lambda: from_xarray(None)),
+        ("xarray", lambda: to_xarray(example())),
     ],
 )
 def test_a_library_that_is_not_installed_is_named(monkeypatch, package, call):
@@ -472,7 +476,7 @@ def test_a_column_of_times_comes_before_rows_numbered_in_fractions():
     """As a merge leaves them."""
     times = np.arange(50) / 500.0
     frame = pd.DataFrame({"time [s]": times, "x [m]": np.sin(times)}, index=np.arange(50.0))
-    found = Record.from_pandas(frame)
+    found = from_pandas(frame)
     assert found.sample_rate == 500.0
     assert [channel.name for channel in found.channels] == ["x"]
-    assert Record.from_pandas(frame.drop(columns="time [s]")).sample_rate == 1.0
+    assert from_pandas(frame.drop(columns="time [s]")).sample_rate == 1.0

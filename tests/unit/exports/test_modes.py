@@ -13,9 +13,9 @@ from scipy.io import loadmat
 
 from floquid.core import Channel, PeriodicModel
 from floquid.errors import InputError
+from floquid.exports import MODE_FORMATS, export_modes, summary
+from floquid.exports._uff import degrees_of_freedom
 from floquid.pipeline import identify
-from floquid.store import MODE_FORMATS, export_modes, summary
-from floquid.store._modes_uff import degrees_of_freedom
 from floquid.systems import JeffcottRotor
 from floquid.views import upper_modes
 

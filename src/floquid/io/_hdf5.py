@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import printable
-from floquid.core._time_axis import Source
+from floquid.io._source import DamagedError
 
 _CHARACTERS = "char"
 _CHECKSUM = 4
 
 
 def attribute(thing: Any, name: str) -> str:
-    """The text that is an attribute of a dataset or a group; "" if there is none, or it is something else."""
+    """The text that is the attribute `name` of a dataset or a group `thing`; "" if there is none such."""
     value = thing.attrs.get(name, "")
     if isinstance(value, bytes):
         value = value.decode("utf-8", "replace")
@@ -32,7 +32,7 @@ def attribute(thing: Any, name: str) -> str:
 
 
 def is_whole(dataset: Any) -> bool:
-    """Whether all of a dataset was written, or what was not is told by NaN; HDF5 itself reads zeros in its place."""
+    """Whether all of a `dataset` was written, or what was not is told by NaN; HDF5 itself reads zeros in its place."""
     if not dataset.size or (dataset.dtype.kind == "f" and np.isnan(dataset.fillvalue)):
         return True
     if dataset.chunks is None:
@@ -47,60 +47,60 @@ def is_whole(dataset: Any) -> bool:
 
 
 def is_elsewhere(dataset: Any) -> bool:
-    """Whether the data of a dataset are kept in another file, or put together from others."""
+    """Whether the data of a `dataset` are kept in another file, or put together from others."""
     return bool(dataset.external) or dataset.is_virtual
 
 
-def array_in(source: Source, dataset: Any, path: str) -> NDArray[Any]:
-    """The numbers of a dataset, turned round if MATLAB wrote it.
+def array_in(dataset: Any) -> NDArray[Any]:
+    """The numbers of a `dataset`, turned round if MATLAB wrote it.
 
     Raises
     ------
-    InputError
+    DamagedError
         Parts of it were never written.
     """
-    array = _content(source, dataset, path)
+    array = _content(dataset)
     if not attribute(dataset, "MATLAB_class"):
         return array
     return (array["real"] + 1j * array["imag"] if array.dtype.names == ("real", "imag") else array).T
 
 
-def texts_in(source: Source, dataset: Any, path: str) -> list[str] | None:
-    """The texts in a dataset, the rows of a character array, or the texts in a cell array; None for other things.
+def texts_in(dataset: Any) -> list[str] | None:
+    """The texts in a `dataset`, the rows of a character array, or the texts in a cell array; None for other things.
 
     Raises
     ------
-    InputError
+    DamagedError
         They are not in UTF-8, or parts were never written.
     """
     import h5py
 
     if h5py.check_string_dtype(dataset.dtype) is not None:
         try:
-            return [text.decode() for text in _content(source, dataset, path).ravel().tolist()]
+            return [text.decode() for text in _content(dataset).ravel().tolist()]
         except UnicodeDecodeError:
-            must, got = f"hold text in UTF-8 in `{printable(path)}`", "has other bytes there"
-            raise source.error(must, got, "Save it from str.") from None
+            raise DamagedError(f"`{_name(dataset)}` holds text that is not in UTF-8") from None
     cells, is_cell_array = [dataset], h5py.check_ref_dtype(dataset.dtype) is not None
     if is_cell_array:
-        references = _content(source, dataset, path).ravel()
+        references = _content(dataset).ravel()
         cells = [dataset.file[reference] if reference else None for reference in references]
     if not all(isinstance(cell, h5py.Dataset) and attribute(cell, "MATLAB_class") == _CHARACTERS for cell in cells):
         return None
-    rows = [_rows(_content(source, cell, path)) if _has_letters(cell) else [""] for cell in cells]
+    rows = [_rows(_content(cell)) if _has_letters(cell) else [""] for cell in cells]
     if not is_cell_array:
         return rows[0]
     return [words[0] for words in rows] if all(len(words) == 1 for words in rows) else None
 
 
-def _content(source: Source, dataset: Any, path: str) -> NDArray[Any]:
+def _content(dataset: Any) -> NDArray[Any]:
     if not is_whole(dataset):
-        raise source.error(
-            f"hold `{printable(path)}` whole",
-            "has parts of it that were never written, or are lost, and would be read as zeros",
-            "Cut it to what was recorded, save NaN in the rest, or copy the file again.",
-        )
+        lost = f"parts of `{_name(dataset)}` were never written, or are lost, and would be read as zeros"
+        raise DamagedError(f"{lost}. Cut it to what was recorded, or save NaN in the rest")
     return np.asarray(dataset[()])
+
+
+def _name(dataset: Any) -> str:
+    return printable(dataset.name.lstrip("/"))
 
 
 def _has_letters(dataset: Any) -> bool:

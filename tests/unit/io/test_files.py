@@ -2,8 +2,8 @@
 
 import pytest
 
-from floquid._files import atomic_path, readable_file
 from floquid.errors import InputError
+from floquid.io import atomic_path, readable_file
 
 
 def test_the_name_is_taken_at_the_end(tmp_path):

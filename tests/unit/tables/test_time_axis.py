@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from floquid.core._nominal import fit_line
-from floquid.core._time_axis import TimeColumn, repair
 from floquid.errors import InputError
-from floquid.readers._table import Source
+from floquid.io import Source
+from floquid.tables import TimeColumn, fit_line, repair
 
-SOURCE = Source(path=Path("run.csv"), of="read")
+SOURCE = Source(name=str(Path("run.csv")), of="read")
 
 
 def repaired(times, scale=1.0):

@@ -2,19 +2,19 @@
 
 Times in a file are rounded (to the digits printed, to single precision), so a rate from the first two of them is wrong
 by a part in hundreds, and the error grows along the record into a wrong phase. Here the rate is the slope of the line
-through all times; see `_nominal` for when it is replaced by a round number.
+through all times; see `_nominal_rate` for when it is replaced by a round number.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core._nominal import LineFit, Rounding, fit_line, nominal_rate, rounding
 from floquid.errors import InputError
+from floquid.io import Source
+from floquid.tables._nominal_rate import LineFit, Rounding, fit_line, nominal_rate, rounding
 
 SECONDS = {
     **dict.fromkeys(["s", "sec", "secs", "second", "seconds"], 1.0),
@@ -42,17 +42,17 @@ _FARTHEST, _SHORTEST = 1e13, 1e-15
 _RESAMPLE = "Resample onto even times first, or pass `rate` (`--rate`) [Hz] to ignore the times."
 
 
-class Source(Protocol):
-    """Where times come from, a file or an object in memory: it words what is wrong with them."""
-
-    def error(self, must: str, got: str, remedy: str = "") -> InputError:
-        """The message «Argument `path` of `read` must …, but run.csv …»."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TimeColumn:
-    """The times as the file has them: `values` (samples,) in a unit of `scale` seconds."""
+    """The times as a file has them.
+
+    Parameters
+    ----------
+    values, scale
+        The times (samples,), in a unit of so many seconds.
+    label
+        What they are called there.
+    """
 
     values: NDArray[np.floating]
     scale: float
@@ -63,8 +63,14 @@ class TimeColumn:
 class TimeAxis:
     """An even time axis: sample n at `start` + n/`sample_rate` [s].
 
-    `positions` (rows,) is the sample that each row of the file becomes, or None when each follows the one before;
-    `notes` says in sentences how the axis was found.
+    Parameters
+    ----------
+    sample_rate, start
+        The rate [Hz] and the time of the first sample [s].
+    positions
+        The sample that each row of the file becomes (rows,), or None when each follows the one before.
+    notes
+        How the axis was found, in sentences.
     """
 
     sample_rate: float
@@ -73,7 +79,7 @@ class TimeAxis:
     notes: tuple[str, ...] = ()
 
     def place(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The rows of the file at their samples, NaN in the gaps (channels, samples); read-only."""
+        """The rows of the file, `values`, at their samples, NaN in the gaps (channels, samples); read-only."""
         if self.positions is not None:
             placed = np.full((len(values), int(self.positions[-1]) + 1), np.nan)
             placed[:, self.positions] = values
@@ -83,7 +89,7 @@ class TimeAxis:
 
 
 def repair(column: TimeColumn, source: Source) -> TimeAxis:
-    """The even time axis behind a time column.
+    """The even time axis behind a time `column` of a `source`.
 
     The times t_n are fitted by t_0 + k_n h with whole numbers k_n, least squares over the whole column. All k_n = n if
     that leaves residuals within the rounding of the column; otherwise steps of a whole number of h are gaps. Where the

@@ -25,13 +25,13 @@ _PLAIN, _COMPLEX = (4, *range(6, 16)), 0x0800
 
 
 def mat_order(path: Path) -> str:
-    """The byte order of a MATLAB file of version 5 to 7, "<" or ">"; "" if it is none."""
+    """The byte order of a MATLAB file at `path` of version 5 to 7, "<" or ">"; "" if it is none."""
     with path.open("rb") as stream:
         return {b"IM": "<", b"MI": ">"}.get(stream.read(_HEAD)[126:128], "")
 
 
 def load_variables(path: Path) -> dict[str, Any]:
-    """The variables of a file that has a byte order, as scipy has them: text as letters, a struct as records.
+    """The variables of a file at `path`, as scipy has them: text as letters, a struct as records.
 
     Each is read by itself: of objects of MATLAB's classes scipy tells the names in the place of their content alone.
 
@@ -94,7 +94,7 @@ def _check(kind: int, inner: memoryview, order: str) -> None:
 
 
 def letters(value: Any) -> list[str] | None:
-    """The rows of a character array without the blanks that fill them up, or the texts in a cell array; else None."""
+    """The rows of a character array `value` without their last blanks, or the texts in a cell array; else None."""
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "UO":
         return None
     if value.dtype.kind == "U":

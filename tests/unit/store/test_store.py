@@ -13,9 +13,10 @@ import pytest
 import floquid
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, Provenance, PulseTimes, Record
 from floquid.errors import InputError
+from floquid.exports import summary
 from floquid.pipeline import Settings, identify
 from floquid.reconstruction import Block
-from floquid.store import _layout, _save, load, save, summary
+from floquid.store import _layout, _save, load, save
 from floquid.systems import JeffcottRotor, Run
 
 ROTOR = JeffcottRotor(damping=0.02)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from floquid.core._channel import Channel
-from floquid.core._time_axis import SECONDS, Source
+from floquid.core import Channel
+from floquid.io import Source
+from floquid.tables._time_axis import SECONDS
 
 _TIME_NAME = re.compile(
     r"(?:elapsed |relative )?(t|times?|time ?stamps?|zeit|temps|tiempo)(?:[ _.-](\w+))?", re.IGNORECASE
@@ -34,7 +35,7 @@ _OTHER_UNITS = {
 
 
 def name_and_unit(cell: str) -> tuple[str, str | None]:
-    """«x [m]», and «x (m)» where m is a unit and not a remark: the name and the unit, None if there is none."""
+    """The name and the unit in a `cell`: «x [m]», or «x (m)» where m is a unit and no remark; None without a unit."""
     match = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", cell)
     if match:
         return match[1], match[2].strip()
@@ -49,7 +50,9 @@ def _is_unit(text: str) -> bool:
 
 
 def find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[int | None, float]:
-    """The first column that is a time by its name, or the very first by its unit; and its unit in seconds.
+    """The first column of a `source` that is a time, and its unit in seconds; of `parts`, a name and a unit each.
+
+    A time by its name, or the very first column by its unit.
 
     Raises
     ------

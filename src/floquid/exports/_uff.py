@@ -10,18 +10,18 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from importlib import import_module
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error
+from floquid._version import __version__
 from floquid.core import Channel, PeriodicModel
-from floquid.readers.uff import KINDS
+from floquid.readers import UFF_KINDS
 from floquid.views import upper_modes
 
 _STRUCTURAL, _FIRST_ORDER, _TRANSLATIONS, _WITH_ROTATIONS, _COMPLEX = 1, 3, 2, 3, 5
-_SPECIFIC = KINDS | {"force": 1}
+_SPECIFIC = UFF_KINDS | {"force": 1}
 """What a shape is of: the codes of dataset 58, but for a force, whose 13 is an energy in dataset 55. 1 is general."""
 
 _DIRECTION = re.compile(r"([+-]?)(R?)([XYZ])")
@@ -110,8 +110,7 @@ def _alike(channels: Sequence[Channel]) -> list[list[int]]:
 def _header() -> list[str]:
     now = datetime.now().astimezone()
     day, time = f"{now.day:02d}-{_MONTHS[now.month - 1]}-{now.year % 100:02d}", now.strftime("%H:%M:%S")
-    # Not an import statement: the top level imports this room, and stays above it.
-    program = f"floquid {import_module('floquid').__version__}"
+    program = f"floquid {__version__}"
     return [
         _END,
         f"{151:6d}",

@@ -1,0 +1,43 @@
+"""What is read, by its name: one grammar for what is wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from floquid._checks import input_error
+from floquid.errors import InputError
+
+
+class DamagedError(ValueError):
+    """A file is not as it must be: why, in words."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """A file or an object that a public callable was given.
+
+    Parameters
+    ----------
+    of, argument
+        The callable and its argument, as a message names them.
+    name
+        The path of the file, or "it".
+    """
+
+    of: str
+    argument: str = "path"
+    name: str = "it"
+
+    @property
+    def path(self) -> Path:
+        """The name as a path, of a file."""
+        return Path(self.name)
+
+    def error(self, must: str, got: str, remedy: str = "") -> InputError:
+        """The message «Argument `path` of `read` `must` …, but run.csv `got` …», and a `remedy`."""
+        return input_error(self.argument, self.of, must, f"{self.name} {got}", remedy)
+
+    def wrapped(self, error: InputError) -> InputError:
+        """An error of a type that knows no file and no object, with its name before it."""
+        return self.error("hold a valid record", f"does not: {error}".removesuffix("."))
