@@ -62,10 +62,6 @@ OUTB = {
     "one sample": (outb(samples=1, body=bytes(16)), "at least two samples", "holds 1"),
     "no samples": (outb(samples=0, body=b""), "hold samples", "holds none"),
     "an infinite sample": (outb(body=np.full(12, np.inf).tobytes()), "finite samples", "12 in `values`", "NaN"),
-    "a line that is none": (outb(text=b"# floquid record: {"), "as floquid wrote it", "Copy or write it again"),
-    "a line of another rate": (
-        outb(text=b'# floquid record: {"sample_rate": 99.0, "start": 0.0}'), "agrees with its head", "99.0 Hz",
-    ),
 }  # fmt: skip
 
 
@@ -101,13 +97,6 @@ WAV = {
     "one sample": (wav(fmt(), (b"data", bytes(4), None)), "at least two samples", "holds 1", "Export"),
     "infinite": (
         wav(fmt(tag=3, bits=32), (b"data", np.full(8, np.inf, "<f4").tobytes(), None)), "finite samples", "'ch1'",
-    ),
-    "own chunk of no JSON": (wav(fmt(), (b"flqd", b"{]", None), DATA), "'flqd' as floquid wrote it", "Copy"),
-    "own chunk of NaN": (wav(fmt(), (b"flqd", b'{"start": NaN}', None), DATA), "'flqd' as floquid wrote it", "Copy"),
-    "own chunk of another rate": (
-        wav(fmt(), (b"flqd", b'{"sample_rate": 7999.0, "channels": [["x","other","-","",""],["y","other","-","",""]]}',
-                    None), DATA),
-        "agrees with its header", "7999.0 Hz there and 8000 Hz", "`rate` (`--rate`)",
     ),
 }  # fmt: skip
 
@@ -177,10 +166,6 @@ TDMS = {
     ),
     "two lengths": (segment(ROOT, channel(4), channel(2, name="y"), data=VALUES), "one length", "g/x has 4, g/y has 2"),
     "infinite": (segment(ROOT, channel(), data=np.full(6, np.inf).tobytes()), "finite samples", "channel 'x'", "NaN"),
-    "own property of no JSON": (
-        segment(thing("/", properties=[word("floquid", "{]")]), channel(), data=VALUES),
-        "`floquid` as floquid wrote it", "Delete it",
-    ),
 }  # fmt: skip
 
 

@@ -4,7 +4,7 @@ The formats are one table, `FORMATS`: a reader of a new format is one more row, 
 the contract tests take it from there.
 """
 
-from floquid.readers._formats import FORMATS, SUFFIXES, Format
+from floquid.readers._formats import FORMATS, SUFFIXES, WRITTEN, Format
 from floquid.readers._read import read, write
 from floquid.readers._summary import ChannelSummary, ClockCandidate, ClockKind, FileSummary, describe_file
 from floquid.readers.objects import (
@@ -21,6 +21,7 @@ __all__ = [
     "FORMATS",
     "SUFFIXES",
     "UFF_KINDS",
+    "WRITTEN",
     "ChannelSummary",
     "ClockCandidate",
     "ClockKind",

@@ -9,7 +9,7 @@ from os import PathLike
 from floquid._checks import describe, input_error
 from floquid.core import Record
 from floquid.io import Source, as_path, atomic_path, readable_file
-from floquid.readers._formats import Format, format_of
+from floquid.readers._formats import WRITTEN, Format, format_of
 from floquid.tables import Table, check_table, record_of
 
 
@@ -76,8 +76,8 @@ def read(
 def write(record: Record, path: str | PathLike[str]) -> None:
     """Write `record` to a file that `read` gives back as it was, but for its provenance.
 
-    The format is chosen by the suffix, one of those in `FORMATS`. The file appears whole or not at all: an existing one
-    is replaced at the end, in one step.
+    The format is chosen by the suffix: .npz, .csv, .mat, .h5, .hdf5, .uff, .unv or .parquet. The file
+    appears whole or not at all: an existing one is replaced at the end, in one step.
 
     Parameters
     ----------
@@ -89,13 +89,16 @@ def write(record: Record, path: str | PathLike[str]) -> None:
     Raises
     ------
     InputError
-        `record` is not a record of at least two samples, a name holds a control character, the suffix is unknown, or
-        the folder does not exist or cannot be written to.
+        `record` is not a record of at least two samples, a name holds a control character, the suffix is not
+        of a format that is written, or the folder does not exist or cannot be written to.
     """
     if not isinstance(record, Record):
         raise input_error("record", "write", "be a Record", f"is {describe(record)}", "Pass Record(values=..., ...).")
     file = as_path(path, of="write")
     kind = format_of(file, of="write")
+    if kind.save is None:
+        got = f"{file} would be a {kind.name}"
+        raise input_error("path", "write", f"end in one of {WRITTEN}", got, "The others are only read.")
     if record.n_samples < 2:
         raise input_error("record", "write", "hold at least two samples", f"holds {record.n_samples}")
     for channel in record.channels:

@@ -1,7 +1,6 @@
 """TDMS files of National Instruments: groups of channels, each with its step of time and its unit.
 
-npTDMS reads them; an index file beside it is not looked at. Values are scaled as the file says. What a record says
-beyond that is a property of the file, `floquid` (see `_stated`).
+npTDMS reads them; an index file beside it is not looked at. Values are scaled as the file says.
 """
 
 from __future__ import annotations
@@ -9,20 +8,17 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Channel, Record
+from floquid.core import Channel
 from floquid.errors import InputError
 from floquid.io import Source, load_package
 from floquid.readers._angles import is_shaft_angle
-from floquid.readers._stated import Stated, stated_in, stated_text
 from floquid.tables import Table, TimeColumn, check_distinct, find_time, name_and_unit, rate_of_step, rows_of
 
-_KEY, _GROUP = "floquid", "record"
 _AGAIN = "Copy or export it again."
 _CHOOSE = "Choose channels that go together with `channels` (`--channels`), as in `group/channel`."
 
@@ -60,22 +56,18 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     nptdms.log.log_manager.set_level(logging.CRITICAL)
     with source.path.open("rb") as stream:  # given the path, npTDMS would trust an index file beside it
         file = _guarded(source, lambda: nptdms.TdmsFile.open(stream))
-        said = file.properties.get(_KEY)
-        remedy = "Delete it: the channels can be read without it."
-        stated = stated_in(source, said if isinstance(said, str) else None, "the property `floquid`", remedy)
         unclosed = _unclosed(source, file)
         signals, others = _guarded(source, lambda: _signals(file))
         if not signals:
             got = f"holds {len(others)} channels of other kinds" if others else "holds no channel"
             raise source.error("hold a channel of numbers", got, "Export the signals.")
-        is_own = [channel.name for channel in stated.channels] == [signal.held.name for signal in signals]
-        times, signals = ([], signals) if is_own else _split(source, signals)
-        named = stated.channels if is_own else _named(source, signals)
+        times, signals = _split(source, signals)
+        named = _named(source, signals)
         rows = rows_of(source, named, None if channels is None else _names(channels, named, signals))
         chosen = [signals[row] for row in rows]
         time = next((t for t in times if t.group == chosen[0].group), None)
         _check_lengths(source, chosen, time)
-        rate, start, notes = _even(source, chosen, stated, ignore_time=ignore_time)
+        rate, start, notes = _even(source, chosen, ignore_time=ignore_time)
         values = _values(source, chosen)
         column = None if time is None or ignore_time else _guarded(source, lambda: _column(source, time))
     notes += unclosed + tuple(f"Channel {path!r} is not of numbers, and is not used." for path in others[:20])
@@ -85,7 +77,7 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         sample_rate=rate,
         start=start,
         notes=notes,
-        **stated.of([named[row] for row in rows]),
+        channels=tuple(named[row] for row in rows),
     )
 
 
@@ -174,14 +166,14 @@ def _check_lengths(source: Source, chosen: Sequence[_Signal], time: _Signal | No
 
 
 def _even(
-    source: Source, chosen: Sequence[_Signal], stated: Stated, *, ignore_time: bool
+    source: Source, chosen: Sequence[_Signal], *, ignore_time: bool
 ) -> tuple[float | None, float | None, tuple[str, ...]]:
     """The rate [Hz] and the start [s] that the channels state, None if they state none, and notes.
 
     Raises
     ------
     InputError
-        They differ from one another, are not possible, or contradict our own property.
+        They differ from one another, or are not possible.
     """
     steps = {signal.path: signal.get("wf_increment") for signal in chosen}
     starts = {signal.path: (str(signal.get("wf_start_time")), signal.get("wf_start_offset")) for signal in chosen}
@@ -192,22 +184,14 @@ def _even(
     step, (date, offset) = next(iter(steps.values())), next(iter(starts.values()))
     notes = () if date == "None" else (f"The first sample was taken at {date}.",)
     if step is None:
-        return stated.sample_rate, stated.start, notes
+        return None, None, notes
     if not isinstance(step, (int, float)) or not 0.0 < step < np.inf or not np.isfinite(1.0 / step):
         if ignore_time:
             return None, None, notes
         must, got = "state a positive step of time (`wf_increment`) [s]", f"states {step!r}"
         raise source.error(must, got, "Pass `rate` (`--rate`) [Hz] to say what it is.")
     start = float(offset) if isinstance(offset, (int, float)) and np.isfinite(offset) else 0.0
-    if stated.sample_rate is None:
-        return rate_of_step(step), start, notes
-    if not (stated.sample_rate > 0.0 and (1.0 / stated.sample_rate, stated.start) == (step, start)) and not ignore_time:
-        raise source.error(
-            "have a property `floquid` that agrees with its channels",
-            f"states {stated.sample_rate} Hz from {stated.start} s there, and {step:.9g} s from {start:.9g} s in them",
-            "The samples were changed since. Pass `rate` (`--rate`) [Hz] to say what it is.",
-        )
-    return stated.sample_rate, stated.start, notes
+    return rate_of_step(step), start, notes
 
 
 def _values(source: Source, chosen: Sequence[_Signal]) -> NDArray[np.float64]:
@@ -225,25 +209,3 @@ def _values(source: Source, chosen: Sequence[_Signal]) -> NDArray[np.float64]:
 def _column(source: Source, time: _Signal) -> TimeColumn:
     _, scale = find_time(source, [(time.name, None if time.unit == "-" else time.unit)])
     return TimeColumn(values=time.held.read_data(), scale=scale, label=time.path)
-
-
-def save_tdms(record: Record, path: Path) -> None:
-    """Write `record` as one group of waveforms.
-
-    Raises
-    ------
-    InputError
-        npTDMS is not installed.
-    """
-    nptdms = load_package("nptdms", "write", extra="tdms")
-    shared = {
-        "wf_increment": 1.0 / record.sample_rate,
-        "wf_start_offset": record.start,
-        "wf_samples": record.n_samples,
-    }
-    objects = [nptdms.RootObject({_KEY: stated_text(record)}), nptdms.GroupObject(_GROUP)]
-    for channel, row in zip(record.channels, record.values, strict=True):
-        unit = {} if channel.unit == "-" else {"unit_string": channel.unit}
-        objects.append(nptdms.ChannelObject(_GROUP, channel.name, np.array(row), {**shared, **unit}))
-    with path.open("wb") as stream, nptdms.TdmsWriter(stream) as writer:
-        writer.write_segment(objects)

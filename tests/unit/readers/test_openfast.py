@@ -7,8 +7,7 @@ import pytest
 from tests.contracts.test_readers_bad_binary import outb
 from tests.contracts.test_readers_bad_input import assert_refused
 
-from floquid.core import Channel, ConstantPeriod, Record
-from floquid.readers import describe_file, read, write
+from floquid.readers import describe_file, read
 
 
 def as_published(data):
@@ -85,41 +84,6 @@ def test_packed_times_give_the_rate_behind_them(tmp_path):
     assert any("16 bits" in step for step in found.provenance.steps)
 
 
-def record():
-    channels = [
-        Channel(name="tower top fore-aft", unit="m/s^2", location="tower", direction="x"),
-        Channel(name="tower top side-side", unit="m/s^2"),
-        Channel(name="Time", unit="V"),
-        Channel(name="Azimuth", unit="deg", quantity="angle"),
-    ]
-    values = np.random.default_rng(0).standard_normal((4, 40))
-    return Record(
-        values=values, sample_rate=79.99, start=60.0, channels=channels, clock=ConstantPeriod(period=5.0, origin=0.5)
-    )
-
-
-def test_what_floquid_writes_others_read(tmp_path):
-    path = tmp_path / "run.outb"
-    write(record(), path)
-    names, units, text, table = as_published(path.read_bytes())
-    assert names == ["Time", "tower_top_", "tower_to_2", "Time_2", "Azimuth"]
-    assert units == ["(s)", "(m/s^2)", "(m/s^2)", "(V)", "(deg)"]
-    assert text.startswith('# floquid record: {"sample_rate": 79.99')
-    np.testing.assert_array_equal(table[:, 1:].T, record().values)
-    np.testing.assert_allclose(table[:, 0], record().times, rtol=1e-15)
-
-
-def test_text_that_floquid_writes_others_read(tmp_path):
-    path = tmp_path / "run.out"
-    write(record(), path)
-    lines = path.read_text().splitlines()
-    assert lines[6].split() == ["Time", "tower_top_fore-aft", "tower_top_side-side", "Time_2", "Azimuth"]
-    assert lines[7].split() == ["(s)", "(m/s^2)", "(m/s^2)", "(V)", "(deg)"]
-    table = np.loadtxt(path, skiprows=8)
-    np.testing.assert_array_equal(table[:, 1:].T, record().values)
-    np.testing.assert_array_equal(table[:, 0], record().times)
-
-
 def text(rows, units="(s) (deg) (m/sec^2) (kN-m) (INVALID)", above="\nPredictions were made\n\n\nA turbine\n\n"):
     head = f"{above}Time  Azimuth  YawBrTAxp  RootMyc1  Wave1Elev\n{units}\n"
     return head + "".join("\t".join(row) + "\n" for row in rows)
@@ -177,7 +141,6 @@ BAD = {
     "infinite": (text([*rows(4), ["30.05", "1", "2", "-Inf", "3"]]), "finite samples", "channel 'RootMyc1', sample 4"),
     "a name twice": (text(rows()).replace("RootMyc1", "Azimuth"), "each channel once", "'Azimuth' twice", "Rename"),
     "a time that falls": (text([*rows(4), *rows(2)]), "goes back in `Time`", "sample 5", "Sort"),
-    "a line that is none": (text(rows(), above="# floquid record: {\n"), "as floquid wrote it", "Delete that line"),
 }  # fmt: skip
 
 
@@ -186,12 +149,3 @@ def test_bad_text(data, words, tmp_path):
     path = tmp_path / "run.out"
     path.write_bytes(data.encode("latin-1"))
     assert_refused(path, words)
-
-
-def test_a_line_of_other_channels_is_passed_over(tmp_path):
-    path = tmp_path / "run.outb"
-    write(record(), path)
-    path.write_bytes(path.read_bytes().replace(b"Azimuth   ", b"Azimuth2  ", 1))
-    found = read(path)
-    assert [channel.name for channel in found.channels] == ["tower_top_", "tower_to_2", "Time_2", "Azimuth2"]
-    assert any("passed over" in step for step in found.provenance.steps)

@@ -1,7 +1,6 @@
 """The time column: what is snapped and what is not, and what the user is told."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from floquid.errors import InputError
 from floquid.io import Source
 from floquid.tables import TimeColumn, fit_line, repair
 
-SOURCE = Source(name=str(Path("run.csv")), of="read")
+SOURCE = Source(name="run.csv", of="read")
 
 
 def repaired(times, scale=1.0):

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from floquid.core import Record
 from floquid.io import Source
-from floquid.readers._stated import RECORD_LINE, stated_line, stated_text
 from floquid.readers.columns._csv_header import Header, find_delimiter, parse_header, split_cells
+from floquid.readers.columns._stated import RECORD_LINE, stated_line, stated_text
 from floquid.tables import Table, TimeColumn, refuse_blurred_times, rows_of
 
 _BLOCK = 1 << 16

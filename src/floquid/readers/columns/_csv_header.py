@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from floquid.core import Channel
 from floquid.errors import InputError
 from floquid.io import Source
-from floquid.readers._stated import Stated
+from floquid.readers.columns._stated import Stated
 from floquid.tables import check_distinct, find_time, name_and_unit
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from floquid.core import Channel, Record
 from floquid.errors import InputError
 from floquid.io import Source, load_package
-from floquid.readers._stated import Stated, stated_in, stated_text
+from floquid.readers.columns._stated import Stated, stated_in, stated_text
 from floquid.tables import (
     Table,
     TimeColumn,

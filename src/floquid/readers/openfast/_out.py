@@ -1,7 +1,4 @@
-"""Text output of OpenFAST (.out): lines of words, a line of names that begins with Time, one of units, and numbers.
-
-The line of ours (see `_stated`) is one of the words.
-"""
+"""Text output of OpenFAST (.out): lines of words, a line of names that begins with Time, one of units, and numbers."""
 
 from __future__ import annotations
 
@@ -14,28 +11,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Record
 from floquid.io import Source
-from floquid.readers._stated import RECORD_LINE, stated_line, stated_text
-from floquid.readers.openfast._common import channels_of, labels_of, units_of
-from floquid.tables import Table, TimeColumn, refuse_blurred_times, rows_of
+from floquid.readers.openfast._common import channels_of
+from floquid.tables import Table, TimeColumn, rows_of
 
 _MOST_WORDS = 60
 """Lines above the names, at most."""
 
-_WIDTH = 400
-_BLOCK = 1 << 16
 _NO_E = re.compile(r"(\d)([-+]\d{3})\b")
 """How Fortran prints an exponent of three digits: 1.0-101."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Head:
-    """The names, the units and the words above them; the numbers begin in line `first` (from 1)."""
+    """The names and the units; the numbers begin in line `first` (from 1)."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    words: tuple[str, ...]
     first: int
 
 
@@ -48,8 +40,7 @@ def load_out(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
         The file is not one, a row is ragged, or a cell is not a number.
     """
     head = _head(source)
-    stated = stated_line(source, head.words)
-    named, notes = channels_of(source, head.names[1:], head.units[1:], stated, _WIDTH)
+    named, notes = channels_of(source, head.names[1:], head.units[1:])
     rows = rows_of(source, named, channels)
     values, times = _numbers(source, head, rows)
     if ignore_time:
@@ -57,10 +48,8 @@ def load_out(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     return Table(
         values=values,
         time=None if ignore_time else TimeColumn(values=times, scale=1.0, label=head.names[0]),
-        sample_rate=stated.sample_rate,
-        start=stated.start,
+        channels=tuple(named[row] for row in rows),
         notes=notes,
-        **stated.of([named[row] for row in rows]),
     )
 
 
@@ -70,14 +59,12 @@ def _lines(path: Path) -> Iterator[str]:
 
 
 def _head(source: Source) -> _Head:
-    words: list[str] = []
-    for line in islice(_lines(source.path), _MOST_WORDS):
+    for at, line in enumerate(islice(_lines(source.path), _MOST_WORDS), 1):
         if "\0" in line:
             raise source.error("be text", "is binary", "A binary output of OpenFAST is called .outb.")
         names = line.split()
         if names and names[0].lower() == "time":
-            return _with_units(source, names, words)
-        words.append(line.rstrip("\n"))
+            return _with_units(source, names, at)
     raise source.error(
         "have a line of names that begins with `Time`, as OpenFAST writes it",
         f"has none among its first {_MOST_WORDS} lines",
@@ -85,8 +72,7 @@ def _head(source: Source) -> _Head:
     )
 
 
-def _with_units(source: Source, names: Sequence[str], words: Sequence[str]) -> _Head:
-    at = len(words) + 1
+def _with_units(source: Source, names: Sequence[str], at: int) -> _Head:
     units = next(islice(_lines(source.path), at, None), "").split()
     has_units = bool(units) and units[0].startswith("(")
     if has_units and len(units) != len(names):
@@ -100,7 +86,7 @@ def _with_units(source: Source, names: Sequence[str], words: Sequence[str]) -> _
         if not name.isprintable():
             raise source.error("name its channels in plain letters", f"has {name!r} in line {at}", "Rename it.")
     plain = tuple(units) if has_units else ("(-)",) * len(names)
-    return _Head(names=tuple(names), units=plain, words=tuple(words), first=at + 1 + has_units)
+    return _Head(names=tuple(names), units=plain, first=at + 1 + has_units)
 
 
 def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -148,23 +134,3 @@ def _number(source: Source, cell: str, line: int, name: str) -> float:
             f"has {cell[:40]!r} in line {line}, column {name!r}",
             "Mend that cell (`nan` for a missing sample); stars are a number too long for `OutFmt`.",
         ) from None
-
-
-def save_out(record: Record, path: Path) -> None:
-    """Write `record` so that every number is read back as it is, in the lines and columns of OpenFAST.
-
-    Raises
-    ------
-    InputError
-        The record starts so late that its times cannot be told apart.
-    """
-    refuse_blurred_times(record)
-    times = record.times
-    names = ["Time", *labels_of(record.channels, _WIDTH)]
-    words = ["", "Written by floquid", "", RECORD_LINE + stated_text(record), "", ""]
-    with path.open("w", encoding="utf-8", newline="") as stream:
-        stream.write("\n".join([*words, "\t".join(names), "\t".join(["(s)", *units_of(record, _WIDTH)])]) + "\n")
-        for first in range(0, record.n_samples, _BLOCK):
-            part = slice(first, first + _BLOCK)
-            block = np.vstack([times[part], record.values[:, part]]).T.tolist()
-            stream.writelines("\t".join(map(repr, row)) + "\n" for row in block)

@@ -13,8 +13,6 @@ All numbers are little-endian. The layout, by `ReadFASTbinary.m` of OpenFAST's M
     L(C+1)       the units, in parentheses
     int32 (N)    of 1: each time its product with the scale, plus the offset
     N times C    int16, or float64 of 3: each sample likewise
-
-What a record says beyond that is a line in the description (see `_stated`).
 """
 
 from __future__ import annotations
@@ -22,22 +20,17 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
-from floquid.core import Record
 from floquid.io import Source
-from floquid.readers._stated import RECORD_LINE, Stated, stated_in, stated_text
-from floquid.readers.openfast._common import channels_of, labels_of, units_of
+from floquid.readers.openfast._common import channels_of
 from floquid.tables import Table, TimeColumn, rate_of_step, rows_of
 
 _WITH_TIME, _WITHOUT_TIME, _UNPACKED, _WITH_LENGTH = 1, 2, 3, 4
 _LETTERS = 10
-_MOST = 0x7FFFFFFF
 _BLOCK = 1 << 16
 _AGAIN = "Run OpenFAST again, or copy the file again."
 
@@ -55,7 +48,6 @@ class _Head:
     second: float
     scales: NDArray[np.float64]
     offsets: NDArray[np.float64]
-    description: bytes
     names: tuple[str, ...]
     units: tuple[str, ...]
     start: int
@@ -71,16 +63,13 @@ def load_outb(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     """
     with source.path.open("rb") as stream:
         head = _head(source, stream)
-        stated = _stated(source, head, ignore_time=ignore_time)
-        named, notes = channels_of(source, head.names[1:], head.units[1:], stated, _LETTERS)
+        named, notes = channels_of(source, head.names[1:], head.units[1:])
         rows = rows_of(source, named, channels)
         time = None
         if head.kind == _WITH_TIME:
             time = _times(source, stream, head)
         values = _values(source, stream, head, rows)
-    rate, start = stated.sample_rate, stated.start
-    if head.kind != _WITH_TIME and rate is None and not ignore_time:
-        rate, start = _even(source, head)
+    rate, start = (None, None) if head.kind == _WITH_TIME or ignore_time else _even(source, head)
     packed = () if head.kind == _UNPACKED else ("The samples are packed into 16 bits: about 5 digits of each range.",)
     return Table(
         values=values,
@@ -88,7 +77,7 @@ def load_outb(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         sample_rate=rate,
         start=start,
         notes=(*notes, *packed),
-        **stated.of([named[row] for row in rows]),
+        channels=tuple(named[row] for row in rows),
     )
 
 
@@ -122,7 +111,7 @@ def _head(source: Source, stream: BinaryIO) -> _Head:
     if stream.tell() + length + texts + body != size or length < 0:
         got = f"declares {n_channels} channels of {n_samples} samples and a description of {length} letters"
         raise source.error("hold what it declares, and no more", f"{got}, in {size} bytes", _AGAIN)
-    description = stream.read(length)
+    stream.seek(length, 1)
     words = _words(source, stream.read(texts), letters)
     return _Head(
         kind=kind,
@@ -131,7 +120,6 @@ def _head(source: Source, stream: BinaryIO) -> _Head:
         second=second,
         scales=scaling[:n_channels] if packing else np.ones(n_channels),
         offsets=scaling[n_channels:] if packing else np.zeros(n_channels),
-        description=description,
         names=words[: n_channels + 1],
         units=words[n_channels + 1 :],
         start=stream.tell(),
@@ -144,24 +132,6 @@ def _words(source: Source, data: bytes, letters: int) -> tuple[str, ...]:
         if not word.isprintable():
             raise source.error("name its channels in plain letters", f"has {word!r}", _AGAIN)
     return words
-
-
-def _stated(source: Source, head: _Head, *, ignore_time: bool) -> Stated:
-    """What the description states in our own line, if it is there."""
-    mark = RECORD_LINE.encode()
-    if not head.description.startswith(mark):
-        return Stated()
-    place = f"the description `{RECORD_LINE.strip()}`"
-    stated = stated_in(source, head.description.removeprefix(mark), place, "Copy or write it again.")
-    rate, start = stated.sample_rate, stated.start
-    agrees = rate is not None and rate > 0.0 and (start, 1.0 / rate) == (head.first, head.second)
-    if not agrees and not ignore_time:
-        raise source.error(
-            "have a description that agrees with its head",
-            f"states {rate} Hz from {start} s there, and a step of {head.second:.9g} s from {head.first:.9g} s",
-            "The samples were changed since. Pass `rate` (`--rate`) [Hz] to say what it is.",
-        )
-    return stated
 
 
 def _even(source: Source, head: _Head) -> tuple[float, float]:
@@ -207,27 +177,3 @@ def _values(source: Source, stream: BinaryIO, head: _Head, rows: Sequence[int]) 
         block = raw[:, rows].T
         values[:, first : first + count] = block if head.kind == _UNPACKED else (block - offsets) / scales
     return values
-
-
-def save_outb(record: Record, path: Path) -> None:
-    """Write `record` not packed (kind 3), every bit of a number kept.
-
-    Names and units are cut to ten letters, and are in full in a line of ours in the description.
-
-    Raises
-    ------
-    InputError
-        There are more channels or samples than the file can count.
-    """
-    own = (RECORD_LINE + stated_text(record)).encode()
-    if max(record.n_channels, record.n_samples, len(own)) > _MOST:
-        must, got = "have at most 2147483647 channels, samples and letters of description", "has more"
-        raise input_error("record", "write", must, got, "Write it as .h5.")
-    labels = ["Time", *labels_of(record.channels, _LETTERS)]
-    units = ["(s)", *units_of(record, _LETTERS)]
-    with path.open("wb") as stream:
-        stream.write(struct.pack("<hii", _UNPACKED, record.n_channels, record.n_samples))
-        stream.write(struct.pack("<ddi", record.start, 1.0 / record.sample_rate, len(own)) + own)
-        stream.write("".join(word.ljust(_LETTERS) for word in labels + units).encode())
-        for first in range(0, record.n_samples, _BLOCK):
-            stream.write(record.values[:, first : first + _BLOCK].T.astype("<f8").tobytes())
