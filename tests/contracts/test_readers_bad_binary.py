@@ -88,11 +88,11 @@ WAV = {
     "no data": (wav(fmt()), "damaged", "Copy"),
     "data of 4 GB": (wav(fmt(), (*DATA[:2], 4_000_000_000)), "declares 4000000000 bytes, and 24 are left", "Copy"),
     "data of a byte more": (wav(fmt(), (*DATA[:2], 25)), "declares 25 bytes, and 24 are left", "Copy"),
-    "no channels": (wav(fmt(channels=0), DATA), "be a WAV file", "Copy"),
-    "no rate": (wav(fmt(rate=0), DATA), "be a WAV file", "states 0 Hz", "Copy"),
-    "16-bit floats": (wav(fmt(tag=3), DATA), "be a WAV file", "16-bit floating-point", "Copy"),
-    "A-law": (wav(fmt(tag=6, bits=8), DATA), "be a WAV file", "ALAW", "PCM"),
-    "half a sample": (wav(fmt(), (b"data", bytes(22), None)), "be a WAV file", "Copy"),
+    "no channels": (wav(fmt(channels=0), DATA), "be a whole WAV file", "Copy"),
+    "no rate": (wav(fmt(rate=0), DATA), "whole WAV file", "states 0 Hz", "Copy"),
+    "16-bit floats": (wav(fmt(tag=3), DATA), "whole WAV file", "16-bit floating-point", "Copy"),
+    "A-law": (wav(fmt(tag=6, bits=8), DATA), "whole WAV file", "ALAW", "PCM"),
+    "half a sample": (wav(fmt(), (b"data", bytes(22), None)), "be a whole WAV file", "Copy"),
     "no samples": (wav(fmt(), (b"data", b"", None)), "hold samples", "holds none", "Export"),
     "one sample": (wav(fmt(), (b"data", bytes(4), None)), "at least two samples", "holds 1", "Export"),
     "infinite": (
@@ -148,9 +148,9 @@ def channel(count=6, kind=10, step=STEP, name="x", index_of=None):
 
 TDMS = {
     "empty": (b"", "is empty", "Export"),
-    "another mark": (b"nothing of the kind" + segment(ROOT, channel(), data=VALUES), "readable TDMS file", "Copy"),
+    "another mark": (b"nothing of the kind" + segment(ROOT, channel(), data=VALUES), "whole TDMS file", "Copy"),
     "cut short": (segment(ROOT, channel(), data=VALUES)[:-1], "cut short", "Copy"),
-    "values of no type": (segment(ROOT, channel(kind=0x77), data=VALUES), "readable TDMS file", "Copy"),
+    "values of no type": (segment(ROOT, channel(kind=0x77), data=VALUES), "whole TDMS file", "Copy"),
     "no channel": (segment(ROOT, contents=6), "holds no channel", "Export"),
     "text alone": (
         segment(ROOT, thing("/'g'/'x'", struct.pack("<IIIQQ", 28, 0x20, 1, 2, 10)),
@@ -186,12 +186,12 @@ def many_rows():
 TIME = np.arange(6.0)
 PARQUET = {
     "empty": (lambda: b"", "is empty", "Export"),
-    "the mark alone": (lambda: b"PAR1", "readable Parquet file", "Copy"),
-    "another mark": (lambda: b"PARE" + table(time=TIME, x=TIME)[4:-4] + b"PARE", "readable Parquet file", "Copy"),
-    "the first half": (lambda: table(time=TIME, x=TIME)[:300], "readable Parquet file", "Copy"),
-    "a footer of 4 GB": (lambda: table(time=TIME, x=TIME)[:-8] + b"\xff\xff\xff\x7fPAR1", "readable Parquet", "Copy"),
-    "a footer of zeros": (lambda: b"PAR1" + bytes(40) + struct.pack("<I", 40) + b"PAR1", "readable Parquet", "Copy"),
-    "a footer of no end": (lambda: b"PAR1" + b"\x19\x9c" * 40 + struct.pack("<I", 80) + b"PAR1", "readable", "Copy"),
+    "the mark alone": (lambda: b"PAR1", "whole Parquet file", "Copy"),
+    "another mark": (lambda: b"PARE" + table(time=TIME, x=TIME)[4:-4] + b"PARE", "whole Parquet file", "Copy"),
+    "the first half": (lambda: table(time=TIME, x=TIME)[:300], "whole Parquet file", "Copy"),
+    "a footer of 4 GB": (lambda: table(time=TIME, x=TIME)[:-8] + b"\xff\xff\xff\x7fPAR1", "whole Parquet", "Copy"),
+    "a footer of zeros": (lambda: b"PAR1" + bytes(40) + struct.pack("<I", 40) + b"PAR1", "whole Parquet", "Copy"),
+    "a footer of no end": (lambda: b"PAR1" + b"\x19\x9c" * 40 + struct.pack("<I", 80) + b"PAR1", "whole", "Copy"),
     "no columns": (table, "a column of numbers for each channel", "none", "Write"),
     "text alone": (lambda: table(x=["a", "b"]), "a column of numbers for each channel", "columns x", "Write"),
     "the time alone": (lambda: table(time=TIME), "a column of numbers for each channel", "columns time", "Write"),
@@ -202,7 +202,7 @@ PARQUET = {
     "a time of nothing": (lambda: table(time=[0.0, None, 2.0], x=[1.0, 2.0, 3.0]), "a finite time", "`rate`"),
     "a date of nothing": (
         lambda: table(t=np.array(["2026-01-01", "NaT", "2026-01-03"], "M8[ns]"), x=[1.0, 2.0, 3.0]),
-        "a date for every sample", "lacks 1",
+        "a finite time for every sample", "has 1 in `t`",
     ),
     "times that fall": (lambda: table(time=TIME[::-1], x=TIME), "times that increase", "Sort"),
     "an infinite sample": (lambda: table(time=TIME, x=np.full(6, -np.inf)), "finite samples", "channel 'x'", "NaN"),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from floquid._checks import input_error
+from floquid._checks import input_error, printable
 from floquid.errors import InputError
 
 
@@ -41,3 +43,16 @@ class Source:
     def wrapped(self, error: InputError) -> InputError:
         """An error of a type that knows no file and no object, with its name before it."""
         return self.error("hold a valid record", f"does not: {error}".removesuffix("."))
+
+    @contextmanager
+    def taken_apart(self, kind: str, remedy: str) -> Iterator[None]:
+        """Turn whatever a library raises in this block into one message: it is no whole `kind` of file, and a `remedy`."""
+        try:
+            yield
+        except (InputError, MemoryError):
+            raise
+        except Exception as error:  # noqa: BLE001  # damage raises anything: OSError, struct.error, KeyError, ...
+            name = "" if isinstance(error, DamagedError) else f"{type(error).__name__}: "
+            words = printable(" ".join(f"{name}{error}".split())).rstrip(". ")
+            got = f"is not one, or is damaged or cut short ({words})"
+            raise self.error(f"be a whole {kind}", got, remedy) from None

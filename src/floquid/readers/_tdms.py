@@ -6,7 +6,7 @@ npTDMS reads them; an index file beside it is not looked at. Values are scaled a
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Channel
-from floquid.errors import InputError
 from floquid.io import Source, load_package
 from floquid.readers._angles import is_shaft_angle
-from floquid.tables import Table, TimeColumn, check_distinct, find_time, name_and_unit, rate_of_step, rows_of
+from floquid.tables import Table, TimeColumn, find_time, make_channels, name_and_unit, rate_of_step, rows_of
 
 _AGAIN = "Copy or export it again."
 _CHOOSE = "Choose channels that go together with `channels` (`--channels`), as in `group/channel`."
@@ -54,10 +53,11 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     """
     nptdms = load_package("nptdms", source.of, extra="tdms")
     nptdms.log.log_manager.set_level(logging.CRITICAL)
-    with source.path.open("rb") as stream:  # given the path, npTDMS would trust an index file beside it
-        file = _guarded(source, lambda: nptdms.TdmsFile.open(stream))
+    again = source.taken_apart("TDMS file", _AGAIN)
+    with again, source.path.open("rb") as stream:  # given the path, npTDMS would trust an index file beside it
+        file = nptdms.TdmsFile.open(stream)
         unclosed = _unclosed(source, file)
-        signals, others = _guarded(source, lambda: _signals(file))
+        signals, others = _signals(file)
         if not signals:
             got = f"holds {len(others)} channels of other kinds" if others else "holds no channel"
             raise source.error("hold a channel of numbers", got, "Export the signals.")
@@ -68,8 +68,8 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         time = next((t for t in times if t.group == chosen[0].group), None)
         _check_lengths(source, chosen, time)
         rate, start, notes = _even(source, chosen, ignore_time=ignore_time)
-        values = _values(source, chosen)
-        column = None if time is None or ignore_time else _guarded(source, lambda: _column(source, time))
+        values = _values(chosen)
+        column = None if time is None or ignore_time else _column(source, time)
     notes += unclosed + tuple(f"Channel {path!r} is not of numbers, and is not used." for path in others[:20])
     return Table(
         values=values,
@@ -79,17 +79,6 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         notes=notes,
         channels=tuple(named[row] for row in rows),
     )
-
-
-def _guarded(source: Source, call: Callable[[], Any]) -> Any:
-    """What `call` gives; damage makes npTDMS raise errors of many types."""
-    try:
-        return call()
-    except (InputError, MemoryError):
-        raise
-    except Exception as error:  # noqa: BLE001  # struct.error, KeyError, ValueError, UnicodeDecodeError, Exception, ...
-        words = " ".join(f"{type(error).__name__}: {error}".split())[:200].removesuffix(".")
-        raise source.error("be a readable TDMS file", f"is not ({words})", _AGAIN) from None
 
 
 def _unclosed(source: Source, file: Any) -> tuple[str, ...]:
@@ -142,14 +131,9 @@ def _named(source: Source, signals: Sequence[_Signal]) -> tuple[Channel, ...]:
     """The channels, by their names alone where all are of one group."""
     several = len({signal.group for signal in signals}) > 1
     names = [signal.path if several else signal.name for signal in signals]
-    check_distinct(source, names)
-    try:
-        return tuple(
-            Channel(name=name, unit=signal.unit, quantity="angle" if is_shaft_angle(name, signal.unit) else None)
-            for name, signal in zip(names, signals, strict=True)
-        )
-    except InputError as error:
-        raise source.wrapped(error) from None
+    units = [signal.unit for signal in signals]
+    angles = ["angle" if is_shaft_angle(*pair) else None for pair in zip(names, units, strict=True)]
+    return make_channels(source, names, units, quantity=angles)
 
 
 def _names(channels: Sequence[str], named: Sequence[Channel], signals: Sequence[_Signal]) -> list[str]:
@@ -194,15 +178,11 @@ def _even(
     return rate_of_step(step), start, notes
 
 
-def _values(source: Source, chosen: Sequence[_Signal]) -> NDArray[np.float64]:
+def _values(chosen: Sequence[_Signal]) -> NDArray[np.float64]:
     """The samples (channels, samples), scaled as the file says."""
     values = np.empty((len(chosen), len(chosen[0].held)))
     for row, signal in enumerate(chosen):
-        data = _guarded(source, signal.held.read_data)
-        if data.shape != values[row].shape or data.dtype.kind not in "biuf":
-            got = f"has {data.shape} of {data.dtype} for {signal.path!r}"
-            raise source.error("hold the samples that it declares", got, _AGAIN)
-        values[row] = data
+        values[row] = signal.held.read_data()
     return values
 
 

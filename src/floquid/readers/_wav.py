@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import printable
 from floquid.core import Channel
-from floquid.io import Source
+from floquid.io import DamagedError, Source
 from floquid.tables import Table, rows_of
 
 _UNKNOWN = 0xFFFFFFFF
@@ -35,18 +35,12 @@ def load_wav(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
 
     del ignore_time  # there are no times
     _check_whole(source)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # of chunks that it does not know
-            rate, found = wavfile.read(source.path)
+    with source.taken_apart("WAV file", _AGAIN), warnings.catch_warnings():
+        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # of chunks that it does not know
+        rate, found = wavfile.read(source.path)
         samples: NDArray[Any] = found[:, None] if found.ndim == 1 else found
         if not (rate and samples.shape[1]):
-            raise ValueError(f"it states {rate} Hz and {samples.shape[1]} channels")
-    except (OSError, MemoryError):
-        raise
-    except Exception as error:  # noqa: BLE001  # ValueError, struct.error, UnboundLocalError, ZeroDivisionError, ...
-        got = f"is not one that can be read, or is damaged ({printable(f'{type(error).__name__}: {error}')})"
-        raise source.error("be a WAV file", got.rstrip("."), _AGAIN) from None
+            raise DamagedError(f"it states {rate} Hz and {samples.shape[1]} channels")
     is_float, notes = samples.dtype.kind == "f", ()
     if not is_float:
         words = f"{8 * samples.dtype.itemsize}-bit numbers"

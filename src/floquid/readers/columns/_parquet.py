@@ -7,8 +7,7 @@ of the schema, as `floquid` (see `_stated`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,39 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Channel, Record
-from floquid.errors import InputError
 from floquid.io import Source, load_package
 from floquid.readers.columns._stated import Stated, stated_in, stated_text
 from floquid.tables import (
     Table,
-    TimeColumn,
     check_distinct,
     find_time,
     make_channels,
     name_and_unit,
     refuse_blurred_times,
     rows_of,
+    times_of,
 )
 
 _KEY = b"floquid"
 _BLOCK = 1 << 16
 _INDEX = "__index_level_"
 """What pandas calls an index without a name: dates, or a mere count."""
-_AGAIN = "Copy or write it again."
-_TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Columns:
-    """Which columns of the file are what: the channels at `places`, the times at `time` in units of `scale` seconds."""
-
-    names: tuple[str, ...]
-    channels: tuple[Channel, ...]
-    places: tuple[int, ...]
-    time: int | None
-    scale: float
-    is_date: bool
-    others: tuple[str, ...]
 
 
 def load_parquet(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
@@ -60,89 +43,71 @@ def load_parquet(source: Source, *, channels: Sequence[str] | None, ignore_time:
         pyarrow is not installed; the file is damaged, holds no column of numbers, or declares what it cannot hold.
     """
     parquet = load_package("pyarrow.parquet", source.of, extra="parquet")
-    with source.path.open("rb") as stream:
-        file = _guarded(source, lambda: parquet.ParquetFile(stream, page_checksum_verification=True))
-        schema = _guarded(source, lambda: file.schema_arrow)
-        remedy = "Delete them: the table can be read without them."
-        stated = stated_in(source, (schema.metadata or {}).get(_KEY), "the metadata `floquid`", remedy)
-        columns = _columns(source, schema, stated)
-        rows = rows_of(source, columns.channels, channels)
-        wanted = [columns.places[row] for row in rows]
-        use_time = columns.time is not None and not ignore_time
-        values, ticks = _guarded(source, lambda: _values(source, file, columns, wanted, use_time=use_time))
-    notes = tuple(map(_passed_over, columns.others[:20]))
-    if columns.time is not None and ignore_time:
-        notes += (f"The time column `{columns.names[columns.time]}` was ignored.",)
-    time, start_note = _time(columns, ticks)
-    return Table(
-        values=values,
-        time=time,
-        sample_rate=stated.sample_rate,
-        start=stated.start,
-        notes=notes + start_note,
-        **stated.of([columns.channels[row] for row in rows]),
-    )
+    again = source.taken_apart("Parquet file", "Copy or write it again.")
+    with again, source.path.open("rb") as stream:
+        file = parquet.ParquetFile(stream, page_checksum_verification=True)
+        return _table(source, file, channels, ignore_time=ignore_time)
 
 
-def _guarded(source: Source, call: Callable[[], Any]) -> Any:
-    """What `call` gives; damage makes pyarrow raise errors of many types."""
-    try:
-        return call()
-    except (InputError, MemoryError):
-        raise
-    except Exception as error:  # noqa: BLE001  # ArrowInvalid, OSError, UnicodeDecodeError, KeyError, ...
-        words = " ".join(str(error).split())[:200].removesuffix(".")
-        raise source.error("be a readable Parquet file", f"is not ({words})", _AGAIN) from None
+def _table(source: Source, file: Any, channels: Sequence[str] | None, *, ignore_time: bool) -> Table:
+    schema = file.schema_arrow
+    remedy = "Delete them: the table can be read without them."
+    stated = stated_in(source, (schema.metadata or {}).get(_KEY), "the metadata `floquid`", remedy)
+    check_distinct(source, schema.names)
+    numbers, dates = _kinds(schema)
+    parts = [_name_and_unit(schema.field(name)) for name in numbers]
+    place, scale = find_time(source, parts)
+    time = numbers[place] if place is not None else next(iter(dates), None)
+    pairs = [pair for pair in zip(numbers, parts, strict=True) if pair[0] != time]
+    if not pairs:
+        got = f"has the columns {', '.join(schema.names[:20]) or 'none'}"
+        raise source.error("have a column of numbers for each channel", got, "Write the channels too.")
+    named = _channels(source, pairs, stated)
+    rows = rows_of(source, named, channels)
+    others = [name for name in schema.names if name not in numbers and name != time]
+    notes = tuple(map(_passed_over, others[:20]))
+    values = np.empty((len(rows), file.metadata.num_rows))
+    for place, row in enumerate(rows):  # one column at a time
+        values[place] = _column(file, pairs[row][0])
+    column = None
+    if time is not None and ignore_time:
+        notes += (f"The time column `{time}` was ignored.",)
+    elif time is not None:
+        column, remark = times_of(_column(file, time), scale=scale, label=time) or (None, ())
+        notes += remark
+    own = stated.of([named[row] for row in rows])
+    return Table(values=values, time=column, sample_rate=stated.sample_rate, start=stated.start, notes=notes, **own)
 
 
-def _columns(source: Source, schema: Any, stated: Stated) -> _Columns:
-    """The channels among the columns, and the column of times."""
+def _kinds(schema: Any) -> tuple[list[str], list[str]]:
+    """The names of the columns of numbers, and of those of dates or durations."""
     import pyarrow.types as kinds
 
-    names, kept, parts, dates, others = [], [], [], [], []
-    for place, field in enumerate(schema):
-        names.append(field.name)
-        is_date = kinds.is_timestamp(field.type) or kinds.is_duration(field.type)
-        index = field.name.startswith(_INDEX)
-        if is_date:
-            dates.append(place)
-        elif index or not (
-            kinds.is_integer(field.type)
-            or kinds.is_floating(field.type)
-            or kinds.is_boolean(field.type)
-            or kinds.is_decimal(field.type)
-        ):
-            others.append(field.name)
-        else:
-            kept.append(place)
-            name, unit = name_and_unit(field.name)
-            parts.append((name, unit if unit is not None else _unit(field)))
-    time, scale = find_time(source, parts)
-    at = None if time is None else kept[time]
-    if at is None and dates:
-        at = dates[0]
-        scale = _TICKS[schema.field(at).type.unit]
-    others += [names[place] for place in dates if place != at]
-    places = tuple(place for place in kept if place != at)
-    if not places:
-        got = f"has the columns {', '.join(names[:20]) or 'none'}"
-        raise source.error("have a column of numbers for each channel", got, "Write the channels too.")
-    plain = [pair for place, pair in zip(kept, parts, strict=True) if place != at]
-    own = {channel.label: channel for channel in stated.channels}
-    check_distinct(source, names)
-    if all(names[place] in own for place in places):
-        channels = tuple(own[names[place]] for place in places)
-    else:
-        channels = make_channels(source, [name for name, _ in plain], [unit or "-" for _, unit in plain])
-    return _Columns(
-        names=tuple(names),
-        channels=channels,
-        places=places,
-        time=at,
-        scale=scale,
-        is_date=at in dates,
-        others=tuple(others),
+    numbers = (kinds.is_integer, kinds.is_floating, kinds.is_boolean, kinds.is_decimal)
+    dates = (kinds.is_timestamp, kinds.is_duration)
+    plain = [field for field in schema if not field.name.startswith(_INDEX)]
+    return (
+        [field.name for field in plain if any(fits(field.type) for fits in numbers)],
+        [field.name for field in schema if any(fits(field.type) for fits in dates)],
     )
+
+
+def _name_and_unit(field: Any) -> tuple[str, str | None]:
+    """The name and the unit in the heading of a column, or the unit in its metadata."""
+    name, unit = name_and_unit(field.name)
+    metadata = field.metadata or {}
+    text = metadata.get(b"unit") or metadata.get(b"units")
+    return name, text.decode("utf-8", "replace").strip() if unit is None and text else unit
+
+
+def _channels(
+    source: Source, pairs: Sequence[tuple[str, tuple[str, str | None]]], stated: Stated
+) -> tuple[Channel, ...]:
+    """The channels as our own line states them, if it is of all of these, or by their headings."""
+    own = {channel.label: channel for channel in stated.channels}
+    if all(heading in own for heading, _ in pairs):
+        return tuple(own[heading] for heading, _ in pairs)
+    return make_channels(source, [name for _, (name, _) in pairs], [unit or "-" for _, (_, unit) in pairs])
 
 
 def _passed_over(name: str) -> str:
@@ -151,58 +116,16 @@ def _passed_over(name: str) -> str:
     return f"Column {name!r} is not of numbers, and is not used."
 
 
-def _unit(field: Any) -> str | None:
-    """The unit in the metadata of a field."""
-    metadata = field.metadata or {}
-    text = metadata.get(b"unit") or metadata.get(b"units")
-    return None if text is None else text.decode("utf-8", "replace").strip()
-
-
-def _values(
-    source: Source, file: Any, columns: _Columns, wanted: Sequence[int], *, use_time: bool
-) -> tuple[NDArray[np.float64], NDArray[Any] | None]:
-    """The samples (channels, samples) and the times or dates (samples,), read one column at a time."""
+def _column(file: Any, name: str) -> NDArray[Any]:
+    """A column of numbers, NaN where one is missing, or of dates or durations."""
     import pyarrow as pa
 
-    def column(place: int) -> Any:
-        return file.read(columns=[columns.names[place]])[columns.names[place]]
-
-    values = np.empty((len(wanted), file.metadata.num_rows))
-    for row, place in enumerate(wanted):
-        values[row] = _numbers(column(place), pa)
-    if columns.time is None or not use_time:
-        return values, None
-    times = column(columns.time)
-    return values, _dates(source, times, pa) if columns.is_date else _numbers(times, pa, keep_single=True)
-
-
-def _numbers(column: Any, pa: Any, *, keep_single: bool = False) -> NDArray[Any]:
-    if keep_single and pa.types.is_float32(column.type) and not column.null_count:
+    column = file.read(columns=[name])[name]
+    if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
         return column.to_numpy()
     if pa.types.is_boolean(column.type):
         column = column.cast(pa.uint8())
-    whole = column.cast(pa.float64(), safe=False)
-    return whole.to_numpy()
-
-
-def _dates(source: Source, column: Any, pa: Any) -> NDArray[np.int64]:
-    """Dates or spans as the whole numbers that they are kept as."""
-    if column.null_count:
-        got = f"lacks {column.null_count} of its dates"
-        raise source.error("have a date for every sample", got, "Leave such rows out, or pass `rate` (`--rate`) [Hz].")
-    return column.cast(pa.int64()).to_numpy()
-
-
-def _time(columns: _Columns, ticks: NDArray[Any] | None) -> tuple[TimeColumn | None, tuple[str, ...]]:
-    """The times [s], of dates those since the first, and a note on that."""
-    if ticks is None or columns.time is None:
-        return None, ()
-    label = columns.names[columns.time]
-    if not columns.is_date:
-        return TimeColumn(values=ticks, scale=columns.scale, label=label), ()
-    with np.errstate(over="ignore"):
-        since = (ticks - ticks[:1]).astype(np.float64)
-    return TimeColumn(values=since, scale=columns.scale, label=label), (f"Times count from the first of `{label}`.",)
+    return column.cast(pa.float64(), safe=False).to_numpy()
 
 
 def save_parquet(record: Record, path: Path) -> None:

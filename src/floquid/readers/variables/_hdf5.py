@@ -18,7 +18,7 @@ from floquid.core import Record
 from floquid.errors import InputError
 from floquid.io import Source, array_in, attribute, is_elsewhere, texts_in
 from floquid.readers.variables._by_path import table_of_variables
-from floquid.readers.variables._variables import HDF5, MATLAB, Dialect, Kind, Variable, printable
+from floquid.readers.variables._variables import HDF5, MATLAB, Dialect, Kind, Variable
 from floquid.tables import Table, numbers_of, orbit_of, texts_of
 
 if TYPE_CHECKING:
@@ -47,17 +47,8 @@ def load_hdf5(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
 
     if not is_hdf5(source.path):
         raise _no_hdf5_file(source)
-    try:
-        with h5py.File(source.path, "r") as opened:
-            file = Hdf5File(opened)
-            return table_of_variables(source, file, channels=channels, ignore_time=ignore_time)
-    except (InputError, MemoryError):
-        raise
-    except Exception as error:  # noqa: BLE001  # h5py, on damage: OSError, KeyError, RuntimeError, ValueError, ...
-        what = (str(error) or type(error).__name__).splitlines()[0]
-        raise source.error(
-            "be a whole HDF5 file", f"is damaged or cut short: {printable(what)}", "Copy or save it again."
-        ) from None
+    with source.taken_apart("HDF5 file", "Copy or save it again."), h5py.File(source.path, "r") as opened:
+        return table_of_variables(source, Hdf5File(opened), channels=channels, ignore_time=ignore_time)
 
 
 def _no_hdf5_file(source: Source) -> InputError:

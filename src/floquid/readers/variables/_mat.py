@@ -15,7 +15,7 @@ from floquid.errors import InputError
 from floquid.io import Source, letters, load_variables, mat_order
 from floquid.readers.variables._by_path import table_of_variables
 from floquid.readers.variables._hdf5 import is_hdf5, load_hdf5
-from floquid.readers.variables._variables import MATLAB, Dialect, Kind, Variable, printable
+from floquid.readers.variables._variables import MATLAB, Dialect, Kind, Variable
 from floquid.tables import Table, numbers_of, orbit_of, texts_of
 
 _LARGEST = (1 << 31) - (1 << 16)
@@ -39,16 +39,9 @@ def load_mat(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
         return load_hdf5(source, channels=channels, ignore_time=ignore_time)
     if not mat_order(source.path):
         raise _no_mat_file(source)
-    try:
+    with source.taken_apart("MATLAB file", f"Copy it again. {_SAVE_AGAIN}"):
         file = _MatFile(load_variables(source.path))
         return table_of_variables(source, file, channels=channels, ignore_time=ignore_time)
-    except (InputError, OSError, MemoryError):
-        raise
-    except Exception as error:  # noqa: BLE001  # damage raises anything: zlib.error, struct.error, ...
-        what = f"{type(error).__name__}: {printable(str(error))}"
-        raise source.error(
-            "be a whole MATLAB file", f"is damaged or cut short: {what}", f"Copy it again. {_SAVE_AGAIN}"
-        ) from None
 
 
 class _MatFile:

@@ -59,29 +59,20 @@ class _NpzFile:
 
 def _arrays(source: Source) -> dict[str, NDArray[Any]]:
     """The arrays by key."""
-    with source.path.open("rb") as stream:
-        try:
-            archive: Any = np.load(stream, allow_pickle=False)
-            keys = tuple(archive.files)
-        except Exception as error:  # noqa: BLE001  # damage raises anything: BadZipFile, AttributeError, ...
-            got = f"is not one, or is damaged or cut short ({type(error).__name__})"
-            raise source.error("be a NumPy archive", got, f"Copy it again. {NUMPY.save}") from None
-        return {key: _array(source, archive, key) for key in keys}
+    again = source.taken_apart("NumPy archive", f"Copy it again. {NUMPY.save}")
+    with again, source.path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+        return {key: _array(source, archive, key) for key in archive.files}
 
 
 def _array(source: Source, archive: Any, key: str) -> NDArray[Any]:
-    name = printable(key)
     try:
         return np.asarray(archive[key])
-    except MemoryError:
-        raise
-    except Exception as error:  # noqa: BLE001  # damage raises anything: zlib.error, struct.error, TokenError, ...
+    except ValueError as error:
         if "Object arrays" not in str(error):
-            got = f"does not ({type(error).__name__}: {error})"
-            raise source.error(f"hold a readable array `{name}`", got, "Copy or save the file again.") from None
+            raise
     if key in KEYS:
-        must, got = f"hold plain numbers or text in `{name}`", "holds Python objects there, which are never unpickled"
-        remedy = f"Convert them first, as in np.asarray({name}, dtype=float) or dtype=str, and save it again."
+        must, got = f"hold plain numbers or text in `{key}`", "holds Python objects there, which are never unpickled"
+        remedy = f"Convert them first, as in np.asarray({key}, dtype=float) or dtype=str, and save it again."
         raise source.error(must, got, remedy)
     return np.empty(0, object)
 
