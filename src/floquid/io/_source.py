@@ -46,7 +46,7 @@ class Source:
 
     @contextmanager
     def taken_apart(self, kind: str, remedy: str) -> Iterator[None]:
-        """Turn whatever a library raises in this block into one message: it is no whole `kind` of file, and a `remedy`."""
+        """Turn what a library raises in this block into one message: it is no whole `kind` of file, and a `remedy`."""
         try:
             yield
         except (InputError, MemoryError):

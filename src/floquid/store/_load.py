@@ -53,7 +53,7 @@ def load(path: str | PathLike[str]) -> Analysis:
         raise input_error("path", "load", MUST, f"{file} is no HDF5 file", AGAIN)
     try:
         with h5py.File(file, "r") as opened:
-            said = dict(opened.attrs)
+            said: dict[str, Any] = dict(opened.attrs)
             if str(said.get("format")) == layout.FORMAT and int(said["version"]) <= layout.VERSION:
                 return _read(opened, int(said["version"]))
     except Exception as error:  # noqa: BLE001  # damage raises anything: OSError, KeyError, OverflowError, ...

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import csv
 import io
 from collections.abc import Iterator, Sequence
@@ -82,27 +81,21 @@ def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
 
 
 def _refuse_other_than_text(source: Source) -> None:
-    decoder, place = codecs.getincrementaldecoder("utf-8")(), 0
     with source.path.open("rb") as stream:
-        while True:
-            block = stream.read(1 << 20)
-            if place == 0 and block.startswith((b"\xff\xfe", b"\xfe\xff")):
-                raise source.error("be text in UTF-8", "is text in UTF-16", "Save it as CSV UTF-8.")
-            if b"\0" in block:
-                got = f"is binary (a NUL byte at {place + block.index(0)})"
-                raise source.error("be text", got, "Export it as text.")
-            pending = len(decoder.getstate()[0])
+        if stream.read(2) in (b"\xff\xfe", b"\xfe\xff"):
+            raise source.error("be text in UTF-8", "is text in UTF-16", "Save it as CSV UTF-8.")
+        stream.seek(0)
+        for number, line in enumerate(stream, 1):
+            if b"\0" in line:
+                raise source.error("be text", f"is binary (a NUL byte in line {number})", "Export it as text.")
             try:
-                decoder.decode(block, final=not block)
+                line.decode()
             except UnicodeDecodeError as error:
                 raise source.error(
                     "be text in UTF-8",
-                    f"has a byte 0x{error.object[error.start]:02x} at {place - pending + error.start} that is not",
+                    f"has a byte 0x{line[error.start]:02x} in line {number} that is not",
                     "Save it as CSV UTF-8; if it is not a text table at all, name it by its format.",
                 ) from None
-            if not block:
-                return
-            place += len(block)
 
 
 def _lines(path: Path, first: int = 1, last: int | None = None) -> Iterator[tuple[int, str]]:

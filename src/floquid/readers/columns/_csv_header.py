@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from floquid.core import Channel
-from floquid.errors import InputError
 from floquid.io import Source
 from floquid.readers.columns._stated import Stated
-from floquid.tables import check_distinct, find_time, name_and_unit
+from floquid.tables import check_distinct, find_time, make_channel, name_and_unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,10 +74,7 @@ def parse_header(source: Source, cells: Sequence[str], line: int, stated: Stated
                 f"has no name for column {column + 1} (line {line})",
                 "Name it, or delete it.",
             )
-        try:
-            channels.append(own.get(cells[column]) or Channel(name=name, unit=unit or "-"))
-        except InputError as error:
-            raise source.wrapped(error) from None
+        channels.append(own.get(cells[column]) or make_channel(source, name=name, unit=unit or "-"))
     check_distinct(source, [channel.name for channel in channels])
     return Header(
         cells=tuple(cells), channels=tuple(channels), columns=columns, time_column=time_column, time_scale=scale

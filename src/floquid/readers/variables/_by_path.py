@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import Channel
 from floquid.errors import InputError
 from floquid.io import Source
 from floquid.readers.variables._by_name import scalar, table_by_name, time_column
@@ -29,10 +28,9 @@ from floquid.readers.variables._variables import (
     printable,
     require_numbers,
 )
-from floquid.tables import Table, TimeColumn
+from floquid.tables import Table, TimeColumn, make_channel
 
 _PATH = re.compile(r"(?P<path>.+?)(?P<turned>\.T)?(?:\[(?P<row>\d{1,9})\])?")
-_MOST_CHANNELS = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +90,7 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
         notes += ("Rows and columns of a matrix are counted from 0.",)
     return Table(
         values=values,
-        channels=tuple(_channel(source, row) for row in rows),
+        channels=tuple(make_channel(source, name=row.name, unit=row.variable.unit or "-") for row in rows),
         time=time,
         sample_rate=rate,
         notes=notes,
@@ -151,8 +149,6 @@ def _rows(source: Source, beside: Mapping[str, list[Variable]], choice: _Row) ->
         yield replace(choice, turned=False, row=None)
         return
     _check_direction(source, beside, choice, shape)
-    if choice.row is None and shape[0] > _MOST_CHANNELS:
-        raise _too_many(source, shape[0])
     stem = choice.name if choice.row is None else choice.name[: choice.name.rindex("[")]
     for row in range(shape[0]) if choice.row is None else (choice.row,):
         yield replace(choice, name=f"{stem}[{row}]", row=row)
@@ -179,9 +175,7 @@ def _check_direction(
 
 
 def _check_rows(source: Source, rows: Sequence[_Row]) -> None:
-    """Refuse channels that are one, that are too many, or that differ in length."""
-    if len(rows) > _MOST_CHANNELS:
-        raise _too_many(source, len(rows))
+    """Refuse channels that are one, or that differ in length."""
     seen: dict[object, str] = {}
     for row in rows:
         for key in (row.name, (row.variable.path, row.turned, row.row)):
@@ -200,11 +194,6 @@ def _check_rows(source: Source, rows: Sequence[_Row]) -> None:
                 f"has {first.name!r} of {_length(first)} samples and {row.name!r} of {_length(row)} in {source.path}",
                 "Choose channels of one measurement; resample first what was sampled at another rate.",
             )
-
-
-def _too_many(source: Source, count: int) -> InputError:
-    got = f"names {count} of {source.path}"
-    return _refused(source, f"name at most {_MOST_CHANNELS} channels", got, "Name rows, as in data[0].")
 
 
 def _length(row: _Row) -> int:
@@ -287,13 +276,6 @@ def _rate(source: Source, file: VariableFile, rows: Sequence[_Row], *, ignore_ti
             "Choose channels of one measurement, or pass `rate` (`--rate`) [Hz].",
         )
     return next(iter(found.values()), None)
-
-
-def _channel(source: Source, row: _Row) -> Channel:
-    try:
-        return Channel(name=row.name, unit=row.variable.unit or "-")
-    except InputError as error:
-        raise source.wrapped(error) from None
 
 
 def _refused(source: Source, must: str, got: str, remedy: str) -> InputError:
