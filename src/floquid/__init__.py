@@ -7,15 +7,15 @@ known A(t), `systems` holds examples with known truth.
 """
 
 from floquid import floquet, systems
+from floquid._version import __version__ as __version__
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
 from floquid.errors import FloquidError, IdentificationError, InputError
+from floquid.exports import export_modes, to_xarray
 from floquid.pipeline import Analysis, Bootstrap, Settings, bootstrap, identify
-from floquid.readers import read, write
+from floquid.readers import from_pandas, from_sep005, from_xarray, read, to_pandas, to_sep005, write
 from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
 from floquid.reporting import report
-from floquid.store import export_modes, load, save
-
-__version__ = "0.1.0"
+from floquid.store import load, save
 
 __all__ = [
     "Analysis",
@@ -36,6 +36,9 @@ __all__ = [
     "bootstrap",
     "export_modes",
     "floquet",
+    "from_pandas",
+    "from_sep005",
+    "from_xarray",
     "identify",
     "load",
     "read",
@@ -44,5 +47,8 @@ __all__ = [
     "report",
     "save",
     "systems",
+    "to_pandas",
+    "to_sep005",
+    "to_xarray",
     "write",
 ]

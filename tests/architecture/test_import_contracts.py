@@ -24,7 +24,7 @@ OPTIONAL = {
     for name in layer.split("|")
     if name.strip().startswith("(")
 }
-OPEN_TO_ALL = ["errors", "_checks", "_files", "_bar"]
+OPEN_TO_ALL = ["errors", "_checks", "_bar", "_version"]
 
 
 @pytest.fixture
@@ -78,9 +78,12 @@ ALLOWED = {
     "pipeline": "import floquid.validation, floquid.lifting, floquid.lti, floquid.readers, floquid.errors",
     "periodic": "import floquid.lti, floquid.order, floquid._numerics",
     "systems": "import floquid.floquet, floquid._checks",
-    "floquet": "import floquid.core, floquid._checks, floquid._files, floquid._bar, scipy",
+    "floquet": "import floquid.core, floquid._checks, floquid.io, floquid._bar, scipy",
     "core": "import floquid._numerics, floquid._checks",
-    "_files": "import floquid._checks",
+    "readers": "import floquid.tables, floquid.io, floquid.core",
+    "tables": "import floquid.core, floquid.io",
+    "exports": "import floquid.views, floquid.readers",
+    "io": "import floquid._checks",
     "_checks": "import floquid.errors",
 }
 
@@ -113,8 +116,11 @@ def test_a_room_that_is_built_has_lost_its_parentheses():
         ("surprise", "import floquid.core", "layers"),
         ("lti", "import floquid.core", "lti-is-anonymous"),
         ("errors", "import floquid.core", "foundations"),
-        ("_checks", "import floquid._files", "foundations"),
-        ("_files", "import floquid.readers", "foundations"),
+        ("_checks", "import floquid.io", "foundations"),
+        ("io", "import floquid.core", "layers"),
+        ("tables", "import floquid.readers", "layers"),
+        ("core", "def late():\n    import floquid.tables", "layers"),
+        ("store", "import floquid.exports", "layers"),
         ("_bar", "import floquid.pipeline", "foundations"),
         ("pipeline", "import floquid.systems", "oracle"),
         ("periodic", "import floquid.floquet", "oracle"),

@@ -33,6 +33,16 @@ def test_only_the_command_line_prints(path):
     assert not printing, f"print( on lines {printing}"
 
 
+@EVERY_MODULE
+def test_no_room_imports_what_is_private_to_another(path):
+    """`floquid.a._b` is for modules in `floquid/a` alone, in its sub-rooms too; others import from `floquid.a`."""
+    own = path.relative_to(ROOT).parts[:-1]
+    nodes = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.ImportFrom)]
+    named = [(node.module or "").split(".")[1:] for node in nodes if (node.module or "").startswith("floquid.")]
+    foreign = [(words, at) for words in named for at, word in enumerate(words) if at and word.startswith("_")]
+    assert not [".".join(words) for words, at in foreign if tuple(words[:at]) != own[:at]]
+
+
 def test_import_loads_nothing_slow():
     """`import floquid` and `floquid --help` stay quick: what is slow to load is loaded by those who use it."""
     code = "import sys, floquid; print('\\n'.join(sys.modules))"

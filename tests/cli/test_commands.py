@@ -100,7 +100,7 @@ def test_the_rotor_result_is_whole(rotor):
     assert set(contents(folder)) == RESULT
     analysis = floquid.load(folder / "result.h5")
     summary = strict_json((folder / "summary.json").read_text())
-    assert summary == floquid.store.summary(analysis)
+    assert summary == floquid.exports.summary(analysis)
     for name in ("time_record", "composite"):
         assert (folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
 

@@ -7,8 +7,9 @@ import pyuff
 from tests.cli.conftest import contents, simulated
 
 from floquid.cli._app import run
+from floquid.exports import MODE_FORMATS, summary
 from floquid.pipeline import identify
-from floquid.store import MODE_FORMATS, save, summary
+from floquid.store import save
 
 
 @pytest.fixture(scope="module")

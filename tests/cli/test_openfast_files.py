@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from tests.cli.test_commands import rows_of_modes, strict_json, typed
+from tests.foreign import save_outb
 
 from floquid.core import Channel, Record
-from floquid.readers import write
 from floquid.systems import JeffcottRotor
 
 
@@ -35,7 +35,7 @@ def test_from_info_to_modes(turbine, name, here):
     if name == "run.out":
         as_text(turbine, here / name)
     else:
-        write(turbine, name)
+        save_outb(turbine, here / name)
     text = " ".join(typed(["info", name]).split())
     assert "Azimuth angle deg" in text
     assert "jumps back by a turn of 360 deg" in text

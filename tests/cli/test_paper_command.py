@@ -42,7 +42,7 @@ def test_the_page_shows_every_figure_and_the_table(shown):
 def test_the_result_is_that_of_maximum_likelihood(shown):
     _, folder = shown
     analysis = floquid.load(folder / "result.h5")
-    assert strict_json((folder / "summary.json").read_text()) == floquid.store.summary(analysis)
+    assert strict_json((folder / "summary.json").read_text()) == floquid.exports.summary(analysis)
     assert analysis.state is not None
     again = typed(f"identify {folder / 'record.npz'} --settings {folder / 'settings.toml'} --format json")
     assert again == (folder / "summary.json").read_text()

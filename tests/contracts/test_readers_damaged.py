@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.foreign import save
 
 from floquid import store
 from floquid.core import ConstantPeriod, Record
 from floquid.errors import InputError
 from floquid.floquet import read_matrix
-from floquid.readers import read, write
+from floquid.readers import read
 
 RESULT = Path(__file__).parents[1] / "store" / "files" / "result_v1.h5"
 NEEDS = {".tdms": "nptdms", ".parquet": "pyarrow"}
@@ -21,7 +22,7 @@ def whole(suffix, folder):
     values = np.random.default_rng(0).standard_normal((2, 60))
     clock = ConstantPeriod(period=0.5)
     path = folder / f"run{suffix}"
-    write(Record(values=values, sample_rate=12.5, channels=["x", "y"], clock=clock), path)
+    save(Record(values=values, sample_rate=12.5, channels=["x", "y"], clock=clock), path)
     return path
 
 

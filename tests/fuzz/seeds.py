@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 from tests.contracts.test_readers_bad_input import CSV
-from tests.unit import test_readers_uff as uff
+from tests.foreign import save
 from tests.unit.floquet.files.test_read_openfast import Rotor, even, lin_text
 from tests.unit.floquet.files.test_read_openfast import matrices as lin_matrices
+from tests.unit.readers import test_uff as uff
 
 from floquid.core import Channel, ConstantPeriod, Record
-from floquid.readers import write
 
 _GENERATOR = np.random.default_rng(0)
 _VALUES = np.round(_GENERATOR.standard_normal((2, 30)), 3)
@@ -37,7 +37,7 @@ def small_records() -> list[Record]:
 def records(suffix: str) -> list[bytes]:
     """Files of records of one format."""
     with tempfile.TemporaryDirectory() as folder:
-        own = [_written(lambda path, one=one: write(one, path), Path(folder), suffix) for one in small_records()]
+        own = [_written(lambda path, one=one: save(one, path), Path(folder), suffix) for one in small_records()]
         return own + [_written(make, Path(folder), suffix) for make in _OTHERS.get(suffix, ())] + _bad(suffix)
 
 

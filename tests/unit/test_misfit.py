@@ -8,11 +8,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from floquid import IdentificationError, bootstrap, export_modes, identify, load, report, save
+from floquid.exports import summary
 from floquid.pipeline import _complete as complete
 from floquid.pipeline import validated
 from floquid.pipeline._deviations import BENT, widening_of, with_misfit
 from floquid.reporting._words import under_verdict, verdict
-from floquid.store import summary
 from floquid.systems import JeffcottRotor
 from floquid.views import period_words, synchronisation
 

@@ -10,9 +10,9 @@ from floquid import Record, identify, load, save
 from floquid.cli._terminal import print_analysis
 from floquid.core import ConstantPeriod, Estimates, PeriodicModel
 from floquid.errors import InputError
+from floquid.exports import summary
 from floquid.periodic import periodicity, select_bands
 from floquid.periodic.significance._wald import holm
-from floquid.store import summary
 from floquid.systems import JeffcottRotor
 
 PERIOD = 6.0

@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, InputError, PeriodicModel, Record, identify, load, reconstruct, save
 from floquid.errors import IdentificationError
+from floquid.exports import summary
 from floquid.periodic import line_amplitudes, refit, without_lines
 from floquid.pipeline import _validated, validated
-from floquid.store import summary
 from floquid.systems import JeffcottRotor
 from floquid.validation import Criterion, Validation, _held_out, validate
 from floquid.validation._consistency import consistency

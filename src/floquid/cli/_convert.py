@@ -15,8 +15,8 @@ from floquid.cli._progress import progress
 from floquid.cli._records import period_of
 from floquid.cli._terminal import counted, terminal
 from floquid.core import Record
-from floquid.core._hdf5 import attribute
 from floquid.errors import InputError
+from floquid.io import attribute
 from floquid.readers import read, write
 
 OF = "floquid convert"

@@ -9,7 +9,8 @@ from floquid._checks import input_error
 from floquid.cli._folder import result_file
 from floquid.cli._progress import progress
 from floquid.cli._terminal import counted, terminal
-from floquid.store import MODE_FORMATS, export_modes, load
+from floquid.exports import MODE_FORMATS, export_modes
+from floquid.store import load
 from floquid.views import upper_modes
 
 OF = "floquid convert"

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from floquid._checks import input_error
-from floquid._files import flush, flush_folder
+from floquid.io import flush, flush_folder
 from floquid.plot import FIGURES as DRAWN
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Group, Parameter, Token
 
-from floquid.readers import SUFFIXES
+from floquid.readers import SUFFIXES, WRITTEN
 
 
 def whole_number(_type: Any, tokens: Sequence[Token]) -> int:
@@ -43,7 +43,7 @@ RecordFiles = Annotated[
     ),
 ]
 NewRecordFile = Annotated[
-    Path, Parameter(converter=_path, help=f"The file to write; its suffix chooses the format: {SUFFIXES}.")
+    Path, Parameter(converter=_path, help=f"The file to write; its suffix chooses the format: {WRITTEN}.")
 ]
 OptionalPlace = Annotated[Path | None, Parameter(converter=_path)]
 OUTPUT = Group("Output", sort_key=9)

@@ -12,9 +12,10 @@ import numpy as np
 
 from floquid.cli._folder import FIGURES, RESULT, ResultFolder
 from floquid.core import Record
+from floquid.exports import summary
 from floquid.pipeline import Analysis
 from floquid.readers import write
-from floquid.store import save, summary
+from floquid.store import save
 
 Truth = tuple[np.ndarray, np.ndarray]
 """Instants (times,) [s] and the true A at each (times, n, n)."""

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from floquid._checks import finite, input_error, positive
-from floquid._files import readable_file
 from floquid.errors import InputError
+from floquid.io import readable_file
 from floquid.lti import AMI, ERA, LSCF, AbstractIdentifier, MaximumLikelihood, PolyLSCF
 from floquid.pipeline import Settings
 

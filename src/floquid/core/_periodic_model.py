@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +13,6 @@ from floquid.core._channel import Channel
 from floquid.core._estimates import Estimates
 from floquid.core._provenance import Provenance
 from floquid.core._record import as_channels
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -293,30 +289,6 @@ class PeriodicModel(Rebuilt):
         modes, there = self.modes_of(estimates)[estimates.modes], np.isin(estimates.harmonics, self.harmonics)
         place = np.clip(np.searchsorted(self.harmonics, estimates.harmonics), 0, len(self.harmonics) - 1)
         return there & kept[modes, place]
-
-    def to_xarray(self) -> xr.Dataset:
-        """The model as labelled arrays, to look at and to compute with.
-
-        `exponents`, `multipliers`, `frequencies_hz` and `damping_ratios` (mode), `coefficients` (mode, channel, hit,
-        harmonic), and where they were estimated `exponent_std`, `multiplier_std`, `frequency_std_hz`,
-        `damping_ratio_std` (mode) and `coefficient_std`: of complex numbers, the deviation of the real part as the real
-        part and that of the imaginary part as the imaginary part. Modes and hits count from 1, units are in the
-        attributes and along `channel`, the period [s] is an attribute. The joint covariance is not in it: it is kept by
-        `floquid.save`.
-
-        Returns
-        -------
-        xarray.Dataset
-            The arrays; complex numbers stay complex.
-
-        Raises
-        ------
-        InputError
-            xarray is not installed.
-        """
-        from floquid.core._model_xarray import model_to_xarray
-
-        return model_to_xarray(self)
 
 
 def _real_imag_std(

@@ -5,7 +5,7 @@ decides the order by test. Every algorithm honours `AbstractIdentifier`; those o
 """
 
 from floquid.lti._ami import AMI
-from floquid.lti._compress import compress
+from floquid.lti._compress import compress, weighted_blocks
 from floquid.lti._era import ERA
 from floquid.lti._evidence import Evidence
 from floquid.lti._identifier import AbstractIdentifier
@@ -33,5 +33,6 @@ __all__ = [
     "composites",
     "compress",
     "fit_residues",
+    "weighted_blocks",
     "white_noise_std",
 ]

@@ -76,7 +76,7 @@ def replace_noise(data: TimeResponses, noise: NDArray[np.float64]) -> TimeRespon
 
 
 def weighted_blocks(data: TimeResponses) -> Iterator[NDArray[np.float64]]:
-    """The responses over their noise, the inputs side by side in time (outputs, Σ lengths), some outputs at a time."""
+    """The responses in `data` over their noise, the inputs side by side (outputs, Σ lengths), part by part."""
     step = max(1, BLOCK // int(data.lengths.sum()))
     for start in range(0, data.n_outputs, step):
         part = slice(start, start + step)

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti import ModalModel, TimeResponses
-from floquid.lti._compress import weighted_blocks
+from floquid.lti import ModalModel, TimeResponses, weighted_blocks
 from floquid.order._types import Criteria
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import describe, finite, frozen_array, input_error, integer, positive
 from floquid.core import Channel, PeriodicModel, Provenance
-from floquid.core._given import load_package
+from floquid.io import load_package
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel, TimeResponses
 from floquid.periodic.expansion import assemble

@@ -10,8 +10,7 @@ import numpy as np
 from floquid._checks import finite, input_error, integer, positive
 from floquid.core import AzimuthSignal
 from floquid.lti import AbstractIdentifier
-from floquid.reconstruction import AbstractStructure, FirstOrder, Form, structure_of, text_of
-from floquid.reconstruction._reconstruct import MOST_TIMES
+from floquid.reconstruction import MOST_TIMES, AbstractStructure, FirstOrder, Form, structure_of, text_of
 
 ALL = "all"
 """What is said for all channels as states, each state a weighted sum of them."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._checks import input_error
-from floquid._files import as_path, atomic_path
+from floquid.io import as_path, atomic_path
 from floquid.order import indicators as found_indicators
 from floquid.pipeline import Analysis
 from floquid.plot._composite import composite

@@ -1,22 +1,39 @@
-"""Foreign files to `Record` and back, and what is in a file.
+"""Foreign files and objects to `Record` and back, and what is in a file.
 
 The formats are one table, `FORMATS`: a reader of a new format is one more row, and `read`, `write`, `describe_file` and
 the contract tests take it from there.
 """
 
-from floquid.readers._formats import FORMATS, SUFFIXES, Format
+from floquid.readers._formats import FORMATS, SUFFIXES, WRITTEN, Format
 from floquid.readers._read import read, write
 from floquid.readers._summary import ChannelSummary, ClockCandidate, ClockKind, FileSummary, describe_file
+from floquid.readers.objects import (
+    from_pandas,
+    from_sep005,
+    from_xarray,
+    record_to_xarray,
+    to_pandas,
+    to_sep005,
+)
+from floquid.readers.uff import KINDS as UFF_KINDS
 
 __all__ = [
     "FORMATS",
     "SUFFIXES",
+    "UFF_KINDS",
+    "WRITTEN",
     "ChannelSummary",
     "ClockCandidate",
     "ClockKind",
     "FileSummary",
     "Format",
     "describe_file",
+    "from_pandas",
+    "from_sep005",
+    "from_xarray",
     "read",
+    "record_to_xarray",
+    "to_pandas",
+    "to_sep005",
     "write",
 ]

@@ -9,17 +9,14 @@ from typing import Protocol, final
 
 from floquid._checks import input_error
 from floquid.core import Record
-from floquid.readers._csv import load_csv, save_csv
-from floquid.readers._hdf5 import load_hdf5, save_hdf5
-from floquid.readers._mat import load_mat, save_mat
-from floquid.readers._npz import load_npz, save_npz
-from floquid.readers._out import load_out, save_out
-from floquid.readers._outb import load_outb, save_outb
-from floquid.readers._parquet import load_parquet, save_parquet
-from floquid.readers._table import Source, Table
-from floquid.readers._tdms import load_tdms, save_tdms
-from floquid.readers._uff import load_uff, save_uff
-from floquid.readers._wav import load_wav, save_wav
+from floquid.io import Source
+from floquid.readers._tdms import load_tdms
+from floquid.readers._wav import load_wav
+from floquid.readers.columns import load_csv, load_parquet, save_csv, save_parquet
+from floquid.readers.openfast import load_out, load_outb
+from floquid.readers.uff import load_uff, save_uff
+from floquid.readers.variables import load_hdf5, load_mat, load_npz, save_hdf5, save_mat, save_npz
+from floquid.tables import Table
 
 
 class Load(Protocol):
@@ -46,7 +43,7 @@ class Format:
     suffix
         The suffix that chooses it, in lower case with its dot.
     load, save
-        From a file to its table, and from a record to a file.
+        From a file to its table, and from a record to a file; None of a format that is only read.
     needs
         The extra that it needs, as in `pip install "floquid[tdms]"`; empty where a plain installation has all.
     """
@@ -54,7 +51,7 @@ class Format:
     name: str
     suffix: str
     load: Load
-    save: Save
+    save: Save | None = None
     needs: str = ""
 
 
@@ -66,15 +63,18 @@ FORMATS: tuple[Format, ...] = (
     Format(name="data file in HDF5", suffix=".hdf5", load=load_hdf5, save=save_hdf5),
     Format(name="universal file", suffix=".uff", load=load_uff, save=save_uff),
     Format(name="universal file", suffix=".unv", load=load_uff, save=save_uff),
-    Format(name="text output of OpenFAST", suffix=".out", load=load_out, save=save_out),
-    Format(name="binary output of OpenFAST", suffix=".outb", load=load_outb, save=save_outb),
-    Format(name="TDMS file", suffix=".tdms", load=load_tdms, save=save_tdms, needs="tdms"),
+    Format(name="text output of OpenFAST", suffix=".out", load=load_out),
+    Format(name="binary output of OpenFAST", suffix=".outb", load=load_outb),
+    Format(name="TDMS file", suffix=".tdms", load=load_tdms, needs="tdms"),
     Format(name="Parquet file", suffix=".parquet", load=load_parquet, save=save_parquet, needs="parquet"),
-    Format(name="WAV file", suffix=".wav", load=load_wav, save=save_wav),
+    Format(name="WAV file", suffix=".wav", load=load_wav),
 )
 
 SUFFIXES = ", ".join(kind.suffix for kind in FORMATS)
 """The suffixes in one line, for messages and help."""
+
+WRITTEN = ", ".join(kind.suffix for kind in FORMATS if kind.save)
+"""Those of the formats that are written, too."""
 
 
 def format_of(path: Path, *, of: str) -> Format:

@@ -6,17 +6,11 @@ import unicodedata
 from collections.abc import Sequence
 from os import PathLike
 
-import numpy as np
-
-from floquid._checks import describe, input_error, positive
-from floquid._files import as_path, atomic_path, readable_file
-from floquid.core import Provenance, Record
-from floquid.core._given import clock_of, settle_axis
-from floquid.readers._formats import Format, format_of
-from floquid.readers._table import Source, Table
-
-OPTION = "`rate` (`--rate`)"
-"""What says the sampling rate where a file does not, in Python and on the command line."""
+from floquid._checks import describe, input_error
+from floquid.core import Record
+from floquid.io import Source, as_path, atomic_path, readable_file
+from floquid.readers._formats import WRITTEN, Format, format_of
+from floquid.tables import Table, check_table, record_of
 
 
 def read(
@@ -70,37 +64,20 @@ def read(
         The file is missing, damaged, of an unknown format or not what it must be; it says no rate and none is given;
         an argument is not possible. The message names the file, the place in it and the way out.
     """
-    if rate is not None:
-        rate = positive(rate, "rate", "read", unit="Hz", remedy="Pass the number of samples a second.")
     source, kind, table = load_table(path, of="read", channels=channels, ignore_time=rate is not None)
-    axis = settle_axis(table, source, rate, option=OPTION)
-    if axis is None:
-        raise source.error(
-            "say its sampling rate",
-            "has neither a rate nor a column of times",
-            "Pass `rate` (`--rate`) [Hz], or call the times in it `time` (in a text table `time [s]`).",
-        )
-    clock = clock_of(table, source, period, origin)
-    values = axis.place(table.values)
-    if values.shape[1] < 2:
-        raise source.error("hold at least two samples", f"holds {values.shape[1]}", "Export more of the record.")
-    step = f"Read {values.shape[0]} channels of {values.shape[1]} samples from a {kind.name} ({kind.suffix})."
-    return Record(
-        values=values,
-        sample_rate=axis.sample_rate,
-        channels=table.channels,
-        clock=clock,
-        start=axis.start,
-        orbit=table.orbit,
-        provenance=Provenance(sources=(str(source.path),), steps=(step, *axis.notes, *table.notes)),
-    )
+    n_channels, n_samples = table.values.shape
+    step = f"Read {n_channels} channels of {n_samples} samples from a {kind.name} ({kind.suffix})."
+    record = record_of(table, source, rate=rate, period=period, origin=origin, step=step)
+    if record.n_samples < 2:
+        raise source.error("hold at least two samples", f"holds {record.n_samples}", "Export more of the record.")
+    return record
 
 
 def write(record: Record, path: str | PathLike[str]) -> None:
     """Write `record` to a file that `read` gives back as it was, but for its provenance.
 
-    The format is chosen by the suffix, one of those in `FORMATS`. The file appears whole or not at all: an existing one
-    is replaced at the end, in one step.
+    The format is chosen by the suffix: .npz, .csv, .mat, .h5, .hdf5, .uff, .unv or .parquet. The file
+    appears whole or not at all: an existing one is replaced at the end, in one step.
 
     Parameters
     ----------
@@ -112,13 +89,16 @@ def write(record: Record, path: str | PathLike[str]) -> None:
     Raises
     ------
     InputError
-        `record` is not a record of at least two samples, a name holds a control character, the suffix is unknown, or
-        the folder does not exist or cannot be written to.
+        `record` is not a record of at least two samples, a name holds a control character, the suffix is not
+        of a format that is written, or the folder does not exist or cannot be written to.
     """
     if not isinstance(record, Record):
         raise input_error("record", "write", "be a Record", f"is {describe(record)}", "Pass Record(values=..., ...).")
     file = as_path(path, of="write")
     kind = format_of(file, of="write")
+    if kind.save is None:
+        got = f"{file} would be a {kind.name}"
+        raise input_error("path", "write", f"end in one of {WRITTEN}", got, "The others are only read.")
     if record.n_samples < 2:
         raise input_error("record", "write", "hold at least two samples", f"holds {record.n_samples}")
     for channel in record.channels:
@@ -141,7 +121,7 @@ def load_table(
     InputError
         The file cannot be read, or is not what it must be.
     """
-    source = Source(path=as_path(path, of=of), of=of)
+    source = Source(of=of, name=str(as_path(path, of=of)))
     kind = format_of(source.path, of=of)
     readable_file(path, of=of)
     if channels is not None and (isinstance(channels, str) or len(channels) == 0):
@@ -152,21 +132,5 @@ def load_table(
         raise source.error(
             "be readable to its end", f"is not ({error or type(error).__name__})", "Copy it again."
         ) from error
-    if table.values.shape[1] == 0:
-        raise source.error("hold samples", "holds none", "Export the samples too.")
-    bad = np.argwhere(np.isinf(table.values))
-    if len(bad):
-        row, sample = (int(index) for index in bad[0])
-        name = table.channels[row].name
-        raise source.error(
-            "hold finite samples (NaN alone marks a missing one)",
-            f"has {len(bad)} in `values` that are not, the first in channel {name!r}, sample {sample}",
-            "Save NaN in their place.",
-        )
-    for key in ("sample_rate", "period"):
-        stated = getattr(table, key)
-        if stated is not None and not (np.isfinite(stated) and stated > 0.0):
-            raise source.error(
-                f"state a positive `{key}`", f"states {stated!r}", "Mend it, or delete it from the file."
-            )
+    check_table(table, source)
     return source, kind, table

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from floquid._checks import positive
 from floquid.core import Channel, Quantity
-from floquid.core._given import settle_axis
-from floquid.core._time_axis import TimeAxis
 from floquid.errors import InputError
 from floquid.readers._angles import CLOCK_NAME, TURNS, is_shaft_angle
-from floquid.readers._read import OPTION, load_table
+from floquid.readers._read import load_table
+from floquid.tables import TimeAxis, settle_axis
 
 ClockKind: TypeAlias = Literal["period", "pulses", "azimuth", "speed"]
 """What a candidate for the clock may be: `identify` takes all but a speed, which is only a hint."""
@@ -145,7 +144,7 @@ def describe_file(
     source, kind, table = load_table(path, of="describe_file", channels=channels, ignore_time=rate is not None)
     notes: tuple[str, ...]
     try:
-        axis = settle_axis(table, source, rate, option=OPTION)
+        axis = settle_axis(table, source, rate)
         notes = axis.notes if axis else ("No sampling rate in the file: pass `rate` (`--rate`) [Hz] to read it.",)
     except InputError as error:
         axis, notes = None, (" ".join(str(error).split()),)

@@ -1,31 +1,23 @@
 """TDMS files of National Instruments: groups of channels, each with its step of time and its unit.
 
-npTDMS reads them; an index file beside it is not looked at. Values are scaled as the file says. What a record says
-beyond that is a property of the file, `floquid` (see `_stated`).
+npTDMS reads them; an index file beside it is not looked at. Values are scaled as the file says.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Channel, Record
-from floquid.core._labels import find_time, name_and_unit
-from floquid.core._time_axis import TimeColumn
-from floquid.errors import InputError
+from floquid.core import Channel
+from floquid.io import Source, load_package
 from floquid.readers._angles import is_shaft_angle
-from floquid.readers._extras import extra
-from floquid.readers._openfast import rate_of_step
-from floquid.readers._stated import Stated, stated_in, stated_text
-from floquid.readers._table import Source, Table, check_distinct, rows_of
+from floquid.tables import Table, TimeColumn, find_time, make_channels, name_and_unit, rate_of_step, rows_of
 
-_KEY, _GROUP = "floquid", "record"
 _AGAIN = "Copy or export it again."
 _CHOOSE = "Choose channels that go together with `channels` (`--channels`), as in `group/channel`."
 
@@ -59,28 +51,25 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     InputError
         npTDMS is not installed; the file is damaged or cut short; its channels do not go together.
     """
-    nptdms = extra("nptdms", package="npTDMS", name="tdms", suffix=".tdms", of=source.of)
+    nptdms = load_package("nptdms", source.of, extra="tdms")
     nptdms.log.log_manager.set_level(logging.CRITICAL)
-    with source.path.open("rb") as stream:  # given the path, npTDMS would trust an index file beside it
-        file = _guarded(source, lambda: nptdms.TdmsFile.open(stream))
-        said = file.properties.get(_KEY)
-        remedy = "Delete it: the channels can be read without it."
-        stated = stated_in(source, said if isinstance(said, str) else None, "the property `floquid`", remedy)
+    again = source.taken_apart("TDMS file", _AGAIN)
+    with again, source.path.open("rb") as stream:  # given the path, npTDMS would trust an index file beside it
+        file = nptdms.TdmsFile.open(stream)
         unclosed = _unclosed(source, file)
-        signals, others = _guarded(source, lambda: _signals(file))
+        signals, others = _signals(file)
         if not signals:
             got = f"holds {len(others)} channels of other kinds" if others else "holds no channel"
             raise source.error("hold a channel of numbers", got, "Export the signals.")
-        is_own = [channel.name for channel in stated.channels] == [signal.held.name for signal in signals]
-        times, signals = ([], signals) if is_own else _split(source, signals)
-        named = stated.channels if is_own else _named(source, signals)
+        times, signals = _split(source, signals)
+        named = _named(source, signals)
         rows = rows_of(source, named, None if channels is None else _names(channels, named, signals))
         chosen = [signals[row] for row in rows]
         time = next((t for t in times if t.group == chosen[0].group), None)
         _check_lengths(source, chosen, time)
-        rate, start, notes = _even(source, chosen, stated, ignore_time=ignore_time)
-        values = _values(source, chosen)
-        column = None if time is None or ignore_time else _guarded(source, lambda: _column(source, time))
+        rate, start, notes = _even(source, chosen, ignore_time=ignore_time)
+        values = _values(chosen)
+        column = None if time is None or ignore_time else _column(source, time)
     notes += unclosed + tuple(f"Channel {path!r} is not of numbers, and is not used." for path in others[:20])
     return Table(
         values=values,
@@ -88,19 +77,8 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         sample_rate=rate,
         start=start,
         notes=notes,
-        **stated.of([named[row] for row in rows]),
+        channels=tuple(named[row] for row in rows),
     )
-
-
-def _guarded(source: Source, call: Callable[[], Any]) -> Any:
-    """What `call` gives; damage makes npTDMS raise errors of many types."""
-    try:
-        return call()
-    except (InputError, MemoryError):
-        raise
-    except Exception as error:  # noqa: BLE001  # struct.error, KeyError, ValueError, UnicodeDecodeError, Exception, ...
-        words = " ".join(f"{type(error).__name__}: {error}".split())[:200].removesuffix(".")
-        raise source.error("be a readable TDMS file", f"is not ({words})", _AGAIN) from None
 
 
 def _unclosed(source: Source, file: Any) -> tuple[str, ...]:
@@ -153,14 +131,9 @@ def _named(source: Source, signals: Sequence[_Signal]) -> tuple[Channel, ...]:
     """The channels, by their names alone where all are of one group."""
     several = len({signal.group for signal in signals}) > 1
     names = [signal.path if several else signal.name for signal in signals]
-    check_distinct(source, names)
-    try:
-        return tuple(
-            Channel(name=name, unit=signal.unit, quantity="angle" if is_shaft_angle(name, signal.unit) else None)
-            for name, signal in zip(names, signals, strict=True)
-        )
-    except InputError as error:
-        raise source.wrapped(error) from None
+    units = [signal.unit for signal in signals]
+    angles = ["angle" if is_shaft_angle(*pair) else None for pair in zip(names, units, strict=True)]
+    return make_channels(source, names, units, quantity=angles)
 
 
 def _names(channels: Sequence[str], named: Sequence[Channel], signals: Sequence[_Signal]) -> list[str]:
@@ -177,14 +150,14 @@ def _check_lengths(source: Source, chosen: Sequence[_Signal], time: _Signal | No
 
 
 def _even(
-    source: Source, chosen: Sequence[_Signal], stated: Stated, *, ignore_time: bool
+    source: Source, chosen: Sequence[_Signal], *, ignore_time: bool
 ) -> tuple[float | None, float | None, tuple[str, ...]]:
     """The rate [Hz] and the start [s] that the channels state, None if they state none, and notes.
 
     Raises
     ------
     InputError
-        They differ from one another, are not possible, or contradict our own property.
+        They differ from one another, or are not possible.
     """
     steps = {signal.path: signal.get("wf_increment") for signal in chosen}
     starts = {signal.path: (str(signal.get("wf_start_time")), signal.get("wf_start_offset")) for signal in chosen}
@@ -195,58 +168,24 @@ def _even(
     step, (date, offset) = next(iter(steps.values())), next(iter(starts.values()))
     notes = () if date == "None" else (f"The first sample was taken at {date}.",)
     if step is None:
-        return stated.sample_rate, stated.start, notes
+        return None, None, notes
     if not isinstance(step, (int, float)) or not 0.0 < step < np.inf or not np.isfinite(1.0 / step):
         if ignore_time:
             return None, None, notes
         must, got = "state a positive step of time (`wf_increment`) [s]", f"states {step!r}"
         raise source.error(must, got, "Pass `rate` (`--rate`) [Hz] to say what it is.")
     start = float(offset) if isinstance(offset, (int, float)) and np.isfinite(offset) else 0.0
-    if stated.sample_rate is None:
-        return rate_of_step(step), start, notes
-    if not (stated.sample_rate > 0.0 and (1.0 / stated.sample_rate, stated.start) == (step, start)) and not ignore_time:
-        raise source.error(
-            "have a property `floquid` that agrees with its channels",
-            f"states {stated.sample_rate} Hz from {stated.start} s there, and {step:.9g} s from {start:.9g} s in them",
-            "The samples were changed since. Pass `rate` (`--rate`) [Hz] to say what it is.",
-        )
-    return stated.sample_rate, stated.start, notes
+    return rate_of_step(step), start, notes
 
 
-def _values(source: Source, chosen: Sequence[_Signal]) -> NDArray[np.float64]:
+def _values(chosen: Sequence[_Signal]) -> NDArray[np.float64]:
     """The samples (channels, samples), scaled as the file says."""
     values = np.empty((len(chosen), len(chosen[0].held)))
     for row, signal in enumerate(chosen):
-        data = _guarded(source, signal.held.read_data)
-        if data.shape != values[row].shape or data.dtype.kind not in "biuf":
-            got = f"has {data.shape} of {data.dtype} for {signal.path!r}"
-            raise source.error("hold the samples that it declares", got, _AGAIN)
-        values[row] = data
+        values[row] = signal.held.read_data()
     return values
 
 
 def _column(source: Source, time: _Signal) -> TimeColumn:
     _, scale = find_time(source, [(time.name, None if time.unit == "-" else time.unit)])
     return TimeColumn(values=time.held.read_data(), scale=scale, label=time.path)
-
-
-def save_tdms(record: Record, path: Path) -> None:
-    """Write `record` as one group of waveforms.
-
-    Raises
-    ------
-    InputError
-        npTDMS is not installed.
-    """
-    nptdms = extra("nptdms", package="npTDMS", name="tdms", suffix=".tdms", of="write")
-    shared = {
-        "wf_increment": 1.0 / record.sample_rate,
-        "wf_start_offset": record.start,
-        "wf_samples": record.n_samples,
-    }
-    objects = [nptdms.RootObject({_KEY: stated_text(record)}), nptdms.GroupObject(_GROUP)]
-    for channel, row in zip(record.channels, record.values, strict=True):
-        unit = {} if channel.unit == "-" else {"unit_string": channel.unit}
-        objects.append(nptdms.ChannelObject(_GROUP, channel.name, np.array(row), {**shared, **unit}))
-    with path.open("wb") as stream, nptdms.TdmsWriter(stream) as writer:
-        writer.write_segment(objects)

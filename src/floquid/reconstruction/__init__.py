@@ -5,7 +5,7 @@ structure to all that the record says.
 """
 
 from floquid.reconstruction._choices import choices
-from floquid.reconstruction._reconstruct import Form, reconstruct
+from floquid.reconstruction._reconstruct import MOST_TIMES, Form, reconstruct
 from floquid.reconstruction._refine import refine
 from floquid.reconstruction._refinement import Refinement
 from floquid.reconstruction._state_model import StateModel
@@ -13,6 +13,7 @@ from floquid.reconstruction._structure import AbstractStructure, Block, FirstOrd
 from floquid.reconstruction._structure_text import structure_of, text_of
 
 __all__ = [
+    "MOST_TIMES",
     "AbstractStructure",
     "Block",
     "FirstOrder",

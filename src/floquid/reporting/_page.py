@@ -53,7 +53,7 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
     from bokeh.resources import Resources
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    from floquid import __version__
+    from floquid._version import __version__
 
     found = slips(case)
     figures = _figures(case, found, truth)

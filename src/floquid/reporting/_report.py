@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._checks import frozen_array, input_error
-from floquid._files import as_path, atomic_path
 from floquid.errors import IdentificationError, InputError
+from floquid.io import as_path, atomic_path
 from floquid.order import OrderScan
 from floquid.order import scan as scan_orders
 from floquid.pipeline import Analysis

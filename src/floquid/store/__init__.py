@@ -1,4 +1,4 @@
-"""Results on the disk: `result.h5`, read back whole by `load`; `summary.json` and modes for other programs.
+"""Results on the disk: `result.h5`, read back whole by `load`.
 
 `result.h5` is an HDF5 file, so MATLAB, Julia and others read it too. Nothing in it is code: loading runs nothing.
 
@@ -62,8 +62,6 @@ free response resampled, and without `fit/` and `measured/` they are the records
 
 from floquid.store._draws import DrawFile
 from floquid.store._load import load
-from floquid.store._modes import MODE_FORMATS, export_modes
 from floquid.store._save import save
-from floquid.store._summary import summary
 
-__all__ = ["MODE_FORMATS", "DrawFile", "export_modes", "load", "save", "summary"]
+__all__ = ["DrawFile", "load", "save"]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._files import atomic_path
+from floquid.io import atomic_path
 from floquid.pipeline import AbstractDraws, Draw
 
 EVERY = 5.0

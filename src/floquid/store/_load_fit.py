@@ -2,41 +2,37 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-
-from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.core import PeriodicModel, Record
+from floquid.io import DamagedError
 from floquid.periodic import Fit, ForcedResponse
 from floquid.pipeline import Settings, samples_of
 from floquid.store import _layout as layout
-from floquid.store._get import DamagedError, get_fields, group_in
+from floquid.store._get import get_fields
 from floquid.store._load_records import get_hits, get_record, get_shaft
 from floquid.sync import ShaftAngle
-
-if TYPE_CHECKING:
-    import h5py
 
 Stored = tuple[tuple[Record, ...], tuple[ShaftAngle, ...], Fit]
 
 
-def get_fit(file: h5py.File, model: PeriodicModel, settings: Settings) -> Stored:
+def get_fit(file: Any, model: PeriodicModel, settings: Settings) -> Stored:
     """The records used, the angle of the shaft in each that has one, and the fit."""
     records, shafts = _records(file, "records", model)
-    samples, group = samples_of(records, shafts, settings), group_in(file, "fit")
+    samples, group = samples_of(records, shafts, settings), file["fit"]
     names = [f"free/hit{number}" for number in range(1, model.n_hits + 1)]
     pairs = zip(names, samples, strict=True)
-    own = tuple(get_record(group_in(group, name)) if name in group else one for name, one in pairs)
+    own = tuple(get_record(group[name]) if name in group else one for name, one in pairs)
     return records, shafts, _fit(group, get_fields(group, layout.FIT), model, own, samples)
 
 
-def fit_of_version_1(file: h5py.File, model: PeriodicModel, settings: Settings) -> Stored:
+def fit_of_version_1(file: Any, model: PeriodicModel, settings: Settings) -> Stored:
     """The same of a file whose `records` are those used where there is no group `measured`, else the free response.
 
     `measured` and `shafts` are in the group `fit`, if there is one: of samples fitted out of step, or beside a forced
     response.
     """
-    group = group_in(file, "fit") if "fit" in file else file
+    group = file.get("fit", file)
     if group is not file and "measured" not in group:
         raise DamagedError("it is of an early floquid, which did not keep the record as it was measured")
     records, shafts = _records(group, "measured" if "measured" in group else "records", model)
@@ -46,7 +42,7 @@ def fit_of_version_1(file: h5py.File, model: PeriodicModel, settings: Settings) 
         own = tuple(get_record(hit) for hit in get_hits(group, name, model.n_hits))
     found: dict[str, Any] = dict.fromkeys(("period_std", "own_period", "misfit", "whitening"))
     found |= {"held": 0, "reasons": (), "doubts": ()}
-    for place in (file, group_in(file, "lifted") if group is file else group):
+    for place in (file, file["lifted"] if group is file else group):
         found |= get_fields(place, [item for item in layout.FIT if item.name in place])
     found["held"] = int(group is not file or found["held"] == 1)
     if found["held"] and found["misfit"] is None:  # of an early file
@@ -55,47 +51,32 @@ def fit_of_version_1(file: h5py.File, model: PeriodicModel, settings: Settings) 
 
 
 def _fit(
-    group: h5py.Group,
+    group: Any,
     found: dict[str, Any],
     model: PeriodicModel,
     free: tuple[Record, ...],
     samples: tuple[Record, ...],
 ) -> Fit:
-    """The fit, its parts being such as belong together."""
-    names, noise = [channel.name for channel in model.channels], found["noise"]
-    period, taps, held = found["own_period"], found["whitening"], found["held"] == 1
-    for hit, (was, own) in enumerate(zip(samples, free, strict=True), start=1):
-        if names != (needed := [channel.name for channel in own.channels]):
-            raise DamagedError(f"model/channels is {names}, but the records give {needed}")
+    period, held = found["own_period"], found["held"] == 1
+    for was, own in zip(samples, free, strict=True):
+        if [channel.name for channel in own.channels] != [channel.name for channel in model.channels]:
+            raise DamagedError("model/channels are not those of the records")
         if held and own.n_samples != was.n_samples:
-            raise DamagedError(f"fit/free/hit{hit} is not the response that the record holds")
-    if noise.shape != model.coefficients.shape[1:3]:
-        raise DamagedError(f"noise has the shape {noise.shape}, but the model gives {model.coefficients.shape[1:3]}")
-    if period is not None and len(period) != 2:
-        raise DamagedError(f"fit/own_period has the shape {period.shape}")
-    if taps is not None and (taps.shape[0] != len(names) or taps.shape[1] < 2 or not np.isfinite(taps).all()):
-        raise DamagedError(f"whitening is no filter of {len(names)} channels")
+            raise DamagedError("fit/free is not the response that the records hold")
     found |= {"own_period": None if period is None else (float(period[0]), float(period[1])), "held": held}
     return Fit(model=model, forced=_forced(group, model), free=free, **found)
 
 
-def _forced(group: h5py.Group, model: PeriodicModel) -> ForcedResponse | None:
+def _forced(group: Any, model: PeriodicModel) -> ForcedResponse | None:
     if "forced" not in group:
         return None
-    found = get_fields(group_in(group, "forced"), layout.FORCED)
+    found = get_fields(group["forced"], layout.FORCED)
     follows = found.pop("speed_dependent") == 1
-    forced = ForcedResponse(**found, channels=model.channels, speed_dependent=follows)
-    if forced.coefficients.shape[:2] != model.coefficients.shape[1:3]:
-        raise DamagedError(f"fit/forced/coefficients has the shape {forced.coefficients.shape}")
-    return forced
+    return ForcedResponse(**found, channels=model.channels, speed_dependent=follows)
 
 
-def _records(group: h5py.Group, name: str, model: PeriodicModel) -> tuple[tuple[Record, ...], tuple[ShaftAngle, ...]]:
+def _records(group: Any, name: str, model: PeriodicModel) -> tuple[tuple[Record, ...], tuple[ShaftAngle, ...]]:
     """The records as they were measured, and the angle of the shaft in each that has one."""
     records = tuple(get_record(hit) for hit in get_hits(group, name, model.n_hits))
     shafts = tuple(get_shaft(hit) for hit in get_hits(group, "shafts", model.n_hits)) if "shafts" in group else ()
-    for hit, record in enumerate(records, start=1):
-        if (record.clock is None) or (isinstance(record.clock, ConstantPeriod) == bool(shafts)):
-            where = f"{str(group.name).strip('/')}/{name}/hit{hit}".strip("/")
-            raise DamagedError(f"{where} has no clock that goes with the angle of a shaft in the file")
     return records, shafts

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from importlib import import_module
 from io import BytesIO
 from numbers import Integral, Real
 from os import PathLike
@@ -12,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from floquid._checks import describe, input_error
-from floquid._files import atomic_path
+from floquid._version import __version__
 from floquid.core import PeriodicModel
+from floquid.io import atomic_path
 from floquid.lti import AbstractIdentifier
 from floquid.periodic import Periodicity
 from floquid.pipeline import Analysis, Settings, samples_of
@@ -62,12 +62,10 @@ def save(analysis: Analysis, path: str | PathLike[str]) -> None:
 def _write(analysis: Analysis, stream: BytesIO) -> None:
     import h5py
 
-    # Not an import statement: the top level imports this room, and stays above it.
-    version = import_module("floquid").__version__
     with h5py.File(stream, "w") as file:
         file.attrs["format"] = layout.FORMAT
         file.attrs["version"] = layout.VERSION
-        file.attrs["floquid"] = version
+        file.attrs["floquid"] = __version__
         put(file, layout.WARNINGS, analysis.warnings)
         put(file, layout.SYNCHRONISATION, analysis.synchronisation)
         if analysis.periodicity is not None:

@@ -9,8 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from floquid._checks import finite, input_error, positive
-from floquid.core import AzimuthSignal, Record, TachometerSignal
-from floquid.core._channel import channels_named
+from floquid.core import AzimuthSignal, Record, TachometerSignal, channels_named
 from floquid.sync._impact_search import by_force, by_response
 
 LEAST = 0.05

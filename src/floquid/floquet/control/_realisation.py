@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import describe, input_error, integer, positive
 from floquid.floquet.control._discrete import DiscretePeriodicSystem, checked_phase
-from floquid.floquet.control._lifted import control_package
+from floquid.io import load_package
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -50,7 +50,7 @@ def realise(system: StateSpace, n_phases: int, *, first_phase: int = 0) -> Discr
     InputError
         python-control is not installed, the system is of continuous time, or is not causal within a period.
     """
-    if not isinstance(system, control_package(_OF).StateSpace):
+    if not isinstance(system, load_package("control", _OF).StateSpace):
         raise input_error("system", _OF, "be a control.StateSpace", f"is {describe(system)}", "Use `control.ss`.")
     phases = integer(n_phases, "n_phases", _OF, at_least=1)
     first = checked_phase(first_phase, phases, _OF)

@@ -11,18 +11,13 @@ from typing import Any
 import numpy as np
 
 from floquid._checks import input_error, printable
-from floquid.core._hdf5 import array_in, attribute, is_elsewhere, texts_in
-from floquid.core._matlab import letters, load_variables, mat_order
 from floquid.errors import InputError
+from floquid.io import DamagedError, array_in, attribute, is_elsewhere, letters, load_variables, mat_order, texts_in
 
 OF = "floquet.read_matrix"
 NAMES = ("A", "coefficients", "harmonics", "period", "times", "edges", "states")
 
 _LISTED = 40
-
-
-class DamagedError(Exception):
-    """A damaged file, and its fault in words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,7 +115,7 @@ def _hdf5(path: Path) -> Contents:
             places = {"A": "state/system", "times": "state/times", "states": "state/states", "period": "model/period"}
             if not isinstance(_thing(file, "state"), h5py.Group):  # a dataset without content stands for None
                 raise _no_system(of, "result")
-        arrays = {name: _array(of, _thing(file, place), place) for name, place in places.items()}
+        arrays = {name: _array(_thing(file, place), place) for name, place in places.items()}
     return Contents(path=path, arrays=arrays, names=names, result=result)
 
 
@@ -138,7 +133,7 @@ def _thing(file: Any, name: str) -> Any:
     return found
 
 
-def _array(of: Contents, dataset: Any, name: str) -> Any:
+def _array(dataset: Any, name: str) -> Any:
     """An array of numbers, or the texts of a dataset."""
     import h5py
 
@@ -146,12 +141,12 @@ def _array(of: Contents, dataset: Any, name: str) -> Any:
         raise DamagedError(f"`{name}` in it is no array")
     if is_elsewhere(dataset):
         raise DamagedError(f"`{name}` is kept in another file")
-    texts = texts_in(of, dataset, name)
+    texts = texts_in(dataset)
     if texts is not None:
         return texts
     if dataset.dtype.kind not in "biufc" and dataset.dtype.names != ("real", "imag"):
         raise DamagedError(f"`{name}` in it is neither numbers nor text")
-    return array_in(of, dataset, name)
+    return array_in(dataset)
 
 
 def _mat(path: Path) -> Contents:

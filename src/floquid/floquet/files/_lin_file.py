@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, input_error
-from floquid._files import readable_file
 from floquid.errors import InputError
+from floquid.io import readable_file
 
 _MOST_BYTES = 1 << 29
 _AGAIN = "Let OpenFAST write the file again, or copy it again in full."

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import describe, input_error, positive
-from floquid._files import as_path, readable_file
 from floquid.errors import InputError
 from floquid.floquet.files._array_files import OF, Contents, contents, printable
 from floquid.floquet.files._linearisation import OpenFastLinearisation
@@ -25,6 +24,7 @@ from floquid.floquet.matrices import (
     SampledMatrix,
     named,
 )
+from floquid.io import as_path, readable_file
 
 _SAME = 1e-9  # of a period: by how much two statements of it, or an instant one period later, may differ
 _TAIL = 1e-3  # of A: what the highest third of the harmonics of resolved samples may be, as with azimuths

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import describe, input_error, integer
-from floquid._files import as_path
 from floquid.floquet.files._lin_file import LinFile, LinSignals, read_lin
 from floquid.floquet.files._linearisation import OpenFastLinearisation, mean_over_revolution
+from floquid.io import as_path
 
 AzimuthRole: TypeAlias = Literal["phase", "drop", "keep"]
 """The treatment of the rotor azimuth, a rigid-body state; see `read_openfast`."""

@@ -1,0 +1,113 @@
+"""Datasets of HDF5 files as arrays and texts, those of MATLAB files of version 7.3 among them.
+
+MATLAB keeps an array turned round (its first axis is HDF5's last), marks it by the attribute `MATLAB_class`, keeps text
+as codes of UTF-16, and a cell array as references to datasets elsewhere. Arrays without that mark are taken as they
+are.
+
+Source: MathWorks, "MAT-File Versions" (version 7.3), and files that MATLAB writes.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import printable
+from floquid.io._source import DamagedError
+
+_CHARACTERS = "char"
+_CHECKSUM = 4
+
+
+def attribute(thing: Any, name: str) -> str:
+    """The text that is the attribute `name` of a dataset or a group `thing`; "" if there is none such."""
+    value = thing.attrs.get(name, "")
+    if isinstance(value, bytes):
+        value = value.decode("utf-8", "replace")
+    return value if isinstance(value, str) else ""
+
+
+def is_whole(dataset: Any) -> bool:
+    """Whether all of a `dataset` was written, or what was not is told by NaN; HDF5 itself reads zeros in its place."""
+    if not dataset.size or (dataset.dtype.kind == "f" and np.isnan(dataset.fillvalue)):
+        return True
+    if dataset.chunks is None:
+        return dataset.id.get_storage_size() > 0
+    pairs = list(zip(dataset.shape, dataset.chunks, strict=True))
+    if dataset.id.get_num_chunks() < prod(-(-end // length) for end, length in pairs):
+        return False
+    there: set[tuple[int, ...]] = set()
+    least = _CHECKSUM if dataset.fletcher32 else 0  # on a chunk shorter than its checksum HDF5 2.0 crashes
+    dataset.id.chunk_iter(lambda chunk: there.add(chunk.chunk_offset) if chunk.size > least else None)
+    return there.issuperset(product(*(range(0, end, length) for end, length in pairs)))
+
+
+def is_elsewhere(dataset: Any) -> bool:
+    """Whether the data of a `dataset` are kept in another file, or put together from others."""
+    return bool(dataset.external) or dataset.is_virtual
+
+
+def array_in(dataset: Any) -> NDArray[Any]:
+    """The numbers of a `dataset`, turned round if MATLAB wrote it.
+
+    Raises
+    ------
+    DamagedError
+        Parts of it were never written.
+    """
+    array = _content(dataset)
+    if not attribute(dataset, "MATLAB_class"):
+        return array
+    return (array["real"] + 1j * array["imag"] if array.dtype.names == ("real", "imag") else array).T
+
+
+def texts_in(dataset: Any) -> list[str] | None:
+    """The texts in a `dataset`, the rows of a character array, or the texts in a cell array; None for other things.
+
+    Raises
+    ------
+    DamagedError
+        They are not in UTF-8, or parts were never written.
+    """
+    import h5py
+
+    if h5py.check_string_dtype(dataset.dtype) is not None:
+        try:
+            return [text.decode() for text in _content(dataset).ravel().tolist()]
+        except UnicodeDecodeError:
+            raise DamagedError(f"`{_name(dataset)}` holds text that is not in UTF-8") from None
+    cells, is_cell_array = [dataset], h5py.check_ref_dtype(dataset.dtype) is not None
+    if is_cell_array:
+        references = _content(dataset).ravel()
+        cells = [dataset.file[reference] if reference else None for reference in references]
+    if not all(isinstance(cell, h5py.Dataset) and attribute(cell, "MATLAB_class") == _CHARACTERS for cell in cells):
+        return None
+    rows = [_rows(_content(cell)) if _has_letters(cell) else [""] for cell in cells]
+    if not is_cell_array:
+        return rows[0]
+    return [words[0] for words in rows] if all(len(words) == 1 for words in rows) else None
+
+
+def _content(dataset: Any) -> NDArray[Any]:
+    if not is_whole(dataset):
+        lost = f"parts of `{_name(dataset)}` were never written, or are lost, and would be read as zeros"
+        raise DamagedError(f"{lost}. Cut it to what was recorded, or save NaN in the rest")
+    return np.asarray(dataset[()])
+
+
+def _name(dataset: Any) -> str:
+    return printable(dataset.name.lstrip("/"))
+
+
+def _has_letters(dataset: Any) -> bool:
+    return bool(dataset.size) and "MATLAB_empty" not in dataset.attrs
+
+
+def _rows(codes: NDArray[Any]) -> list[str]:
+    """The rows of a character array without the blanks that fill them up: codes of UTF-16, a column a row."""
+    columns = codes.astype("<u2").reshape(len(codes), -1).T
+    return [np.ascontiguousarray(row).tobytes().decode("utf-16-le").rstrip(" ") for row in columns]

@@ -1,0 +1,58 @@
+"""What is read, by its name: one grammar for what is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from floquid._checks import input_error, printable
+from floquid.errors import InputError
+
+
+class DamagedError(ValueError):
+    """A file is not as it must be: why, in words."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """A file or an object that a public callable was given.
+
+    Parameters
+    ----------
+    of, argument
+        The callable and its argument, as a message names them.
+    name
+        The path of the file, or "it".
+    """
+
+    of: str
+    argument: str = "path"
+    name: str = "it"
+
+    @property
+    def path(self) -> Path:
+        """The name as a path, of a file."""
+        return Path(self.name)
+
+    def error(self, must: str, got: str, remedy: str = "") -> InputError:
+        """The message «Argument `path` of `read` `must` …, but run.csv `got` …», and a `remedy`."""
+        return input_error(self.argument, self.of, must, f"{self.name} {got}", remedy)
+
+    def wrapped(self, error: InputError) -> InputError:
+        """An error of a type that knows no file and no object, with its name before it."""
+        return self.error("hold a valid record", f"does not: {error}".removesuffix("."))
+
+    @contextmanager
+    def taken_apart(self, kind: str, remedy: str) -> Iterator[None]:
+        """Turn what a library raises in this block into one message: it is no whole `kind` of file, and a `remedy`."""
+        try:
+            yield
+        except (InputError, MemoryError):
+            raise
+        except Exception as error:  # noqa: BLE001  # damage raises anything: OSError, struct.error, KeyError, ...
+            name = "" if isinstance(error, DamagedError) else f"{type(error).__name__}: "
+            words = printable(" ".join(f"{name}{error}".split())).rstrip(". ")
+            got = f"is not one, or is damaged or cut short ({words})"
+            raise self.error(f"be a whole {kind}", got, remedy) from None

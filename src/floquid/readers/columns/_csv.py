@@ -1,0 +1,223 @@
+"""Text tables: a header row, a time column, then channels with their units in brackets."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Record
+from floquid.io import Source
+from floquid.readers.columns._csv_header import Header, find_delimiter, parse_header, split_cells
+from floquid.readers.columns._stated import RECORD_LINE, stated_line, stated_text
+from floquid.tables import Table, TimeColumn, refuse_blurred_times, rows_of
+
+_BLOCK = 1 << 16
+_BLANK = ' \t,;"\n'
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Body:
+    """The rows under the header: the lines `first` to `last` of the file (from 1), of which `count` hold numbers.
+
+    They are read from the file each time that they are gone through, so that no text of them is kept.
+    """
+
+    path: Path
+    first: int
+    last: int
+    count: int
+    delimiter: str
+    decimal_comma: bool
+
+    def rows(self) -> Iterator[tuple[int, str]]:
+        """The line number and the text of each line that is a row of numbers."""
+        for number, line in _lines(self.path, self.first, self.last):
+            if not _is_skipped(line):
+                yield number, line.replace(",", ".") if self.decimal_comma else line
+
+
+def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
+    """The table in a text file.
+
+    Raises
+    ------
+    InputError
+        The file is not text in UTF-8, has no header or no samples, a row is ragged, a cell is not a number.
+    """
+    _refuse_other_than_text(source)
+    comments, (top, head) = _head(source)
+    stated = stated_line(source, comments)
+    body = _body(source, top, head)
+    cells = split_cells(head, body.delimiter)
+    header = parse_header(source, cells[:-1] if cells[-1] == "" else cells, top, stated)
+    chosen = rows_of(source, header.channels, channels)
+    use_time = header.time_column is not None and not ignore_time
+    columns = [header.columns[index] for index in chosen] + ([header.time_column] if use_time else [])
+    if not use_time:
+        _refuse_blank_rows(source, body)
+    values = _numbers(source, header, body, [column for column in columns if column is not None])
+    time = None
+    if use_time and header.time_column is not None:
+        time = TimeColumn(values=values[-1], scale=header.time_scale, label=header.cells[header.time_column])
+    ignored = (
+        (f"The time column `{header.cells[header.time_column]}` was ignored.",)
+        if (header.time_column is not None and ignore_time)
+        else ()
+    )
+    return Table(
+        values=values[: len(chosen)],
+        time=time,
+        sample_rate=stated.sample_rate,
+        notes=ignored,
+        **stated.of([header.channels[index] for index in chosen]),
+    )
+
+
+def _refuse_other_than_text(source: Source) -> None:
+    with source.path.open("rb") as stream:
+        if stream.read(2) in (b"\xff\xfe", b"\xfe\xff"):
+            raise source.error("be text in UTF-8", "is text in UTF-16", "Save it as CSV UTF-8.")
+        stream.seek(0)
+        for number, line in enumerate(stream, 1):
+            if b"\0" in line:
+                raise source.error("be text", f"is binary (a NUL byte in line {number})", "Export it as text.")
+            try:
+                line.decode()
+            except UnicodeDecodeError as error:
+                raise source.error(
+                    "be text in UTF-8",
+                    f"has a byte 0x{line[error.start]:02x} in line {number} that is not",
+                    "Save it as CSV UTF-8; if it is not a text table at all, name it by its format.",
+                ) from None
+
+
+def _lines(path: Path, first: int = 1, last: int | None = None) -> Iterator[tuple[int, str]]:
+    """The lines `first` to `last` with their numbers."""
+    with path.open(encoding="utf-8-sig", errors="replace") as stream:
+        yield from islice(enumerate(stream, 1), first - 1, last)
+
+
+def _head(source: Source) -> tuple[list[str], tuple[int, str]]:
+    """The comments above the header, and the header with its line number."""
+    comments = []
+    for number, line in _lines(source.path):
+        if not _is_skipped(line):
+            return comments, (number, line.rstrip("\n"))
+        comments.append(line.rstrip("\n"))
+    raise source.error("hold a header row and samples", "holds nothing but comments", "Export it again.")
+
+
+def _body(source: Source, top: int, head: str) -> _Body:
+    """What is under the header; blank lines and rows of bare delimiters at its end, as spreadsheets leave them, not."""
+    last, count, first_row = 0, 0, ""
+    waiting, commas, points = 0, False, False
+    for number, line in _lines(source.path, top + 1):
+        is_row = not _is_skipped(line)
+        waiting += is_row
+        if line.strip(_BLANK):
+            last, count, waiting = number, count + waiting, 0
+            first_row = first_row or (line if is_row else "")
+        commas = commas or "," in line
+        points = points or (is_row and "." in line)
+    if not count:
+        raise source.error("hold samples", "holds a header and no rows", "Export the samples too.")
+    delimiter = find_delimiter(head, first_row.rstrip("\n"))
+    return _Body(
+        path=source.path,
+        first=top + 1,
+        last=last,
+        count=count,
+        delimiter=delimiter,
+        decimal_comma=delimiter != "," and commas and not points,
+    )
+
+
+def _is_skipped(line: str) -> bool:
+    return not line.strip() or line.lstrip().startswith("#")
+
+
+def _refuse_blank_rows(source: Source, body: _Body) -> None:
+    """Without times a blank line may be a missing sample, and skipping it would move all that follow."""
+    for number, line in _lines(body.path, body.first, body.last):
+        if not line.strip():
+            raise source.error(
+                "have no blank line between its rows when the times are not read",
+                f"has one at line {number}",
+                "Write `nan` for a missing sample, or delete the line.",
+            )
+
+
+def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]) -> NDArray[np.float64]:
+    """The numbers of the chosen columns (columns, rows): in one go, or cell by cell if something is odd."""
+    values = np.empty((len(columns), body.count))
+    try:
+        rows = (line for _, line in body.rows())
+        table = np.loadtxt(rows, delimiter=body.delimiter, comments=None, quotechar='"', ndmin=2)
+        if table.shape == (body.count, len(header.cells)) and not np.isinf(table[:, columns]).any():
+            for place, column in enumerate(columns):
+                values[place] = table[:, column]
+            return values
+    except ValueError:
+        pass  # empty cells, or something to be named: the way below is slower and knows the line
+    order = sorted((column, place) for place, column in enumerate(columns))  # the first odd cell of a line is named
+    for row, (number, line) in enumerate(body.rows()):
+        cells = split_cells(line, body.delimiter)
+        if len(cells) == len(header.cells) + 1 and cells[-1] == "":
+            cells.pop()
+        if len(cells) != len(header.cells):
+            raise source.error(
+                f"have {len(header.cells)} cells in every row, as in its header",
+                f"has {len(cells)} in line {number}",
+                "Mend that line; a missing sample is an empty cell or `nan`.",
+            )
+        for column, place in order:
+            values[place, row] = _number(source, cells[column], number, header.cells[column])
+    return values
+
+
+def _number(source: Source, cell: str, line: int, column: str) -> float:
+    try:
+        if "_" in cell or not cell.isascii():  # Python reads 1_000 and foreign digits, no other tool does
+            raise ValueError(cell)
+        number = float(cell) if cell else np.nan
+    except ValueError:
+        raise source.error(
+            "have a number in every cell",
+            f"has {cell[:40]!r} in line {line}, column {column!r}",
+            "Mend that cell (empty or `nan` for a missing sample), or read the other columns with `channels` "
+            "(`--channels`); times must be numbers, too.",
+        ) from None
+    if np.isinf(number):
+        raise source.error(
+            "have finite numbers",
+            f"has {cell[:40]!r} in line {line}, column {column!r}",
+            "Mend that cell: empty or `nan` for a missing sample.",
+        )
+    return number
+
+
+def save_csv(record: Record, path: Path) -> None:
+    """Write `record` so that every number is read back as it is.
+
+    Raises
+    ------
+    InputError
+        The record starts so late that its times cannot be told apart.
+    """
+    refuse_blurred_times(record)
+    times = record.times
+    head = io.StringIO()
+    csv.writer(head, lineterminator="\n").writerow(["time [s]", *(channel.label for channel in record.channels)])
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        stream.write(f"{RECORD_LINE}{stated_text(record, ascii_only=False)}\n{head.getvalue()}")
+        for first in range(0, record.n_samples, _BLOCK):
+            part = slice(first, first + _BLOCK)
+            block = np.vstack([times[part], record.values[:, part]]).T.tolist()
+            stream.writelines(",".join(map(repr, row)) + "\n" for row in block)

@@ -1,0 +1,282 @@
+"""A file of variables with names of its own: its channels are named by their paths.
+
+`run/acc/x` is a vector of samples, the variable x in the group or struct run/acc (`run.acc.x` will do for a struct).
+`data[2]` is row 2 of a matrix (channels, samples), counted from 0, and `data.T[2]` is its column 2, for a matrix
+(samples, channels). `data` and `data.T` are all rows, or all columns. A row is never taken for a column by guess.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.errors import InputError
+from floquid.io import Source
+from floquid.readers.variables._by_name import scalar, table_by_name, time_column
+from floquid.readers.variables._variables import (
+    TIME_NAMES,
+    Variable,
+    VariableFile,
+    example,
+    listing,
+    numbers,
+    printable,
+    require_numbers,
+)
+from floquid.tables import Table, TimeColumn, make_channel
+
+_PATH = re.compile(r"(?P<path>.+?)(?P<turned>\.T)?(?:\[(?P<row>\d{1,9})\])?")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Row:
+    """Row `row` of a variable, turned round or not, under the `name` it is asked by; None is a vector, or all rows."""
+
+    name: str
+    variable: Variable
+    turned: bool
+    row: int | None
+
+
+def table_of_variables(
+    source: Source, file: VariableFile, *, channels: Sequence[str] | None, ignore_time: bool
+) -> Table:
+    """The table in a file of variables: by our names if it has them, else by the paths in `channels`.
+
+    Raises
+    ------
+    InputError
+        It has neither our names nor the paths, or a variable is not of its type and shape.
+    """
+    by = table_by_name if {"values", "channels"} <= file.variables.keys() else _table_by_path
+    return by(source, file, channels=channels, ignore_time=ignore_time)
+
+
+def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
+    """The table of the variables that `channels` names by their paths."""
+    if channels is None:
+        missing = "channels" if "values" in file.variables else "values"
+        such = example(file)
+        raise source.error(
+            "hold `values` and `channels`, or have its channels named by their paths",
+            f"has no `{missing}` and none is named. It holds:\n{listing(file) or '    nothing'}",
+            f"Name them by `channels` (`identify --channels`), as in {such}; without times beside them pass `rate` "
+            f"(`--rate`) [Hz], too. {file.dialect.save}"
+            if such
+            else file.dialect.save,
+        )
+    beside = _times(file)
+    rows = [row for word in channels for row in _rows(source, beside, _parse(source, file, word))]
+    _check_rows(source, rows)
+    values = _values(source, file, rows)
+    rate = _rate(source, file, rows, ignore_time=ignore_time)
+    near = {one.path: one for row in rows for one in _nearest(beside, row.variable)}
+    named = {row.variable.path: row.name for row in rows}
+    times = [one for one in near.values() if one.size == values.shape[1] and one.path not in named]
+    if near and not times and rate is None and not ignore_time:
+        raise _no_times(source, next(iter(near.values())), named, values.shape[1])
+    time = _time(source, file, times) if times and not ignore_time else None
+    notes: tuple[str, ...] = ()
+    if time is not None:
+        notes += (f"Times from `{time.label}`, beside the channels.",)
+    elif times:
+        notes += ("The times in the file were ignored.",)
+    if any(row.row is not None for row in rows):
+        notes += ("Rows and columns of a matrix are counted from 0.",)
+    return Table(
+        values=values,
+        channels=tuple(make_channel(source, name=row.name, unit=row.variable.unit or "-") for row in rows),
+        time=time,
+        sample_rate=rate,
+        notes=notes,
+    )
+
+
+def _parse(source: Source, file: VariableFile, word: object) -> _Row:
+    """The longest path that is in the file comes first: a variable may be called T, or have brackets in its name."""
+    text = word.strip() if isinstance(word, str) else ""
+    match = _PATH.fullmatch(text)
+    if match is not None:
+        row = None if match["row"] is None else int(match["row"])
+        turned = match["turned"] or ""
+        unbracketed = f"{match['path']}{turned}"
+        for path, is_turned, its_row in ((text, False, None), (unbracketed, False, row), (match["path"], True, row)):
+            variable = _find(file, path)
+            if variable is not None and (turned or not is_turned):
+                return _Row(name=text, variable=variable, turned=is_turned, row=its_row)
+    raise input_error(
+        "channels",
+        source.of,
+        "name variables of the file by their paths (it has no `values` and `channels` of ours)",
+        f"has {word!r}, which is not in {source.path}. It holds:\n{listing(file) or '    nothing'}",
+        "A vector is named by its path, as in run/acc/x; row 2 of a matrix is data[2], and its column 2 data.T[2].",
+    )
+
+
+def _find(file: VariableFile, path: str) -> Variable | None:
+    path = path.strip("/")
+    return file.variables.get(path) or file.variables.get(path.replace(".", "/"))
+
+
+def _rows(source: Source, beside: Mapping[str, list[Variable]], choice: _Row) -> Iterator[_Row]:
+    """The channels that one word names: a vector, a row of a matrix, or all its rows."""
+    variable = choice.variable
+    require_numbers(source, variable)
+    if variable.is_vector and choice.row is None:
+        yield replace(choice, turned=False, row=None)
+        return
+    shape = variable.shape[::-1] if choice.turned else variable.shape
+    if len(shape) != 2 or variable.size < 2:
+        raise _refused(
+            source,
+            "name vectors of samples, or rows of matrices",
+            f"has {choice.name!r}, which is {variable.words} in {source.path}",
+            "Leave out the [ ] and the .T of a vector, and single numbers; save an array of more axes as matrices.",
+        )
+    if choice.row is not None and choice.row >= shape[0]:
+        raise _refused(
+            source,
+            f"name one of the rows 0 to {shape[0] - 1} (counted from 0)",
+            f"has {choice.name!r} of {variable.words} in {source.path}",
+            "Choose one of them.",
+        )
+    if variable.is_vector and shape[0] == 1:  # the only row of a row is all of it
+        yield replace(choice, turned=False, row=None)
+        return
+    _check_direction(source, beside, choice, shape)
+    stem = choice.name if choice.row is None else choice.name[: choice.name.rindex("[")]
+    for row in range(shape[0]) if choice.row is None else (choice.row,):
+        yield replace(choice, name=f"{stem}[{row}]", row=row)
+
+
+def _check_direction(
+    source: Source, beside: Mapping[str, list[Variable]], choice: _Row, shape: tuple[int, ...]
+) -> None:
+    """Refuse columns of samples that are named as rows: by the times beside them, or by there being more rows."""
+    n_rows, n_samples = shape
+    lengths = {one.size for one in _nearest(beside, choice.variable)}
+    if n_samples in lengths or (n_rows not in lengths and n_rows <= n_samples):
+        return
+    bare = choice.name if choice.row is None else choice.name[: choice.name.rindex("[")]
+    other = bare.removesuffix(".T") if choice.turned else f"{bare}.T"
+    raise _refused(
+        source,
+        "name rows of samples",
+        f"has {choice.name!r} in {source.path}, a row of {n_samples} samples among {n_rows}"
+        + (f", and the times beside it are {n_rows}" if n_rows in lengths else ""),
+        f"If time runs the other way write {other!r}, or {other + '[0]'!r} for the first. Where there really are more "
+        "channels than samples, put a vector `time` of one time a sample beside them.",
+    )
+
+
+def _check_rows(source: Source, rows: Sequence[_Row]) -> None:
+    """Refuse channels that are one, or that differ in length."""
+    seen: dict[object, str] = {}
+    for row in rows:
+        for key in (row.name, (row.variable.path, row.turned, row.row)):
+            if key in seen:
+                must, got = "name each variable once", f"has {seen[key]!r} and {row.name!r}, which are one"
+                if row.name == seen[key]:
+                    must, got = "name each channel once", f"has {row.name!r} twice"
+                raise _refused(source, must, f"{got} in {source.path}", "Leave one of them out.")
+            seen[key] = row.name
+    first = rows[0]
+    for row in rows:
+        if _length(row) != _length(first):
+            raise _refused(
+                source,
+                "name channels of one length, sampled together",
+                f"has {first.name!r} of {_length(first)} samples and {row.name!r} of {_length(row)} in {source.path}",
+                "Choose channels of one measurement; resample first what was sampled at another rate.",
+            )
+
+
+def _length(row: _Row) -> int:
+    if row.row is None:
+        return row.variable.size
+    return row.variable.shape[0 if row.turned else 1]
+
+
+def _values(source: Source, file: VariableFile, rows: Sequence[_Row]) -> NDArray[np.float64]:
+    """The samples (channels, samples), each variable read once."""
+    values = np.empty((0, 0))
+    places: dict[str, list[int]] = {}
+    for place, row in enumerate(rows):
+        places.setdefault(row.variable.path, []).append(place)
+    with np.errstate(over="ignore"):  # a long double too large becomes infinite, and is refused as such
+        for path, wanted in places.items():
+            array = numbers(source, file, path)
+            if not values.size:  # not before: that there is so much of it has now been checked
+                values = np.empty((len(rows), _length(rows[0])))
+            for place in wanted:
+                row = rows[place]
+                matrix = array.T if row.turned else array
+                values[place] = array.reshape(-1) if row.row is None else matrix[row.row]
+    return values
+
+
+def _times(file: VariableFile) -> dict[str, list[Variable]]:
+    """The vectors of times in the file, by the level that they are at."""
+    found: dict[str, list[Variable]] = {}
+    for one in file.variables.values():
+        if one.is_vector and one.name in TIME_NAMES:
+            found.setdefault(one.levels[0], []).append(one)
+    return found
+
+
+def _nearest(beside: Mapping[str, list[Variable]], variable: Variable) -> list[Variable]:
+    """The vectors of times at the level of `variable`, or else at the nearest level above it that has one."""
+    return next((beside[level] for level in variable.levels if level in beside), [])
+
+
+def _no_times(source: Source, time: Variable, named: Mapping[str, str], n_samples: int) -> InputError:
+    """Times that are there but cannot be those of the channels."""
+    if time.path in named:
+        got = f"has {named[time.path]!r}, which are the times by their name in {source.path}"
+        return _refused(source, "leave out the times", got, "If they are none, pass `rate` (`--rate`) [Hz], too.")
+    return source.error(
+        "have one time a sample beside its channels",
+        f"has {time.size} in `{printable(time.path)}` for {n_samples} samples",
+        "Save the times of these samples, or pass `rate` (`--rate`) [Hz] to ignore them.",
+    )
+
+
+def _time(source: Source, file: VariableFile, times: Sequence[Variable]) -> TimeColumn:
+    """The times of the channels, which must be the same wherever they are."""
+    columns = [time_column(source, file, one.path, one.size) for one in times]
+    for column in columns:
+        if column.scale != columns[0].scale or not np.array_equal(column.values, columns[0].values, equal_nan=True):
+            raise source.error(
+                "have one vector of times for the channels named",
+                f"has others in `{columns[0].label}` than in `{column.label}`",
+                "Choose channels of one measurement, or pass `rate` (`--rate`) [Hz] to ignore the times.",
+            )
+    return columns[0]
+
+
+def _rate(source: Source, file: VariableFile, rows: Sequence[_Row], *, ignore_time: bool) -> float | None:
+    """A number called `sample_rate`, at the level of the channels or above."""
+    found = {}
+    for row in rows:
+        for level in row.variable.levels:
+            path = f"{level}sample_rate"
+            if path in file.variables:
+                found[path] = scalar(source, file, path)
+                break
+    if len(set(found.values())) > 1 and not ignore_time:
+        stated = " and ".join(f"{rate:.12g} Hz in `{printable(path)}`" for path, rate in list(found.items())[:2])
+        raise source.error(
+            "state one rate for the channels named",
+            f"states {stated}",
+            "Choose channels of one measurement, or pass `rate` (`--rate`) [Hz].",
+        )
+    return next(iter(found.values()), None)
+
+
+def _refused(source: Source, must: str, got: str, remedy: str) -> InputError:
+    return input_error("channels", source.of, must, got, remedy)

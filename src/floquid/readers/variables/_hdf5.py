@@ -1,0 +1,182 @@
+"""HDF5 files: plain ones, as most programs write them, and those that are MATLAB files of version 7.3.
+
+How MATLAB keeps arrays and texts is known to `floquid.io._hdf5`. No link is followed, and no data are read that are
+in other files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Record
+from floquid.errors import InputError
+from floquid.io import Source, array_in, attribute, is_elsewhere, texts_in
+from floquid.readers.variables._by_path import table_of_variables
+from floquid.readers.variables._variables import HDF5, MATLAB, Dialect, Kind, Variable
+from floquid.tables import Table, numbers_of, orbit_of, texts_of
+
+if TYPE_CHECKING:
+    import h5py
+
+_BLOCK = 1 << 16
+_MATLAB_S_OWN = ("#refs#", "#subsystem#")
+
+
+def is_hdf5(path: Path) -> bool:
+    """Whether a file has the mark of an HDF5 file where one must be."""
+    import h5py
+
+    return bool(h5py.is_hdf5(path))
+
+
+def load_hdf5(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
+    """The table in an HDF5 file, or a MATLAB file of version 7.3.
+
+    Raises
+    ------
+    InputError
+        The file is none, is damaged, has no datasets of our names and none are named, or one is not what it must be.
+    """
+    import h5py
+
+    if not is_hdf5(source.path):
+        raise _no_hdf5_file(source)
+    with source.taken_apart("HDF5 file", "Copy or save it again."), h5py.File(source.path, "r") as opened:
+        return table_of_variables(source, Hdf5File(opened), channels=channels, ignore_time=ignore_time)
+
+
+def _no_hdf5_file(source: Source) -> InputError:
+    with source.path.open("rb") as stream:
+        head = stream.read(128)
+    if head.startswith(b"MATLAB 5"):
+        return source.error("be an HDF5 file", "is a MATLAB file of an earlier version", "Name it .mat.")
+    if head.startswith(b"PK\x03\x04"):
+        return source.error("be an HDF5 file", "is a NumPy archive or a zip file", "Name it by its format, .npz.")
+    return source.error(
+        "be an HDF5 file", "is not one, or is damaged or cut short", "Copy it again, or name it by its format."
+    )
+
+
+class Hdf5File:
+    """The variables of an open file; nothing is read before it is asked for."""
+
+    def __init__(self, file: h5py.File) -> None:
+        self._file: Any = file  # what is at a path is checked in `_walk`
+        self.variables: dict[str, Variable] = {}
+        matlab = False
+        for path, thing in self._walk():
+            self.variables[path] = self._variable(path, thing)
+            matlab = matlab or (thing is not None and attribute(thing, "MATLAB_class") != "")
+        self.dialect: Dialect = MATLAB if matlab else HDF5
+
+    def numbers(self, path: str) -> NDArray[Any]:
+        """The array of a variable of numbers, in its shape."""
+        if not self.variables[path].size:
+            return np.zeros(self.variables[path].shape)
+        return array_in(self._file[path])
+
+    def texts(self, path: str) -> list[str] | None:
+        """The texts in a dataset, the rows of a character array, or the texts in a cell array."""
+        return texts_in(self._file[path])
+
+    def _walk(self) -> Iterator[tuple[str, Any]]:
+        """Every dataset with its path, and a group that MATLAB makes of one thing; of a link None.
+
+        Groups are entered by hard links alone, and each but once.
+        """
+        import h5py
+
+        waiting: list[tuple[str, Any]] = [("", self._file)]
+        seen = {self._file.id}
+        while waiting:
+            path, group = waiting.pop(0)
+            for name in group:
+                where = f"{path}{name}"
+                if path == "" and name in _MATLAB_S_OWN:
+                    continue
+                if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                    yield where, None
+                    continue
+                thing = group[name]
+                if isinstance(thing, h5py.Dataset) or (isinstance(thing, h5py.Group) and _is_one_thing(thing)):
+                    yield where, thing
+                elif isinstance(thing, h5py.Group) and thing.id not in seen:
+                    seen.add(thing.id)
+                    waiting.append((f"{where}/", thing))
+
+    def _variable(self, path: str, thing: Any) -> Variable:
+        import h5py
+
+        if thing is None:
+            return Variable(path=path, shape=(), kind="a link")
+        if isinstance(thing, h5py.Group):
+            is_sparse = "MATLAB_sparse" in thing.attrs
+            return Variable(path=path, shape=(), kind="a sparse matrix" if is_sparse else "a function handle")
+        shape = (0,) if thing.shape is None else tuple(int(n) for n in thing.shape)
+        if attribute(thing, "MATLAB_class"):
+            shape = (0, 0) if "MATLAB_empty" in thing.attrs else shape[::-1]
+        unit = attribute(thing, "unit") or attribute(thing, "units")
+        return Variable(path=path, shape=shape, kind=_kind(thing), unit=unit)
+
+
+def _is_one_thing(group: Any) -> bool:
+    """Whether MATLAB keeps one variable in a group that is not a struct."""
+    return "MATLAB_sparse" in group.attrs or attribute(group, "MATLAB_class") == "function_handle"
+
+
+def _kind(dataset: Any) -> Kind:
+    import h5py
+
+    matlab, dtype = attribute(dataset, "MATLAB_class"), dataset.dtype
+    kinds: list[tuple[object, Kind]] = [
+        (is_elsewhere(dataset), "data of another file"),
+        ("MATLAB_object_decode" in dataset.attrs, "a MATLAB object"),
+        (matlab == "cell", "a cell array"),
+        (matlab == "function_handle", "a function handle"),
+        # a field of a struct array has no class and refers to its elements elsewhere
+        (matlab == "struct" or h5py.check_ref_dtype(dtype) is not None, "a struct array"),
+        (matlab == "char" or h5py.check_string_dtype(dtype) is not None, "text"),
+        (dtype.kind == "c" or dtype.names == ("real", "imag"), "complex numbers"),
+        ({"scale_factor", "add_offset"} & set(dataset.attrs), "scaled numbers"),  # as netCDF packs them
+        (dtype.kind in "biuf", "numbers"),
+    ]
+    for fits, kind in kinds:
+        if fits:
+            return kind
+    return "records"
+
+
+def save_hdf5(record: Record, path: Path) -> None:
+    """Write `record` with every name that `load_hdf5` reads."""
+    import h5py
+
+    low: Any = h5py
+    # In memory first: when a disk is full or goes away, HDF5 itself does not end with an error but with a crash.
+    content = BytesIO()
+    with h5py.File(content, "w", libver=("v108", "v108")) as file:  # its heads have checksums
+        values = file.create_dataset(
+            "values",
+            data=record.values,
+            chunks=(1, min(record.n_samples, _BLOCK)),
+            fletcher32=True,
+        )
+        values.attrs["axes"] = "channels, samples"
+        for key, orbit in orbit_of(record).items():
+            file.create_dataset(key, data=orbit, chunks=orbit.shape, fletcher32=True)
+        for key, texts in texts_of(record).items():
+            coded = [text.encode() for text in texts]
+            dtype = h5py.string_dtype("utf-8", max(1, *map(len, coded)))
+            file.create_dataset(key, data=np.array(coded, dtype=dtype), chunks=(len(coded),), fletcher32=True)
+        for key, number in numbers_of(record).items():
+            properties = low.h5p.create(low.h5p.DATASET_CREATE)
+            properties.set_layout(low.h5d.COMPACT)  # within the head, whose checksum guards it
+            scalar = low.h5s.create(low.h5s.SCALAR)
+            dataset = low.h5d.create(file.id, key.encode(), low.h5t.IEEE_F64LE, scalar, properties)
+            dataset.write(low.h5s.ALL, low.h5s.ALL, np.array(number, dtype=np.float64))
+    path.write_bytes(content.getbuffer())

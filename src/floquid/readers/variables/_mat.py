@@ -1,0 +1,145 @@
+"""MATLAB files: which version one is of, and records as files of version 7."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import Record
+from floquid.errors import InputError
+from floquid.io import Source, letters, load_variables, mat_order
+from floquid.readers.variables._by_path import table_of_variables
+from floquid.readers.variables._hdf5 import is_hdf5, load_hdf5
+from floquid.readers.variables._variables import MATLAB, Dialect, Kind, Variable
+from floquid.tables import Table, numbers_of, orbit_of, texts_of
+
+_LARGEST = (1 << 31) - (1 << 16)
+"""Bytes that a variable may have in these files: two gibibytes, less what its head takes."""
+
+_HEAD_TEXT = b"MATLAB 5.0 MAT-file, written by floquid".ljust(116)
+"""scipy writes the time of day here; the same record makes the same file."""
+
+_SAVE_AGAIN = "In MATLAB save it again, as in save('run.mat', 'values', 'sample_rate', 'channels', '-v7')."
+
+
+def load_mat(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
+    """The table in a MATLAB file, of version 5 to 7, or 7.3; nothing in it is ever run or made an object of.
+
+    Raises
+    ------
+    InputError
+        The file is none, is damaged, has no variables of our names and none are named, or one is not what it must be.
+    """
+    if is_hdf5(source.path):
+        return load_hdf5(source, channels=channels, ignore_time=ignore_time)
+    if not mat_order(source.path):
+        raise _no_mat_file(source)
+    with source.taken_apart("MATLAB file", f"Copy it again. {_SAVE_AGAIN}"):
+        file = _MatFile(load_variables(source.path))
+        return table_of_variables(source, file, channels=channels, ignore_time=ignore_time)
+
+
+class _MatFile:
+    """The variables that scipy found, those in structs under their paths."""
+
+    def __init__(self, content: dict[str, Any]) -> None:
+        self._values = dict(_leaves(content))
+        self.variables = {path: _variable(path, value) for path, value in self._values.items()}
+        self.dialect: Dialect = MATLAB
+
+    def numbers(self, path: str) -> NDArray[Any]:
+        """The array of a variable of numbers, in its shape."""
+        return self._values[path]
+
+    def texts(self, path: str) -> list[str] | None:
+        """The rows of a character array without the blanks that fill them up, or the texts in a cell array."""
+        return letters(self._values[path])
+
+
+def _leaves(content: dict[str, Any], stem: str = "") -> Iterator[tuple[str, Any]]:
+    """Every variable with its path: of a struct, its fields."""
+    for name, value in content.items():
+        if type(value) is np.ndarray and value.dtype.names and value.size == 1:
+            record = value.item()
+            yield from _leaves(dict(zip(value.dtype.names, record, strict=True)), f"{stem}{name}/")
+        else:
+            yield f"{stem}{name}", value
+
+
+def _variable(path: str, value: Any) -> Variable:
+    from scipy.io import matlab
+    from scipy.sparse import issparse
+
+    kinds: list[tuple[bool, Kind]] = [
+        (issparse(value), "a sparse matrix"),
+        (isinstance(value, matlab.MatlabFunction), "a function handle"),
+        (isinstance(value, (matlab.MatlabObject, matlab.MatlabOpaque)), "a MATLAB object"),
+    ]
+    for fits, kind in kinds:
+        if fits:
+            return Variable(path=path, shape=(), kind=kind)
+    array = np.asarray(value)
+    if array.dtype.names:
+        return Variable(path=path, shape=array.shape, kind="a struct array")
+    by_letter: dict[str, Kind] = {"O": "a cell array", "U": "text", "c": "complex numbers"}
+    return Variable(path=path, shape=array.shape, kind=by_letter.get(array.dtype.kind, "numbers"))
+
+
+def _no_mat_file(source: Source) -> InputError:
+    """What else the file may be, by its first bytes."""
+    with source.path.open("rb") as stream:
+        head = stream.read(128)
+    remedy = f"Copy it again. {_SAVE_AGAIN}"
+    if head.startswith(b"MATLAB "):
+        got = "is cut short or damaged"
+    elif head.startswith((b"PK\x03\x04", b"\x93NUMPY")):
+        got, remedy = "is a file of NumPy or a zip archive", "Name it by its format, .npz."
+    elif all(byte in b"\t\r\n" or 32 <= byte < 127 for byte in head):
+        got, remedy = "is text", "Name it by its format, as in .csv, if it is a table of numbers."
+    elif len(head) >= 20 and int.from_bytes(head[:4], "little") < 5000:
+        got, remedy = "seems to be of version 4 or not one at all", _SAVE_AGAIN
+    else:
+        got = "is not one, or is damaged"
+    return source.error("be a MATLAB file of version 5 to 7.3", got, remedy)
+
+
+def save_mat(record: Record, path: Path) -> None:
+    """Write `record` with every name that `load_mat` reads, as a file of version 7.
+
+    Raises
+    ------
+    InputError
+        `values` is larger than a variable can be in such a file.
+    """
+    import scipy.io
+
+    if record.values.nbytes > _LARGEST:
+        raise input_error(
+            "record",
+            "write",
+            "have less than 2 GiB of samples to fit a MATLAB file of version 7",
+            f"has {record.values.nbytes / (1 << 30):.3g} GiB",
+            "Write it as .h5, which MATLAB reads, too (h5read).",
+        )
+    content: dict[str, Any] = {
+        "values": record.values,
+        **numbers_of(record),
+        **orbit_of(record),
+        **{key: _cell(texts) for key, texts in texts_of(record).items()},
+    }
+    with path.open("wb") as stream:  # savemat would add a suffix of its own to a name
+        scipy.io.savemat(stream, content, do_compression=True)
+        stream.seek(0)
+        stream.write(_HEAD_TEXT)
+
+
+def _cell(texts: Sequence[str]) -> Any:
+    """A row of cells."""
+    cell = np.empty(len(texts), dtype=object)
+    cell[:] = texts
+    return cell

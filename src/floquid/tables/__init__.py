@@ -1,0 +1,52 @@
+"""Columns of samples and of times: what a file or an object says of a record, and the even time axis behind it."""
+
+from floquid.tables._channels import (
+    check_distinct,
+    clock_numbers,
+    make_channel,
+    make_channels,
+    numbers_of,
+    orbit_of,
+    real_row,
+    refuse_blurred_times,
+    rows_of,
+    stated_number,
+    texts_of,
+    with_units,
+)
+from floquid.tables._labels import find_time, name_and_unit
+from floquid.tables._nominal_rate import Printed, fit_line, nominal_rate_of_step, printed, rate_of_step
+from floquid.tables._table import OPTION, Table, check_table, record_of, settle_axis, times_of
+from floquid.tables._time_axis import SECONDS, TimeAxis, TimeColumn, repair
+
+__all__ = [
+    "OPTION",
+    "SECONDS",
+    "Printed",
+    "Table",
+    "TimeAxis",
+    "TimeColumn",
+    "check_distinct",
+    "check_table",
+    "clock_numbers",
+    "find_time",
+    "fit_line",
+    "make_channel",
+    "make_channels",
+    "name_and_unit",
+    "nominal_rate_of_step",
+    "numbers_of",
+    "orbit_of",
+    "printed",
+    "rate_of_step",
+    "real_row",
+    "record_of",
+    "refuse_blurred_times",
+    "repair",
+    "rows_of",
+    "settle_axis",
+    "stated_number",
+    "texts_of",
+    "times_of",
+    "with_units",
+]

@@ -1,0 +1,184 @@
+"""Channels and numbers as a file or an object states them, and what a record has to state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import describe, input_error
+from floquid.core import Channel, ConstantPeriod, Record, channels_named
+from floquid.errors import InputError
+from floquid.io import Source
+
+
+def make_channel(source: Source, **words: Any) -> Channel:
+    """The channel of a `source` that the `words` describe, those that are None left to `Channel`.
+
+    Raises
+    ------
+    InputError
+        The name is empty, or unit and quantity contradict each other.
+    """
+    try:
+        return Channel(**{key: value for key, value in words.items() if value is not None})
+    except InputError as error:
+        raise source.wrapped(error) from None
+
+
+def make_channels(
+    source: Source,
+    names: Sequence[str],
+    units: Sequence[str] | None = None,
+    **words: Sequence[str | None] | None,
+) -> tuple[Channel, ...]:
+    """The channels of a `source` by their `names` and `units`; other `words`, one a channel, as `Channel` has them.
+
+    Raises
+    ------
+    InputError
+        A name is empty or given twice, or a unit and a quantity contradict each other.
+    """
+    given = {key: values for key, values in {"unit": units, **words}.items() if values is not None}
+    channels = tuple(
+        make_channel(source, name=name, **{key: values[row] for key, values in given.items()})
+        for row, name in enumerate(names)
+    )
+    check_distinct(source, [channel.name for channel in channels])
+    return channels
+
+
+def check_distinct(source: Source, names: Iterable[str]) -> None:
+    """Refuse two channels of a `source` with one of the `names`.
+
+    Raises
+    ------
+    InputError
+        A name is there twice.
+    """
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise source.error("name each channel once", f"has {name!r} twice", "Rename one of them in the file.")
+        seen.add(name)
+
+
+def rows_of(source: Source, named: Sequence[Channel], channels: Sequence[str] | None) -> list[int]:
+    """The rows of the `named` channels of a `source` that `channels` asks for, in that order; None asks for all.
+
+    Raises
+    ------
+    InputError
+        One is not there, or is asked for twice.
+    """
+    if channels is None:
+        return list(range(len(named)))
+    return channels_named(named, channels, argument="channels", of=source.of)
+
+
+def with_units(channels: Sequence[Channel], units: Mapping[str, str] | None, source: Source) -> tuple[Channel, ...]:
+    """The `channels` of a `source`, some with another unit: `units` by their names.
+
+    Raises
+    ------
+    InputError
+        `units` is no mapping, or names what is no channel.
+    """
+    if units is None:
+        return tuple(channels)
+    names = [channel.name for channel in channels]
+    if not isinstance(units, Mapping) or (set(units) - set(names)):
+        got = f"is {describe(units)}" if not isinstance(units, Mapping) else f"has {sorted(set(units) - set(names))}"
+        listing = "The channels are: " + ", ".join(names) + "."
+        raise input_error("units", source.of, "give units by the names of channels", got, listing)
+    try:
+        return tuple(
+            replace(channel, unit=units[channel.name], quantity=None) if channel.name in units else channel
+            for channel in channels
+        )
+    except InputError as error:
+        raise source.wrapped(error) from None
+
+
+def real_row(values: NDArray[Any], name: object, source: Source) -> NDArray[np.float64]:
+    """The `values` (samples,) of the channel `name` of a `source` as numbers.
+
+    Raises
+    ------
+    InputError
+        It holds something else than real numbers.
+    """
+    if values.dtype.kind not in "biuf":
+        remedy = "Pass its real part." if values.dtype.kind == "c" else "Leave it out, or turn it into numbers."
+        raise source.error("hold real numbers", f"has {values.dtype} in {name!r}", remedy)
+    return values.astype(np.float64)
+
+
+def stated_number(stated: Mapping[Any, Any], key: str, source: Source, *, above_zero: bool) -> float | None:
+    """The number that a `source` states as `key` among what is `stated`, `above_zero` or of any sign; None without one.
+
+    Raises
+    ------
+    InputError
+        It is no finite number, or not above zero where it must be.
+    """
+    value = stated.get(key)
+    if value is None:
+        return None
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number) or (above_zero and number <= 0.0):
+        must = f"state a {'positive' if above_zero else 'finite'} number as `{key}`"
+        raise source.error(must, f"states {describe(value)}", "Correct it, or delete it.")
+    return number
+
+
+def texts_of(record: Record) -> dict[str, list[str]]:
+    """The words of the channels of `record`, one text a channel, by the names in our files."""
+    channels = record.channels
+    places = {"locations": [c.location for c in channels], "directions": [c.direction for c in channels]}
+    return {
+        "channels": [channel.name for channel in channels],
+        "units": [channel.unit for channel in channels],
+        "quantities": [str(channel.quantity) for channel in channels],
+        **{key: texts for key, texts in places.items() if any(texts)},
+    }
+
+
+def numbers_of(record: Record) -> dict[str, float]:
+    """The rate of `record` [Hz], its start and its clock [s], by the names in our files."""
+    return {"sample_rate": record.sample_rate, "start": record.start, **clock_numbers(record)}
+
+
+def clock_numbers(record: Record) -> dict[str, float]:
+    """The `period` and the `origin` [s] of `record`; empty where it has no constant period."""
+    clock = record.clock
+    return {"period": clock.period, "origin": clock.origin} if isinstance(clock, ConstantPeriod) else {}
+
+
+def orbit_of(record: Record) -> dict[str, NDArray[np.float64]]:
+    """The orbit of `record`, by its name in our files; empty where there is none."""
+    return {} if record.orbit is None else {"orbit": record.orbit}
+
+
+def refuse_blurred_times(record: Record) -> None:
+    """Refuse to write times of a `record` of which neighbours are one number.
+
+    Raises
+    ------
+    InputError
+        The record starts so late that its times cannot be told apart.
+    """
+    if np.spacing(np.abs(record.times).max()) * record.sample_rate > 0.01:
+        raise input_error(
+            "record",
+            "write",
+            "have times that a table of numbers can tell apart",
+            f"starts at {record.start:.6g} s with steps of {1.0 / record.sample_rate:.3g} s",
+            "Write it as .npz, or count its time from a nearer start.",
+        )

@@ -1,0 +1,284 @@
+"""A time column is repaired, not trusted: one rate from the whole column, snapped to a nominal one where that is clear.
+
+Times in a file are rounded (to the digits printed, to single precision), so a rate from the first two of them is wrong
+by a part in hundreds, and the error grows along the record into a wrong phase. Here the rate is the slope of the line
+through all times; see `_nominal_rate` for when it is replaced by a round number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.errors import InputError
+from floquid.io import Source
+from floquid.tables._nominal_rate import LineFit, Rounding, fit_line, nominal_rate, rounding
+
+SECONDS = {
+    **dict.fromkeys(["s", "sec", "secs", "second", "seconds"], 1.0),
+    **dict.fromkeys(["ms", "msec", "millisecond", "milliseconds"], 1e-3),
+    **dict.fromkeys(["us", "µs", "μs", "usec", "microsecond", "microseconds"], 1e-6),
+    **dict.fromkeys(["ns", "nsec", "nanosecond", "nanoseconds"], 1e-9),
+    **dict.fromkeys(["min", "minute", "minutes"], 60.0),
+    **dict.fromkeys(["h", "hr", "hour", "hours"], 3600.0),
+}
+"""The units of time by their names, and no others."""
+
+JITTER = 0.01
+"""Scatter of the times about their line, in steps, that is passed over beside the rounding: at 40 samples a period a
+hundredth of a step is a phase error of 0.0016 rad, and sums of a rounded step wander by far less."""
+
+MAX_GROWTH = 2
+"""Gaps are filled while the record stays within so many times its own length: a crafted time allocates no more."""
+
+_COARSE = 0.25
+"""Rounding, in steps, from which the length of a gap can no longer be read off by itself."""
+
+_FARTHEST, _SHORTEST = 1e13, 1e-15
+"""Bounds on a time and on a step [s]; beyond them the numbers are not times, and their squares overflow."""
+
+_RESAMPLE = "Resample onto even times first, or pass `rate` (`--rate`) [Hz] to ignore the times."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimeColumn:
+    """The times as a file has them.
+
+    Parameters
+    ----------
+    values, scale
+        The times (samples,), in a unit of so many seconds.
+    label
+        What they are called there.
+    """
+
+    values: NDArray[np.floating]
+    scale: float
+    label: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimeAxis:
+    """An even time axis: sample n at `start` + n/`sample_rate` [s].
+
+    Parameters
+    ----------
+    sample_rate, start
+        The rate [Hz] and the time of the first sample [s].
+    positions
+        The sample that each row of the file becomes (rows,), or None when each follows the one before.
+    notes
+        How the axis was found, in sentences.
+    """
+
+    sample_rate: float
+    start: float
+    positions: NDArray[np.int64] | None = None
+    notes: tuple[str, ...] = ()
+
+    def place(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The rows of the file, `values`, at their samples, NaN in the gaps (channels, samples); read-only."""
+        if self.positions is not None:
+            placed = np.full((len(values), int(self.positions[-1]) + 1), np.nan)
+            placed[:, self.positions] = values
+            values = placed
+        values.flags.writeable = False
+        return values
+
+
+def repair(column: TimeColumn, source: Source) -> TimeAxis:
+    """The even time axis behind a time `column` of a `source`.
+
+    The times t_n are fitted by t_0 + k_n h with whole numbers k_n, least squares over the whole column. All k_n = n if
+    that leaves residuals within the rounding of the column; otherwise steps of a whole number of h are gaps. Where the
+    rounding is about as long as a step, a gap and a rounding look alike: see `_whole_steps`.
+
+    Raises
+    ------
+    InputError
+        Times are missing, infinite, decreasing or repeated; the steps are uneven beyond the rounding; a gap is not a
+        whole number of steps or would more than double the record.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # refused below
+        times = column.values.astype(np.float64, copy=False)
+        times = times if column.scale == 1.0 else times * column.scale
+    _check_order(times, column.label, source)
+    rounded = rounding(column.values, column.scale)
+    positions = np.arange(len(times), dtype=np.float64)
+    line = fit_line(positions, times)
+    whole = _whole_steps(times, rounded)
+    if whole is not None or not _is_even(line, rounded):
+        positions = _positions_with_gaps(times, rounded, whole, column.label, source)
+        line = fit_line(positions, times)
+        if not _is_even(line, rounded):
+            raise _uneven(times, line, column.label, source)
+    nominal = nominal_rate(positions, times, rounded, line)
+    rate = 1.0 / line.step if nominal is None else nominal
+    start = line.start if nominal is None else float(np.mean(times - positions / nominal))
+    if abs(start - times[0]) <= rounded.coarsest + 4.0 * np.spacing(np.abs(times).max()):
+        start = float(times[0])  # as printed: the line is no better than the rounding here
+    notes = _notes(line, rounded, nominal, positions, times)
+    has_gaps = positions[-1] + 1 > len(times)
+    return TimeAxis(
+        sample_rate=rate,
+        start=start,
+        positions=positions.astype(np.int64) if has_gaps else None,
+        notes=notes,
+    )
+
+
+def _check_order(times: NDArray[np.float64], label: str, source: Source) -> None:
+    if len(times) < 2:
+        raise source.error("hold at least two samples", "holds one", "A rate cannot be had from one: export more.")
+    bad = np.flatnonzero(~np.isfinite(times))
+    if bad.size:
+        raise source.error(
+            "have a finite time for every sample",
+            f"has {bad.size} in `{label}` that are not, the first of them {times[bad[0]]:g} at sample {bad[0] + 1}",
+            "Leave such rows out, or pass `rate` (`--rate`) [Hz] to ignore the times.",
+        )
+    if np.abs(times).max() > _FARTHEST or 0.0 < times[-1] - times[0] < _SHORTEST * len(times):
+        raise source.error(
+            "have times in seconds, or a time column with its unit in brackets",
+            f"has times from {times[0]:.6g} s to {times[-1]:.6g} s in `{label}`",
+            "Write the unit of the times in brackets, as in `time [ms]`.",
+        )
+    steps = np.diff(times)
+    wrong = np.flatnonzero(steps <= 0)
+    if not wrong.size:
+        return
+    at = int(wrong[0])
+    where = f"{times[at + 1]:.12g} s after {times[at]:.12g} s at sample {at + 2}"
+    if (steps < 0).any():
+        at = int(np.flatnonzero(steps < 0)[0])
+        where = f"{times[at + 1]:.12g} s after {times[at]:.12g} s at sample {at + 2}"
+        raise source.error(
+            "have times that increase", f"goes back in `{label}`: {where}", "Sort the rows, or cut the file there."
+        )
+    raise source.error(
+        "have times that increase",
+        f"repeats a time in `{label}` {wrong.size} times, first {where}",
+        "Export the times with more digits or leave the doubled rows out, or pass `rate` (`--rate`) [Hz] to ignore the "
+        "times.",
+    )
+
+
+def _is_even(line: LineFit, rounded: Rounding) -> bool:
+    allowed = np.maximum(rounded.quantum, 0.1 * rounded.coarsest)  # coarse times pull the line where others are fine
+    return line.step > 0 and bool((np.abs(line.residuals) <= allowed + JITTER * line.step).all())
+
+
+def _whole_steps(times: NDArray[np.float64], rounded: Rounding) -> float | None:
+    """The step [s], if nearly all steps are exactly it and the others whole multiples that can only be gaps.
+
+    For times rounded about as coarsely as they are spaced. 0.01, 0.02, 0.04, 0.05 s may be 100 Hz with a sample lost or
+    80 Hz rounded; but rounding makes its longer steps at even distances, so three or more of those are rounding, and
+    what is irregular, or rare, is a gap.
+    """
+    steps = np.diff(times)
+    step = float(np.median(steps))
+    if rounded.coarsest <= _COARSE * step:
+        return None
+    multiples = np.rint(steps / step)
+    odd = np.flatnonzero(multiples != 1.0)
+    off = multiples * step
+    off -= steps
+    exact = np.abs(off, out=off) <= 1e-3 * rounded.coarsest
+    if not exact.all() or not 0 < odd.size <= max(0.1 * len(steps), 1.0) or odd.size > 0.5 * len(steps):
+        return None
+    between = np.diff(odd)
+    if odd.size >= 3 and (multiples[odd] == 2.0).all():
+        edges = max(odd[0], len(steps) - 1 - odd[-1])
+        if np.ptp(between) <= 2 and edges <= between.max() + 2:
+            return None
+    return step
+
+
+def _positions_with_gaps(
+    times: NDArray[np.float64], rounded: Rounding, whole: float | None, label: str, source: Source
+) -> NDArray[np.float64]:
+    """The sample number k_n of each time, when some steps are whole multiples of the shortest."""
+    steps = np.diff(times)
+    width = int(min(16, max(1, len(steps) // 4)))  # several steps together, of which rounding is a smaller part
+    step = float(np.median(times[width:] - times[:-width])) / width if whole is None else whole
+    if whole is None and rounded.coarsest > _COARSE * step:
+        raise source.error(
+            "have times of more digits than one step, or no gaps",
+            f"has uneven steps of about {step:.3g} s in `{label}`, with times {rounded.words}",
+            f"Export the times with more digits. {_RESAMPLE}",
+        )
+    positions = np.zeros(len(times))
+    for _ in range(2):  # the second time with the step of the whole column
+        positions[1:] = np.cumsum(np.maximum(np.rint(steps / step), 1.0))
+        if positions[-1] + 1 > MAX_GROWTH * len(times):
+            raise source.error(
+                "have evenly spaced times, with gaps shorter together than the record",
+                f"has steps from {steps.min():.6g} s to {steps.max():.6g} s in `{label}`, the longest after sample "
+                f"{int(np.argmax(steps)) + 1}",
+                f"Cut the file at its gaps. {_RESAMPLE}",
+            )
+        step = fit_line(positions, times).step if whole is None else whole
+    return positions
+
+
+def _uneven(times: NDArray[np.float64], line: LineFit, label: str, source: Source) -> InputError:
+    steps = np.diff(times)
+    worst = int(np.argmax(np.abs(steps - np.median(steps))))
+    return source.error(
+        "have evenly spaced times (a gap must be a whole number of steps)",
+        f"has steps from {steps.min():.6g} s to {steps.max():.6g} s in `{label}`, the oddest after sample {worst + 1}, "
+        f"{np.abs(line.residuals).max() / line.step:.3g} of a step from even",
+        _RESAMPLE,
+    )
+
+
+def _notes(
+    line: LineFit,
+    rounded: Rounding,
+    nominal: float | None,
+    positions: NDArray[np.float64],
+    times: NDArray[np.float64],
+) -> tuple[str, ...]:
+    fit = _with_error(1.0 / line.step, line.rate_std(rounded.coarsest))
+    if nominal is None:
+        first = (
+            f"Sampling rate {fit} Hz: fitted to the whole time column ({rounded.words}); "
+            "no round rate is clearly meant."
+        )
+    else:
+        first = (
+            f"Sampling rate {nominal:.12g} Hz: taken from the whole time column ({rounded.words}) and snapped to the "
+            f"nominal {_round_words(nominal)} (fit: {fit} Hz)."
+        )
+    notes = [first]
+    scatter = float((np.abs(line.residuals) - rounded.quantum).max()) / line.step
+    if scatter > 1e-4:
+        notes.append(f"The times scatter by up to {100 * scatter:.2g} % of a step about even ones; taken as even.")
+    gaps = np.flatnonzero(np.diff(positions) > 1)
+    if gaps.size:
+        missing = int(positions[-1]) + 1 - len(positions)
+        notes.append(
+            f"The time column has {_count(gaps.size, 'gap')}, the first after {times[gaps[0]]:.9g} s: "
+            f"{_count(missing, 'sample')} marked missing."
+        )
+    return tuple(notes)
+
+
+def _round_words(rate: float) -> str:
+    """«51200 Hz», or where it is the step that is round, that."""
+    few = float(f"{rate:.7g}") == rate
+    return f"{rate:.12g} Hz" if few else f"step of {1.0 / rate:.6g} s"
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" + ("" if number == 1 else "s")
+
+
+def _with_error(value: float, std: float) -> str:
+    """«51199.9997 ± 0.0006»: the value to the last digit that its standard error leaves."""
+    if std < 1e-12 * abs(value):
+        return f"{value:.12g}"
+    digits = min(max(-int(np.floor(np.log10(std))), 0), 15)
+    return f"{value:.{digits}f} ± {std:.{digits}f}" if std < 1.0 else f"{value:.9g} ± {std:.2g}"
