@@ -52,7 +52,6 @@ class Source:
         except (InputError, MemoryError):
             raise
         except Exception as error:  # noqa: BLE001  # damage raises anything: OSError, struct.error, KeyError, ...
-            name = "" if isinstance(error, DamagedError) else f"{type(error).__name__}: "
-            words = printable(" ".join(f"{name}{error}".split())).rstrip(". ")
+            words = printable(" ".join(str(error).split())).rstrip(". ") or type(error).__name__
             got = f"is not one, or is damaged or cut short ({words})"
             raise self.error(f"be a whole {kind}", got, remedy) from None
