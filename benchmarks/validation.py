@@ -105,7 +105,7 @@ def lab_rotor(name: str, identifier=None) -> str:
         lines.append(
             f"{abs(exponents[nearest].imag) / omega:8.4f} {abs(model.principal()[r].imag) / omega:8.4f} "
             f"{gap.real:11.4f} {gap.imag:11.4f} {gap.real / std[r].real:11.2f} "
-            f"{gap.imag / (std[r].imag or np.nan):7.2f}   {'weak' if weak else ''}".rstrip()
+            f"{f'{gap.imag / std[r].imag:.2f}' if std[r].imag else '':>7}   {'weak' if weak else ''}".rstrip()
         )
     missed = sorted({float(round(abs(x.imag) / omega, 4)) for x in exponents} - used)
     return "\n".join([*lines, f"not found: {missed if missed else 'none'}"])
@@ -291,8 +291,12 @@ SECTIONS: dict[str, Callable[[], str]] = {
 def write(section: str) -> str:
     """Measure a section and write its text, with the commit that it was measured at, to where the page reads it."""
     text = SECTIONS[section]()
-    words = ["git", "describe", "--always", "--dirty", "--exclude", "*"]
-    commit = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
+    commit = _git("rev-parse", "--short=7", "HEAD").stdout.strip()
+    changed = ", and changes" if _git("diff", "--quiet", "HEAD", "--", "src", "benchmarks").returncode else ""
     PAGE.mkdir(exist_ok=True)
-    (PAGE / f"{section}.txt").write_text(f"{text}\n# at commit {commit or 'unknown'}\n", encoding="utf-8")
+    (PAGE / f"{section}.txt").write_text(f"{text}\n# at commit {commit}{changed}\n", encoding="utf-8")
     return text
+
+
+def _git(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
