@@ -4,7 +4,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PYTEST := $(BIN)/python -m pytest
-PARALLEL := -n logical --maxprocesses 8
+# By files, since the tests of a file share what they look at.
+PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 INSTALLED := $(VENV)/.installed
 # What uv is asked for is the version that requirements.txt itself pins.
 UV_PIN = $(shell sed -n 's/^\(uv==[^ ;]*\).*/\1/p' requirements.txt)
@@ -13,12 +14,17 @@ COMPILE = pip compile --quiet --universal --python-version 3.11 --fork-strategy 
 	--no-emit-index-url --no-emit-find-links --all-extras --group dev --group peers --group docs pyproject.toml
 
 # The arrays are small, and pytest runs one process a core: threads inside BLAS would only get in each other's way.
-test slow docs: export OPENBLAS_NUM_THREADS ?= 1
-test slow docs: export OMP_NUM_THREADS ?= 1
-test slow docs: export MKL_NUM_THREADS ?= 1
+test slow kill docs: export OPENBLAS_NUM_THREADS ?= 1
+test slow kill docs: export OMP_NUM_THREADS ?= 1
+test slow kill docs: export MKL_NUM_THREADS ?= 1
+
+# Tests, pages and tools start some hundred processes: each would compile every package anew where bytecode is not kept.
+# It is kept out of the tree.
+export PYTHONDONTWRITEBYTECODE :=
+export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/bytecode
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test slow bench peers order fuzz platform lint format docs requirements upgrade clean
+.PHONY: help install demo test slow kill bench peers order fuzz platform lint format docs requirements upgrade clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
@@ -29,8 +35,12 @@ demo: $(INSTALLED) ## simulate a rotor, identify it, compare with the truth (int
 test: $(INSTALLED) ## run the tests
 	$(PYTEST) $(PARALLEL)
 
-slow: $(INSTALLED) ## run the slow statistics
+slow: $(INSTALLED) ## run the slow tests, look further for what breaks a law, and measure docs/validation/ again
 	$(PYTEST) $(PARALLEL) -m slow
+	$(PYTEST) $(PARALLEL) tests/laws --hypothesis-profile=explore
+
+kill: $(INSTALLED) ## kill and interrupt programs at work: what they leave behind is whole
+	$(PYTEST) $(PARALLEL) -m kill
 
 bench: $(INSTALLED) ## time the benchmarks
 	$(PYTEST) benchmarks --benchmark-enable --benchmark-only

@@ -1,5 +1,6 @@
 """The site's configuration. `make docs` builds it, warnings being errors."""
 
+import hashlib
 import importlib
 import inspect
 import os
@@ -11,7 +12,17 @@ from sphinx.util.inspect import TypeAliasForwardRef
 import floquid
 
 # Pages that measure read the records of the tests.
-os.environ["FLOQUID_ROOT"] = str(Path(__file__).parents[1])
+ROOT = Path(__file__).parents[1]
+os.environ["FLOQUID_ROOT"] = str(ROOT)
+
+
+def source() -> str:
+    """A hash of all but their own cells that pages are computed from."""
+    found = hashlib.sha256((ROOT / "requirements.txt").read_bytes())
+    for path in sorted(path for folder in ("src", "examples") for path in (ROOT / folder).rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            found.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
+    return found.hexdigest()[:16]
 
 project = "floquid"
 author = "floquid developers"
@@ -35,8 +46,11 @@ html_title = "floquid"
 
 myst_enable_extensions = ["amsmath", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-# A page that computes is run by the build: from nothing each time, and a cell that fails, fails the build.
-nb_execution_mode = "force"
+# A page that computes is run by the build, in an empty folder, and a cell that fails, fails the build. What its cells
+# gave is kept until they or the source change.
+nb_execution_mode = "cache"
+nb_execution_cache_path = str(ROOT / "docs" / "_build" / "executed" / source())
+nb_execution_in_temp = True
 # What a cell prints stands in one box, whenever the kernel flushes.
 nb_merge_streams = True
 nb_execution_raise_on_error = True
@@ -92,17 +106,11 @@ def escape_bars(_app, _what, _name, _thing, _options, lines: list[str]) -> None:
             lines[number] = "".join(pieces)
 
 
-BESIDE = 17
-"""Pages that compute nothing, read with the one that computes most."""
-
-
 def spread(_app, _env, names: list[str]) -> None:
-    """Begin with the page that computes most, and mix the others: they are read in parallel, some twenty at once."""
+    """Mix pages that compute with those that do not: they are read in parallel, some at once."""
     quiet = [name for name in names if name.startswith(("decisions/", "reference/"))]
-    busy = [name for name in names if name not in quiet and name != "validation"]
-    place = {"validation": -2.0} | dict.fromkeys(quiet[:BESIDE], -1.0)
-    for group in (quiet[BESIDE:], busy):
-        place |= {name: (number + 0.5) / len(group) for number, name in enumerate(group)}
+    busy = [name for name in names if name not in quiet]
+    place = {name: (number + 0.5) / len(group) for group in (quiet, busy) for number, name in enumerate(group)}
     names.sort(key=place.__getitem__)
 
 

@@ -20,6 +20,7 @@ def test_the_paper_s_rotor_is_its_simulation():
     assert_allclose(paper.free_of(paper.steady(50.0, 40)), simulated.values, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_the_turbine_is_what_its_equations_say():
     """Its orbit and its free response, from one integration of both over two turns."""
     modes, (turns, sizes) = synthetic.turbine_modes(), synthetic.gravity_orbit()
@@ -45,6 +46,7 @@ def test_the_bound_is_that_of_the_paper_s_record():
     assert_allclose([bound.real, np.abs(bound.imag)], 1.9e-6, rtol=0.04)
 
 
+@pytest.mark.slow
 def test_it_runs_and_writes_its_table(tmp_path, capsys):
     out = tmp_path / "rows.json"
     assert main(["--records", "two_real,period_off_lifted_0.01", "--seeds", "1", "--out", str(out)]) == 0

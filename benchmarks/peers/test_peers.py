@@ -16,6 +16,7 @@ from floquid.lti import fit_residues
 CASE = cases.modes(2, 0, outputs=10, samples=120)
 
 
+@pytest.mark.slow
 def test_it_runs_and_writes_its_tables(tmp_path, capsys):
     """Ours on the paper's record, twice: the second time finds what the first wrote."""
     told = ["--seeds", "2", "--only", "Likelihood (order unknown)", "--out", str(tmp_path)]
@@ -115,6 +116,7 @@ def test_slopes_are_exponents():
     assert slope([10, 100, 1000], [1.0, 100.0, 10_000.0]) == pytest.approx(2.0)
 
 
+@pytest.mark.slow
 def test_memory_beyond_the_data_is_seen(monkeypatch):
     def hungry(data, order):
         return np.full(8_000_000, data.values.sum())

@@ -39,18 +39,23 @@ def report(analysis, path, **_):
 
 floquid.plot.save_figures, floquid.reporting.report = save_figures, report
 """
-"""Run in a process of its own, or by `quick_pictures`: figures and the report are files of the right names alone."""
+"""Run in a process of its own, or by `quicken`: figures and the report are files of the right names alone."""
+
+
+def quicken(patch):
+    """Write figures and the report in no time until the patch is undone."""
+    import floquid.plot
+    import floquid.reporting
+
+    patch.setattr(floquid.plot, "save_figures", floquid.plot.save_figures)
+    patch.setattr(floquid.reporting, "report", floquid.reporting.report)
+    exec(PICTURES, {})
 
 
 @pytest.fixture
 def quick_pictures(monkeypatch):
     """Write figures and the report in no time, where a test is about something else."""
-    import floquid.plot
-    import floquid.reporting
-
-    monkeypatch.setattr(floquid.plot, "save_figures", floquid.plot.save_figures)
-    monkeypatch.setattr(floquid.reporting, "report", floquid.reporting.report)
-    exec(PICTURES, {})
+    quicken(monkeypatch)
 
 
 DRAWN = ("test_commands", "test_paper_command", "test_report_command")

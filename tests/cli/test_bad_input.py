@@ -406,6 +406,7 @@ def test_the_installed_command(here, words, code, pattern):
     assert contents(here / "out") == EARLIER
 
 
+@pytest.mark.kill
 def test_ctrl_c(here):
     """A signal in the middle of the work, to a process of its own."""
     script = (

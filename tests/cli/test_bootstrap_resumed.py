@@ -35,6 +35,7 @@ def result(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.kill
 def test_killed_and_gone_on_with(result, capsys):
     words = ["bootstrap", "result.h5", "--workers", "1", "--draws", "60", "--out", "place"]
     process = subprocess.Popen([sys.executable, "-c", COMMAND, *words], stdout=subprocess.DEVNULL)

@@ -216,6 +216,7 @@ def test_growth_within_the_root_of_the_tolerance_is_no_growth(work):
     assert strict_json(typed("floquet a.npz --format json --no-check"))["stability"]["verdict"] == "unstable"
 
 
+@pytest.mark.slow
 def test_vastly_different_multipliers_have_a_summary(work):
     save("a.npz", lambda t: np.diag([-900.0, 300.0]) * (1 + 0.1 * np.cos(t)), 2.0 * np.pi)
     content = strict_json(typed("floquet a.npz --format json --no-check --out new"))

@@ -145,6 +145,7 @@ def check_kills(here, kills, seed):
     assert len(left) <= 1, "what a kill leaves is removed by the next run"
 
 
+@pytest.mark.kill
 def test_killed_at_some_moments(here):
     check_kills(here, SOME, seed=0)
 
@@ -166,6 +167,7 @@ for _ in range(times):
 )
 
 
+@pytest.mark.slow
 def test_several_programs_write_one_folder(here):
     """Three programs write over each other, while a fourth reads; one is killed on the way."""
     place = here / "place"

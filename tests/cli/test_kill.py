@@ -154,6 +154,7 @@ def killed_at(here, results, shares):
         assert_whole(here / "place", old, new)
 
 
+@pytest.mark.kill
 def test_killed_at_six_moments(here, results):
     killed_at(here, results, [random.Random(1).uniform(0.4, 1.0) for _ in range(6)])
 

@@ -4,7 +4,7 @@ import re
 import shlex
 
 import pytest
-from tests.cli.conftest import EARLIER, contents
+from tests.cli.conftest import EARLIER, contents, quicken
 from tests.cli.test_commands import RESULT, strict_json, typed
 
 import floquid
@@ -16,9 +16,10 @@ SHORT = "demo jeffcott --paper --periods 200 --draws 2"
 
 @pytest.fixture(scope="module")
 def shown(tmp_path_factory):
-    """What a short run prints, and its folder."""
+    """What a short run prints, and its folder: of pictures the paper's alone."""
     folder = tmp_path_factory.mktemp("paper")
     with pytest.MonkeyPatch.context() as patch:
+        quicken(patch)
         patch.setenv("COLUMNS", "120")
         return typed(f"{SHORT} --out {folder / 'out'}"), folder / "out"
 
@@ -72,14 +73,15 @@ def test_the_table_is_printed_whole(shown):
     assert str(folder / "paper.md") in text
 
 
-def test_json_is_the_summary_alone_and_the_seed_counts(quick_pictures, here):
+def test_json_is_the_summary_alone_and_the_seed_counts(quick_pictures, here, monkeypatch):
+    monkeypatch.setattr("floquid.cli._paper.save_figure", lambda figure, path: path.write_bytes(b""))
     text = typed("demo --paper --periods 150 --draws 1 --seed 3 --format json --out one")
     assert text == (here / "one" / "summary.json").read_text()
     assert typed("demo --periods 150 --seed 3 --format json --out two") == text
     assert "paper.md" not in contents(here / "two")
 
 
-def test_a_later_result_leaves_the_comparison_alone(here, shown):
+def test_a_later_result_leaves_the_comparison_alone(here, shown, quick_pictures):
     """They may be the owner's own files of these names: nothing that this result does not hold is touched."""
     earlier = {name: data for name, data in contents(shown[1]).items() if "paper" in name}
     for name, data in earlier.items():
@@ -112,7 +114,7 @@ def test_a_folder_in_the_way_is_refused_before_any_work(here, capsys):
     assert contents(here / "out") == EARLIER
 
 
-def test_a_figure_that_cannot_be_written_leaves_the_earlier_result(here, capsys, monkeypatch):
+def test_a_figure_that_cannot_be_written_leaves_the_earlier_result(here, capsys, monkeypatch, quick_pictures):
     def fail(figure, path):
         raise OSError(28, "No space left on device", str(path))
 

@@ -71,6 +71,7 @@ def test_typed_as_a_command(name, code, tmp_path, monkeypatch, capsys):
         assert bad.words in said.replace("`--", "").replace("\n", " ") or bad.words in printed.out
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("kind", ["white", "red", "peaked", "walk"])
 @pytest.mark.parametrize("channels", [1, 4])
 def test_noise_alone_is_no_mode_whatever_the_seed(kind, channels):
@@ -90,6 +91,7 @@ def pulls(change, draws=20):
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_what_is_refused_would_have_had_deviations_too_small(monkeypatch):
     """A channel three more times, in other units: its errors are what they were, its deviations are not."""
     monkeypatch.setattr("floquid.pipeline._identify.sum_of_others", lambda analysis: ("", 1.0))
@@ -146,6 +148,7 @@ def struck(*, ambient, own, common=0.0, second=0.5, seed=0):
     return fq.Record(values=values, sample_rate=rate, channels=["a", "b"], clock=fq.ConstantPeriod(period=0.25))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_decay_in_noise_that_the_structure_makes_itself_is_no_noise(seed):
     """There the noise has its peak where the mode is. It is said, and not taken for the mode."""

@@ -1,8 +1,8 @@
 """Every command and every Python block of the README and the documentation, run as a reader would run it.
 
 The blocks of a page run in order, in one empty folder beside a copy of `examples/`, and its Python blocks share their
-names. The README's commands run in a shell, and draw figures and the report; on other pages floquid's own run in this
-process, and these are files of the right names alone. A line of a `console` block that begins with "$ " is a command
+names. Floquid's own commands run in this process, and figures and the report are files of the right names alone; `make
+slow` runs the README in a shell, pictures and all. A line of a `console` block that begins with "$ " is a command
 and what follows is its output; every line of a `bash` block is a command. Commands that set a machine up (`git clone`,
 `make`, `pip install`) are not run: of `make`, the targets must exist. Pages that the build itself executes
 (`{code-cell}`) are left to it.
@@ -31,7 +31,8 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS]
 SHELL = {"console", "bash"}
 # Shown, not run: other languages, and the directives of the documentation's own language.
 SHOWN = {"text", "toml", "json", "csv", "bibtex", "bibliography", "toctree", "eval-rst", "code-cell", "mermaid", "math",
-         "note", "warning", "tip", "admonition", "figure", "image", "glue"}  # fmt: skip
+         "note", "warning", "tip", "admonition", "figure", "image", "glue",
+         "literalinclude"}  # fmt: skip
 
 SETS_UP = ("git clone ", "cd ", "pip install ", "python3 -m venv ", "python -m pip install ")
 
@@ -62,7 +63,7 @@ PLAIN = re.compile(r"(floquid [\w ./,=:+-]*(?:\"[^\"$`\\\\]*\"[\w ./,=:+-]*)*)(?
 
 
 SMALLER = {"floquid demo jeffcott --paper": "floquid demo jeffcott --paper --periods 200 --draws 2"}
-"""The paper's experiment is a slow statistic: whole under that marker, smaller without."""
+"""The paper's experiment is a slow statistic: here a smaller one."""
 
 
 def run_command(command, folder, within=False):
@@ -121,20 +122,17 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(ROOT)) for path in PAGES])
-def test_page(path, folder, request):
-    readme, text = path.name == "README.md", path.read_text(encoding="utf-8")
-    if not readme:
-        request.getfixturevalue("quick_pictures")
+def test_page(path, folder, quick_pictures):
+    text = path.read_text(encoding="utf-8")
     for whole, smaller in SMALLER.items():
+        assert path != PAGES[0] or f"$ {whole}\n" in text
         text = text.replace(f"$ {whole}\n", f"$ {smaller}\n")
-    run_page(text, path.name, folder, within=not readme)
+    run_page(text, path.name, folder, within=True)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", SMALLER)
-def test_a_command_that_is_slow(command, folder):
-    assert f"$ {command}\n" in PAGES[0].read_text(encoding="utf-8")
-    run_command(command, folder)
+def test_the_readme_as_a_reader_runs_it(folder):
+    run_page(PAGES[0].read_text(encoding="utf-8"), PAGES[0].name, folder)
 
 
 def test_the_readme_shows_the_two_commands():

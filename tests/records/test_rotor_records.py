@@ -105,6 +105,7 @@ def test_the_model_gives_the_record_back(name):
         assert (np.sqrt(np.mean((quiet.values[:, :used] - ring) ** 2, axis=1)) < 0.25 * sigma).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rotor_1900rpm"])
 def test_without_noise_all_eight_modes_are_found(name):
     """Known from the map to 1e-9 of a thousand: about as good as its finite differences."""

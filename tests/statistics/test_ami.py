@@ -170,6 +170,7 @@ def check(done: Repeated, assert_that, loss=LOSS):
 FEW = [("three", 0.02), ("a half-power width apart", 0.1), ("a real pole and a negative multiplier", 0.05)]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("name", "noise"), FEW)
 def test_every_mode_is_found_and_errs_as_it_says_at_the_bound(assert_that, name, noise):
     check(repeat(SYSTEMS[name], AMI(), range(6), noise=noise), assert_that)
@@ -271,6 +272,7 @@ def rotor_is_identified(papers, identifier, seeds, assert_that):
     assert_that.pulls_have_unit_variance(errors / np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
 
 
+@pytest.mark.slow
 @EVERY
 def test_the_papers_rotor_is_identified_at_the_bound(papers, assert_that, identifier):
     rotor_is_identified(papers, identifier, range(4), assert_that)
@@ -314,6 +316,7 @@ def all_modes_are_found(identifier, seed, *, every=1):
     assert np.abs(errors).max() < 0.01
 
 
+@pytest.mark.slow
 def test_eight_modes_of_a_rotor_are_found_from_a_quarter_of_the_samples():
     all_modes_are_found(AMI(), 0, every=4)
 

@@ -76,6 +76,7 @@ def check(kind, noise, seeds, *, exact):
         assert binom.cdf(called, tested, LEVEL) > RARE, f"{called} of {tested}: the test is timid"
 
 
+@pytest.mark.slow
 def test_few_constant_systems_are_called_periodic():
     check("apart", 0.02, 40, exact=False)
 
@@ -93,6 +94,7 @@ def test_a_mode_near_half_or_a_whole_fundamental_is_not_called_periodic_more_oft
     check(kind, 0.02, 400, exact=False)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("noise", [0.02, 0.1])
 @pytest.mark.parametrize("support", [2.0, 1.1])
 def test_a_tenth_of_the_papers_asymmetry_is_seen(support, noise):

@@ -392,6 +392,7 @@ def judged(name: str, found: Draws) -> None:
     assert binom.sf(rare - 1, len(parts), 0.01) > RARE, f"{rare} of {len(parts)} right structures at p < 0.01"
 
 
+@pytest.mark.slow
 def test_intervals_cover_and_errors_are_those_of_the_bound(found):
     judged("strongly periodic", found)
 
@@ -437,6 +438,7 @@ def test_a_wrong_structure_is_refused():
             )
 
 
+@pytest.mark.slow
 def test_the_papers_experiment_and_its_worst_block():
     """Allen 2009, section 3: 0.013 in the damping block; here the largest error of A(t) over a few draws."""
     jeffcott, structure = JeffcottRotor(), rotor(cycles=8).motion.structure
@@ -457,6 +459,7 @@ def test_the_papers_experiment_and_its_worst_block():
     assert max(damping) < 0.0006
 
 
+@pytest.mark.slow
 def test_the_automatic_harmonics_are_about_the_best_fixed_ones():
     jeffcott = JeffcottRotor()
     for noise in (0.002, 0.1):

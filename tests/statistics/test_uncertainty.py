@@ -40,6 +40,7 @@ def check(known, chain, seeds, assert_that):
     assert_that.pulls_have_unit_variance(coefficients)
 
 
+@pytest.mark.first(1)
 @FEW
 def test_exponents_and_coefficients_err_as_they_say(experiment, chain, assert_that, name):
     check(experiment(**EXPERIMENTS[name]), chain, SEEDS, assert_that)

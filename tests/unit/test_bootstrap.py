@@ -192,6 +192,7 @@ def test_without_noise_a_draw_gives_the_analysis_back(name):
 # The spread against what was said of it.
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", WAYS)
 def test_the_deviations_of_a_right_fit_hold(name):
     checked = found(name)
@@ -283,6 +284,7 @@ def test_a_structure_that_was_found_is_held():
     assert plan_of(whole, False).settings.structure == text_of(whole.refinement.structure)
 
 
+@pytest.mark.slow
 def test_the_bootstrap_of_a_loaded_result_with_a_structure(tmp_path):
     floquid.save(analysis("refined"), tmp_path / "result.h5")
     checked = bootstrap(floquid.load(tmp_path / "result.h5"), draws=20, seed=5, workers=1)
@@ -432,6 +434,7 @@ class Deadly:
         return os._exit, (3,)
 
 
+@pytest.mark.kill
 def test_a_worker_that_dies_is_said():
     with pytest.raises(InputError, match=r"one of them ended before its time.\n .*`workers=1`"):
         list(drawn(Deadly(), SeedSequence(0).spawn(4), 2))
@@ -457,6 +460,7 @@ SCRIPT = """
 """
 
 
+@pytest.mark.kill
 def test_an_interrupt_ends_it_and_leaves_no_process(tmp_path):
     script = tmp_path / "long.py"
     script.write_text(textwrap.dedent(SCRIPT), encoding="utf-8")
@@ -552,6 +556,7 @@ def test_a_draw_of_the_whole_is_an_identification_of_its_record():
     assert_allclose(one.system, again.state.system[::10], rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_orders_that_come_out_otherwise_are_counted():
     """Of a mode that hardly rises above the noise, the order is found in some draws and not in others."""
     weak = identify(record(periods=40, noise=0.02), order=4, validate=False)
@@ -585,6 +590,7 @@ def test_what_is_no_analysis_is_refused():
         bootstrap(np.zeros(3))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["gaps", "own period"])
 def test_a_result_that_was_read_gives_the_same_draws(name, tmp_path):
     """A record that was fitted as it was sampled is in the file as it was sampled."""

@@ -82,6 +82,7 @@ def test_what_the_detector_needs_is_what_makes_it_see(monkeypatch):
     assert len(find_hits(measured())) != 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("imbalance", [0.0, 5.0])
 def test_one_free_response_has_no_hit_in_fifty_seeds(imbalance):
     counts = [len(find_hits(measured(HITS[:1], seed=seed, n_periods=100, imbalance=imbalance))) for seed in range(50)]

@@ -176,6 +176,7 @@ def test_a_pair_that_is_told_is_farther_apart_than_what_is_said_to_be_seen_as_on
     assert 0.01 < float(said.split("about ")[1].split()[0]) < 1.0
 
 
+@pytest.mark.slow
 def test_a_random_walk_is_never_clearly_a_mode():
     """Twenty samples a period of noise that wanders, and nothing else."""
     for seed in range(6):

@@ -304,6 +304,7 @@ def test_channels_that_are_not_there(found):
         coefficients(found, 0, "Z")
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("function", [residues, coefficients, composite])
 def test_several_must_be_analyses(found, function):
     for wrong in ({}, {"one": 1}, [found], dict.fromkeys("abcde", found)):

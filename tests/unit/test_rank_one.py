@@ -117,6 +117,7 @@ def test_noise_that_differs_between_inputs_and_outputs():
     assert farthest(found(scaled).multipliers, found(data).multipliers) < 1e-6
 
 
+@pytest.mark.slow
 def test_the_deviations_are_those_of_the_errors():
     """Of one of two equal poles the error has the covariance stated, over draws of the noise."""
     pulls = []

@@ -349,6 +349,7 @@ def errors(known, drawn, harmonics):
     return np.abs(state.system - known.system.at(state.times)).max(), state
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("size", [1e-6, 1e-4, 2e-3])
 def test_the_automatic_harmonics_are_nearly_the_best_fixed_ones(oracle, size):
     """In the median over draws, at noise that shows many harmonics and at noise that shows few."""

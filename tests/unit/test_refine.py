@@ -176,6 +176,7 @@ def test_a_first_order_system_in_other_units_and_order(first):
 # What it says of its own errors.
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("name", ["one", "locked", "overdamped", "blade"])
 @pytest.mark.parametrize("free_period", [False, True])
 def test_deviations_are_those_of_the_fit_by_differences(oracle, name, free_period):
@@ -226,6 +227,7 @@ def test_errors_and_their_deviations_agree_over_draws(oracle, name):
     assert low < np.sum(left) < high
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("name", "options"), [
     ("one", {}), ("locked", {"free_period": True}), ("blade", {"hits": 3}), ("pairs", {"width": 1}),
 ])  # fmt: skip
@@ -677,6 +679,7 @@ CHAINS = {
 }
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("name", CHAINS)
 def test_a_record_is_refined_within_its_errors(oracle, name):
     """The chi-square of what is left, that of the parameters' errors, and A(t), over draws of the noise."""

@@ -60,6 +60,7 @@ def test_weights_are_a_sinc_under_a_kaiser_window():
     assert_allclose(interpolate(impulse, RATE, 0.0, times, cutoff=cutoff)[0], expected, atol=3e-6 * 2 * cutoff / RATE)
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize(("band", "accuracy"), OPTIONS)
 @pytest.mark.parametrize("cutoff", CUTOFFS[:4])
 def test_error_over_the_pass_band_is_below_the_accuracy(band, accuracy, cutoff):
@@ -425,6 +426,7 @@ def test_what_cannot_be_resampled_is_refused():
 # Bandwidth
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("samples", [1500, 6000, 40000])
 def test_white_noise_holds_no_response(samples):
     """False alarms in 1 of 1000 records, by the statement: none or one in 200 (two, 1 time in 60)."""

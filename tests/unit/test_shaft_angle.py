@@ -67,6 +67,7 @@ def said(shaft, words):
 # The estimate and its deviation.
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("lines", [1, 4])
 @pytest.mark.parametrize("wander", [0.0, 0.0002, 0.002, 0.02])
 def test_the_deviations_are_the_errors(wander, lines):
@@ -230,6 +231,7 @@ def test_a_wander_that_the_curve_cannot_follow_is_told():
     assert not said(found(pulses(0.002)), "alike from one to the next")
 
 
+@pytest.mark.slow
 def test_a_long_record_has_as_many_knots_as_its_wander_needs():
     """A hundred and eighty cycles of wander in six thousand revolutions."""
     shaft = found(pulses(0.002, turns=6000, seed=3))

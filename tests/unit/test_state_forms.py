@@ -92,6 +92,7 @@ def test_any_quantities_are_exact(exact, states):
     assert len(found.states) == 4
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("states", STATES.values(), ids=STATES)
 def test_deviations_of_any_quantities(rough, states):
     deviates_as_it_says(rough("gyroscopic", JOINT), states)
@@ -133,6 +134,7 @@ def test_slopes_of_weights_are_differences(part):
     assert_allclose(slopes, (up - down) / 2e-6, rtol=1e-8)
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("name", ["one", "locked", "overdamped", "blade", "growing", "pair and real"])
 @pytest.mark.parametrize("hits", [1, 3])
 def test_deviations_of_every_kind_of_mode(rough, oracle, name, hits):
@@ -197,6 +199,7 @@ def test_channels_as_they_are(exact):
     assert_array_equal(every.system, found.system)
 
 
+@pytest.mark.slow
 def test_channels_as_they_are_deviate_as_they_say(rough):
     known = rough("pair and real", [(tuple(row), 0) for row in MIX], hits=2)
     found = deviates_as_it_says(known, ["c0", "c1", "c2", "c3"], form="first-order")
@@ -258,6 +261,7 @@ def test_delayed_outputs_have_the_exponents_of_the_system(exact, delay):
     assert "the exponents are the same in any" in found.coordinates
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("sensors", [1, 3])
 def test_delayed_outputs_deviate_as_they_say(rough, sensors):
     known = rough("pairs", [(X, 0), (Y, 0), ((0.3, 0.0, 1.0, 0.0), 0)][:sensors])
@@ -265,6 +269,7 @@ def test_delayed_outputs_deviate_as_they_say(rough, sensors):
     assert (found.system_std > 0).any(axis=(0, 1)).all()
 
 
+@pytest.mark.slow
 def test_the_delay_taken_is_nearly_the_best(exact):
     """In the condition of the result, over the delays around it that another might try."""
     known = exact("gyroscopic", [(X, 0)], width=6)
@@ -361,6 +366,7 @@ def test_all_channels_are_better_than_the_two_that_they_are_scaled_by(five):
     assert np.sum(every.system_std[:, 2:] ** 2) < 0.85 * np.sum(few.system_std[:, 2:] ** 2)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_all_channels_deviate_nearly_as_they_say(five, seed):
     """The errors of their gains too."""

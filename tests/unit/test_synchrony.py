@@ -54,6 +54,7 @@ def own_period(error) -> tuple[float, float]:
     return float(found[1]), float(found[2])
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_the_right_period_is_not_suspected(rotor, seed):
     analysis = identify(sampled(rotor, TRUE_PERIOD / 50, seed=seed))
@@ -65,6 +66,7 @@ def test_the_right_period_is_not_suspected(rotor, seed):
     assert found.slip == pytest.approx(abs(found.relative) * 51200)
 
 
+@pytest.mark.slow
 def test_the_right_period_without_noise_is_not_suspected(rotor):
     """Then the deviation is tiny, but so is the slip."""
     analysis = identify(sampled(rotor, TRUE_PERIOD / 50, noise=0.0))
@@ -114,6 +116,7 @@ def analysed(record, *, harmonics=None):
     return assemble(modal, lifted, harmonics=harmonics), lifted
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("relative", [-1e-3, -2e-4, 2e-4, 1e-3])
 def test_drift_estimates_a_small_difference_without_bias(relative):
     """(own - given)/given, over draws of the noise: the mean within what the deviation of the mean allows."""

@@ -86,6 +86,7 @@ def test_a_right_model_passes():
     assert found.lines.shape == (4, 1, len(found.modes))
 
 
+@pytest.mark.slow
 def test_right_models_pass_with_every_noise():
     """Each of 40 draws; the criteria are made for one false alarm in some hundred."""
     failed = [seed for seed in range(40) if not judged(noisy(seed=100 + seed)).passed]

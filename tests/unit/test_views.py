@@ -348,6 +348,7 @@ def test_a_record_that_keeps_step_has_no_slip(found, locked):
             assert seen.misfit < 4.0
 
 
+@pytest.mark.slow
 def test_slips_scatter_as_their_deviations_say():
     """Twelve stretches of ten records: the mean square of slip over deviation is that of 120 normal numbers."""
     scores = [

@@ -122,6 +122,7 @@ def test_the_gain_and_its_slope():
     assert_array_equal(plain.gain(rates, slope=True), np.zeros((2, 1, 2)))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("n_phases", [2, 5, 12, 40])
 def test_white_noise_is_left_alone(n_phases):
     model = system(channels=3, hits=2)
@@ -213,6 +214,7 @@ def test_deviations_of_the_shapes_follow_the_poles():
         assert_allclose(std.imag, 1e-6 * np.abs(moved.imag), rtol=1e-3, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_deviations_of_the_shapes_are_those_of_the_noise():
     """With the poles known, over draws of innovations on the filtered responses."""
     model, clean = system(), whitened(lifted(system()), FILTER)
@@ -266,6 +268,7 @@ def test_the_chain_in_coloured_noise():
     assert np.abs(found.model.response(times) - model.response(times)).max() < scale
 
 
+@pytest.mark.slow
 def test_noise_that_wanders_beside_modes():
     """A random walk: its increments are white. What passes for a mode that hardly changes leaves the order in doubt."""
     model = system(channels=3)
@@ -305,6 +308,7 @@ def two_hits(*, second=1.0, seed=0):
     return replace(one, coefficients=one.coefficients * shares[:, None, :, None])
 
 
+@pytest.mark.slow
 def test_a_record_of_two_hits_in_coloured_noise():
     model = two_hits()
     pulls = []
@@ -382,6 +386,7 @@ def test_the_noise_floor_goes_through_the_filter():
     assert_allclose(through.noise, raw.noise * np.hypot(1.0, 0.99), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_narrow_peak_of_the_noise_is_no_mode_without_a_doubt():
     peak = (-2.0 * 0.999 * np.cos(0.14 * np.pi), 0.999**2)
     model, wrong = system(channels=3), 0
@@ -415,6 +420,7 @@ def test_an_order_that_needs_every_period_is_not_whitened(monkeypatch, order, ke
     assert (lifted.whitening is None) == (kept == 25)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("order", "n_cycles", "words"),
     [
@@ -431,6 +437,7 @@ def test_noise_that_does_not_settle_says_which_order_may_be_to_blame(monkeypatch
     assert str(caught.value).endswith(words)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("first", "searches"),
     [(-0.9, 1), (-0.86, 2), (-0.4, 2), (None, 2)],

@@ -422,6 +422,7 @@ def test_other_files_of_that_name(tmp_path, data, words):
     refused(path, *words)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("pack", [packed, lambda variable: variable], ids=["packed", "plain"])
 @pytest.mark.parametrize("channels", [None, ["run.acc.x", "run.acc.y"]], ids=["by name", "by path"])
 def test_damage_is_refused_or_does_not_matter(tmp_path, pack, channels):

@@ -75,6 +75,7 @@ def test_damped_mathieu_thresholds(ratio, threshold):
     assert found.bands == pytest.approx(np.array([[threshold, 0.5]]), abs=1e-9, rel=0.0)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("n_points", [53, 60, 71])
 @pytest.mark.parametrize("q", [0.1, 0.5, 1.5])
 def test_every_undamped_tongue_wider_than_stated_is_found(q, n_points):
@@ -220,6 +221,7 @@ def test_multipliers_65_decades_apart_do_not_spoil_the_largest(shift):
     assert (found.unstable == (shift > 0.0)).all()
 
 
+@pytest.mark.slow
 def test_a_stable_system_of_large_transients_is_stable():
     """Turned by half a turn a period: coupled by 1000, decays of 1e-7 and 2e-7 may come out as growth of 1e-6."""
 
@@ -359,6 +361,7 @@ def test_processes_change_nothing(module):
     assert len(one.bands) == 2
 
 
+@pytest.mark.kill
 def test_what_other_processes_cannot_have_is_refused(module, monkeypatch):
     grid = {"a": np.linspace(0.0, 5.0, 70)}
     with pytest.raises(InputError, match=r"`workers` of `floquet.stability_map` must be 1 for a plain callable"):
@@ -368,6 +371,7 @@ def test_what_other_processes_cannot_have_is_refused(module, monkeypatch):
         stability_map(module.system, np.pi, grid, workers=2)
 
 
+@pytest.mark.kill
 @pytest.mark.skipif(sys.platform == "win32", reason="process groups")
 def test_an_interrupt_leaves_no_process(module):
     run = subprocess.Popen(
