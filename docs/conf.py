@@ -24,6 +24,7 @@ def source() -> str:
             found.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
     return found.hexdigest()[:16]
 
+
 project = "floquid"
 author = "floquid developers"
 copyright = "2026, floquid developers"
