@@ -368,7 +368,7 @@ BAD = {
     "an unknown type of data": ([array(DOUBLE, (1, 2), "values", element(200, bytes(16))), names("x")], "damaged"),
     "no variable": ([element(200, bytes(16))], "no variable where one is due"),
     "numbers missing": ([array(DOUBLE, (1, 2), "values"), names("x")], "an array without its numbers"),
-    "packed noise": ([element(15, b"\x12\x34\x56\x78" * 10)], "damaged or cut short", "error"),
+    "packed noise": ([element(15, b"\x12\x34\x56\x78" * 10)], "damaged or cut short", "check"),
 }  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from zipfile import is_zipfile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +60,9 @@ class _NpzFile:
 
 def _arrays(source: Source) -> dict[str, NDArray[Any]]:
     """The arrays by key."""
+    if not is_zipfile(source.path):  # numpy would advise to load a pickle all the same
+        must, got = "be a whole NumPy archive", "is not one, or is damaged or cut short"
+        raise source.error(must, got, f"Copy it again. {NUMPY.save}")
     again = source.taken_apart("NumPy archive", f"Copy it again. {NUMPY.save}")
     with again, source.path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
         return {key: _array(source, archive, key) for key in archive.files}
