@@ -20,7 +20,7 @@ from floquid.lti import MaximumLikelihood
 from floquid.pipeline import Settings, bootstrap
 from floquid.views import families, synchronisation
 
-INNER = {"Entries", "Table", "TimeAxis", "TimeColumn"}
+INNER = {"ModeParameters", "Table", "TimeAxis", "TimeColumn"}
 """Types with arrays that are shown for those who start a fit of their own, and are made in its inmost loop."""
 
 WAYS = {

@@ -5,7 +5,7 @@ python-control and back.
 """
 
 from floquid.periodic._control import from_control, to_control
-from floquid.periodic._fit_records import Fit, fit
+from floquid.periodic._fit_records import Fit, OrderError, fit
 from floquid.periodic._forced_response import ForcedResponse
 from floquid.periodic._output_error_step import estimate_at
 from floquid.periodic._refit import instants, own_period, refit, unexplained
@@ -41,6 +41,7 @@ __all__ = [
     "ForcedResponse",
     "Known",
     "ModeParameters",
+    "OrderError",
     "PartialTests",
     "PeriodCandidate",
     "PeriodEstimate",

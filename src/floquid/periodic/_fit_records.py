@@ -254,12 +254,16 @@ class _Samples:
         return _Samples(blocks, blocks, fundamental, nu, _most(records, 2.0 * np.pi / fundamental))
 
 
+class OrderError(IdentificationError):
+    """The fit has not as many poles as were asked for."""
+
+
 def _check_order(found: SearchResult, order: int | None) -> None:
     """Refuse a fit without as many poles as were asked for."""
     free, real = ~found.solution.entries.fixed, found.solution.entries.real
     reached = int(2 * free.sum() - (free & real).sum())
     if order not in (None, reached):
-        raise IdentificationError(
+        raise OrderError(
             f"Identification ended without a result: order {order} cannot be reached, {reached} is what was found. Ask "
             "for that order, or let it be found."
         )

@@ -12,7 +12,7 @@ from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.lifting import floor_of
 from floquid.order import judge
-from floquid.periodic import Fit, assemble, entries_of, equal_multipliers, fit, groups
+from floquid.periodic import Fit, OrderError, assemble, entries_of, equal_multipliers, fit, groups
 from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._complete import completed, free_residues, samples_of
 from floquid.pipeline._doubts import too_low, wrong_own_period, wrong_period
@@ -22,6 +22,11 @@ from floquid.pipeline._refuse import NO_NEWS
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import Lifting, Start, cut, start_of
 from floquid.pipeline._validated import validated
+
+UNCONSTRAINED = (
+    "The residues are not constrained to their harmonics: that many poles do not stay where they are then. The record "
+    "holds fewer than the order asked for."
+)
 
 SAME = 1e-12
 """The difference below which two multipliers are one."""
@@ -118,7 +123,12 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
         free = settings.order is None and settings.identifier is None and settings.harmonics is None
         search = model is None or (free and not doubt)
         if search or not twice:
-            fitted = _fitted(prepared, cutting, start, model, settings, search, report)
+            try:
+                fitted = _fitted(prepared, cutting, start, model, settings, search, report)
+            except OrderError:
+                if model is None or model.order != settings.order:
+                    raise
+                missing = missing or UNCONSTRAINED  # poles that are none run away where residues are constrained
         if twice and fitted is not None and model is not None and fitted.model.order <= _distinct(model):
             fitted = None  # two modes have one multiplier indeed, and only residues free in each hit tell them apart
         if fitted is not None and not (doubt or missing):
