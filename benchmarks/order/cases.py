@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from floquid.testing import RandomSystem, Ranges, random_system
+from benchmarks.order.drawing import random_system
+from benchmarks.order.random_systems import RandomSystem, Ranges
 
 PLAIN = Ranges(
     outputs=(50, 100),

@@ -6,11 +6,12 @@ import time
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from benchmarks.order.random_systems import RandomSystem
 
 from floquid.errors import IdentificationError
 from floquid.lifting import lift
 from floquid.pipeline import Settings, find_poles
-from floquid.testing import RandomSystem, pair_exponents
+from floquid.testing import pair_exponents
 
 OFF = 10.0
 """The bounds by which a mode may be off before it counts as lost."""

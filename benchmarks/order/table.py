@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from benchmarks.order.random_systems import CLASSES
 from benchmarks.order.run import Row
-
-from floquid.testing import CLASSES
 
 
 def robustness(rows: dict[str, list[Row]]) -> str:

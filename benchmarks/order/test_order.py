@@ -7,9 +7,8 @@ import numpy as np
 from benchmarks.order import run
 from benchmarks.order.__main__ import main
 from benchmarks.order.cases import CASES, PLAIN, system_of
+from benchmarks.order.drawing import random_system
 from benchmarks.order.run import Found, judged
-
-from floquid.testing import random_system
 
 EASY = replace(PLAIN, modes=(2, 2), outputs=(20, 20), cycles=(80, 80))
 

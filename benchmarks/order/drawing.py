@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from benchmarks.order.random_systems import CLASSES, RandomSystem, Ranges
 from numpy.typing import NDArray
 
 from floquid._checks import integer
 from floquid.core import PeriodicModel
-from floquid.testing._random_systems import CLASSES, RandomSystem, Ranges
 
 HARMONICS = np.arange(-4, 5)
 """Those of the shapes: -3 to 3, and -4 to 3 where a real negative multiplier pairs harmonic m with -m - 1."""

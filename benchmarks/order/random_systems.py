@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from benchmarks.order.findable import Findable, findable
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error, integer
 from floquid.core import ConstantPeriod, Cycles, PeriodicModel, Record
 from floquid.lti import TimeResponses
-from floquid.testing._findable import Findable, findable
 
 CLASSES = ("close pair", "weak mode", "real exponent", "half-per-rev", "coloured noise", "several hits", "no noise")
 """Kinds of difficulty in a random system, several at once."""
