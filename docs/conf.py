@@ -7,6 +7,7 @@ import os
 import re
 from pathlib import Path
 
+from jupyter_cache import get_cache
 from sphinx.util.inspect import TypeAliasForwardRef
 
 import floquid
@@ -52,6 +53,9 @@ myst_heading_anchors = 3
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(ROOT / "docs" / "_build" / "executed" / source())
 nb_execution_in_temp = True
+# The processes that read pages would otherwise all make its tables at once.
+Path(nb_execution_cache_path).mkdir(parents=True, exist_ok=True)
+get_cache(nb_execution_cache_path).list_cache_records()
 # What a cell prints stands in one box, whenever the kernel flushes.
 nb_merge_streams = True
 nb_execution_raise_on_error = True
