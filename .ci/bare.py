@@ -16,16 +16,16 @@ assert Path(fq.__file__).is_relative_to(sys.prefix), fq.__file__
 assert not [name for name in EXTRAS if find_spec(name)], "extras are installed"
 
 record = fq.systems.JeffcottRotor().simulate(n_periods=256, noise=0.01)
-for suffix in ("npz", "csv", "mat", "h5", "uff", "wav", "out", "outb"):
+for suffix in ("npz", "csv", "mat", "h5", "uff"):
     fq.write(record, f"run.{suffix}")
     assert fq.identify(fq.read(f"run.{suffix}", period=record.clock.period), validate=False).model.order == 4, suffix
-for suffix, extra in (("tdms", "tdms"), ("parquet", "parquet")):
+for suffix in ("tdms", "parquet"):
     Path(f"run.{suffix}").write_bytes(b"TDSm or PAR1, it is not looked at")
-    for ask in (fq.read, lambda name: fq.write(record, name)):
+    for ask in (fq.read, lambda name: fq.write(record, name))[: 1 if suffix == "tdms" else 2]:
         try:
             ask(f"run.{suffix}")
         except fq.InputError as error:
-            assert f'pip install "floquid[{extra}]"' in str(error), error
+            assert f'pip install "floquid[{suffix}]"' in str(error), error
         else:
             raise AssertionError(f"{suffix} without its package")
 
