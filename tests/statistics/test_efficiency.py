@@ -22,6 +22,7 @@ def errors_of(known, chain, seeds):
     return np.array([known.exponent_errors(chain(known.records(seed)))[0] for seed in seeds])
 
 
+@pytest.mark.slow
 def test_the_chain_is_efficient(plain, chain, assert_that):
     assert_that.is_efficient(errors_of(plain, chain, range(40)), plain.bound(), loss=1.02)
 

@@ -417,11 +417,13 @@ def found() -> Draws:
     return draws(strong(), range(24), 4)
 
 
+@pytest.mark.slow
 def test_deviations_that_are_too_small_are_seen(found):
     with pytest.raises(AssertionError, match=r"an interval of 95 % covers"):
         covers(found.system_pulls / 0.6)
 
 
+@pytest.mark.slow
 def test_an_estimator_that_wastes_half_of_the_record_is_seen(found):
     with pytest.raises(AssertionError, match=r"times the Cramér-Rao bound"):
         is_efficient(np.sqrt(2.0) * found.exponents, free_bound(strong(), 4)[0])

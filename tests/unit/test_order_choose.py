@@ -80,6 +80,7 @@ def test_without_whitening_coloured_noise_passes_for_modes(monkeypatch):
     assert identifier.extract(identifier.prepare(data)).order > 6
 
 
+@pytest.mark.slow
 def test_deviations_hold_in_coloured_noise():
     """Errors over their deviations, over draws of the noise: whitened, the poles err as they say."""
     pulls = []

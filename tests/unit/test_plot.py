@@ -502,14 +502,14 @@ def test_save_figures_writes_one_file_a_figure_and_format_the_same_each_time(fou
     assert [path.stem for path in save_figures(found, folder, dpi=20)] == [name for name in FIGURES if name != "speed"]
     assert len(list(folder.iterdir())) == 11
     every = _save._drawings
-    monkeypatch.setattr(_save, "_drawings", lambda *given: dict([*every(*given).items()][:3]))
+    monkeypatch.setattr(_save, "_drawings", lambda *given: dict([*every(*given).items()][:1]))
     paths = save_figures(found, folder, formats=("png", "svg", "pdf"))
-    assert [path.name for path in paths] == [f"{name}.{form}" for name in FIGURES[:3] for form in ("png", "svg", "pdf")]
+    assert [path.name for path in paths] == [f"{name}.{form}" for name in FIGURES[:1] for form in ("png", "svg", "pdf")]
     starts = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
     assert all(path.read_bytes().startswith(starts[path.suffix[1:]]) for path in paths)
     assert mpl.image.imread(paths[0]).shape[:2] == (600, 1050)
     again = save_figures(found, tmp_path, formats=("png", "svg", "pdf"))
-    assert len(again) == 9
+    assert len(again) == 3
     assert all(path.read_bytes() == (folder / path.name).read_bytes() for path in again)
 
 

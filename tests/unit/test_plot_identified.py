@@ -412,6 +412,7 @@ def test_the_same_figure_is_the_same_file(found, poles, tmp_path):
         assert files[0].read_bytes() == files[1].read_bytes()
 
 
+@pytest.mark.slow
 def test_every_result_has_its_figures(locked, tmp_path):
     """Also that of one channel and one real multiplier, and of a record fitted as it was sampled."""
     record = pair()
@@ -429,6 +430,7 @@ def test_coefficients_are_of_the_strongest_mode(found, tmp_path, monkeypatch):
     monkeypatch.setattr(
         _save, "coefficients", lambda *a, **k: asked.update(mode=a[1], channel=a[2], **k) or plot.composite(a[0])
     )
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda self, target, **_: target.write_bytes(b""))
     plot.save_figures(replace(found, state=None), tmp_path, dpi=30)
     energy = np.sum(np.abs(found.model.coefficients) ** 2, axis=3) / found.noise**2
     mode, row, hit = np.unravel_index(np.argmax(energy[[0, 2]]), energy[[0, 2]].shape)

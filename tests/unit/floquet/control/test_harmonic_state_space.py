@@ -163,6 +163,7 @@ def test_error_says_how_far_the_values_have_settled():
     assert (off <= coarse.error).all()
 
 
+@pytest.mark.slow
 def test_unnamed_jumps_are_refused_or_reported():
     values = np.asarray(jumping_system().A.values)
     unnamed = matrix(lambda t: values[..., 0] if t % T < 0.7 else values[..., 1])
