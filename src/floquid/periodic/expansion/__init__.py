@@ -2,13 +2,3 @@
 
 from floquid.periodic.expansion._expand import assemble, expansion, physical_exponents
 from floquid.periodic.expansion._harmonic_bands import GAP, bands_at, participation, select_bands
-
-__all__ = [
-    "GAP",
-    "assemble",
-    "bands_at",
-    "expansion",
-    "participation",
-    "physical_exponents",
-    "select_bands",
-]

@@ -42,6 +42,9 @@ PASSES = 3
 GAINED = 100.0
 """What a step of the coefficients may gain, over what is left, for it to have lost no digits that matter."""
 
+LITTLE = 1e-3
+"""The same where columns are all but alike."""
+
 GONE = 1e-200
 """The sum of squares below which a column has decayed before the first sample."""
 
@@ -265,11 +268,13 @@ def _linear(block: Block, columns: Columns, sines: NDArray[np.bool_], start: NDA
         round_ += 1
         found = block.sums(columns, complex_of(coefficients))
         inverse = np.zeros((size, size))
-        inverse[np.ix_(kept, kept)] = _inverse(found.gram[np.ix_(kept, kept)])
+        inverse[np.ix_(kept, kept)], safe = _inverse(found.gram[np.ix_(kept, kept)])
         step = inverse @ found.seen
         gained = np.sum(step * found.seen, axis=0)
         coefficients = coefficients + step
-        if round_ == PASSES or (round_ >= passes and (gained <= GAINED * (found.left - gained)).all()):
+        if round_ == PASSES or (
+            round_ >= passes and (gained <= (GAINED if safe else LITTLE) * (found.left - gained)).all()
+        ):
             break
     return Linear(
         coefficients=coefficients,
@@ -281,10 +286,10 @@ def _linear(block: Block, columns: Columns, sines: NDArray[np.bool_], start: NDA
     )
 
 
-def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The inverse of a Gram matrix; directions that are rounding are left out."""
+def _inverse(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
+    """The inverse of a Gram matrix, directions that are rounding left out; and whether its columns are well apart."""
     if not len(matrix):
-        return matrix
+        return matrix, True
     size = np.diag(matrix)
     scale = np.sqrt(np.where(size > GONE, size, 1.0))
     scaled = matrix / np.outer(scale, scale)
@@ -292,9 +297,9 @@ def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
         lower = np.linalg.cholesky(scaled)
         if np.diag(lower).min() ** 2 > SAFE:
             root = np.linalg.inv(lower)
-            return root.T @ root / np.outer(scale, scale)
+            return root.T @ root / np.outer(scale, scale), True
     except np.linalg.LinAlgError:
         pass
     values, vectors = np.linalg.eigh(scaled)
     good = values > ROUNDING * values[-1]
-    return (vectors[:, good] / values[good]) @ vectors[:, good].T / np.outer(scale, scale)
+    return (vectors[:, good] / values[good]) @ vectors[:, good].T / np.outer(scale, scale), False

@@ -2,12 +2,3 @@
 
 from floquid.periodic.period._estimate_period import PeriodCandidate, PeriodEstimate, estimate_period
 from floquid.periodic.period._fse import FSE, Family, fse
-
-__all__ = [
-    "FSE",
-    "Family",
-    "PeriodCandidate",
-    "PeriodEstimate",
-    "estimate_period",
-    "fse",
-]

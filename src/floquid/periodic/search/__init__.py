@@ -8,19 +8,3 @@ from floquid.periodic.search._result import SearchResult
 from floquid.periodic.search._rounds import begun, searched, searched_white
 from floquid.periodic.search._scores import period_step
 from floquid.periodic.search._state import Limits, State
-
-__all__ = [
-    "Limits",
-    "SearchResult",
-    "State",
-    "begun",
-    "coloured",
-    "combinations_of",
-    "evidence",
-    "finished",
-    "period_step",
-    "searched",
-    "searched_white",
-    "with_lines",
-    "without_needless",
-]

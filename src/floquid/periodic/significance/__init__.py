@@ -9,15 +9,3 @@ from floquid.periodic.significance._period_mismatch import (
     synchrony,
 )
 from floquid.periodic.significance._periodicity_test import PartialTests, Periodicity, periodicity
-
-__all__ = [
-    "NEGLIGIBLE_SLIP",
-    "SIGNIFICANT",
-    "PartialTests",
-    "Periodicity",
-    "Synchrony",
-    "drift",
-    "periodicity",
-    "spacing",
-    "synchrony",
-]

@@ -2,12 +2,3 @@
 
 from floquid.periodic.start._groups import entries_of, equal_multipliers, groups
 from floquid.periodic.start._known_multipliers import Known, generous_poles, without_known
-
-__all__ = [
-    "Known",
-    "entries_of",
-    "equal_multipliers",
-    "generous_poles",
-    "groups",
-    "without_known",
-]
