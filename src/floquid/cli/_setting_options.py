@@ -50,6 +50,7 @@ def _words() -> dict[str, str]:
 
 def _option(name: str, kind: Any, words: str, default: Any, group: Group) -> tuple[str, Any, None]:
     """One option, None where it is not given."""
+    words += " Comma-separated." if default == () else ""
     more: dict[str, Any] = {"help": words, "group": group}
     if kind is int:
         more["converter"] = whole_number
@@ -70,7 +71,7 @@ def _options(title: str, *groups: tuple[str, tuple[str, ...]]) -> type:
             kind = KINDS.get(
                 name, {"int": int, "float": float, "bool": bool}.get(str(own[name].type).split(" |")[0], str)
             )
-            found.append(_option(name, kind, words[name], own[name].default, group))
+            found.append(_option(name, kind, words.get(name, ""), own[name].default, group))
         if label == RECORD:
             found += [_option(name, kind, text, None, group) for name, (kind, text) in READING.items()]
     made = make_dataclass(title, [(name, kind, default) for name, kind, default in found], frozen=True, kw_only=True)

@@ -128,7 +128,8 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
             except OrderError:
                 if model is None or model.order != settings.order:
                     raise
-                missing = missing or UNCONSTRAINED  # poles that are none run away where residues are constrained
+                # Poles that are none run away where residues are constrained.
+                missing = f"{missing} {UNCONSTRAINED}".strip()
         if twice and fitted is not None and model is not None and fitted.model.order <= _distinct(model):
             fitted = None  # two modes have one multiplier indeed, and only residues free in each hit tell them apart
         if fitted is not None and not (doubt or missing):

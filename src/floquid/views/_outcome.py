@@ -53,7 +53,7 @@ def verdict_line(validation: Validation) -> str:
         count = len(validation.reasons)
         return f"the model does not pass, for {count} reason{'s' if count != 1 else ''}"
     fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
-    return f"passed: {fit:.1%} of cycles left out is predicted, with {error:.3g} times the noise as the largest error"
+    return f"passed: {fit:.1%} of the response in cycles left out is predicted, to {error:.3g} times the noise at worst"
 
 
 def _noise(analysis: Analysis) -> str:
@@ -64,7 +64,7 @@ def _noise(analysis: Analysis) -> str:
     if analysis.failed:
         return f"what the model leaves, noise and all, is {size} of the peaks"
     if analysis.whitening is None:
-        return f"white, {size} of the peaks"
+        return f"taken for white, {size} of the peaks"
     return f"coloured along the record; after the filter that whitens it, {size} of the peaks"
 
 
@@ -89,7 +89,7 @@ def _period(analysis: Analysis) -> str:
     line, tested = f"{period_words(analysis)} s, {how}", analysis.periodicity
     if analysis.fit.own_period is not None:
         difference, std = analysis.fit.own_period
-        line += f"; that of the response differs by {difference:.1g} ± {std:.1g} of it"
+        line += f"; the response's own differs by {difference:.1g} ± {std:.1g} of that"
     if tested is None or not tested.degrees:
         return line
     p = "p < 1e-300" if tested.p_value < 1e-300 else f"p = {tested.p_value:.2g}"

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +128,7 @@ def _gains(spectra: Sequence[_Spectra], rate: float) -> tuple[NDArray[np.float64
     grid = max(own.residual.values.shape[1] * own.residual.step for own in spectra)
     # What comes after a fast decay has died is not looked at, and its lines are as wide as it is fast.
     length = min(grid, DIED / rate) if rate > 0.0 else grid
-    lines = int(next_fast_len(int(np.ceil(2.0 * (length / step + 1.0))), real=True) or 0)
+    lines = cast("int", next_fast_len(int(np.ceil(2.0 * (length / step + 1.0))), real=True))
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(lines, step), np.float64)
     gain = np.sum([own.gain(rate, omega, lines) for own in spectra], axis=0)
     gain[0] *= 0.5
