@@ -72,7 +72,7 @@ def print_analysis(analysis: Analysis, *, verbose: bool = False) -> None:
     for warning in analysis.warnings:
         console.print(f"Warning: {warning}", style="yellow")
     if not verbose:
-        console.print("--verbose explains the columns and gives the reasons.", style="dim")
+        console.print("`floquid identify --verbose` explains the columns and gives the reasons.", style="dim")
 
 
 def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> None:

@@ -167,7 +167,7 @@ def _fitted(
     report: Callable[[str], None],
 ) -> Fit:
     """The fit of the samples, started at the poles of the lifted responses."""
-    report("holding the residues to their harmonics")
+    report("constraining the residues to their harmonics")
     begin = None
     if start.modal is not None and model is not None:
         begin = groups(start.modal, start.lifted) if search else entries_of(model)
