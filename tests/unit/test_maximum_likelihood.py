@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
 
-from floquid.lti import MaximumLikelihood, ModalModel, Outcome, TimeResponses, white_noise_std
+from floquid.lti import MaximumLikelihood, ModalModel, Outcome, TimeResponses, fit_residues, white_noise_std
 from floquid.lti._exponentials import fit, polish
 from floquid.lti._factor import factor
 from floquid.lti._hankel import Realisation, hankel_covariance
@@ -287,6 +287,13 @@ def test_the_fit_says_how_much_is_left():
     assert found.stats["degrees"] == 30 * (200 - 2) - 2
     assert_allclose(found.residual_std, data.noise, rtol=0.25)
     assert np.sqrt(np.mean((found.residual_std / data.noise) ** 2)) == pytest.approx(1.0, rel=0.03)
+
+
+def test_the_deviation_of_what_is_left_counts_the_poles():
+    noise = np.random.default_rng(0).standard_normal((5000, 1, 12))
+    multipliers = np.exp([-0.1 + 0.5j, -0.1 - 0.5j, -0.2 + 1.5j, -0.2 - 1.5j, -0.1 + 2.5j, -0.1 - 2.5j])
+    left = fit_residues(multipliers, TimeResponses(values=noise, dt=1.0)).residual_std
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(1.0, rel=0.03)
 
 
 def test_refining_on_other_noise_keeps_the_order_and_moves_to_the_new_optimum():

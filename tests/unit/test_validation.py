@@ -14,8 +14,10 @@ from floquid.periodic import line_amplitudes, refit, without_lines
 from floquid.pipeline import _validated, validated
 from floquid.systems import JeffcottRotor
 from floquid.validation import Criterion, Validation, _held_out, validate
+from floquid.validation._case import case_of
 from floquid.validation._consistency import consistency
 from floquid.validation._left import colour, filtered, gains, peaks
+from floquid.validation._strength import _power
 
 ROTOR = JeffcottRotor(damping=0.02)
 CYCLES, PHASES = 120, 24
@@ -84,6 +86,22 @@ def test_a_right_model_passes():
     assert {"period", "tone", "harmonic", "line", "colour", "multipliers", "composition"} <= set(found.metrics)
     assert found.tones.shape == (4, 1, len(found.turns))
     assert found.lines.shape == (4, 1, len(found.modes))
+
+
+@pytest.mark.parametrize("exponents", [[-0.05], [-0.05 + 2.0j, -0.05 - 2.0j]], ids=["a real multiplier", "a pair"])
+def test_the_power_of_a_mode_is_that_of_its_response(exponents):
+    model = PeriodicModel(
+        exponents=exponents,
+        coefficients=np.full((len(exponents), 1, 1, 1), 3.0 + 0j),
+        harmonics=[0],
+        period=1.0,
+        channels=clean().channels[:1],
+    )
+    times = np.arange(4000) / 64.0
+    values = np.sum(3.0 * np.exp(np.multiply.outer(exponents, times)), axis=0).real
+    record = Record(values=values[None], sample_rate=64.0, channels=model.channels)
+    case = case_of(model, [record], [ConstantPeriod(period=1.0)], 0.5 * np.ones((1, 1)), None, 1.0, 1e-3)
+    assert _power(case, 0) == pytest.approx(np.sum(values**2) / 0.25, rel=0.02)
 
 
 @pytest.mark.slow

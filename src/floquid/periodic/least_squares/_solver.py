@@ -272,9 +272,8 @@ def _linear(block: Block, columns: Columns, sines: NDArray[np.bool_], start: NDA
         step = inverse @ found.seen
         gained = np.sum(step * found.seen, axis=0)
         coefficients = coefficients + step
-        if round_ == PASSES or (
-            round_ >= passes and (gained <= (GAINED if safe else LITTLE) * (found.left - gained)).all()
-        ):
+        enough = GAINED if safe else LITTLE
+        if round_ == PASSES or (round_ >= passes and (gained <= enough * (found.left - gained)).all()):
             break
     return Linear(
         coefficients=coefficients,
