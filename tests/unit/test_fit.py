@@ -224,6 +224,7 @@ def test_a_search_that_ends_but_for_its_limit_says_so(monkeypatch):
     more = response(given.times, OMEGA * given.times, shapes(seed=3), exponents=others)
     found = fit([replace(given, values=given.values + more)], [CLOCK], forced="none")
     assert any("ended at 2, a pair counted once" in doubt for doubt in found.doubts)
+    assert any("peak that is left" in doubt and "is not all noise" in doubt for doubt in found.doubts)
     monkeypatch.setattr("floquid.periodic._fit_records.MOST_ENTRIES", 3)
     right = fit([coloured(record(n=500), 0.0, seed=0)], [CLOCK], forced="none")
     assert not any("ended at" in doubt for doubt in right.doubts)
@@ -270,3 +271,14 @@ def test_what_is_refused(changes, words):
     arguments = {"clocks": [CLOCK], "forced": "auto"} | changes
     with pytest.raises(InputError, match=words):
         fit([record()], arguments.pop("clocks"), **arguments)
+
+
+def test_coefficients_from_afar_lose_no_digits():
+    """Of a record with hardly any noise, what is left is as exact from coefficients of zero as from near ones."""
+    given = record(n=500, noise=1e-10)
+    blocks, fundamental, _ = record_blocks([given], [CLOCK], 1.0)
+    entries = ModeParameters.made(EXPONENTS, [(-1, 1)] * 2, fundamental)
+    near = linearise(blocks, entries)
+    afar = linearise(blocks, entries, tuple(np.zeros_like(own.coefficients) for own in near.linear))
+    for one, other in zip(near.linear, afar.linear, strict=True):
+        np.testing.assert_allclose(other.left, one.left, rtol=1e-6)
