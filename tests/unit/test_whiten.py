@@ -13,9 +13,9 @@ from floquid import Record, identify
 from floquid.core import ConstantPeriod, PeriodicModel
 from floquid.lifting import lift, unlift, whitened, whitening_filter
 from floquid.lti import fit_residues
-from floquid.periodic import assemble, synchrony
+from floquid.periodic import Known, assemble, synchrony
 from floquid.periodic.significance._period_mismatch import drift
-from floquid.pipeline import Settings, _find_poles
+from floquid.pipeline import Settings, _find_poles, _start
 from floquid.pipeline import lifted as lifted_of
 from floquid.pipeline._colour import first_filter
 from floquid.store import load, save
@@ -446,7 +446,7 @@ def test_noise_that_does_not_settle_says_which_order_may_be_to_blame(monkeypatch
 def test_the_noise_is_judged_again_by_what_the_poles_leave(monkeypatch, first, searches):
     model = system(channels=3)
     taps, count, settled = None if first is None else np.tile([1.0, first], (3, 1)), [], _find_poles._settled
-    monkeypatch.setattr(_find_poles, "first_filter", lambda *_: taps)
+    monkeypatch.setattr(_start, "_without_forced", lambda lifted, *_: (lifted, Known(), taps))
     monkeypatch.setattr(_find_poles, "_settled", lambda *given: count.append(1) or settled(*given))
     found = identify(records(model, noise=0.05, colour=(-0.9,), n_cycles=300))
     assert len(count) == searches

@@ -134,14 +134,12 @@ def whitened(lifted: Lifted, taps: NDArray[np.float64]) -> Lifted:
     return replace(found, first_phase=lifted.first_phase + order / lifted.n_phases, whitening=taps)
 
 
-def _left(
-    values: NDArray[np.float64], shapes: NDArray[np.complex128], powers: NDArray[np.complex128]
-) -> NDArray[np.float64]:
+def _left(values: NDArray[np.float64], shapes: NDArray[np.float64], powers: NDArray[np.float64]) -> NDArray[np.float64]:
     """What a model leaves of one channel (phases, cycles), in the order of time; some phases at a time."""
     left = np.empty(values.shape[::-1])
     for first in range(0, len(values), 64):
         part = slice(first, first + 64)
-        left[:, part] = (values[part] - np.real(shapes[:, part].T @ powers)).T
+        left[:, part] = (values[part] - shapes[:, part].T @ powers).T
     return left.ravel()
 
 
@@ -151,16 +149,20 @@ def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[NDArray
     Of a channel whose residual is rounding, that of white noise.
     """
     data, phases = lifted.responses, lifted.n_phases
+    # Of a conjugate pair one is enough: 2 Re(R μ^n) is a real product of real and imaginary parts.
+    upper = modal.multipliers.imag >= 0.0
+    logs = np.asarray(np.log(modal.multipliers[upper]), np.complex128)
+    both = np.where(modal.multipliers[upper].imag > 0.0, 2.0, 1.0)
     sums = np.zeros((lifted.n_channels, most + 1))
     floor = np.broadcast_to(lifted.floor, (lifted.n_channels, lifted.n_hits))
     numbers = np.zeros(lifted.n_channels)
     for hit, length in enumerate(data.lengths):
         # A growing mode is counted from its end, so that its powers cannot overflow.
-        logs = np.asarray(np.log(modal.multipliers), np.complex128)
         last = np.where(logs.real > 0.0, length - 1, 0)
-        powers = np.exp(logs[:, None] * (np.arange(length) - last[:, None]))
-        alive = modal.residues[:, :, hit].any(axis=1)
-        shapes = modal.residues[:, :, hit] * np.exp(np.where(alive, logs * last, 0.0))[:, None]
+        turning = np.exp(logs[:, None] * (np.arange(length) - last[:, None]))
+        residues = modal.residues[upper, :, hit]
+        residues = residues * (both * np.exp(np.where(residues.any(axis=1), logs * last, 0.0)))[:, None]
+        powers, shapes = (np.concatenate([turning.real, turning.imag]), np.concatenate([residues.real, -residues.imag]))
         for channel in range(lifted.n_channels):
             rows = slice(channel * phases, (channel + 1) * phases)
             values = data.values[rows, hit, :length]

@@ -44,8 +44,14 @@ def powers(s: NDArray[np.complex128], samples: int) -> NDArray[np.complex128]:
 
     What has decayed below 1e-60 is zero: products of denormal numbers cost a hundred times a product of others.
     """
-    exponent = (np.arange(samples)[:, None] - np.where(s.real > 0, samples - 1, 0)[None, :]) * s
-    return np.where(exponent.real > -138.0, np.exp(exponent), 0.0)
+    grows, span = s.real > 0, int(np.ceil(np.sqrt(samples)))
+    decaying = np.where(grows, -s, s)
+    # e^{s(qa + b)} is the product of two, each one of √samples exponentials.
+    late = np.exp((span * np.arange(-(-samples // span))[:, None]) * decaying)
+    columns = (late[:, None] * np.exp(np.arange(span)[:, None] * decaying)).reshape(span * len(late), len(s))[:samples]
+    columns[np.arange(samples)[:, None] * decaying.real <= -138.0] = 0.0
+    columns[:, grows] = columns[::-1, grows]
+    return columns
 
 
 def basis(poles: PoleSet, samples: int) -> NDArray[np.complex128]:

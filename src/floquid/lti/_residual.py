@@ -20,6 +20,12 @@ from floquid.lti._poles import PoleSet
 LONGEST = 600
 """Samples looked at: enough to tell white noise, and few enough for a Gram matrix."""
 
+EVENLY = 16
+"""Multiples of so many samples are transformed: a number with a large prime factor takes ten times as long."""
+
+FEW = 8
+"""Such multiples up to which every sample counts."""
+
 SEEN = 0.3
 """Lines of which the poles take more than 1 - this are not judged: little of the noise is left there."""
 
@@ -57,7 +63,8 @@ class Residual:
     @staticmethod
     def of(poles: PoleSet, factors: Sequence[Factor]) -> Residual:
         """That of the longest block, over its own mean deviation."""
-        block = factors[0].cut(LONGEST)
+        samples = min(LONGEST, len(factors[0].values))
+        block = factors[0].cut(samples - samples % EVENLY if samples > FEW * EVENLY else samples)
         q = np.zeros((len(block.values), 0))
         if len(poles):
             q, _ = np.linalg.qr(real_powers(poles, len(block.values)))

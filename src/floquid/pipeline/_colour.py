@@ -21,9 +21,9 @@ FALLEN = 6.0
 PEAKED = "A mode that hardly decays over the record lies where the noise has a peak: it may be noise."
 
 
-def first_filter(lifted: Lifted, generous: ModalModel | None = None) -> NDArray[np.float64] | None:
+def first_filter(lifted: Lifted) -> NDArray[np.float64] | None:
     """The filters that whiten what generous poles leave; None where that is white."""
-    return whitening_filter(lifted, generous_poles(lifted) if generous is None else generous)
+    return whitening_filter(lifted, generous_poles(lifted))
 
 
 ALL_PEAKED = (

@@ -12,7 +12,7 @@ from floquid.errors import IdentificationError
 from floquid.lifting import Lifted, whitened, whitening_filter
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
 from floquid.order import Choice, judge
-from floquid.pipeline._colour import ALL_PEAKED, PEAKED, dies_away, first_filter, under_a_peak
+from floquid.pipeline._colour import ALL_PEAKED, PEAKED, dies_away, under_a_peak
 from floquid.pipeline._settings import Settings
 
 ENOUGH_CYCLES = 3
@@ -37,7 +37,7 @@ def find_poles(
     settings: Settings,
     report: Callable[[str], None] = lambda _: None,
     *,
-    generous: ModalModel | None = None,
+    taps: NDArray[np.float64] | None = None,
 ) -> tuple[Lifted, ModalModel, Choice | None]:
     """Poles and noise together: the noise is taken again from the residual until it stays, and the order is weighed.
 
@@ -52,8 +52,8 @@ def find_poles(
         The options.
     report
         Is told of each stage.
-    generous
-        `generous_poles` of the responses, where they are known.
+    taps
+        The filters that whiten what generous poles leave of the responses (channels, taps); None where that is white.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def find_poles(
     IdentificationError
         No mode rises above the noise, or the order or the noise cannot be told.
     """
-    raw, taps = lifted, first_filter(lifted, generous)
+    raw = lifted
     if settings.order is not None and settings.order >= lifted.responses.lengths.max() - 1:
         taps = None  # the filter takes a period, and the order needs them all
     looks = 0

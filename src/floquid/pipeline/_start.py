@@ -15,6 +15,7 @@ from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import ModalModel
 from floquid.order import Choice
 from floquid.periodic import Known, without_known
+from floquid.pipeline._colour import first_filter
 from floquid.pipeline._doubts import quiet
 from floquid.pipeline._find_poles import UnsettledError, find_poles
 from floquid.pipeline._prepare import Prepared
@@ -203,14 +204,14 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
     while True:
         chosen = settings if floors[0] is None else replace(settings, noise_floor=floors[0])
         whole = lifted if floors[0] is None else lift(cutting.cycles, floor=floors[0])
-        raw, known, generous = _without_forced(whole, prepared, cutting)
+        raw, known, taps = _without_forced(whole, prepared, cutting)
         turning = zip(prepared.shafts, prepared.responses, strict=False)
         from_lines = Start(whole=whole, lifted=raw, raw=raw, known=known, modal=None, choice=None)
         gaps = by_default and any(np.isnan(record.values).any() for record in prepared.responses)
         if gaps or any(_wander(shaft, record) > FAR for shaft, record in turning):
             return from_lines  # samples that are filled in make poles of their own, or hide those of the record
         try:
-            free, modal, choice = find_poles(raw, chosen, report, generous=generous if raw is whole else None)
+            free, modal, choice = find_poles(raw, chosen, report, taps=taps)
         except UnsettledError:
             if len(floors) > 1:
                 floors = floors[1:]
@@ -240,10 +241,10 @@ def _wander(shaft: ShaftAngle, record: Record) -> float:
 
 def _without_forced(
     lifted: Lifted, prepared: Prepared, cutting: Lifting
-) -> tuple[Lifted, Known | None, ModalModel | None]:
-    """The responses without their forced response, what that is, and generous poles; None where it is not asked for."""
+) -> tuple[Lifted, Known | None, NDArray[np.float64] | None]:
+    """The responses without their forced response, what that is (None: not asked for), and filters that whiten them."""
     if prepared.settings.forced == "none":
-        return lifted, None, None
+        return lifted, None, first_filter(lifted)
     nu = prepared.shafts[0].periods_per_revolution if prepared.shafts else prepared.settings.periods_per_revolution
     return without_known(lifted, nu, speeds=cutting.speeds)
 

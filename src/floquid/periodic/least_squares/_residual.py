@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,8 +95,16 @@ class Residual:
 
 def _power(values: NDArray[np.float64], taken: NDArray[np.int64]) -> NDArray[np.float64]:
     """The power of each line but the zeroth under a Hann window (rows, lines)."""
-    window = np.hanning(values.shape[1] + 2)[1:-1]
+    window = _hann(values.shape[1])
     return squared(np.fft.rfft(values * window, axis=1)[:, 1:]) / np.sum(window[taken] ** 2)
+
+
+@lru_cache(maxsize=8)
+def _hann(samples: int) -> NDArray[np.float64]:
+    """Hann's window without the zeros at its ends (samples,): as dear as a transform, and asked for again and again."""
+    window = np.hanning(samples + 2)[1:-1]
+    window.flags.writeable = False
+    return window
 
 
 def squared(lines: NDArray[np.complexfloating]) -> NDArray[np.floating]:

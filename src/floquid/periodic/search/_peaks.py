@@ -32,6 +32,9 @@ GROWTH = (2.0, 6.0)
 DIED = 8.0
 """Decays after which an exponential has died."""
 
+NEAR = 1e4
+"""Times the noise up to which single precision shows every line of a residual: beyond, its rounding makes lines."""
+
 SKIRT = 10.0
 """Times what a decaying line has beside its peak below which another peak may be that."""
 
@@ -136,22 +139,28 @@ def _gains(spectra: Sequence[_Spectra], rate: float) -> tuple[NDArray[np.float64
 
 
 class _Spectra:
-    """What a fit leaves of one block, ready for transforms under many windows."""
+    """The residual of one block over its noise, ready for transforms under many windows."""
 
     def __init__(self, residual: Residual) -> None:
         self.residual, self.times = residual, np.arange(residual.values.shape[1]) * residual.step
         self.there = np.zeros(len(self.times))
         self.there[residual.taken] = 1.0
-        self.weights: dict[int, NDArray[np.float64]] = {}
+        scaled = residual.values / residual.noise[:, None]
+        self.values = scaled.astype(np.float32 if np.abs(scaled).max() < NEAR else np.float64)
+        self.weights: dict[int, NDArray[np.floating]] = {}
 
     def gain(self, decay: float, omega: NDArray[np.float64], lines: int) -> NDArray[np.float64]:
         """What an exponential of each frequency takes out of the misfit (lines,)."""
-        residual, times = self.residual, self.times[:lines]
+        from scipy.fft import rfft
+
+        residual, times, precision = self.residual, self.times[:lines], self.values.dtype
         window = np.exp(-decay * (times - (0.0 if decay >= 0 else times[-1])))
         if lines not in self.weights:
             bands = residual.levels.shape[1]
             centres = (np.arange(bands) + 0.5) / bands * (np.pi / residual.step)
-            levels = np.array([np.interp(omega, centres, own) for own in residual.levels])
-            self.weights[lines] = 2.0 / (levels * levels)
-        power = squared(np.fft.rfft(residual.values[:, :lines] * window, lines, axis=1))
-        return np.einsum("rl,rl->l", power, self.weights[lines]) / float((window * window) @ self.there[:lines])
+            levels = [np.interp(omega, centres, own) for own in residual.levels / residual.noise[:, None]]
+            self.weights[lines] = (2.0 / np.square(levels)).astype(precision)
+        # scipy's transform of several rows in single precision takes a fifth of the time of numpy's in double.
+        power = squared(rfft(self.values[:, :lines] * window.astype(precision), lines, axis=1))
+        gain = np.einsum("rl,rl->l", power, self.weights[lines])
+        return gain.astype(np.float64) / float((window * window) @ self.there[:lines])

@@ -96,7 +96,7 @@ def _drift(n_cycles: int) -> NDArray[np.float64]:
 
 def without_known(
     lifted: Lifted, nu: float, *, speeds: Sequence[NDArray[np.float64]] | None = None
-) -> tuple[Lifted, Known, ModalModel]:
+) -> tuple[Lifted, Known, NDArray[np.float64] | None]:
     """Lifted responses without the forced response that is in them, as far as noise does not explain it.
 
     Generous poles take the free response with them, so that what is left to the known columns is theirs.
@@ -116,16 +116,16 @@ def without_known(
         The responses without it.
     Known
         What was there.
-    ModalModel
-        The generous poles.
+    numpy.ndarray or None
+        The filters that whiten what generous poles leave of those (channels, taps); None where that is white.
     """
     count = round(nu) if nu >= 1.0 else 1
     roots = [k / count for k in range(count // 2 + 1)]
     modal = generous_poles(lifted)
-    if lifted.responses.lengths.min() < FEWEST * count:
-        return lifted, Known(), modal
-    # Judged where the noise is white: else what is loud near a known multiplier passes for a forced response.
     taps = whitening_filter(lifted, modal)
+    if lifted.responses.lengths.min() < FEWEST * count:
+        return lifted, Known(), taps
+    # Judged where the noise is white: else what is loud near a known multiplier passes for a forced response.
     judged = lifted if taps is None else whitened(lifted, taps)
     poles = _apart(modal if taps is None else generous_poles(judged), roots, int(judged.responses.lengths.max()))
     known = Known(tuple(roots), True)
@@ -136,10 +136,10 @@ def without_known(
         if _gain(judged, bases, less, known) < _limit(judged, less, known):
             known = less
     if not known:
-        return lifted, known, modal
+        return lifted, known, taps
     poles = _apart(modal, roots, int(lifted.responses.lengths.max()))
     free, turns = _subtracted(lifted, poles, known, speeds)
-    return free, Known(known.roots, known.drift, turns), modal
+    return free, Known(known.roots, known.drift, turns), whitening_filter(free, generous_poles(free))
 
 
 def generous_poles(lifted: Lifted) -> ModalModel:
