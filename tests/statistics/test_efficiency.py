@@ -63,6 +63,13 @@ def test_the_chain_is_efficient_over_many_seeds(experiment, chain, assert_that, 
     assert_that.is_efficient(errors_of(known, chain, range(300)), known.bound(), loss=loss)
 
 
+@pytest.mark.parametrize("seed", [1, 9, 294])
+def test_two_close_modes_seen_from_two_hits_are_two(experiment, chain, seed):
+    """Each of their poles seems to have residues of rank two, as the errors of the poles are shared."""
+    known = experiment([-0.03 + 0.85j, -0.03 + 0.853j], noise=0.005, n_phases=24, channels=4, hits=2)
+    assert chain(known.records(seed)).order == 4
+
+
 @pytest.fixture(scope="module")
 def rotor(experiment):
     """The paper's experiment: the exact model, sampled 50 times a period over 1024 periods."""

@@ -45,7 +45,7 @@ def powers(s: NDArray[np.complex128], samples: int) -> NDArray[np.complex128]:
     What has decayed below 1e-60 is zero: products of denormal numbers cost a hundred times a product of others.
     """
     grows, span = s.real > 0, int(np.ceil(np.sqrt(samples)))
-    decaying = np.where(grows, -s, s)
+    decaying = np.asarray(np.where(grows, -s, s), np.complex128)
     # e^{s(qa + b)} is the product of two, each one of √samples exponentials.
     late = np.exp((span * np.arange(-(-samples // span))[:, None]) * decaying)
     columns = (late[:, None] * np.exp(np.arange(span)[:, None] * decaying)).reshape(span * len(late), len(s))[:samples]

@@ -18,7 +18,7 @@ from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._order import checked_order, reached
 from floquid.lti._poles import PoleSet
 from floquid.lti._rank import Noise
-from floquid.lti._rank_one import PRODUCTS, merged, refined, separated
+from floquid.lti._rank_one import merged, refined, separated
 from floquid.lti._residual import Residual, filtered, whitening_of
 from floquid.lti._residues import model_of
 from floquid.lti._select import Threshold, choose, force_order, plausible
@@ -183,7 +183,7 @@ class MaximumLikelihood(AbstractIdentifier):
         ModalModel
             The model; its outcome is that of `model`.
         """
-        if PRODUCTS in model.stats:
+        if model.outer_products:
             return refined(model, state.data, self._noise(state, model))
         poles = PoleSet.from_multipliers(model.multipliers)
         blocks = state.first(horizon(poles, state.whole, self.time_constants))
@@ -205,7 +205,7 @@ class MaximumLikelihood(AbstractIdentifier):
         Evidence
             The rises of the cost, the neighbouring models and what is left.
         """
-        poles = merged(model) if PRODUCTS in model.stats else PoleSet.from_multipliers(model.multipliers)
+        poles = merged(model) if model.outer_products else PoleSet.from_multipliers(model.multipliers)
         raw = state.first(horizon(poles, state.whole, self.time_constants))
         taps = whitening_of(Residual.of(poles, raw))
         blocks = replace(state, factors=raw).whitened(taps)
@@ -242,7 +242,7 @@ class MaximumLikelihood(AbstractIdentifier):
 
     def _noise(self, state: Prepared, model: ModalModel) -> Noise:
         """The noise that a model leaves, as its poles see it."""
-        poles = merged(model) if PRODUCTS in model.stats else PoleSet.from_multipliers(model.multipliers)
+        poles = merged(model) if model.outer_products else PoleSet.from_multipliers(model.multipliers)
         raw = state.first(horizon(poles, state.whole, self.time_constants))
         taps = whitening_of(Residual.of(poles, raw))
         left = Residual.of(poles, replace(state, factors=raw).whitened(taps))

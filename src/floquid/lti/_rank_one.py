@@ -21,16 +21,16 @@ from floquid.lti._factor import Factor, factors
 from floquid.lti._noise import product_noise
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._rank import Noise, ranks
-from floquid.lti._types import ModalModel, Outcome, TimeResponses
+from floquid.lti._types import PRODUCTS, ModalModel, Outcome, TimeResponses
 
 STEPS = 60
 """Steps of the fit, at most."""
 
+NOTHING = 1e-12
+"""The share of the curvature beyond that of the columns themselves below which it is rounding."""
+
 TOGETHER = 5.0
 """The sum of their standard deviations, times this, within which poles are one to a free fit."""
-
-PRODUCTS = "outer products"
-"""Among the `stats` of a model whose residues were fitted as such."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +97,8 @@ class ProductFit:
     gradient: NDArray[np.float64]
     whole: NDArray[np.float64]
     information: NDArray[np.float64]
+    unprojected: NDArray[np.float64]
+    """The diagonal of `whole` if the columns took nothing of their tangents (parameters,)."""
 
 
 def _columns(now: Products, lengths: NDArray[np.int64]) -> tuple[NDArray[np.float64], Tangents]:
@@ -150,10 +152,14 @@ def fit_products(now: Products, block: Factor, lengths: NDArray[np.int64]) -> Pr
         mixed = (first.T @ second) * moments[np.ix_(moves.a, moves.b)]
         return total + mixed + mixed.T + (second.T @ second) * moments[np.ix_(moves.b, moves.b)]
 
-    whole = products(residues @ residues.T)
+    moments = residues @ residues.T
+    whole = products(moments)
+    unprojected = moments[moves.a, moves.a] * np.sum(moves.first**2, axis=0)
+    unprojected += 2.0 * moments[moves.a, moves.b] * np.sum(moves.first * moves.second, axis=0)
+    unprojected += moments[moves.b, moves.b] * np.sum(moves.second**2, axis=0)
     noise = block.columns * products(inverse @ inverse.T)
     cost = float(np.sum(left**2)) + block.energy - float(np.sum(block.values**2))
-    return ProductFit(now, cost, gradient, whole, positive_part(whole, whole - noise))
+    return ProductFit(now, cost, gradient, whole, positive_part(whole, whole - noise), unprojected)
 
 
 def _moved(now: Products, step: NDArray[np.float64]) -> Products:
@@ -207,7 +213,9 @@ def polish_products(now: Products, stacked: Stacked, *, steps: int = STEPS, tole
     block, lengths = stacked.block, stacked.data.lengths
     found, damping = fit_products(now, block, lengths), 1e-4
     for _ in range(steps):
-        size = np.sqrt(np.diag(found.information)) + np.finfo(float).tiny
+        size = np.sqrt(np.diag(found.information))
+        # Where two poles are one, a participation moves nothing: its step would shorten that of all others to nothing.
+        size[size**2 <= NOTHING * found.unprojected] = np.inf
         system = found.information / np.outer(size, size)
         while damping < 1e8:
             step = np.linalg.solve(system + damping * np.eye(len(size)), found.gradient / size) / size
@@ -219,7 +227,7 @@ def polish_products(now: Products, stacked: Stacked, *, steps: int = STEPS, tole
         else:
             break
         found, damping = trial, max(0.1 * damping, LEAST_DAMPING)
-        if np.abs(step * size).max() < tolerance:
+        if np.abs(step * np.where(np.isfinite(size), size, 0.0)).max() < tolerance:
             break
     return found
 
@@ -238,7 +246,7 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
     before = int((model.multipliers.imag >= 0).sum())
     while len(found.products.poles) > before:
         trials = [
-            polish_products(found.products.without(entry), stacked, steps=15, tolerance=1e-2)
+            polish_products(found.products.without(entry), stacked, tolerance=1e-2)
             for entry in range(len(found.products.poles))
         ]
         rises = [trial.cost - found.cost for trial in trials]

@@ -12,6 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
 
+PRODUCTS = "outer products"
+"""Among the `stats` of a model whose residues were fitted as such."""
+
 
 class Outcome(Enum):
     """How an identification ended; the value says what it means and what to do."""
@@ -187,6 +190,11 @@ class ModalModel(Rebuilt):
             if value is not None:
                 put(self, name, frozen_array(value, name, of, axes=axes, dtype=dtype))
         put(self, "stats", MappingProxyType(dict(self.stats)))
+
+    @property
+    def outer_products(self) -> bool:
+        """Whether the residues were fitted as outer products of shape and input, so that poles may be equal."""
+        return PRODUCTS in self.stats
 
     @property
     def order(self) -> int:

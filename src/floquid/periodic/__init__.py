@@ -25,7 +25,7 @@ from floquid.periodic.significance import (
     spacing,
     synchrony,
 )
-from floquid.periodic.start import Known, entries_of, equal_multipliers, generous_poles, groups, without_known
+from floquid.periodic.start import Known, distinct_multipliers, entries_of, generous_poles, groups, without_known
 
 CONFIDENT = 2e-3
 """A mode counts as well determined when both parts of its exponent have a deviation below this share of ω: one that is
@@ -49,9 +49,9 @@ __all__ = [
     "Synchrony",
     "assemble",
     "combinations_of",
+    "distinct_multipliers",
     "drift",
     "entries_of",
-    "equal_multipliers",
     "estimate_at",
     "estimate_period",
     "fit",

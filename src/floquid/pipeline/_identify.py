@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from floquid._checks import input_error
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.lifting import floor_of
 from floquid.order import judge
-from floquid.periodic import Fit, OrderError, assemble, entries_of, equal_multipliers, fit, groups
+from floquid.periodic import Fit, OrderError, assemble, distinct_multipliers, entries_of, fit, groups
 from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._complete import completed, free_residues, samples_of
 from floquid.pipeline._doubts import too_low, wrong_own_period, wrong_period
@@ -27,9 +25,6 @@ UNCONSTRAINED = (
     "The residues are not constrained to their harmonics: that many poles do not stay where they are then. The record "
     "holds fewer than the order asked for."
 )
-
-SAME = 1e-12
-"""The difference below which two multipliers are one."""
 
 
 def identify(
@@ -117,7 +112,10 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
             missing = too_low(settings.order, judge(start.lifted.responses, start.modal))
         # Modes that are missing turn in what is left as a wrong period would.
         doubt = "" if missing else _refused(prepared, wrong_period(model, start.lifted, prepared))
-    twice, fitted = model is not None and equal_multipliers(model), None
+    distinct, fitted = 0 if model is None else model.order, None
+    if model is not None and start.modal is not None and start.modal.outer_products:
+        distinct = distinct_multipliers(model)
+    twice = model is not None and distinct < model.order
     if model is None or (settings.constrained and model.covariance is not None):
         # Of a period that is trusted against the response, harmonics come apart: they are no modes to be looked for.
         free = settings.order is None and settings.identifier is None and settings.harmonics is None
@@ -130,7 +128,7 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
                     raise
                 # Poles that are none run away where residues are constrained.
                 missing = f"{missing} {UNCONSTRAINED}".strip()
-        if twice and fitted is not None and model is not None and fitted.model.order <= _distinct(model):
+        if twice and fitted is not None and fitted.model.order <= distinct:
             fitted = None  # two modes have one multiplier indeed, and only residues free in each hit tell them apart
         if fitted is not None and not (doubt or missing):
             doubt = _refused(prepared, wrong_own_period(fitted, start.lifted, prepared, report))
@@ -138,12 +136,6 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
         assert model is not None
         fitted = free_residues(prepared, cutting, start, model)
     return completed(prepared, start, model, fitted, settings, (missing, doubt), report)
-
-
-def _distinct(model: PeriodicModel) -> int:
-    """The number of multipliers of a model that are not equal."""
-    gaps = np.abs(np.subtract.outer(model.multipliers, model.multipliers))
-    return model.order - int(np.tril(gaps < SAME, -1).any(axis=1).sum())
 
 
 def _refused(prepared: Prepared, doubt: str) -> str:

@@ -17,6 +17,9 @@ SEEN = 1e-6
 APART = 2
 """Harmonics of one pole that are further apart than this start as modes of their own."""
 
+EQUAL = 4.0
+"""Deviations of their difference within which two multipliers are one."""
+
 OFF_AXIS = 0.05
 """The imaginary part that a real exponent starts with, over its decay: on the axis, nothing says which way it lies."""
 
@@ -75,10 +78,20 @@ def entries_of(model: PeriodicModel) -> ModeParameters:
     return ModeParameters.of(model)
 
 
-def equal_multipliers(model: PeriodicModel) -> bool:
-    """Whether two modes of a model share a multiplier: free in each hit, residues do not tell them apart."""
-    gaps = np.abs(np.subtract.outer(model.multipliers, model.multipliers)) + np.eye(model.order)
-    return bool((gaps < 1e-12).any())
+def distinct_multipliers(model: PeriodicModel) -> int:
+    """The number of multipliers of a model that deviations tell apart: two modes may share one.
+
+    Free in each hit, the residues of one mode hold those of both, and only outer products of shape and hit tell them
+    apart.
+    """
+    gaps = np.subtract.outer(model.exponents, model.exponents)
+    turns = np.rint(gaps.imag / model.fundamental)
+    std = np.zeros(model.order, complex) if model.exponent_std is None else model.exponent_std
+    within = EQUAL * np.hypot.outer(std.real, std.real) + 1e-12 * model.fundamental
+    equal = np.abs(gaps.real) < within
+    within = EQUAL * np.hypot.outer(std.imag, std.imag) + 1e-12 * model.fundamental
+    equal &= np.abs(gaps.imag - turns * model.fundamental) < within
+    return model.order - int(np.tril(equal, -1).any(axis=1).sum())
 
 
 def _score(coefficients: NDArray[np.complex128], std: NDArray[np.complex128]) -> NDArray[np.float64]:
