@@ -144,6 +144,22 @@ class Experiment:
                     information += whole[: 2 * n, : 2 * n] - cross @ inner
         return np.linalg.inv(information)
 
+    def constrained_bound(self) -> NDArray:
+        """The same with residues constrained to the true band of harmonics: it is less where modes decay fast."""
+        upper, omega = self.truth.exponents[::2], 2.0 * np.pi / self.truth.period
+        n, times = len(upper), self.truth.period / self.n_phases * np.arange(self.n_cycles * self.n_phases)
+        exponentials = np.exp(np.multiply.outer(times, upper[:, None] + 1j * omega * self.truth.harmonics))
+        columns = exponentials.reshape(len(times), -1)
+        columns = np.concatenate([columns.real, columns.imag], axis=1)
+        information = np.zeros((2 * n, 2 * n))
+        for channel, hit in np.ndindex(self.noise.shape):
+            shapes = self.truth.coefficients[::2, channel, hit]
+            slopes = 2.0 * times[:, None] * np.einsum("trm,rm->tr", exponentials, shapes)
+            slopes = np.concatenate([slopes.real, -slopes.imag], axis=1)
+            slopes -= columns @ np.linalg.lstsq(columns, slopes, rcond=None)[0]
+            information += slopes.T @ slopes / self.noise[channel, hit] ** 2
+        return np.linalg.inv(information)
+
     def lifted(self, seed: int):
         """The lifted responses with their true noise."""
         return lift(segment(self.records(seed))).with_noise(self.noise)

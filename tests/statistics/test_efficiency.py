@@ -60,7 +60,7 @@ def test_the_covariance_is_that_of_the_bound(plain, chain):
 )
 def test_the_chain_is_efficient_over_many_seeds(experiment, chain, assert_that, options, loss):
     known = experiment(**options)
-    assert_that.is_efficient(errors_of(known, chain, range(300)), known.bound(), loss=loss)
+    assert_that.is_efficient(errors_of(known, chain, range(300)), known.constrained_bound(), loss=loss)
 
 
 @pytest.mark.parametrize("seed", [1, 9, 294])
