@@ -21,7 +21,7 @@ def sandwich(
 
 
 def positive_part(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`reduced`, with which stays definite: each direction keeps a hundredth of what it has in `whole`."""
+    """`reduced` between a hundredth of `whole` and all of it in each direction, so that it stays definite."""
     if not len(whole):
         return whole
     size = np.diag(whole)
@@ -30,5 +30,5 @@ def positive_part(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> N
     root = vectors * np.sqrt(np.maximum(values, 1e-15 * max(values[-1], 1e-15)))
     inner = np.linalg.solve(root, np.linalg.solve(root, reduced / np.outer(scale, scale)).T)
     share, directions = np.linalg.eigh(0.5 * (inner + inner.T))
-    kept = root @ (directions * np.maximum(share, 1e-2)) @ directions.T @ root.T
+    kept = root @ (directions * np.clip(share, 1e-2, 1.0)) @ directions.T @ root.T
     return kept * np.outer(scale, scale)
