@@ -9,16 +9,14 @@ Everything starts from what `prepare` makes of records: the responses, what ties
 
 from floquid.periodic import CONFIDENT
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._bootstrap import AbstractDraws, Bootstrap, bootstrap
 from floquid.pipeline._complete import lifted_views, samples_of
-from floquid.pipeline._draws import Draw
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
 from floquid.pipeline._lifted import lifted
 from floquid.pipeline._prepare import Prepared, prepare
 from floquid.pipeline._settings import Settings
-from floquid.pipeline._spread import Spread
 from floquid.pipeline._validated import validated
+from floquid.pipeline.bootstrap import AbstractDraws, Bootstrap, Draw, Spread, bootstrap
 
 __all__ = [
     "CONFIDENT",
