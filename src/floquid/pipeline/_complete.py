@@ -35,29 +35,10 @@ def completed(
     doubts: tuple[str, str],
     report: Callable[[str], None],
 ) -> Analysis:
-    """The analysis of a fit.
+    """The analysis of a fit, without a verdict.
 
-    Parameters
-    ----------
-    prepared
-        The responses and their clocks.
-    start
-        The poles of the lifted responses.
-    free
-        The model whose residues are free at each phase; None where the fit did not start from one.
-    fitted
-        The fit.
-    settings
-        The options as used.
-    doubts
-        What speaks against the order given, and against the period.
-    report
-        Is told of each stage.
-
-    Returns
-    -------
-    Analysis
-        Without a verdict.
+    `free` is the model whose residues are free at each phase, None where the fit did not start from one; `doubts` speak
+    against the order given, and against the period.
     """
     missing, doubt = doubts
     fails = failure(fitted, settings)

@@ -42,19 +42,9 @@ def widening_of(analysis: Analysis) -> float:
 
 
 def with_misfit(found: Fit) -> Fit:
-    """The fit with the deviations that its misfit leaves: wider by it, or none where the model fails.
+    """The fit with deviations wider by its misfit, or with none where the model fails.
 
     What is left is no noise then, and moves the exponents by more than noise of its size: a deviation would be made up.
-
-    Parameters
-    ----------
-    found
-        The fit, with the deviations of noise alone.
-
-    Returns
-    -------
-    Fit
-        With the same exponents and shapes.
     """
     factor = widening(found.misfit, found.free)
     if factor == 1.0:

@@ -32,26 +32,14 @@ NAMED = 0.01
 
 
 def sum_of_others(analysis: Analysis) -> tuple[str, float]:
-    r"""What is wrong with a response that is a weighted sum of others, noise and all; empty where none is.
+    r"""A clause that names a response which is a weighted sum of others, noise and all, and what it has beside them.
 
     .. math:: D^{-1} Y = L Q, \qquad |L_{kk}| / \sqrt{N} < 0.1
 
     with Y the responses (channels · hits, N samples), D their noise (of what the model leaves, without what is smooth),
     and L lower triangular: what a response has beside those before it, over its noise, is at least its own noise, but
     for a sum of the others. Records with hardly any noise are passed over: there, modes that are fewer than channels
-    make sums of all of them.
-
-    Parameters
-    ----------
-    analysis
-        What was identified.
-
-    Returns
-    -------
-    str
-        A clause that names the response and those that make it up.
-    float
-        What it has beside them, over its noise.
+    make sums of all of them. The clause is empty where there is none.
     """
     records = analysis.fit.free
     left = unexplained(analysis.model, records, analysis.clocks)

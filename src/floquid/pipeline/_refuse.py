@@ -38,16 +38,7 @@ def refuse_period(records: Sequence[Record], of: str, *, near: float = 1.0) -> N
 
     with D the duration of the longest record. A record that is sampled once a period, to the sample over its length,
     is let through: lifted, it is that of a constant system. Where the period would be possible in another unit, the
-    message says so.
-
-    Parameters
-    ----------
-    records
-        The records; those without a clock of constant period are passed over.
-    of
-        The callable that is asked, for the message.
-    near
-        The factor by which the period may still change, where it is a first value.
+    message says so. `near` is the factor by which the period may still change, where it is a first value.
 
     Raises
     ------
@@ -89,21 +80,9 @@ def refuse_short(records: Sequence[Record], clocks: Sequence[ConstantPeriod | Sh
 
 
 def refuse_few(periods: float, check: str = "", slip: str = "") -> None:
-    """Refuse a record that holds so many periods, if these are too few.
+    """Refuse a record of fewer than 4 periods, one whose last lacks a little among them.
 
-    Parameters
-    ----------
-    periods
-        The periods that it holds; of one that lacks a little, the last is not whole.
-    check
-        What else may be wrong but the period, in words.
-    slip
-        A sentence on the unit of the period.
-
-    Raises
-    ------
-    IdentificationError
-        They are fewer than 4.
+    `check` names what else may be wrong but the period, `slip` is a sentence on its unit.
     """
     if periods < FEWEST:
         whole = int(periods)
@@ -184,20 +163,7 @@ def refuse_unlike(records: Sequence[Record], of: str) -> None:
 
 
 def refuse_unusable(records: Sequence[Record], of: str = "identify") -> None:
-    """Refuse a response that has no samples, does not vary, wrapped round, or cannot be computed with, in any record.
-
-    Parameters
-    ----------
-    records
-        The records, with the channel of the clock if they have one.
-    of
-        The callable that is asked, for the message.
-
-    Raises
-    ------
-    InputError
-        There is such a channel.
-    """
+    """Refuse a response that has no samples, does not vary, wrapped round, or cannot be computed with."""
     for number, record in enumerate(records, start=1):
         clock = record.clock.channel if isinstance(record.clock, (TachometerSignal, AzimuthSignal)) else None
         rows = [row for row, channel in enumerate(record.channels) if channel.name != clock]
@@ -208,20 +174,7 @@ def refuse_unusable(records: Sequence[Record], of: str = "identify") -> None:
 
 
 def refuse_copies(records: Sequence[Record], of: str = "identify") -> None:
-    """Refuse a channel or a hit that is a copy of another: its noise would count as independent of the other's.
-
-    Parameters
-    ----------
-    records
-        The responses.
-    of
-        The callable that is asked, for the message.
-
-    Raises
-    ------
-    InputError
-        Two responses are the same, sample by sample.
-    """
+    """Refuse a channel or a hit that is a copy of another: its noise would count as independent of the other's."""
     seen: dict[bytes, str] = {}
     for hit, record in enumerate(records, start=1):
         for channel, values in zip(record.channels, record.values, strict=True):

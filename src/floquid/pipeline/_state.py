@@ -56,27 +56,10 @@ def state_of(
     held: bool = False,
     refuse: float | None = None,
 ) -> tuple[StateModel | None, Refinement | None]:
-    """A(t) in the states of the settings, and how it was fitted where it has a structure.
+    """A(t) in the states of the settings, and its fit where it has a structure; None where these are not asked for.
 
-    Parameters
-    ----------
-    model
-        The response model.
-    settings
-        The options.
-    again
-        What linearises the records anew at exponents (`floquid.periodic.estimate_at`).
-    report
-        Is told of each stage.
-    held
-        Whether the free A(t) is built from the harmonics of the model in any case.
-    refuse
-        As `refine` takes it; None for its own.
-
-    Returns
-    -------
-    tuple of StateModel and Refinement
-        None where no states, or no structure, are asked for.
+    `again` linearises the records anew at exponents (`floquid.periodic.estimate_at`); with `held`, the free A(t) is
+    built from the harmonics of the model in any case.
 
     Raises
     ------

@@ -21,25 +21,8 @@ def free_estimates(
 
     The residues at different phases err independently of one another, with covariance σ²S and pseudo-covariance σ²S',
     S' that of a mode with the conjugate of the other; the poles move them through `modal.residue_slope`, and the
-    kernel κ too.
-
-    Parameters
-    ----------
-    modal
-        The modal model of the lifted responses, with deviations.
-    lifted
-        The responses.
-    exponents
-        The exponent of each mode, on the branch that is meant (modes,) [1/s].
-    partners
-        The conjugate of each mode, itself where the multiplier is real (modes,).
-    terms
-        The modes and the harmonics wanted, modes of positive imaginary part and real ones alone.
-
-    Returns
-    -------
-    Estimates
-        Modes in the order of their first term.
+    kernel κ too. `exponents` are on the branch that is meant (modes,) [1/s], `partners` the conjugate of each mode,
+    itself where the multiplier is real, `terms` the modes and harmonics wanted, of the upper half and of real ones.
     """
     assert modal.covariance is not None
     assert modal.residue_spread is not None

@@ -153,22 +153,7 @@ class ModeParameters:
         fixed: bool = False,
         factor: int = PLAIN,
     ) -> ModeParameters:
-        """Entries from lists.
-
-        Parameters
-        ----------
-        exponents, bands, fundamental
-            As in the class; one pair of ends stands for all bands.
-        real, offsets
-            One for each, or one for all.
-        fixed, factor
-            One for all.
-
-        Returns
-        -------
-        Entries
-            The entries, with the fundamental given.
-        """
+        """Mode parameters from lists; one pair of ends stands for all bands, one value of the others for all modes."""
         own = np.array(exponents, complex).reshape(-1)
         n = len(own)
         return ModeParameters(

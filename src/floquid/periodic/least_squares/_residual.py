@@ -62,19 +62,10 @@ class Residual:
         return replace(self, levels=np.broadcast_to(self.noise[:, None], self.levels.shape))
 
     def between(self, rates: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """The level of each band by the lines that are apart from exponentials of `rates`, and how many these are.
+        """Level of each band (rows, bands) by lines apart from exponentials of `rates` [1/s], and their number (bands,).
 
-        A fit takes noise away where it has exponentials: nearly all of it in a band that is full of them.
-
-        Parameters
-        ----------
-        rates
-            The rates of the exponentials fitted (rates,) [1/s].
-
-        Returns
-        -------
-        ndarray, ndarray
-            Levels (rows, bands), zero where no line is left, and lines (bands,).
+        A fit takes noise away where it has exponentials: nearly all of it in a band that is full of them. That has
+        level zero.
         """
         power, grid = _power(self.values, self.taken), self.values.shape[1] * self.step
         omega = 2.0 * np.pi / grid * np.arange(1, power.shape[1] + 1)

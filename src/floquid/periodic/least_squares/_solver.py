@@ -128,21 +128,9 @@ class Solution:
 def linearise(
     blocks: Sequence[Block], entries: ModeParameters, start: tuple[NDArray[np.float64], ...] | None = None
 ) -> Solution:
-    """The fit at these exponents, the coefficients eliminated.
+    """Cost, gradient and matrices of the fit at these exponents, the coefficients eliminated.
 
-    Parameters
-    ----------
-    blocks
-        The samples and their noise.
-    entries
-        Modes, bands and exponents.
-    start
-        Coefficients near the right ones, for each block: what is left is then small, and no digits are lost.
-
-    Returns
-    -------
-    Held
-        Cost, gradient and matrices.
+    `start` are coefficients near the right ones, for each block: the residual is then small, and no digits are lost.
     """
     columns, sines = entries.columns(), entries.sines()
     first = [None] * len(blocks) if start is None else start
@@ -150,22 +138,7 @@ def linearise(
 
 
 def weighted(blocks: Sequence[Block], entries: ModeParameters, linear: Sequence[Linear]) -> Solution:
-    """The fit whose linear part is known, with the noise of the blocks: no sample is looked at.
-
-    Parameters
-    ----------
-    blocks
-        The blocks with their noise, of which the linear part does not depend.
-    entries
-        The entries of the linear part, whichever of them are parameters.
-    linear
-        The linear part of each block.
-
-    Returns
-    -------
-    Held
-        Cost, gradient and matrices.
-    """
+    """Cost, gradient and matrices from the linear part of each block, which noise does not enter: no sample is read."""
     n = len(entries.sines())
     cost, gradient, scatter, noise = 0.0, np.zeros(2 * n), np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 2 * n))
     for block, own in zip(blocks, linear, strict=True):
@@ -202,25 +175,13 @@ def solve(
 ) -> Solution:
     """The least squares near these exponents: Levenberg-Marquardt on the projected cost.
 
-    It ends when a step is below `at_rest` standard deviations.
-
-    Parameters
-    ----------
-    blocks
-        The samples and their noise.
-    start
-        Modes, bands and exponents; or the fit there, where it is known.
-    at_rest
-        The deviations that the last step may have.
-    hold
-        Whether a mode whose exponent runs away is put back and held there; else it is an error.
-    iterations
-        Steps at most.
+    It ends when a step is below `at_rest` standard deviations. With `hold`, a mode whose exponent runs away is put back
+    and held there.
 
     Raises
     ------
     IdentificationError
-        There is none near them: an exponent moves by more than `FARTHEST`.
+        Without `hold`: an exponent moves by more than `FARTHEST`.
     """
     now = start if isinstance(start, Solution) else linearise(blocks, start)
     begin, damping, period = now.entries, 1e-6, 2.0 * np.pi / now.entries.fundamental

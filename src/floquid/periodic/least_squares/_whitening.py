@@ -20,21 +20,7 @@ def residual_filter(blocks: Sequence[Block], solution: Solution, *, least: float
     """The filter of each channel that whitens what a fit leaves (channels, taps); None where that is white.
 
     By the Yule-Walker equations for the residual of all hits together; of a wandering speed one for all channels, since
-    there the columns themselves go through it.
-
-    Parameters
-    ----------
-    blocks
-        The samples.
-    held
-        The fit.
-    least
-        The sum of squared correlations of the most coloured channel below which it is taken for white.
-
-    Returns
-    -------
-    numpy.ndarray or None
-        The filters.
+    there the columns themselves go through it. White is what has squared correlations of less than `least` in sum.
     """
     columns = solution.entries.columns()
     sums = np.zeros((1 + max(int(block.rows.max()) for block in blocks), LAGS + 1))

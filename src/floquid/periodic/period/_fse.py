@@ -181,20 +181,8 @@ def model_at(
 ) -> PeriodicModel:
     """The periodic model of modes whose exponents and their covariance are known, its amplitudes by least squares.
 
-    Parameters
-    ----------
-    records, raw
-        The records, and their blocks from `raw_blocks`.
-    entries
-        The modes.
-    covariance
-        Of the parameters of the modes.
-    others
-        Lines beside them that are no modes (lines,) [1/s].
-    bands
-        The harmonics that the model keeps of each mode (modes, 2).
-    noise
-        The deviation of the noise (channels, hits).
+    `others` are lines beside them that are no modes (lines,) [1/s], `bands` the harmonics that the model keeps of each
+    mode (modes, 2), `noise` its deviation (channels, hits).
     """
     omega = entries.fundamental
     both = entries.joined(ModeParameters.made(others, (0, 0), omega, real=others.imag == 0.0, fixed=True)).joined(

@@ -46,7 +46,7 @@ class Spacing:
 
 
 def spacings_of(lines: Lines, tones: Lines, least: float, most: float) -> list[Spacing]:
-    r"""The fundamentals in question, best first.
+    r"""Fundamentals from `least` to `most` [rad/s] that lines which decay may be spaced by, the best first.
 
     Each difference and each sum of the frequencies of two lines of equal decay may be 1 … `PARTS` fundamentals. With
     C the covariance of the lines, and θ the decay and frequency of each family and ω, the odds of a fundamental are
@@ -59,20 +59,6 @@ def spacings_of(lines: Lines, tones: Lines, least: float, most: float) -> list[S
     any decay up to D, twice that of the family; one that is a harmonic of one of the R families is the more likely the
     nearer it is to its strongest line. The smaller ω, the less it says that all spacings are multiples of it: of ω,
     ω/2, ω/3 … the largest has the highest odds.
-
-    Parameters
-    ----------
-    lines
-        The lines that decay.
-    tones
-        The undamped ones.
-    least, most
-        The smallest and the largest fundamental that is looked at [rad/s].
-
-    Returns
-    -------
-    list of Spacing
-        None where no two lines have one decay.
     """
     values, variances = _fundamentals(lines, least, most)
     found: dict[tuple[Group, ...], Spacing | None] = {}

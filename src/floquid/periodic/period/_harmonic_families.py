@@ -55,20 +55,7 @@ class Average:
 
 
 def grouped(lines: Lines, fundamental: float, std: float = 0.0) -> list[Group]:
-    """Lines as families, each line with the family that it is nearest to, starting from the strongest.
-
-    Parameters
-    ----------
-    lines
-        The lines.
-    fundamental, std
-        ω, and its deviation [rad/s].
-
-    Returns
-    -------
-    list of Group
-        The families, strongest first; one line alone is a family too.
-    """
+    """Families of lines, the strongest first: each line with the family that it is nearest to at ω ± `std` [rad/s]."""
     from scipy.special import chdtri
 
     limit = float(chdtri(2, APART))
@@ -112,24 +99,7 @@ def _distance(lines: Lines, seed: int, line: int, sign: int, fundamental: float,
 
 
 def averaged(lines: Lines, groups: Sequence[Group], fundamental: float, *, free: bool) -> Average:
-    """The exponent of each family, and the fundamental where it is `free`; else it is as given.
-
-    Parameters
-    ----------
-    lines
-        The lines.
-    groups
-        Their families.
-    fundamental
-        ω [rad/s].
-    free
-        Whether ω is found too, from all the spacings.
-
-    Returns
-    -------
-    Average
-        Exponents, with their covariance.
-    """
+    """The exponent of each family, and the fundamental [rad/s] where it is `free`: found from all the spacings, too."""
     n, families = len(lines.exponents), len(groups)
     pairs = [place for place, group in enumerate(groups) if group.half_turns is None]
     design, known = np.zeros((2 * n, families + len(pairs))), np.zeros(2 * n)

@@ -132,23 +132,10 @@ def find_lines(
     false_alarm: float = 1e-9,
     report: Callable[[str], None] = lambda _: None,
 ) -> Lines:
-    """Lines found one after another in the spectrum of what is left, all fitted jointly.
+    """Lines found one after another in the spectrum of the residual, all fitted jointly.
 
-    Parameters
-    ----------
-    blocks
-        The samples, from `raw_blocks`.
-    shortened
-        Whether to leave out the end of a record, where the response has died: a first look is then quick.
-    false_alarm
-        The probability at which noise may pass for a line.
-    report
-        Is told of each line.
-
-    Returns
-    -------
-    Lines
-        The lines.
+    With `shortened`, the end of a record, where the response has died, is left out: a first look is then quick. Noise
+    passes for a line with the probability `false_alarm`.
     """
     if shortened:
         blocks = [_alive(block) for block in blocks]

@@ -61,21 +61,11 @@ def evidence(found: SearchResult) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def coloured(found: SearchResult) -> tuple[str, ...]:
-    r"""A sentence where what a fit leaves is not white along the record: its deviations are then not those stated.
+    r"""A sentence where the residual is not white along the record, so that deviations are not those stated.
 
     .. math:: \sum_{c,h} \sum_{b} \frac{n_b}{v} (\ln s_{c,h,b} - \overline{\ln s_{c,h}})^2 \sim \chi^2
 
     with s the median level of a band of n lines apart from the exponentials fitted, v/n the variance of its logarithm.
-
-    Parameters
-    ----------
-    found
-        The search.
-
-    Returns
-    -------
-    tuple of str
-        The sentence, or nothing.
     """
     from scipy.special import chdtrc
 

@@ -54,24 +54,7 @@ def strongest(
     period: float,
     false_alarm: float,
 ) -> Peak:
-    """The exponential that takes most out of what is left.
-
-    Parameters
-    ----------
-    blocks
-        The blocks.
-    rests
-        What is left of each.
-    period
-        The period [s].
-    false_alarm
-        The probability at which noise alone passes the limit, over all lines.
-
-    Returns
-    -------
-    Peak
-        The strongest.
-    """
+    """The exponential that takes most out of the residuals; noise alone passes its limit with that probability."""
     return peaks(blocks, residuals, period, false_alarm, most=0, decays=FEW_DECAYS)[0]
 
 

@@ -14,28 +14,14 @@ NOWHERE = 1e-200
 
 
 def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp]) -> float:
-    r"""The probability of the responses if harmonics lie whole numbers of fundamentals from their modes.
+    r"""The probability of the responses if harmonics lie whole numbers of fundamentals from their modes; 1 without any.
 
     .. math:: Q = g^T J^{-1} g - (A^T g)^T (A^T J A)^{-1} A^T g \sim \chi^2
 
     Rao's score test: g and J are the slopes of the cost and their covariance by the rates λ + imω of modes and of the
-    harmonics looked at, each a line of its own; A moves these with their modes, as one exponent does. All other terms
-    are there and move with their modes in both. A mode of a constant system that folds next to another is mostly not
-    at the same place to a small part of its decay.
-
-    Parameters
-    ----------
-    whole
-        The estimates.
-    lifted
-        The lifted responses.
-    lines
-        The terms that are looked at beside the zeroth harmonics (lines,).
-
-    Returns
-    -------
-    float
-        The probability; 1 without lines.
+    harmonics looked at (`lines`, positions among the terms), each a line of its own; A moves these with their modes, as
+    one exponent does. All other terms are there and move with their modes in both. A mode of a constant system that
+    folds next to another is mostly not at the same place to a small part of its decay.
     """
     from scipy.special import chdtrc
 

@@ -25,23 +25,11 @@ OFF_AXIS = 0.05
 
 
 def groups(modal: ModalModel, lifted: Lifted) -> ModeParameters:
-    """One mode for each pole of lifted responses and each group of its significant harmonics.
+    """One mode for each pole of lifted responses and group of its significant harmonics, its band about the largest.
 
     Modes fold onto one another in lifted responses: their poles then come out as one, or bent. Their harmonics lie at
     different unfolded frequencies, and start as modes of their own, parted at the sign of the frequency and at gaps of
     more than `APART` harmonics; where they are one mode after all, a test of equal exponents joins them.
-
-    Parameters
-    ----------
-    modal
-        The modal model of `lifted.responses`, with deviations.
-    lifted
-        The lifted responses.
-
-    Returns
-    -------
-    Entries
-        The modes, each with its band of harmonics about the largest.
     """
     from scipy.special import chdtri
 

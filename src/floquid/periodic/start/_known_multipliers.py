@@ -65,18 +65,7 @@ class Known:
         return bool(self.roots) or self.drift
 
     def basis(self, n_cycles: int) -> NDArray[np.float64]:
-        """Orthonormal columns over the cycles (cycles, columns).
-
-        Parameters
-        ----------
-        n_cycles
-            The cycles of a hit.
-
-        Returns
-        -------
-        numpy.ndarray
-            The columns.
-        """
+        """Orthonormal columns over the cycles of a hit (cycles, columns)."""
         columns = [part for root in self.roots for part in columns_of(root, n_cycles)]
         if self.drift:
             columns.append(_drift(n_cycles))
@@ -97,27 +86,11 @@ def _drift(n_cycles: int) -> NDArray[np.float64]:
 def without_known(
     lifted: Lifted, nu: float, *, speeds: Sequence[NDArray[np.float64]] | None = None
 ) -> tuple[Lifted, Known, NDArray[np.float64] | None]:
-    """Lifted responses without the forced response that is in them, as far as noise does not explain it.
+    """Lifted responses without the forced response in them, that response, and filters that whiten the rest.
 
-    Generous poles take the free response with them, so that what is left to the known columns is theirs.
-
-    Parameters
-    ----------
-    lifted
-        The lifted responses.
-    nu
-        Periods of the system in a revolution.
-    speeds
-        Factors that follow a wandering speed, one array a hit (factors, cycles): the forced response follows them.
-
-    Returns
-    -------
-    Lifted
-        The responses without it.
-    Known
-        What was there.
-    numpy.ndarray or None
-        The filters that whiten what generous poles leave of those (channels, taps); None where that is white.
+    Generous poles take the free response with them, so that what is left to the known columns is theirs. There are `nu`
+    periods in a revolution; the forced response follows a wandering speed by the factors `speeds`, an array a hit
+    (factors, cycles). The filters are of what generous poles leave (channels, taps), None where that is white.
     """
     count = round(nu) if nu >= 1.0 else 1
     roots = [k / count for k in range(count // 2 + 1)]
