@@ -19,7 +19,7 @@ from floquid.lti import (
     compress,
     fit_residues,
 )
-from floquid.lti import _compress as compress_module
+from floquid.lti import _factor as compress_module
 from floquid.order import Stability, Tolerances, indicators, scan, stability
 from floquid.order._indicators import noise_edge
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._numerics import yule_walker
 from floquid.core import Cycles
 from floquid.lifting._lift import Lifted, largest_values, lift
 from floquid.lti import ModalModel
@@ -83,7 +84,7 @@ def filters_of(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) 
     for order in ORDERS:
         if order >= correlations.shape[1]:
             break
-        taps = np.array([_autoregression(own, order) for own in correlations])
+        taps = np.array([yule_walker(own, order) for own in correlations])
         left = np.array([_filtered(own, part) for own, part in zip(correlations, taps, strict=True)])
         if (_colours(left, numbers) < COLOURED)[coloured].all():
             break
@@ -180,15 +181,6 @@ def _colours(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) ->
     """How far correlations are from those of white noise, in deviations of Box and Pierce's sum (channels,)."""
     lags = max(correlations.shape[1] - 1, 1)
     return (numbers * np.sum(correlations[:, 1:] ** 2, axis=1) - lags) / np.sqrt(2.0 * lags)
-
-
-def _autoregression(correlation: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-    """The filter that makes white noise of an autoregression with this autocorrelation."""
-    from scipy.linalg import solve_toeplitz
-
-    first = correlation[:order].copy()
-    first[0] *= 1.0 + 1e-9
-    return np.concatenate([[1.0], -solve_toeplitz(first, correlation[1 : order + 1])])
 
 
 def _filtered(correlation: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._numerics import positive_part, sandwich
+from floquid._numerics import levenberg_marquardt, positive_part, sandwich
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PAIR, PoleSet
 
@@ -180,10 +180,6 @@ class Slopes:
         return (moved * moments[both][:, both].reshape(2, n, 2, n)).sum(axis=(0, 2))
 
 
-LEAST_DAMPING = 1e-12
-"""Levenberg-Marquardt's damping stays above rounding: a pole that does nothing leaves the matrix singular."""
-
-
 def polish(
     start: PoleSet | Fit,
     factors: Sequence[Factor],
@@ -192,28 +188,14 @@ def polish(
     tolerance: float = 1e-4,
     enough: float = -np.inf,
 ) -> Fit:
-    """The maximum-likelihood poles near those of the start: Levenberg-Marquardt on the projected cost.
+    """The maximum-likelihood poles near those of the start: steps to the least projected cost.
 
-    Ends when a step is below `tolerance` standard deviations in every parameter or below rounding, or as soon as the
-    cost is below `enough`. A fit that is given as the start must be one of these factors.
+    They end as in `levenberg_marquardt`. A fit that is given as the start must be one of these factors.
     """
-    now = start if isinstance(start, Fit) else fit(start, factors)
-    damping = 1e-6
-    for _ in range(iterations if len(now.poles) else 0):
-        scale = np.sqrt(np.diag(now.information)) + np.finfo(float).tiny
-        system = now.information / np.outer(scale, scale)
-        while damping < 1e8:
-            step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale
-            step *= min(1.0, 0.5 / np.abs(step).max()) if np.abs(step).max() > 0 else 1.0
-            trial = fit(now.poles.moved(step), factors)
-            rounding = 1e-12 * now.cost + 1e-300
-            if trial.cost <= now.cost + rounding:
-                break
-            damping = max(10.0 * damping, 1e-4)
-        else:
-            return now
-        done = np.abs(step * scale).max() < tolerance or np.abs(step).max() < 1e-14
-        now, damping = trial, max(0.1 * damping, LEAST_DAMPING)
-        if done or now.cost < enough:
-            break
-    return now
+    return levenberg_marquardt(
+        start if isinstance(start, Fit) else fit(start, factors),
+        lambda now, step: fit(now.poles.moved(step), factors),
+        steps=iterations,
+        tolerance=tolerance,
+        enough=enough,
+    )

@@ -6,7 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, ClassVar
 
-from floquid.lti._types import ModalModel, TimeResponses
+from floquid._checks import input_error, integer
+from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
 
 class AbstractIdentifier(ABC):
@@ -23,17 +24,9 @@ class AbstractIdentifier(ABC):
 
     @abstractmethod
     def prepare(self, data: TimeResponses) -> Any:
-        """Do what does not depend on the order.
+        """Do what does not depend on the order, once for the responses `data`.
 
-        Parameters
-        ----------
-        data
-            The responses.
-
-        Returns
-        -------
-        object
-            What `extract` starts from; of a type of the algorithm's own.
+        What it returns is of a type of the algorithm's own, and is what `extract` and `refine` start from.
         """
 
     @abstractmethod
@@ -78,3 +71,36 @@ class AbstractIdentifier(ABC):
         ModalModel
             The model.
         """
+
+
+def checked_order(order: int | None, identifier: AbstractIdentifier, data: TimeResponses) -> int | None:
+    """The `order` that the `extract` of an `identifier` was given, if `data` could hold it.
+
+    Raises
+    ------
+    InputError
+        It is not a positive integer below the number of samples, or None where the algorithm cannot decide.
+    """
+    name, samples = type(identifier).__name__, int(data.lengths.max())
+    of = f"{name}.extract"
+    if order is None:
+        if not identifier.decides:
+            remedy = f"Pass a number, or wrap it: MaximumLikelihood(initial={name}()) finds the order by test."
+            raise input_error("order", of, "be a number of poles: this algorithm cannot decide it", "is None", remedy)
+        return None
+    if integer(order, "order", of, at_least=1) >= samples:
+        remedy = "Record more samples, or ask for fewer poles."
+        raise input_error("order", of, f"be less than the {samples} samples", f"is {order}", remedy)
+    return order
+
+
+def given_order(order: int | None, identifier: AbstractIdentifier, data: TimeResponses) -> int:
+    """The order as `checked_order`, for an algorithm that cannot decide it."""
+    number = checked_order(order, identifier, data)
+    assert number is not None
+    return number
+
+
+def reached(order: int | None, found: int) -> Outcome:
+    """The outcome of an order asked for and the one got."""
+    return Outcome.SUCCESS if order is None or found == order else Outcome.ORDER_UNREACHED

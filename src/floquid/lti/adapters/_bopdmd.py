@@ -11,15 +11,10 @@ from typing import ClassVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._identifier import AbstractIdentifier
-from floquid.lti._order import checked_order, reached
-from floquid.lti._residues import fit_residues
+from floquid.lti._identifier import AbstractIdentifier, given_order
+from floquid.lti._poles import FASTEST
 from floquid.lti._types import ModalModel, TimeResponses
-from floquid.lti.adapters._components import Components, components, delayed, paired
-from floquid.lti.adapters._peer import load, quiet
-
-FASTEST = (-3.0, 2.0)
-"""Logarithms of the fastest decay and growth a sample."""
+from floquid.lti.adapters._peer import Components, components, delayed, fitted, load, paired, quiet
 
 LARGEST = 600.0
 """The logarithm of the largest number that a mode may grow to."""
@@ -52,70 +47,20 @@ class BOPDMD(AbstractIdentifier):
     iterations: int = 50
 
     def prepare(self, data: TimeResponses) -> Components:
-        """The principal components of the responses over their noise.
-
-        Parameters
-        ----------
-        data
-            The responses.
-
-        Returns
-        -------
-        Components
-            What `extract` and `refine` start from.
-
-        Raises
-        ------
-        InputError
-            PyDMD is not installed.
-        """
+        """The principal components of the responses in `data`; `InputError` where PyDMD is not installed."""
         _pydmd()
         return components(data)
 
     def extract(
         self, state: Components, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
     ) -> ModalModel:
-        """The model of `order` poles.
-
-        Parameters
-        ----------
-        state
-            What `prepare` returned.
-        order
-            The number of poles, conjugates one by one.
-        report
-            Is told of each stage.
-
-        Returns
-        -------
-        ModalModel
-            The model.
-
-        Raises
-        ------
-        InputError
-            `order` is not a positive integer below the number of samples, or PyDMD is not installed.
-        """
-        wanted = checked_order(order, self, state.data)
-        assert wanted is not None
+        """The model of `order` poles, from the components in `state`; `report` is told of the start."""
+        wanted = given_order(order, self, state.data)
         report(f"PyDMD: {wanted} poles from those of DMD")
         return self._fitted(state, self._start(state, wanted), wanted)
 
     def refine(self, state: Components, model: ModalModel) -> ModalModel:
-        """The fit started from the poles of a model.
-
-        Parameters
-        ----------
-        state
-            What `prepare` returned for the data.
-        model
-            Where to start.
-
-        Returns
-        -------
-        ModalModel
-            The model.
-        """
+        """The fit to `state` started from the poles of `model`."""
         return self._fitted(state, np.log(model.multipliers), model.order)
 
     def _start(self, state: Components, order: int) -> NDArray[np.complex128]:
@@ -143,9 +88,7 @@ class BOPDMD(AbstractIdentifier):
             )
             with quiet(), suppress(np.linalg.LinAlgError, ValueError):
                 found = np.exp(dmd.fit(values, np.arange(state.samples, dtype=np.float64)).eigs)
-        found = found[np.isfinite(found) & (found != 0)]
-        model = fit_residues(found, state.data)
-        return fit_residues(model.multipliers, state.data, outcome=reached(order, model.order))
+        return fitted(found, state, order)
 
 
 def _within(samples: int) -> Callable[[NDArray[np.complex128]], NDArray[np.complex128]]:

@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
-from floquid.lti._identifier import AbstractIdentifier
-from floquid.lti._order import checked_order, reached
+from floquid.lti._identifier import AbstractIdentifier, given_order
 from floquid.lti._residues import fit_residues
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
-from floquid.lti.adapters._components import Components, components
-from floquid.lti.adapters._peer import load, quiet
+from floquid.lti.adapters._peer import Components, components, fitted, load, quiet
 
 Method = Literal["cov", "dat"]
 
@@ -65,52 +63,18 @@ class PyOMA2SSI(AbstractIdentifier):
             integer(self.block_rows, "block_rows", "PyOMA2SSI", at_least=2)
 
     def prepare(self, data: TimeResponses) -> Components:
-        """The principal components of the responses over their noise.
-
-        Parameters
-        ----------
-        data
-            The responses.
-
-        Returns
-        -------
-        Components
-            What `extract` and `refine` start from.
-
-        Raises
-        ------
-        InputError
-            pyOMA2 is not installed.
-        """
+        """The principal components of the responses in `data`; `InputError` where pyOMA2 is not installed."""
         _ssi()
         return components(data)
 
     def extract(
         self, state: Components, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
     ) -> ModalModel:
-        """The model of `order` poles.
+        """The model of `order` poles, from the components in `state`; `report` is told of the block rows.
 
-        Parameters
-        ----------
-        state
-            What `prepare` returned.
-        order
-            The number of poles, conjugates one by one.
-        report
-            Is told of each stage.
-
-        Returns
-        -------
-        ModalModel
-            The model; its outcome is `TOO_FEW_SAMPLES` where a Hankel matrix of that rank cannot be filled.
-
-        Raises
-        ------
-        InputError
-            `order` is not a positive integer below the number of samples, or pyOMA2 is not installed.
+        Its outcome is `TOO_FEW_SAMPLES` where a Hankel matrix of that rank cannot be filled.
         """
-        wanted = checked_order(order, self, state.data)
-        assert wanted is not None
+        wanted = given_order(order, self, state.data)
         values = state.first(wanted)
         least = -(-wanted // len(values)) + 1
         rows = max(least, min(self.block_rows or _energetic(values), state.samples // 3))
@@ -122,24 +86,10 @@ class PyOMA2SSI(AbstractIdentifier):
             hankel, _ = ssi.build_hank(values, values, rows, self.method)
             _, systems, _, _ = ssi.SSI_fast(hankel, rows, wanted)
             found = np.linalg.eigvals(systems[wanted]).astype(np.complex128)
-        model = fit_residues(found[np.isfinite(found) & (found != 0)], state.data)
-        return fit_residues(model.multipliers, state.data, outcome=reached(wanted, model.order))
+        return fitted(found, state, wanted)
 
     def refine(self, state: Components, model: ModalModel) -> ModalModel:
-        """The model of the same order as `model`: this algorithm cannot start anywhere.
-
-        Parameters
-        ----------
-        state
-            What `prepare` returned for the data.
-        model
-            Whose order is wanted.
-
-        Returns
-        -------
-        ModalModel
-            The model.
-        """
+        """The model in `state` of the order of `model`: this algorithm cannot start anywhere."""
         return self.extract(state, model.order)
 
 

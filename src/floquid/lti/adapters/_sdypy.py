@@ -11,12 +11,9 @@ from typing import ClassVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._identifier import AbstractIdentifier
-from floquid.lti._order import checked_order, reached
-from floquid.lti._residues import fit_residues
+from floquid.lti._identifier import AbstractIdentifier, given_order
 from floquid.lti._types import ModalModel, TimeResponses
-from floquid.lti.adapters._components import Components, components, kept
-from floquid.lti.adapters._peer import load, quiet
+from floquid.lti.adapters._peer import Components, components, fitted, kept, load, quiet
 
 FIRST_LINE = 1
 """The band starts here and not at zero, where sdypy-EMA 0.31 transforms an empty slice, reads memory that was never
@@ -53,72 +50,21 @@ class SdypyLSCF(AbstractIdentifier):
     pairs: int = 40
 
     def prepare(self, data: TimeResponses) -> Components:
-        """The principal components of the responses over their noise.
-
-        Parameters
-        ----------
-        data
-            The responses.
-
-        Returns
-        -------
-        Components
-            What `extract` and `refine` start from.
-
-        Raises
-        ------
-        InputError
-            sdypy-EMA is not installed.
-        """
+        """The principal components of the responses in `data`; `InputError` where sdypy-EMA is not installed."""
         _ema()
         return components(data)
 
     def extract(
         self, state: Components, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
     ) -> ModalModel:
-        """The model of `order` poles.
-
-        Parameters
-        ----------
-        state
-            What `prepare` returned.
-        order
-            The number of poles, conjugates one by one.
-        report
-            Is told of each stage.
-
-        Returns
-        -------
-        ModalModel
-            The model.
-
-        Raises
-        ------
-        InputError
-            `order` is not a positive integer below the number of samples, or sdypy-EMA is not installed.
-        """
-        wanted = checked_order(order, self, state.data)
-        assert wanted is not None
+        """The model of `order` poles, from the components in `state`; `report` is told how many there are to choose."""
+        wanted = given_order(order, self, state.data)
         many = self._poles(state, wanted)
         report(f"{len(many)} poles of the denominator")
-        found = kept(many, state, wanted)
-        return fit_residues(found, state.data, outcome=reached(wanted, len(found)))
+        return fitted(kept(many, state, wanted), state, wanted)
 
     def refine(self, state: Components, model: ModalModel) -> ModalModel:
-        """The model of the same order as `model`: this algorithm cannot start anywhere.
-
-        Parameters
-        ----------
-        state
-            What `prepare` returned for the data.
-        model
-            Whose order is wanted.
-
-        Returns
-        -------
-        ModalModel
-            The model.
-        """
+        """The model in `state` of the order of `model`: this algorithm cannot start anywhere."""
         return self.extract(state, model.order)
 
     def _poles(self, state: Components, order: int) -> NDArray[np.complex128]:

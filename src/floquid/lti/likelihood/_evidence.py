@@ -13,9 +13,9 @@ from floquid.lti._exponentials import Fit, polish
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._removal import Removal
-from floquid.lti._search import candidates
-from floquid.lti._select import STRONG, Threshold, crowded, possible
 from floquid.lti._types import ModalModel
+from floquid.lti.likelihood._search import candidates
+from floquid.lti.likelihood._select import STRONG, Threshold, crowded, possible
 
 SKETCHED = 8
 """Steps that tell where a neighbouring model lies, though not to its last digit."""
@@ -109,7 +109,7 @@ def clearest(found: Fit, factors: Sequence[Factor], threshold: Threshold) -> tup
         size = int(candidate.sizes[0])
         if best is not None and promised < threshold.promising(size):
             continue
-        more = polish(found.poles.plus([candidate]), factors, iterations=SKETCHED, tolerance=1e-1)
+        more = polish(found.poles.plus(candidate), factors, iterations=SKETCHED, tolerance=1e-1)
         share = (found.cost - more.cost) / threshold.of(size)
         if possible(more) and (best is None or share > best[0]):
             best = share, more, size

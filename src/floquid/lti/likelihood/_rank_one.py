@@ -15,22 +15,78 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._numerics import positive_part, sandwich
-from floquid.lti._exponentials import LEAST_DAMPING, basis, complex_residues
-from floquid.lti._factor import Factor, factors
-from floquid.lti._noise import product_noise
+from floquid._numerics import levenberg_marquardt, positive_part, sandwich
+from floquid.lti._exponentials import basis, complex_residues
+from floquid.lti._factor import Factor, factors, product_noise
+from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
-from floquid.lti._rank import Noise, ranks
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
-
-STEPS = 60
-"""Steps of the fit, at most."""
 
 TOGETHER = 5.0
 """The sum of their standard deviations, times this, within which poles are one to a free fit."""
 
 PRODUCTS = "outer products"
 """Among the `stats` of a model whose residues were fitted as such."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """What the noise of a free fit is beside independent white noise of the deviations stated.
+
+    `power` (modes,) is the noise at the frequency of each pole, over its mean; `independent` the share of the responses
+    that it is worth.
+    """
+
+    power: NDArray[np.float64]
+    independent: float = 1.0
+    size: float = 1.0
+    """Its mean square, which `power` holds too."""
+
+    @property
+    def colour(self) -> NDArray[np.float64]:
+        """The noise at the frequency of each pole over that of white noise of its size (modes,)."""
+        return self.power / self.size
+
+    @staticmethod
+    def whitened_by(taps: NDArray[np.float64] | None, model: ModalModel, independent: float, variance: float) -> Noise:
+        """The noise that a filter makes white, 1/|A|² on the unit circle."""
+        turn = np.angle(model.multipliers)
+        taps = np.ones(1) if taps is None else taps
+        gain = np.abs(np.exp(-1j * np.multiply.outer(turn, np.arange(len(taps)))) @ taps) ** 2
+        size = max(variance, 1.0)
+        return Noise(size / np.maximum(gain, 1e-6), independent, size)
+
+    def limit(self, entry: int, degrees: float, false_alarm: float) -> float:
+        """The sum of squares that noise exceeds at the frequency of a pole."""
+        share = self.independent
+        return float(self.power[entry]) * rise_limit(false_alarm, max(degrees * share, 1.0), 1e9) / share
+
+
+def ranks(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noise | None = None) -> NDArray[np.int64]:
+    """How many outer products the residues of each pole of a free fit hold beyond noise (modes,).
+
+    A singular value of the residues, over the noise that they carry, is kept when those from it on hold more than a
+    chi-square of their degrees of freedom does at the false-alarm probability.
+    """
+    assert model.residue_spread is not None
+    outputs, inputs = data.n_outputs, data.n_inputs
+    # A factor a response would undo the products; what a factor an output and an input leaves unequal is averaged.
+    scale = product_noise(data.noise)
+    unequal = (data.noise / scale) ** 2
+    worth = float(unequal.sum() ** 2 / np.sum(unequal**2) / unequal.size)
+    noise = noise or Noise(np.ones(model.order))
+    found = np.ones(model.order, np.int64)
+    for r in range(model.order):
+        carried = scale * np.sqrt(model.residue_spread[:, r, r].real)
+        values = np.linalg.svd(model.residues[r] / carried, compute_uv=False)
+        parts = 1 if model.multipliers[r].imag == 0 else 2
+        for rank in range(1, min(outputs, inputs)):
+            degrees = parts * (outputs - rank) * (inputs - rank)
+            left = parts * float(np.sum(values[rank:] ** 2)) / float(unequal.mean())
+            if left * worth < noise.limit(r, degrees * worth, false_alarm):
+                break
+            found[r] = rank + 1
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +100,7 @@ class Products:
     @staticmethod
     def of(poles: PoleSet, shares: NDArray[np.complex128]) -> Products:
         """With the participations brought to their normal form."""
-        reference = np.argmax(np.abs(shares), axis=1)
-        shares = shares / shares[np.arange(len(shares)), reference][:, None]
-        return Products(poles, np.where(poles.kind[:, None] == PAIR, shares, shares.real), reference)
+        return Products(poles, *poles.normalised(shares))
 
     def without(self, entry: int) -> Products:
         """Less one entry."""
@@ -55,10 +109,7 @@ class Products:
 
     def in_input(self, i: int) -> NDArray[np.complex128]:
         """The participations in input `i` (order,), conjugates conjugated."""
-        parts = [
-            [v, v.conjugate()] if k == PAIR else [v] for v, k in zip(self.shares[:, i], self.poles.kind, strict=True)
-        ]
-        return np.concatenate(parts).astype(complex)
+        return self.poles.with_conjugates(self.shares[:, i])
 
 
 def split(model: ModalModel, data: TimeResponses, counts: NDArray[np.int64]) -> Products:
@@ -86,6 +137,17 @@ class Tangents:
     second: NDArray[np.float64]
     a: NDArray[np.int64]
     b: NDArray[np.int64]
+
+    def beside(self, q: NDArray[np.float64]) -> Tangents:
+        """Less what orthonormal columns take of them."""
+        first, second = (moved - q @ (q.T @ moved) for moved in (self.first, self.second))
+        return Tangents(first, second, self.a, self.b)
+
+    def products(self, moments: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Their products with one another, over all responses, from the second moments of the residues."""
+        total = (self.first.T @ self.first) * moments[np.ix_(self.a, self.a)]
+        mixed = (self.first.T @ self.second) * moments[np.ix_(self.a, self.b)]
+        return total + mixed + mixed.T + (self.second.T @ self.second) * moments[np.ix_(self.b, self.b)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,26 +196,24 @@ def _columns(now: Products, lengths: NDArray[np.int64]) -> tuple[NDArray[np.floa
 
 def fit_products(now: Products, block: Factor, lengths: NDArray[np.int64]) -> ProductFit:
     """Cost, gradient and information matrices."""
-    columns, moves = _columns(now, lengths)
-    q, r = np.linalg.qr(columns)
-    first = moves.first - q @ (q.T @ moves.first)
-    second = moves.second - q @ (q.T @ moves.second)
-    projected = q.T @ block.values
-    inverse = np.linalg.pinv(r, rcond=1e-12)
-    residues = inverse @ projected
-    left = block.values - q @ projected
-    gradient = np.einsum("pj,pj->p", first.T @ left, residues[moves.a])
-    gradient += np.einsum("pj,pj->p", second.T @ left, residues[moves.b])
-
-    def products(moments: NDArray[np.float64]) -> NDArray[np.float64]:
-        total = (first.T @ first) * moments[np.ix_(moves.a, moves.a)]
-        mixed = (first.T @ second) * moments[np.ix_(moves.a, moves.b)]
-        return total + mixed + mixed.T + (second.T @ second) * moments[np.ix_(moves.b, moves.b)]
-
-    whole = products(residues @ residues.T)
-    noise = block.columns * products(inverse @ inverse.T)
+    moves, inverse, residues, left = _eliminated(now, block, lengths)
+    gradient = np.einsum("pj,pj->p", moves.first.T @ left, residues[moves.a])
+    gradient += np.einsum("pj,pj->p", moves.second.T @ left, residues[moves.b])
+    whole = moves.products(residues @ residues.T)
+    noise = block.columns * moves.products(inverse @ inverse.T)
     cost = float(np.sum(left**2)) + block.energy - float(np.sum(block.values**2))
     return ProductFit(now, cost, gradient, whole, positive_part(whole, whole - noise))
+
+
+def _eliminated(
+    now: Products, block: Factor, lengths: NDArray[np.int64]
+) -> tuple[Tangents, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """The tangents beside the columns QR, R⁻¹, the residues (order, responses), and what is left (rows, responses)."""
+    columns, moves = _columns(now, lengths)
+    q, r = np.linalg.qr(columns)
+    projected = q.T @ block.values
+    inverse = np.linalg.pinv(r, rcond=1e-12)
+    return moves.beside(q), inverse, inverse @ projected, block.values - q @ projected
 
 
 def _moved(now: Products, step: NDArray[np.float64]) -> Products:
@@ -202,26 +262,16 @@ class Stacked:
         return float(np.mean((self.data.noise / self.scale) ** 2))
 
 
-def polish_products(now: Products, stacked: Stacked, *, steps: int = STEPS, tolerance: float = 1e-3) -> ProductFit:
-    """The poles and participations of least cost near `now`, by Levenberg and Marquardt."""
+def polish_products(now: Products, stacked: Stacked, *, steps: int = 60, tolerance: float = 1e-3) -> ProductFit:
+    """The poles and participations of least cost near `now`."""
     block, lengths = stacked.block, stacked.data.lengths
-    found, damping = fit_products(now, block, lengths), 1e-4
-    for _ in range(steps):
-        size = np.sqrt(np.diag(found.information)) + np.finfo(float).tiny
-        system = found.information / np.outer(size, size)
-        while damping < 1e8:
-            step = np.linalg.solve(system + damping * np.eye(len(size)), found.gradient / size) / size
-            step *= min(1.0, 0.5 / max(np.abs(step).max(), 1e-300))
-            trial = fit_products(_moved(found.products, step), block, lengths)
-            if trial.cost <= found.cost * (1.0 + 1e-12):
-                break
-            damping = max(10.0 * damping, 1e-4)
-        else:
-            break
-        found, damping = trial, max(0.1 * damping, LEAST_DAMPING)
-        if np.abs(step * size).max() < tolerance:
-            break
-    return found
+    return levenberg_marquardt(
+        fit_products(now, block, lengths),
+        lambda found, step: fit_products(_moved(found.products, step), block, lengths),
+        steps=steps,
+        tolerance=tolerance,
+        damping=1e-4,
+    )
 
 
 def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noise) -> ModalModel:
@@ -326,16 +376,9 @@ def _covariance(found: ProductFit, stacked: Stacked, colour: NDArray[np.float64]
 
 def _scatter(now: Products, stacked: Stacked) -> NDArray[np.float64]:
     """The covariance of the gradient, with that of the responses taken from what is left (`of_dependent_noise`)."""
-    columns, moves = _columns(now, stacked.data.lengths)
-    q, r = np.linalg.qr(columns)
-    first = moves.first - q @ (q.T @ moves.first)
-    second = moves.second - q @ (q.T @ moves.second)
-    projected = q.T @ stacked.block.values
-    turned = (stacked.block.values - q @ projected) @ (np.linalg.pinv(r, rcond=1e-12) @ projected).T
-    moments = turned.T @ turned / max(len(columns) - now.poles.order, 1)
-    mixed = (first.T @ second) * moments[np.ix_(moves.a, moves.b)]
-    total = (first.T @ first) * moments[np.ix_(moves.a, moves.a)] + mixed + mixed.T
-    return total + (second.T @ second) * moments[np.ix_(moves.b, moves.b)]
+    moves, _, residues, left = _eliminated(now, stacked.block, stacked.data.lengths)
+    turned = left @ residues.T
+    return moves.products(turned.T @ turned / max(len(left) - now.poles.order, 1))
 
 
 def _pole_parameters(now: Products) -> NDArray[np.int64]:
