@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, Cycles, Provenance
 from floquid.lti import TimeResponses, white_noise_std
 
@@ -64,12 +64,9 @@ class Lifted(Rebuilt):
     whitening: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        of, put = "Lifted", object.__setattr__
         if isinstance(self.floor, np.ndarray):
-            put(self, "floor", frozen_array(self.floor, "floor", of, axes=(self.n_channels, self.n_hits)))
-        if self.whitening is not None:
-            axes = (self.n_channels, "taps")
-            put(self, "whitening", frozen_array(self.whitening, "whitening", of, axes=axes))
+            self._freeze(floor=(self.n_channels, self.n_hits))
+        self._freeze(whitening=(self.n_channels, "taps"))
 
     @property
     def n_channels(self) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array
+from floquid._checks import Rebuilt
 from floquid.lti._exponentials import Fit, polish
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PAIR, PoleSet
@@ -76,13 +76,9 @@ class Evidence(Rebuilt):
     degrees: float
 
     def __post_init__(self) -> None:
-        of, put = "Evidence", object.__setattr__
-        multipliers = frozen_array(self.multipliers, "multipliers", of, axes=("entries",), dtype=np.complex128)
-        put(self, "multipliers", multipliers)
-        shapes = {"rises": (), "limits": (), "firm_limits": (), "deviations": (2,)}
-        for name, more in shapes.items():
-            axes = (len(multipliers), *more)
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, finite=False))
+        self._freeze(dtype=np.complex128, multipliers=("entries",))
+        each = (len(self.multipliers),)
+        self._freeze(finite=False, rises=each, limits=each, firm_limits=each, deviations=(*each, 2))
 
 
 def removed(found: Fit, factors: Sequence[Factor], limits: NDArray[np.float64]) -> tuple[NDArray[np.float64], Fit]:
