@@ -37,7 +37,7 @@ def stability(
     noise: NDArray[np.float64] | None = None,
     tolerances: Tolerances = DEFAULT,
 ) -> NDArray[np.int64]:
-    r"""How far each pole of a model agrees with one of a lower order.
+    r"""The `Stability` of each pole (modes,): how far it agrees with one of a lower order.
 
     .. math:: |\theta_a - \theta_b|_{2\pi} \le 2\pi f, \qquad |d_a - d_b| \le \max(\epsilon\, d, d_0), \qquad
               \frac{|R_a^H R_b|^2}{(R_a^H R_a)(R_b^H R_b)} \ge m
@@ -59,11 +59,6 @@ def stability(
         The standard deviation of the noise on each response (outputs, inputs); alike where not given.
     tolerances
         When two poles count as one.
-
-    Returns
-    -------
-    numpy.ndarray
-        The `Stability` of each pole (modes,).
 
     Raises
     ------
