@@ -72,10 +72,12 @@ class Realisation:
     shifted: NDArray[np.float64]
 
     @staticmethod
-    def of(factors: Sequence[Factor], window: int, most: int) -> Realisation:
+    def of(blocks: Sequence[Factor], window: int | None, most: int) -> Realisation:
         """That of windows of M samples, from blocks longer than M; at most `most` leading directions."""
-        covariance = hankel_covariance(factors, window + 1)
-        values, vectors = leading(covariance[:-1, :-1], min(most, window))
+        longest = max(len(block.values) for block in blocks)
+        lags = max(1, min(window or search_window(longest), longest - 1))
+        covariance = hankel_covariance(blocks, lags + 1)
+        values, vectors = leading(covariance[:-1, :-1], min(most, lags))
         return Realisation(values, vectors, covariance[:-1, 1:])
 
     @property
@@ -111,13 +113,6 @@ def leading(matrix: NDArray[np.float64], most: int) -> tuple[NDArray[np.float64]
 def search_window(samples: int) -> int:
     """The length of the Hankel window: half of the longest block, so that a short one holds most poles; at most 200."""
     return max(2, min(200, samples // 2))
-
-
-def realise(blocks: Sequence[Factor], window: int | None, most: int) -> Realisation:
-    """The realisation from factors, by covariances."""
-    longest = max(len(block.values) for block in blocks)
-    lags = max(1, min(window or search_window(longest), longest - 1))
-    return Realisation.of(blocks, lags, most)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +162,7 @@ class ERA(AbstractIdentifier):
     def prepare(self, data: TimeResponses) -> Realised:
         """The realisation of the highest order of the responses in `data`."""
         samples = energetic_length(energies(data), data)
-        return Realised(data, realise(factors(data, samples), self.window, self.most))
+        return Realised(data, Realisation.of(factors(data, samples), self.window, self.most))
 
     def extract(
         self, state: Realised, order: int | None = None, *, report: Callable[[str], None] = lambda _: None

@@ -48,11 +48,6 @@ def powers(s: NDArray[np.complex128], samples: int) -> NDArray[np.complex128]:
     return np.where(exponent.real > -138.0, np.exp(exponent), 0.0)
 
 
-def basis(poles: PoleSet, samples: int) -> NDArray[np.complex128]:
-    """The columns μ^k (samples, order) of all poles, scaled as in `powers`."""
-    return powers(poles.full(), samples)
-
-
 def real_powers(poles: PoleSet, samples: int) -> NDArray[np.float64]:
     """Real columns of the same space (samples, order): of a pair Re and Im of its own, the upper one."""
     columns, starts = powers(poles.s, samples), poles.starts()

@@ -89,7 +89,7 @@ def energies(data: TimeResponses) -> NDArray[np.float64]:
     return total
 
 
-def energetic_length(energy: NDArray[np.float64], data: TimeResponses, *, margin: float = 1.5) -> int:
+def energetic_length(energy: NDArray[np.float64], data: TimeResponses) -> int:
     """The samples to look at first: all of a short record; of a long one, those before the energy meets its floor.
 
     The floor is the least mean energy over a twentieth of the record. A mode that goes on below it is found later, from
@@ -103,7 +103,7 @@ def energetic_length(energy: NDArray[np.float64], data: TimeResponses, *, margin
     columns = data.n_outputs * data.n_inputs
     quiet = blocks < blocks.min() * (1.0 + 6.0 * np.sqrt(2.0 / (width * columns))) * 1.02
     loud = np.flatnonzero(~quiet)
-    return min(whole, max(SHORT, int(np.ceil(margin * width * (loud[-1] + 1))))) if len(loud) else whole
+    return min(whole, max(SHORT, int(np.ceil(1.5 * width * (loud[-1] + 1))))) if len(loud) else whole
 
 
 def product_noise(noise: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -209,9 +209,8 @@ def compress(data: TimeResponses, most: int | None = None, *, rank_one: bool = F
     Returns
     -------
     TimeResponses
-        The principal responses (responses, inputs, samples), in units of the noise of one output. Their `noise` is
-        √(outputs/responses) for all, so that the energy of white noise stays what it is; it is exactly white where
-        there are no more outputs than samples.
+        (responses, inputs, samples) in units of the noise of one output. `noise` is √(outputs/responses) for all, so
+        that the energy of white noise stays what it is; it is exactly white if there are no more outputs than samples.
 
     Raises
     ------

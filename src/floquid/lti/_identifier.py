@@ -57,19 +57,10 @@ class AbstractIdentifier(ABC):
 
     @abstractmethod
     def refine(self, state: Any, model: ModalModel) -> ModalModel:
-        """The model of the same order nearest to another one, on other data or another noise.
+        """The model, of the data in `state`, of the same order as `model` and nearest to it.
 
-        Parameters
-        ----------
-        state
-            What `prepare` returned for the data.
-        model
-            Where to start; an algorithm that cannot start anywhere extracts a model of its order.
-
-        Returns
-        -------
-        ModalModel
-            The model.
+        The data or their noise may be others than those of `model`. An algorithm that cannot start anywhere extracts
+        a model of its order.
         """
 
 

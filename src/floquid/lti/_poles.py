@@ -82,6 +82,12 @@ class PoleSet:
             at += len(block)
         return out
 
+    def covariance_of_all(self, own: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The covariance of Re s, then Im s, of all poles (2 order, 2 order), from that of the real parameters."""
+        map_ = self.parameter_map()
+        stacked = np.concatenate([map_.real, map_.imag])
+        return stacked @ own @ stacked.T
+
     def moved(self, step: NDArray[np.float64]) -> PoleSet:
         """The set after a step in its real parameters (order,)."""
         return PoleSet.of(self.s + (self.parameter_map() @ step)[self.starts()], self.kind)

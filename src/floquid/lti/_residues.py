@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error
-from floquid.lti._exponentials import basis, complex_residues, real_basis
+from floquid.lti._exponentials import complex_residues, powers, real_basis
 from floquid.lti._factor import BLOCK
 from floquid.lti._poles import PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
@@ -25,7 +25,7 @@ def fit_residues(
     outcome: Outcome = Outcome.SUCCESS,
     stats: Mapping[str, float] | None = None,
 ) -> ModalModel:
-    r"""The modal model of given multipliers: the residues that leave least.
+    r"""The modal model of given multipliers, conjugates next to each other: the residues that leave least.
 
     .. math:: \min_R \sum_k \Big( y_{oi}[k] - \sum_r R_{r,oi}\, \mu_r^k \Big)^2, \qquad
               R = E^+ y, \quad E_{kr} = \mu_r^k
@@ -44,11 +44,6 @@ def fit_residues(
         How the identification ended.
     stats
         Numbers about the fit.
-
-    Returns
-    -------
-    ModalModel
-        The model, conjugates next to each other.
 
     Raises
     ------
@@ -98,7 +93,7 @@ def _of_input(
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]:
     """Residues (n, outputs), their spread and slope (n, n), and the residual's deviation (outputs,), of one input."""
     samples = int(data.lengths[number])
-    columns = basis(poles, samples)
+    columns = powers(poles.full(), samples)
     q, r = np.linalg.qr(real_basis(poles, columns))
     inverse = np.linalg.pinv(r, rcond=1e-14)
     residues = np.zeros((poles.order, data.n_outputs), complex)

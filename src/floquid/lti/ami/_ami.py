@@ -323,6 +323,5 @@ def _with_deviations(
         return None
     information = positive_part(whole, whole - noise)
     unit = sandwich(information, scatter)
-    stacked = np.concatenate([poles.parameter_map().real, poles.parameter_map().imag])
-    covariance = stacked @ (0.5 * (unit + unit.T)) @ stacked.T / data.dt**2
+    covariance = poles.covariance_of_all(0.5 * (unit + unit.T)) / data.dt**2
     return replace(model, covariance=covariance, residue_spread=spread, residue_slope=slope)

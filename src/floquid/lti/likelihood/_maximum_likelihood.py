@@ -9,7 +9,7 @@ from typing import Any, ClassVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._era import realise, search_window
+from floquid.lti._era import Realisation, search_window
 from floquid.lti._exponentials import Fit, of_dependent_noise, polish
 from floquid.lti._factor import Factor, energetic_length, energies, factors
 from floquid.lti._identifier import AbstractIdentifier, checked_order, reached
@@ -247,7 +247,7 @@ class MaximumLikelihood(AbstractIdentifier):
         if self.initial is not None:
             initial = self.initial
             return lambda order: PoleSet.from_multipliers(initial.extract(state.initial, order).multipliers)
-        realisation = realise(blocks, None, max(self.starts))
+        realisation = Realisation.of(blocks, None, max(self.starts))
         return lambda order: PoleSet.from_multipliers(realisation.multipliers(order))
 
 
@@ -263,10 +263,8 @@ def _model(
     """The model of a fit, with residues from all samples; `left` is what poles like these leave, where it is known."""
     if len(found.poles) and (left or Residual.of(found.poles, blocks)).independent < 1.0:
         found = of_dependent_noise(found, blocks)
-    map_ = found.poles.parameter_map()
-    stacked = np.concatenate([map_.real, map_.imag])
     unit = found.covariance() if len(found.poles) else np.zeros((0, 0))
-    covariance = stacked @ unit @ stacked.T / state.data.dt**2
+    covariance = found.poles.covariance_of_all(unit) / state.data.dt**2
     stats = {"cost": found.cost, "degrees": _degrees(blocks, found.poles.order)}
     return model_of(found.poles, state.data, covariance=covariance, outcome=outcome, stats=stats)
 

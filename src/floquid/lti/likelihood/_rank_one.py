@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._numerics import levenberg_marquardt, positive_part, sandwich
-from floquid.lti._exponentials import basis, complex_residues
+from floquid.lti._exponentials import complex_residues, powers
 from floquid.lti._factor import Factor, factors, product_noise
 from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
@@ -164,7 +164,7 @@ class ProductFit:
 def _columns(now: Products, lengths: NDArray[np.int64]) -> tuple[NDArray[np.float64], Tangents]:
     """The real columns (rows, order), inputs one after the other, and their tangents, a column a parameter."""
     poles = now.poles
-    powers = basis(poles, int(lengths.max()))[:, poles.starts()]
+    terms = powers(poles.s, int(lengths.max()))
     ends = np.cumsum(lengths)
     rows = int(ends[-1])
     columns: list[NDArray[np.float64]] = []
@@ -174,11 +174,11 @@ def _columns(now: Products, lengths: NDArray[np.int64]) -> tuple[NDArray[np.floa
         alone: list[NDArray[np.complex128]] = []
         for i, (end, length) in enumerate(zip(ends, lengths, strict=True)):
             part = slice(int(end - length), int(end))
-            whole[part] = now.shares[entry, i] * powers[:length, entry]
+            whole[part] = now.shares[entry, i] * terms[:length, entry]
             slope[part] = np.arange(length) * whole[part]
             if i != now.reference[entry]:
                 single = np.zeros(rows, np.complex128)
-                single[part] = powers[:length, entry]
+                single[part] = terms[:length, entry]
                 alone.append(single)
         at = len(columns)
         pair = kind == PAIR
@@ -248,19 +248,6 @@ class Stacked:
         values.flags.writeable = False
         return Stacked(data, scale, values, factors(TimeResponses(values=values[:, None], dt=data.dt))[0])
 
-    def limit(self, size: int, false_alarm: float, noise: Noise, near: int) -> float:
-        """The rise that noise explains when an outer product with a real pole (1) or a pair (2) is taken away.
-
-        `near` is the position of the pole of the free fit whose frequency it has.
-        """
-        degrees = size * (self.data.n_outputs + self.data.n_inputs)
-        return noise.limit(near, degrees, false_alarm) * self.noise
-
-    @property
-    def noise(self) -> float:
-        """The mean square of the noise where its product is 1."""
-        return float(np.mean((self.data.noise / self.scale) ** 2))
-
 
 def polish_products(now: Products, stacked: Stacked, *, steps: int = 60, tolerance: float = 1e-3) -> ProductFit:
     """The poles and participations of least cost near `now`."""
@@ -285,7 +272,7 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
         return model
     stacked = Stacked.of(data)
     found = polish_products(split(model, data, counts), stacked)
-    before = int((model.multipliers.imag >= 0).sum())
+    before, level = int((model.multipliers.imag >= 0).sum()), float(np.mean((data.noise / stacked.scale) ** 2))
     while len(found.products.poles) > before:
         trials = [
             polish_products(found.products.without(entry), stacked, steps=15, tolerance=1e-2)
@@ -294,9 +281,11 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
         rises = [trial.cost - found.cost for trial in trials]
         poles = found.products.poles
         near = np.abs(np.subtract.outer(np.exp(poles.s), model.multipliers)).argmin(axis=1)
+        # An outer product with a real pole has one parameter for each output and input, one with a pair two.
+        degrees = poles.sizes * (data.n_outputs + data.n_inputs)
         limits = [
-            stacked.limit(int(size), false_alarm, noise, int(pole))
-            for size, pole in zip(poles.sizes, near, strict=True)
+            noise.limit(pole, degree, false_alarm) * level
+            for pole, degree in zip(near.tolist(), degrees.tolist(), strict=True)
         ]
         least = int(np.argmin(np.array(rises) - np.array(limits)))
         if rises[least] > limits[least]:
@@ -343,8 +332,8 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, col
     parts = [slice(int(end - length), int(end)) for end, length in zip(ends, data.lengths, strict=True)]
     free = [max(length - n / data.n_inputs, 1) for length in data.lengths]
     left = [scale[:, i] * np.sqrt(rest[:, part].sum(axis=1) / free[i]) for i, part in enumerate(parts)]
-    powers = basis(poles, int(data.lengths.max()))
-    steps = [np.arange(length)[:, None] * powers[:length] * own[i] for i, length in enumerate(data.lengths)]
+    terms = powers(poles.full(), int(data.lengths.max()))
+    steps = [np.arange(length)[:, None] * terms[:length] * own[i] for i, length in enumerate(data.lengths)]
     slope = spread @ np.concatenate(steps)
     # An input that hardly holds a mode says nothing of how its residue there moves with the pole.
     safe = [np.where(np.abs(share) > 1e-9, share, 1e-9) for share in own]

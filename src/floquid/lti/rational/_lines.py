@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._exponentials import basis, complex_residues, real_basis, real_powers
+from floquid.lti._exponentials import complex_residues, powers, real_basis, real_powers
 from floquid.lti._factor import BLOCK
 from floquid.lti._poles import PoleSet
 from floquid.lti._removal import Removal
@@ -94,8 +94,8 @@ class Fitting:
     def of(modes: Modes, inputs: list[int], rows: Sequence[Rows]) -> Fitting:
         """For these inputs."""
         longest = max(rows[i].band.samples for i in inputs)
-        powers = basis(modes.poles, longest)
-        columns = [rows[i](real_basis(modes.poles, powers * modes.of_input(i)).T).T for i in inputs]
+        terms = powers(modes.poles.full(), longest)
+        columns = [rows[i](real_basis(modes.poles, terms * modes.of_input(i)).T).T for i in inputs]
         q, r = np.linalg.qr(np.concatenate(columns))
         whole = np.linalg.pinv(r, rcond=1e-14) @ q.T
         inverse = np.split(whole, np.cumsum([len(part) for part in columns])[:-1], axis=1)
