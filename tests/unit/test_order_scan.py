@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
 
-import floquid.order._stable as stable_module
+import floquid.order._scan as stable_module
 from floquid.errors import InputError
 from floquid.lti import (
     AMI,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import integer
+from floquid.lti._exponentials import model_of
 from floquid.lti._factor import BLOCK, Factor, energetic_length, energies, factors
-from floquid.lti._identifier import AbstractIdentifier, given_order, reached
+from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
 from floquid.lti._poles import PoleSet
-from floquid.lti._residues import model_of
 from floquid.lti._types import ModalModel, TimeResponses
 
 ROUNDING = 16.0 * np.finfo(float).eps
@@ -164,9 +164,7 @@ class ERA(AbstractIdentifier):
         samples = energetic_length(energies(data), data)
         return Realised(data, Realisation.of(factors(data, samples), self.window, self.most))
 
-    def extract(
-        self, state: Realised, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
-    ) -> ModalModel:
+    def extract(self, state: Realised, order: int | None = None, *, report: Report = silent) -> ModalModel:
         """The model of the `order` leading directions in `state`, or of all where there are fewer; tells `report`."""
         wanted = given_order(order, self, state.data)
         report("extracting from the realisation")

@@ -9,6 +9,13 @@ from typing import Any, ClassVar
 from floquid._checks import input_error, integer
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
+Report = Callable[[str], None]
+"""A function that is told of each stage."""
+
+
+def silent(_: str) -> None:
+    """Tell nobody."""
+
 
 class AbstractIdentifier(ABC):
     """One algorithm with its options as fields. Implementations are final, frozen and stateless.
@@ -30,9 +37,7 @@ class AbstractIdentifier(ABC):
         """
 
     @abstractmethod
-    def extract(
-        self, state: Any, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
-    ) -> ModalModel:
+    def extract(self, state: Any, order: int | None = None, *, report: Report = silent) -> ModalModel:
         """The model of one order.
 
         Parameters

@@ -6,8 +6,6 @@ squares (`floquid.lti.fit_residues`). None decides the order: wrap one, `Maximum
 at the statistical limit, or ask for an order.
 """
 
-from floquid.lti.adapters._bopdmd import BOPDMD
-from floquid.lti.adapters._pyoma import PyOMA2SSI
-from floquid.lti.adapters._sdypy import SdypyLSCF
+from floquid.lti.adapters._identifiers import BOPDMD, PyOMA2SSI, SdypyLSCF
 
 __all__ = ["BOPDMD", "PyOMA2SSI", "SdypyLSCF"]

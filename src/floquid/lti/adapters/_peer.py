@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.errors import InputError
+from floquid.lti._exponentials import fit_residues
 from floquid.lti._factor import Factor, factors
 from floquid.lti._identifier import reached
 from floquid.lti._poles import PoleSet
 from floquid.lti._removal import strongest
-from floquid.lti._residues import fit_residues
 from floquid.lti._types import ModalModel, TimeResponses
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import ClassVar, final
@@ -11,7 +11,7 @@ import numpy as np
 
 from floquid._numerics import positive_part, sandwich
 from floquid.lti._exponentials import complex_residues
-from floquid.lti._identifier import AbstractIdentifier, checked_order, reached
+from floquid.lti._identifier import AbstractIdentifier, Report, checked_order, reached, silent
 from floquid.lti._noise import rise_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._spectrum import Block, composites, spectra
@@ -118,9 +118,7 @@ class AMI(AbstractIdentifier):
         """The weighted spectra of the responses in `data`."""
         return Lines(data, spectra(data))
 
-    def extract(
-        self, state: Lines, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
-    ) -> ModalModel:
+    def extract(self, state: Lines, order: int | None = None, *, report: Report = silent) -> ModalModel:
         """The model, with its composites, of the modes isolated in `state`; `report` is told of each.
 
         Without an `order` it goes on until nothing rises above the noise.
@@ -149,7 +147,7 @@ class AMI(AbstractIdentifier):
         most = self.rounds if most is None else min(most, self.rounds)
         return Rounds(widths=self.widths, tolerance=max(tolerance, self.tolerance), most=most, rank_one=self.rank_one)
 
-    def _search(self, state: Lines, most: int, report: Callable[[str], None]) -> Isolated:
+    def _search(self, state: Lines, most: int, report: Report) -> Isolated:
         """Isolate mode after mode; before the end, bring the poles to rest and look once more."""
         now, at_rest = nothing(state.blocks), True
         while True:

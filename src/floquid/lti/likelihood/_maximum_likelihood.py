@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.lti._era import Realisation, search_window
-from floquid.lti._exponentials import Fit, of_dependent_noise, polish
+from floquid.lti._exponentials import Fit, model_of, of_dependent_noise, polish
 from floquid.lti._factor import Factor, energetic_length, energies, factors
-from floquid.lti._identifier import AbstractIdentifier, checked_order, reached
+from floquid.lti._identifier import AbstractIdentifier, Report, checked_order, reached, silent
 from floquid.lti._poles import PoleSet
-from floquid.lti._residues import model_of
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 from floquid.lti.likelihood._evidence import Evidence, clearest, entry_deviations, movement, nearest_pair, removed
 from floquid.lti.likelihood._rank_one import PRODUCTS, Noise, merged, refined, separated
@@ -110,9 +109,7 @@ class MaximumLikelihood(AbstractIdentifier):
         initial = None if self.initial is None else self.initial.prepare(data)
         return Prepared(data, factors(data, samples), initial)
 
-    def extract(
-        self, state: Prepared, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
-    ) -> ModalModel:
+    def extract(self, state: Prepared, order: int | None = None, *, report: Report = silent) -> ModalModel:
         """The maximum-likelihood model in `state`, of this `order` or the one found; `report` is told of each stage."""
         checked_order(order, self, state.data)
         most = min(self.most, int(state.data.lengths.max()) // 2)
@@ -188,9 +185,7 @@ class MaximumLikelihood(AbstractIdentifier):
         left = Residual.of(poles, blocks)
         return Noise.whitened_by(taps, model, left.independent, left.variance)
 
-    def _choose(
-        self, state: Prepared, most: int, report: Callable[[str], None]
-    ) -> tuple[Fit, tuple[Factor, ...], bool, Residual]:
+    def _choose(self, state: Prepared, most: int, report: Report) -> tuple[Fit, tuple[Factor, ...], bool, Residual]:
         """The poles from the samples that hold energy, and again from more when a mode lasts longer than those.
 
         With the samples used, whether the search ended, and what is left.

@@ -18,6 +18,7 @@ import numpy as np
 
 from floquid.lti._exponentials import Fit, fit, polish
 from floquid.lti._factor import Factor
+from floquid.lti._identifier import Report, silent
 from floquid.lti._noise import rise_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._removal import Removal, prune_linear
@@ -93,7 +94,7 @@ def choose(
     most: int,
     starts: Sequence[int],
     noise: Residual,
-    report: Callable[[str], None] = lambda _: None,
+    report: Report = silent,
 ) -> tuple[Fit, bool, Residual]:
     """The poles that the data support, fitted by maximum likelihood; whether the search ended; and what is left.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from floquid._checks import finite, input_error, integer
 from floquid.lti._era import hankel_covariance
+from floquid.lti._exponentials import model_of
 from floquid.lti._factor import BLOCK, SAFE, Factor, energetic_length, energies, factors, product_noise
-from floquid.lti._identifier import AbstractIdentifier, given_order, reached
+from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
 from floquid.lti._poles import FASTEST, PoleSet
 from floquid.lti._removal import strongest
-from floquid.lti._residues import model_of
 from floquid.lti._types import ModalModel, TimeResponses
 from floquid.lti.rational._denominator import Band, Basis, Denominators, Equations, stacked
 from floquid.lti.rational._lines import Modes, Rows, chosen, model_on
@@ -103,9 +103,7 @@ class LSCF(AbstractIdentifier):
         found = common([blocks[k] for k in long], [bands[k] for k in long], degree)
         return Candidates(data, found, candidates(found, shared=False), blocks)
 
-    def extract(
-        self, state: Candidates, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
-    ) -> ModalModel:
+    def extract(self, state: Candidates, order: int | None = None, *, report: Report = silent) -> ModalModel:
         """The model of those roots in `state`, `order` of them, that take most out of the responses; tells `report`."""
         wanted = given_order(order, self, state.data)
         modes = state.at(wanted)
@@ -176,9 +174,7 @@ class PolyLSCF(AbstractIdentifier):
         found = matrix(data, band, degree, safe=bool(safe))
         return Candidates(data, found, candidates(found, shared=True))
 
-    def extract(
-        self, state: Candidates, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
-    ) -> ModalModel:
+    def extract(self, state: Candidates, order: int | None = None, *, report: Report = silent) -> ModalModel:
         """The model of those roots in `state`, `order` of them, that take most out of the responses; tells `report`."""
         wanted = given_order(order, self, state.data)
         data, modes = state.data, state.at(wanted)
