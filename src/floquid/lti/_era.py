@@ -170,7 +170,3 @@ class ERA(AbstractIdentifier):
         report("extracting from the realisation")
         poles = PoleSet.from_multipliers(state.realisation.multipliers(wanted))
         return model_of(poles, state.data, outcome=reached(wanted, poles.order))
-
-    def refine(self, state: Realised, model: ModalModel) -> ModalModel:
-        """The model in `state` of the order of `model`: an algorithm of directions starts nowhere."""
-        return self.extract(state, model.order)

@@ -60,23 +60,17 @@ class AbstractIdentifier(ABC):
             `order` is not a positive integer below the number of samples, or None where the algorithm cannot decide.
         """
 
-    @abstractmethod
     def refine(self, state: Any, model: ModalModel) -> ModalModel:
         """The model, of the data in `state`, of the same order as `model` and nearest to it.
 
         The data or their noise may be others than those of `model`. An algorithm that cannot start anywhere extracts
-        a model of its order.
+        a model of its order: this method does so, for algorithms without one of their own.
         """
+        return self.extract(state, model.order) if model.order else model
 
 
 def checked_order(order: int | None, identifier: AbstractIdentifier, data: TimeResponses) -> int | None:
-    """The `order` that the `extract` of an `identifier` was given, if `data` could hold it.
-
-    Raises
-    ------
-    InputError
-        It is not a positive integer below the number of samples, or None where the algorithm cannot decide.
-    """
+    """The `order` that the `extract` of an `identifier` was given, if `data` could hold it; else an `InputError`."""
     name, samples = type(identifier).__name__, int(data.lengths.max())
     of = f"{name}.extract"
     if order is None:

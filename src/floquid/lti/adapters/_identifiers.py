@@ -187,10 +187,6 @@ class PyOMA2SSI(AbstractIdentifier):
             found = np.linalg.eigvals(systems[wanted]).astype(np.complex128)
         return fitted(found, state, wanted)
 
-    def refine(self, state: Components, model: ModalModel) -> ModalModel:
-        """The model in `state` of the order of `model`: this algorithm cannot start anywhere."""
-        return self.extract(state, model.order)
-
 
 def _energetic(values: NDArray[np.float64]) -> int:
     """The samples in which `SHARE` of the energy above that of the last tenth comes."""
@@ -239,10 +235,6 @@ class SdypyLSCF(AbstractIdentifier):
         many = self._poles(state, wanted)
         report(f"{len(many)} poles of the denominator")
         return fitted(kept(many, state, wanted), state, wanted)
-
-    def refine(self, state: Components, model: ModalModel) -> ModalModel:
-        """The model in `state` of the order of `model`: this algorithm cannot start anywhere."""
-        return self.extract(state, model.order)
 
     def _poles(self, state: Components, order: int) -> NDArray[np.complex128]:
         """The multipliers of the denominator.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
@@ -282,6 +282,10 @@ def isolated_model(
     for block, lines in zip(blocks, now.left, strict=True):
         free = max(block.samples - n, 1)
         left[:, block.inputs] = block.noise * np.sqrt(np.sum(np.abs(lines) ** 2, axis=0) / free)
+    bands = bands_of(now.modes, blocks, widths)
+    whole = [[slice(0, len(block.values))] * len(now.modes) for block in blocks]
+    # Of modes hardly told apart the bands' equations may not be definite; those of all lines are, and differ little.
+    deviations = _deviations(now, data, blocks, bands) or _deviations(now, data, blocks, whole)
     model = ModalModel(
         multipliers=poles.multipliers(),
         residues=values,
@@ -289,27 +293,22 @@ def isolated_model(
         residual_std=left,
         outcome=outcome,
         stats={"cost": now.cost, "rest": now.rest},
+        **deviations,
     )
-    bands = bands_of(now.modes, blocks, widths)
-    whole = [[slice(0, len(block.values))] * len(now.modes) for block in blocks]
-    # Of modes hardly told apart the bands' equations may not be definite; those of all lines are, and differ little.
-    found = _with_deviations(model, now, data, blocks, bands) or _with_deviations(model, now, data, blocks, whole)
-    return replace(found or model, composites=composites(data, model))
+    return replace(model, composites=composites(data, model))
 
 
-def _with_deviations(
-    model: ModalModel, now: Isolated, data: TimeResponses, blocks: Sequence[Block], near: Bands
-) -> ModalModel | None:
-    """The model with its covariance and what noise does to its residues; None where two poles are one to rounding."""
-    poles, n = now.poles(), model.order
+def _deviations(now: Isolated, data: TimeResponses, blocks: Sequence[Block], near: Bands) -> dict[str, Any]:
+    """The covariance and what noise does to the residues, by name; none where two poles are one to rounding."""
+    poles, n = now.poles(), now.order
     if not n:
-        return None
+        return {}
     whole, noise, scatter = np.zeros((3, n, n))
     spread, slope = np.zeros((2, data.n_inputs, n, n), complex)
     for number, block in enumerate(blocks):
         coupled = Coupled.of(now.modes, block, near[number], KNOWN)
         if coupled is None:
-            return None
+            return {}
         parts = coupled.slopes(now.modes, number)
         whole, noise = whole + parts[0], noise + parts[1]
         scatter += coupled.scatter_of_equations(coupled.strength(now.modes, number))
@@ -318,8 +317,7 @@ def _with_deviations(
         spread[block.inputs] = solve @ solve.conj().T
         slope[block.inputs] = solve @ (complex_columns(poles, coupled.moved) / scale)
     if not (np.diag(whole) > LEAST_INFORMATION).all():
-        return None
-    information = positive_part(whole, whole - noise)
-    unit = sandwich(information, scatter)
+        return {}
+    unit = sandwich(positive_part(whole, whole - noise), scatter)
     covariance = poles.covariance_of_all(0.5 * (unit + unit.T)) / data.dt**2
-    return replace(model, covariance=covariance, residue_spread=spread, residue_slope=slope)
+    return {"covariance": covariance, "residue_spread": spread, "residue_slope": slope}

@@ -63,12 +63,7 @@ class Isolated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rounds:
-    """How to go round the modes.
-
-    `widths`: half-power half-widths to each side of its peak that a mode is fitted to. `tolerance`: the poles have
-    stopped when none moves by more than this many of its deviations. `most`: rounds, at most. `rank_one`: whether a
-    mode's residues are an outer product of outputs and inputs.
-    """
+    """How to go round the modes, and how often at `most`: the options of `AMI`."""
 
     widths: float
     tolerance: float

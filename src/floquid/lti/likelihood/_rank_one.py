@@ -281,7 +281,7 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
         rises = [trial.cost - found.cost for trial in trials]
         poles = found.products.poles
         near = np.abs(np.subtract.outer(np.exp(poles.s), model.multipliers)).argmin(axis=1)
-        # An outer product with a real pole has one parameter for each output and input, one with a pair two.
+        # An outer product with a real pole has one parameter for each output and input, one with a pair twice as many.
         degrees = poles.sizes * (data.n_outputs + data.n_inputs)
         limits = [
             noise.limit(pole, degree, false_alarm) * level

@@ -115,10 +115,6 @@ class LSCF(AbstractIdentifier):
         poles = strongest(modes.poles, state.factors, wanted)
         return model_of(poles, state.data, outcome=reached(wanted, poles.order))
 
-    def refine(self, state: Candidates, model: ModalModel) -> ModalModel:
-        """The model in `state` of the order of `model`: an algorithm of roots starts nowhere."""
-        return self.extract(state, model.order) if model.order else model
-
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,10 +184,6 @@ class PolyLSCF(AbstractIdentifier):
         if self.band is not None:
             return model_on(Modes(modes.poles), data, scale, rows, outcome)
         return model_of(modes.poles, data, outcome=outcome)
-
-    def refine(self, state: Candidates, model: ModalModel) -> ModalModel:
-        """The model in `state` of the order of `model`: an algorithm of roots starts nowhere."""
-        return self.extract(state, model.order) if model.order else model
 
 
 def checked_options(degree: int | None, band: tuple[float, float] | None, of: str) -> None:
