@@ -43,10 +43,9 @@ class BOPDMD(AbstractIdentifier):
     .. math:: \min_{\alpha, B} \sum_k \big\| y_k - B^T e^{\alpha k} \big\|^2
 
     (Askham and Kutz 2018, "Variable projection methods for an optimized dynamic mode decomposition", SIAM J. Appl. Dyn.
-    Syst. 17; the package is that of Ichinaga et al. 2024.) What is given to it: responses over their noise, inputs
-    stacked as outputs and cut to the shortest, as their first `order` principal components. It starts from PyDMD's DMD
-    of delayed copies: its own start, by the trapezoidal rule, is wrong for poles far up in the band. Its constraint
-    to conjugate pairs rounds to single precision and cannot keep two real poles, so that of `paired` is passed.
+    Syst. 17; the package is that of Ichinaga et al. 2024.) It starts from PyDMD's DMD of delayed copies: its own start,
+    by the trapezoidal rule, is wrong for poles far up in the band. Its constraint to conjugate pairs rounds to single
+    precision and cannot keep two real poles, so another is passed.
 
     Parameters
     ----------
@@ -133,9 +132,8 @@ class PyOMA2SSI(AbstractIdentifier):
               \mu = \operatorname{eig} A
 
     (Peeters and De Roeck 1999; Döhler and Mevel 2013 for the fast form used.) The method is made for random excitation;
-    a free decay has the same observability matrix O. What is given to it: responses over their noise, inputs stacked as
-    outputs and cut to the shortest, as their first `order` principal components. The Hankel matrix H is cut off at its
-    first `order` singular vectors, which is what selects the poles: no pole is spurious by construction.
+    a free decay has the same observability matrix O. The Hankel matrix H is cut off at its first `order` singular
+    vectors, which is what selects the poles: no pole is spurious by construction.
 
     Parameters
     ----------
@@ -207,11 +205,10 @@ class SdypyLSCF(AbstractIdentifier):
     .. math:: Y_o(z) = \frac{\sum_j b_{oj} z^{-j}}{\sum_j a_j z^{-j}}, \qquad \sum_j a_j\, z_r^{-j} = 0
 
     on the lines of the DFT, where a free decay of finite length is such a ratio exactly (Guillaume et al. 2003;
-    Verboven 2002, section 5.3.3). What is given to it: the transform of the responses over their noise, inputs stacked
-    as outputs and cut to the shortest, an even number of samples, as their first `order` principal components; of those
-    the lines from the first above zero on (at zero this code flips the sign of the damping). The denominator's degree
-    is far above the order, so most of its poles are spurious. The `order` poles are kept that the data can least do
-    without: of all poles with free residues, the one whose absence leaves least is taken away, again and again.
+    Verboven 2002, section 5.3.3). It is given an even number of samples, and the lines from the first above zero on: at
+    zero this code flips the sign of the damping. The denominator's degree is far above the order, so most of its poles
+    are spurious. The `order` poles are kept that the data can least do without: of all poles with free residues, the
+    one whose absence leaves least is taken away, again and again.
 
     Parameters
     ----------

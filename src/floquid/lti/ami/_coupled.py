@@ -191,15 +191,22 @@ def _rows(block: Block) -> NDArray[np.float64]:
 
 def limit(past: Sequence[Sequence[Mode]], blocks: Sequence[Block]) -> list[Mode]:
     """The limit of a sequence of rounds by reduced-rank extrapolation (Eddy 1979; Mešina 1977)."""
-    last = past[-1]
     norms = [
         [np.linalg.norm(mode_columns(m.s, m.kind, x.angles, x.samples, x.weights)[0], axis=0) for x in blocks]
-        for m in last
+        for m in past[-1]
     ]
-    states = np.array([_state(modes, last, norms) for modes in past])
-    steps = np.diff(states, axis=0)
+    steps = np.diff([_state(modes, past[-1], norms) for modes in past], axis=0)
     mixed = np.linalg.lstsq(np.diff(steps, axis=0).T, steps[0], rcond=1e-10)[0]
-    return _from_state(states[0] - mixed @ steps[:-1], last, norms)
+    weights = np.eye(len(past))[0]  # of the rounds: the first of them less the steps so mixed
+    weights[:-2] += mixed
+    weights[1:-1] -= mixed
+    found = []
+    for rounds in zip(*past, strict=True):
+        s = complex(weights @ np.array([mode.s for mode in rounds]))
+        parts = zip(*(mode.coefficients for mode in rounds), strict=True)
+        own = tuple(np.tensordot(weights, part, axes=1) for part in parts)
+        found.append(replace(rounds[-1], s=moved_pole(s, rounds[-1].kind, np.zeros(2)), coefficients=own))
+    return found
 
 
 def _state(modes: Sequence[Mode], last: Sequence[Mode], norms: Sequence[Sequence[NDArray]]) -> NDArray[np.float64]:
@@ -209,16 +216,3 @@ def _state(modes: Sequence[Mode], last: Sequence[Mode], norms: Sequence[Sequence
         parts.append(np.array([mode.s.real, mode.s.imag]) / final.deviation)
         parts += [(own * size[:, None, None]).ravel() for own, size in zip(mode.coefficients, sizes, strict=True)]
     return np.concatenate(parts)
-
-
-def _from_state(state: NDArray[np.float64], last: Sequence[Mode], norms: Sequence[Sequence[NDArray]]) -> list[Mode]:
-    modes, at = [], 0
-    for final, sizes in zip(last, norms, strict=True):
-        s = complex(state[at], state[at + 1]) * final.deviation
-        at, parts = at + 2, []
-        for own, size in zip(final.coefficients, sizes, strict=True):
-            values = state[at : at + own.size].reshape(own.shape)
-            parts.append(values / np.maximum(size, np.finfo(float).tiny)[:, None, None])
-            at += own.size
-        modes.append(replace(final, s=moved_pole(s, final.kind, np.zeros(2)), coefficients=tuple(parts)))
-    return modes
