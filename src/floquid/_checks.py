@@ -33,9 +33,9 @@ class Rebuilt:
         """Make the fields named read-only arrays of these axes (`frozen_array`); one that may be None may stay so."""
         of, optional = type(self).__name__, {field.name for field in fields(cast("Any", self)) if field.default is None}
         for name, wanted in axes.items():
-            value: Any = getattr(self, name)
+            value = getattr(self, name)
             if value is not None or name not in optional:
-                array = frozen_array(value, name, of, dtype=dtype, axes=wanted, finite=finite)
+                array = frozen_array(cast("Any", value), name, of, dtype=dtype, axes=wanted, finite=finite)
                 object.__setattr__(self, name, array)
 
 

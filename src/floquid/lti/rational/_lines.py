@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from floquid.lti._exponentials import complex_residues, powers, real_basis, real_powers
 from floquid.lti._factor import BLOCK
 from floquid.lti._poles import PoleSet
-from floquid.lti._removal import Removal
+from floquid.lti._removal import Removal, weakest
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 from floquid.lti.rational._denominator import Band, Basis, stacked
 
@@ -117,10 +117,7 @@ def chosen(modes: Modes, data: TimeResponses, scale: NDArray[np.float64], rows: 
         spread.append(np.sum([one @ one.T for one in fitting.inverse], axis=0))
         moments.append(moment)
     now, left = Removal(modes.poles, tuple(spread), tuple(moments)), np.arange(len(modes.poles))
-    while now.poles.order > order:
-        share = now.rises() / now.poles.sizes
-        fits = now.poles.sizes <= now.poles.order - order
-        worst = int(np.argmin(np.where(fits | ~fits.any(), share, np.inf)))
+    while (worst := weakest(now.poles, now.rises(), order)) is not None:
         now, left = now.without(worst), np.delete(left, worst)
     return modes.keep(np.isin(np.arange(len(modes.poles)), left))
 
