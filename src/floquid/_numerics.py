@@ -1,6 +1,9 @@
-"""What several fits do with their information matrices."""
+"""What several fits share: steps to the least cost, and what is done with information matrices."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,3 +35,63 @@ def positive_part(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> N
     share, directions = np.linalg.eigh(0.5 * (inner + inner.T))
     kept = root @ (directions * np.clip(share, 1e-2, 1.0)) @ directions.T @ root.T
     return kept * np.outer(scale, scale)
+
+
+class Quadratic(Protocol):
+    """A point of a fit: its cost, half its steepest descent (n,), and the Gauss-Newton matrix (n, n)."""
+
+    @property
+    def cost(self) -> float: ...
+    @property
+    def gradient(self) -> NDArray[np.float64]: ...
+    @property
+    def information(self) -> NDArray[np.float64]: ...
+
+
+Point = TypeVar("Point", bound=Quadratic)
+
+
+def levenberg_marquardt(
+    now: Point,
+    moved: Callable[[Point, NDArray[np.float64]], Point | None],
+    *,
+    steps: int,
+    tolerance: float,
+    damping: float = 1e-6,
+    rounding: float = 1e-12,
+    enough: float = -np.inf,
+) -> Point:
+    """The point of least cost near `now`, by Levenberg's and Marquardt's steps, none of a parameter above 0.5.
+
+    `moved` gives the point after a step, or None where it leads nowhere. Ends when a step is below `tolerance` standard
+    deviations in every parameter or below rounding, when none lowers the cost but by the share `rounding`, or as soon
+    as the cost is below `enough`. The damping stays above rounding: a parameter that does nothing leaves the matrix
+    singular.
+    """
+    for _ in range(steps if len(now.gradient) else 0):
+        scale = np.sqrt(np.maximum(np.diag(now.information), np.finfo(float).tiny))
+        system = now.information / np.outer(scale, scale)
+        while damping < 1e8:
+            step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale
+            size = np.abs(step).max()
+            step = step * min(1.0, 0.5 / size) if size > 0 else step
+            trial = moved(now, step)
+            if trial is not None and trial.cost <= now.cost * (1.0 + rounding) + 1e-300:
+                break
+            damping = max(10.0 * damping, 1e-4)
+        else:
+            return now
+        done = np.abs(step * scale).max() < tolerance or np.abs(step).max() < 1e-14
+        now, damping = trial, max(0.1 * damping, 1e-12)
+        if done or now.cost < enough:
+            break
+    return now
+
+
+def yule_walker(correlation: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+    """The filter (order + 1,) that makes white noise of an autoregression with this autocorrelation, from lag zero."""
+    from scipy.linalg import solve_toeplitz
+
+    first = correlation[:order].copy()
+    first[0] *= 1.0 + 1e-9
+    return np.concatenate([[1.0], -solve_toeplitz(first, correlation[1 : order + 1])])

@@ -18,8 +18,8 @@ import floquid
 from floquid.errors import InputError
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, TimeResponses, adapters
 from floquid.lti.adapters import BOPDMD, PyOMA2SSI, SdypyLSCF
-from floquid.lti.adapters._bopdmd import _within
-from floquid.lti.adapters._components import paired
+from floquid.lti.adapters._identifiers import _within
+from floquid.lti.adapters._peer import paired
 
 PAGE = Path(__file__).parents[2] / "docs" / "own_identifier.md"
 

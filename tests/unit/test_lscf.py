@@ -13,14 +13,13 @@ from scipy.optimize import linear_sum_assignment
 
 from floquid.errors import InputError
 from floquid.lti import MaximumLikelihood, Outcome, TimeResponses
-from floquid.lti import _denominator as denominator
-from floquid.lti import _lines as lines_module
-from floquid.lti import _polyreference as polyreference
-from floquid.lti._denominator import Band, Basis, Equations
+from floquid.lti._era import hankel_covariance
 from floquid.lti._factor import factors
-from floquid.lti._hankel import hankel_covariance
-from floquid.lti._lscf import LSCF, common
-from floquid.lti._polyreference import PolyLSCF, hankel
+from floquid.lti.rational import _denominator as denominator
+from floquid.lti.rational import _lines as lines_module
+from floquid.lti.rational import _lscf as rational
+from floquid.lti.rational._denominator import Band, Basis, Equations
+from floquid.lti.rational._lscf import LSCF, PolyLSCF, common, hankel
 
 BOTH = pytest.mark.parametrize("kind", [LSCF, PolyLSCF])
 FOUR = np.array([-0.02 + 0.2j, -0.03 + 0.7j, -0.02 + 1.5j, -0.01 + 2.9j])
@@ -103,11 +102,11 @@ def test_the_normal_matrix_is_that_of_the_plain_sums(outputs, inputs, monkeypatc
     values = np.random.default_rng(1).standard_normal((outputs, inputs, 40))
     data = TimeResponses(values=values, dt=1.0)
     expected = plain_normal(values, 7)
-    monkeypatch.setattr(polyreference, "BLOCK", 400)
+    monkeypatch.setattr(rational, "BLOCK", 400)
     scale = np.ones((outputs, inputs))
-    assert_allclose(hankel(polyreference._blocks(data, scale, 40), inputs, 40, 7), expected, atol=1e-10)
+    assert_allclose(hankel(rational._blocks(data, scale, 40), inputs, 40, 7), expected, atol=1e-10)
     band = Band(40)
-    root = Equations.of(Basis.powers(7), band).triangle(polyreference._spectra(data, scale, band))
+    root = Equations.of(Basis.powers(7), band).triangle(rational._spectra(data, scale, band))
     assert_allclose(root.T @ root, expected, atol=1e-10)
     if inputs == 1:
         assert_allclose(hankel_covariance(factors(data), 8)[::-1, ::-1], expected, atol=1e-10)
@@ -118,8 +117,7 @@ def test_squared_or_not_the_denominators_are_the_same(kind, monkeypatch):
     """At 0.1 % noise the matrix may be squared; orthogonal steps are then another way to the same values."""
     data, _ = ringing(np.exp(FOUR), noise=0.001)
     squared = kind(degree=20).prepare(data).denominators
-    monkeypatch.setattr("floquid.lti._lscf.SAFE", 0.0)
-    monkeypatch.setattr("floquid.lti._polyreference.SAFE", 0.0)
+    monkeypatch.setattr("floquid.lti.rational._lscf.SAFE", 0.0)
     other = kind(degree=20).prepare(data).denominators
     assert (squared.rounding, other.rounding) == (denominator.SQUARED, denominator.ROUNDING)
     assert_allclose(squared.values, other.values, rtol=1e-6)
@@ -183,7 +181,7 @@ def least_squares_roots(found):
 def test_without_numerators_the_damping_changes_its_sign(monkeypatch):
     """The error that the tests of bands are there for: M is a Toeplitz matrix then, and its roots are mirrored."""
     data, _ = ringing(np.exp(FOUR[1:2]), noise=0.001)
-    monkeypatch.setattr("floquid.lti._lscf.SAFE", 0.0)
+    monkeypatch.setattr("floquid.lti.rational._lscf.SAFE", 0.0)
     right = Equations.of
     for numerators, damping in ((1.0, -0.03), (0.0, 0.03)):
 
@@ -330,7 +328,7 @@ def test_outputs_in_blocks_are_outputs_all_at_once(kind, monkeypatch):
     band = (0.05, 0.6)
     whole = identified(kind(band=band), data, 6)
     monkeypatch.setattr(lines_module, "BLOCK", 2000)
-    monkeypatch.setattr(polyreference, "BLOCK", 2000)
+    monkeypatch.setattr(rational, "BLOCK", 2000)
     parts = identified(kind(band=band), data, 6)
     assert farthest(whole.multipliers, parts.multipliers) < 1e-9
     assert_allclose(whole.residual_std, parts.residual_std, rtol=1e-6)

@@ -6,11 +6,11 @@ from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
 
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome, TimeResponses, fit_residues, white_noise_std
+from floquid.lti._era import Realisation, hankel_covariance
 from floquid.lti._exponentials import fit, polish
 from floquid.lti._factor import factor
-from floquid.lti._hankel import Realisation, hankel_covariance
 from floquid.lti._poles import PoleSet
-from floquid.lti._search import _by_columns, _by_diagonals
+from floquid.lti.likelihood._search import _by_columns, _by_diagonals
 
 IDENTIFIER = MaximumLikelihood(rank_one=False)
 """The responses made here have residues of any rank."""

@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from floquid.lti import AMI, ERA, MaximumLikelihood, Outcome, TimeResponses, white_noise_std
 from floquid.lti._factor import factor
 from floquid.lti._poles import PoleSet
-from floquid.lti._residual import Residual, filtered, whitening_of
+from floquid.lti.likelihood._residual import Residual, filtered, whitening_of
 from floquid.order import choose, judge
 
 PAIRS = [-0.02 + 0.8j, -0.03 + 1.7j, -0.04 + 2.6j]
@@ -74,7 +74,7 @@ def test_noise_alone_holds_no_mode(kind):
 
 def test_without_whitening_coloured_noise_passes_for_modes(monkeypatch):
     """What the right estimator is spared."""
-    monkeypatch.setattr("floquid.lti._maximum_likelihood.whitening_of", lambda _: None)
+    monkeypatch.setattr("floquid.lti.likelihood._maximum_likelihood.whitening_of", lambda _: None)
     data = ringing(PAIRS, (coloured(0.5), 0.02))
     identifier = MaximumLikelihood(most=12)
     assert identifier.extract(identifier.prepare(data)).order > 6
@@ -119,7 +119,7 @@ def pulls_in_shared_noise(seeds):
 def test_deviations_hold_in_noise_that_responses_share(monkeypatch):
     right = pulls_in_shared_noise(range(60))
     assert right == pytest.approx(1.0, abs=0.1)
-    monkeypatch.setattr("floquid.lti._maximum_likelihood.of_dependent_noise", lambda found, _: found)
+    monkeypatch.setattr("floquid.lti.likelihood._maximum_likelihood.of_dependent_noise", lambda found, _: found)
     assert pulls_in_shared_noise(range(60)) > right + 0.05
 
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
 
-import floquid.order._stable as stable_module
+import floquid.order._scan as stable_module
 from floquid.errors import InputError
 from floquid.lti import (
     AMI,
@@ -19,7 +19,7 @@ from floquid.lti import (
     compress,
     fit_residues,
 )
-from floquid.lti import _compress as compress_module
+from floquid.lti import _factor as compress_module
 from floquid.order import Stability, Tolerances, indicators, scan, stability
 from floquid.order._indicators import noise_edge
 

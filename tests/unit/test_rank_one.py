@@ -14,9 +14,8 @@ from floquid.lti import MaximumLikelihood, TimeResponses
 from floquid.lti._exponentials import fit
 from floquid.lti._factor import factor, factors
 from floquid.lti._poles import PoleSet
-from floquid.lti._rank import ranks
-from floquid.lti._rank_one import Products, Stacked, fit_products
 from floquid.lti._removal import Removal
+from floquid.lti.likelihood._rank_one import Products, Stacked, fit_products, ranks
 from floquid.testing import assert_exponents_close
 
 IDENTIFIER = MaximumLikelihood()
@@ -145,7 +144,7 @@ def test_with_one_input_the_fit_of_products_is_the_free_one():
 
 def test_the_gradient_is_that_of_the_cost():
     """By central differences in every parameter, participations too."""
-    from floquid.lti._rank_one import _moved
+    from floquid.lti.likelihood._rank_one import _moved
 
     data = ringing([-0.02 + 1.0j, -0.03 + 2.0j, -0.05 + 0j])
     stacked = Stacked.of(data)

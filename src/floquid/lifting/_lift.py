@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, Cycles, Provenance
 from floquid.lti import TimeResponses, white_noise_std
 
@@ -64,12 +64,9 @@ class Lifted(Rebuilt):
     whitening: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        of, put = "Lifted", object.__setattr__
         if isinstance(self.floor, np.ndarray):
-            put(self, "floor", frozen_array(self.floor, "floor", of, axes=(self.n_channels, self.n_hits)))
-        if self.whitening is not None:
-            axes = (self.n_channels, "taps")
-            put(self, "whitening", frozen_array(self.whitening, "whitening", of, axes=axes))
+            self._freeze(floor=(self.n_channels, self.n_hits))
+        self._freeze(whitening=(self.n_channels, "taps"))
 
     @property
     def n_channels(self) -> int:
@@ -101,17 +98,7 @@ class Lifted(Rebuilt):
 
         .. math:: g_c(s) = \sum_i a_{c,i}\, e^{-s\, i\, T/P}
 
-        Parameters
-        ----------
-        rates
-            s (...) [1/s].
-        slope
-            Whether the derivative is asked for.
-
-        Returns
-        -------
-        numpy.ndarray
-            g (channels, ...), 1 where there is no filter [-]; the derivative is in [s].
+        `rates` are s (...) [1/s]; g (channels, ...) is 1 where there is no filter [-]. With `slope` dg/ds [s] is given.
         """
         if self.whitening is None:
             return np.full((self.n_channels, *rates.shape), 0j if slope else 1.0 + 0j)
@@ -128,11 +115,8 @@ class Lifted(Rebuilt):
     def with_noise(self, noise: NDArray[np.float64]) -> Lifted:
         """The same responses with another noise (channels, hits)."""
         at_least = self.floor * largest_values(self.responses.values, self.n_channels)
-        spread = np.repeat(np.maximum(noise, at_least), self.n_phases, axis=0)
-        responses = TimeResponses(
-            values=self.responses.values, dt=self.period, noise=spread, lengths=self.responses.lengths
-        )
-        return replace(self, responses=responses)
+        spread, now = np.repeat(np.maximum(noise, at_least), self.n_phases, axis=0), self.responses
+        return replace(self, responses=TimeResponses(values=now.values, dt=now.dt, noise=spread, lengths=now.lengths))
 
 
 def lift(
@@ -200,18 +184,7 @@ def _noise_of(hits: Sequence[Cycles]) -> NDArray[np.float64]:
 
 
 def unlift(lifted: Lifted) -> tuple[Cycles, ...]:
-    """The cycles of each hit: the exact inverse of `lift`. Of whitened responses they are the whitened cycles.
-
-    Parameters
-    ----------
-    lifted
-        The lifted responses.
-
-    Returns
-    -------
-    tuple of Cycles
-        One a hit.
-    """
+    """The cycles of each hit of `lifted`, the exact inverse of `lift`; of whitened responses the whitened cycles."""
     return tuple(
         Cycles(
             values=lifted.responses.values[:, hit, :length].reshape(lifted.n_channels, lifted.n_phases, length),
@@ -233,12 +206,9 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
         and abs(hit.period - first.period) < 1e-9 * first.period
     )
     if not alike:
+        must, remedy = "be alike in channels, phases, first phase and period", "`segment([hit1, hit2])`"
         raise input_error(
-            "cycles",
-            "lift",
-            "be alike in channels, phases, first phase and period",
-            f"hit {number} differs from hit 1",
-            "Cut all records together: `segment([hit1, hit2])`.",
+            "cycles", "lift", must, f"hit {number} differs from hit 1", f"Cut all records together: {remedy}."
         )
     if np.isnan(hit.values).any():
         raise input_error("cycles", "lift", "have no missing samples", f"hit {number} has NaN", "Cut the gap out.")
@@ -255,21 +225,8 @@ def refuse_values(
 ) -> None:
     """Refuse channels without samples, that do not vary, or whose squares leave the range of floating point.
 
-    Parameters
-    ----------
-    channels
-        The channels.
-    values
-        The samples of each, of any shape; NaN marks a missing one.
-    where
-        The name of the record, for the message.
-    argument, of
-        The argument that they came in, and the callable, for the message.
-
-    Raises
-    ------
-    InputError
-        A channel is refused.
+    `values` are the samples of each of the `channels`, of any shape, NaN a missing one; `where` names the record, and
+    `argument` and `of` what they came in, for the message of the `InputError`.
     """
     for channel, samples in zip(channels, values, strict=True):
         name, there = f"channel {channel.name!r} of {where}", samples
@@ -281,57 +238,27 @@ def refuse_values(
         lowest, highest = float(there.min()), float(there.max())
         largest = max(highest, -lowest)
         if largest > LARGEST or 0.0 < largest < SMALLEST:
-            raise input_error(
-                argument,
-                of,
-                f"have values whose squares can be computed with, between {SMALLEST:g} and {LARGEST:g}",
-                f"{name} reaches {largest:.3g}",
-                "Give it in another unit, or leave it out with `--channels`.",
-            )
+            must = f"have values whose squares can be computed with, between {SMALLEST:g} and {LARGEST:g}"
+            remedy = "Give it in another unit, or leave it out with `--channels`."
+            raise input_error(argument, of, must, f"{name} reaches {largest:.3g}", remedy)
         if highest - lowest <= CONSTANT * largest:
+            remedy = "Leave it out with `--channels`, or check its sensor."
             raise input_error(
-                argument,
-                of,
-                "have channels that vary",
-                f"{name} is constant ({there.flat[0]:g})",
-                "Leave it out with `--channels`, or check its sensor.",
+                argument, of, "have channels that vary", f"{name} is constant ({there.flat[0]:g})", remedy
             )
 
 
 def largest_values(values: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
-    """The largest size in each channel and hit.
-
-    Parameters
-    ----------
-    values
-        Lifted responses (outputs, hits, cycles).
-    n_channels
-        The number of channels.
-
-    Returns
-    -------
-    numpy.ndarray
-        (channels, hits), in the units of the channels.
-    """
+    """The largest size in each channel and hit (`n_channels`, hits), from lifted `values` (outputs, hits, cycles)."""
     outputs, inputs, _ = values.shape
     largest = np.maximum(values.max(axis=2), -values.min(axis=2))
     return largest.reshape(n_channels, outputs // n_channels, inputs).max(axis=1)
 
 
 def floor_of(values: Iterable[NDArray[np.float64]], floor: float) -> float:
-    """The floor, not below 2⁻²⁴ where all samples were stored in single precision.
+    """The share of the largest value that the noise is at least: `floor`, or 2⁻²⁴ where all is in single precision.
 
-    Parameters
-    ----------
-    values
-        The samples, in parts: each is looked at alone, to hold no copy of all. NaN marks a missing one.
-    floor
-        The share of the largest value that the noise is taken to be at least.
-
-    Returns
-    -------
-    float
-        The floor.
+    The parts of `values` are looked at one by one, to hold no copy of all; NaN marks a missing sample.
     """
     with np.errstate(over="ignore"):
         single = all(np.array_equal(part, part.astype(np.float32), equal_nan=True) for part in values)

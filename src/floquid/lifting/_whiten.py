@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._numerics import yule_walker
 from floquid.core import Cycles
 from floquid.lifting._lift import Lifted, largest_values, lift
 from floquid.lti import ModalModel
@@ -36,22 +37,11 @@ FLOOR = 2.0
 
 
 def whitening_filter(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64] | None:
-    """The shortest filter of each channel that whitens, along the record, what a model leaves.
+    """The shortest filter of each channel that whitens, along the record, what `modal` leaves of `lifted`.
 
     By the Yule-Walker equations for the residual of all hits together. The order is that at which every channel is
-    white, or the highest tried.
-
-    Parameters
-    ----------
-    lifted
-        The lifted responses.
-    modal
-        A modal model of `lifted.responses`; more poles than there are modes do no harm.
-
-    Returns
-    -------
-    numpy.ndarray or None
-        The filters (channels, taps), a channel of white noise with one that does nothing; None where all are white.
+    white, or the highest tried; more poles than there are modes do no harm. (channels, taps); a channel of white noise
+    has a filter that does nothing, and where all are white there is none.
     """
     most = min(LAGS, lifted.n_phases - 1)
     if most < 1 or not modal.order or lifted.responses.lengths.max() < FEWEST:
@@ -61,19 +51,10 @@ def whitening_filter(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64] |
 
 
 def filters_of(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """The shortest autoregressive filters that make noise of these autocorrelations white (channels, taps).
+    """The shortest autoregressive filters that make noise of these autocorrelations white, as `whitening_filter`.
 
-    Parameters
-    ----------
-    correlations
-        The autocorrelation of each channel's noise, from lag zero on (channels, lags).
-    numbers
-        The samples that each is the mean of (channels,).
-
-    Returns
-    -------
-    numpy.ndarray or None
-        The filters, a channel of white noise with one that does nothing; None where all are white.
+    `correlations` (channels, lags) are those of each channel's noise, from lag zero on, each the mean of `numbers`
+    (channels,) samples.
     """
     coloured = _colours(correlations, numbers) > COLOURED
     coloured &= np.sum(correlations[:, 1:] ** 2, axis=1) > LEAST
@@ -83,7 +64,7 @@ def filters_of(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) 
     for order in ORDERS:
         if order >= correlations.shape[1]:
             break
-        taps = np.array([_autoregression(own, order) for own in correlations])
+        taps = np.array([yule_walker(own, order) for own in correlations])
         left = np.array([_filtered(own, part) for own, part in zip(correlations, taps, strict=True)])
         if (_colours(left, numbers) < COLOURED)[coloured].all():
             break
@@ -92,19 +73,9 @@ def filters_of(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) 
 
 
 def whitened(lifted: Lifted, taps: NDArray[np.float64]) -> Lifted:
-    """The responses after a filter along the record; the first samples, before which it has no past, are left out.
+    """The responses `lifted` after filters `taps` (channels, taps) along the record, with an estimate of their noise.
 
-    Parameters
-    ----------
-    lifted
-        The lifted responses of the record as it is.
-    taps
-        The filter of each channel (channels, taps).
-
-    Returns
-    -------
-    Lifted
-        The filtered responses, one period fewer, with an estimate of their noise.
+    The first samples, before which a filter has no past, are left out: one period.
     """
     order, phases = taps.shape[1] - 1, lifted.n_phases
     hits = []
@@ -182,15 +153,6 @@ def _colours(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) ->
     """How far correlations are from those of white noise, in deviations of Box and Pierce's sum (channels,)."""
     lags = max(correlations.shape[1] - 1, 1)
     return (numbers * np.sum(correlations[:, 1:] ** 2, axis=1) - lags) / np.sqrt(2.0 * lags)
-
-
-def _autoregression(correlation: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-    """The filter that makes white noise of an autoregression with this autocorrelation."""
-    from scipy.linalg import solve_toeplitz
-
-    first = correlation[:order].copy()
-    first[0] *= 1.0 + 1e-9
-    return np.concatenate([[1.0], -solve_toeplitz(first, correlation[1 : order + 1])])
 
 
 def _filtered(correlation: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:

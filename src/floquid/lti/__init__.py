@@ -4,18 +4,16 @@
 decides the order by test. Every algorithm honours `AbstractIdentifier`; those of other packages are in `adapters`.
 """
 
-from floquid.lti._ami import AMI
-from floquid.lti._compress import compress, weighted_blocks
 from floquid.lti._era import ERA
-from floquid.lti._evidence import Evidence
+from floquid.lti._exponentials import fit_residues
+from floquid.lti._factor import compress, weighted_blocks
 from floquid.lti._identifier import AbstractIdentifier
-from floquid.lti._lscf import LSCF
-from floquid.lti._maximum_likelihood import MaximumLikelihood
 from floquid.lti._noise import white_noise_std
-from floquid.lti._polyreference import PolyLSCF
-from floquid.lti._residues import fit_residues
 from floquid.lti._spectrum import WHITE, composites
 from floquid.lti._types import Composites, ModalModel, Outcome, TimeResponses
+from floquid.lti.ami import AMI
+from floquid.lti.likelihood import Evidence, MaximumLikelihood
+from floquid.lti.rational import LSCF, PolyLSCF
 
 __all__ = [
     "AMI",

@@ -1,20 +1,118 @@
-"""ERA, the eigensystem realisation algorithm, on the covariance of the Hankel matrices."""
+"""ERA, the eigensystem realisation algorithm, on the covariance of Hankel matrices that are never formed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from floquid._checks import integer
-from floquid.lti._factor import Factor, energies, factors
-from floquid.lti._hankel import Realisation
-from floquid.lti._horizon import energetic_length, search_window
-from floquid.lti._identifier import AbstractIdentifier
-from floquid.lti._order import checked_order, reached
+from floquid.lti._exponentials import model_of
+from floquid.lti._factor import BLOCK, Factor, energetic_length, energies, factors
+from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
 from floquid.lti._poles import PoleSet
-from floquid.lti._residues import model_of
 from floquid.lti._types import ModalModel, TimeResponses
+
+ROUNDING = 16.0 * np.finfo(float).eps
+"""The share of the largest eigenvalue below which an eigenvalue is rounding."""
+
+DENSE = 512
+"""The window up to which all eigenvalues are computed; beyond, Lanczos finds the leading ones."""
+
+
+def hankel_covariance(factors: Sequence[Factor], window: int) -> NDArray[np.float64]:
+    r"""Σ_n f[n:n+L] f[n:n+L]ᵀ (L, L) over all columns f of blocks that are at least L long, n = 0 … samples - L.
+
+    Its first row is a correlation; along each diagonal the next entry gains one product at the far end and loses one
+    at the near end.
+    """
+    total = np.zeros((window, window))
+    for block in factors:
+        samples = len(block.values)
+        if samples < window:
+            continue
+        shifts = samples - window + 1
+        head = block.values[: window - 1] @ block.values[: window - 1].T
+        tail = block.values[shifts:] @ block.values[shifts:].T
+        change = tail - head
+        row = np.zeros((window, window))
+        row[0] = _correlation(block.values, shifts, window)
+        for i in range(window - 1):
+            row[i + 1, i + 1 :] = row[i, i:-1] + change[i, i:]
+        total += row
+    upper = np.triu(total, 1)
+    return upper + upper.T + np.diag(np.diag(total))
+
+
+def _correlation(values: NDArray[np.float64], shifts: int, window: int) -> NDArray[np.float64]:
+    """Σ_{n < shifts} f[n] f[n + l] (window,), over all columns."""
+    samples, rank = values.shape
+    if samples * window <= 2**16:
+        gram = values @ values.T
+        return np.array([np.trace(gram[:shifts, lag : lag + shifts]) for lag in range(window)])
+    size = 1 << int(np.ceil(np.log2(samples + window)))
+    total, step = np.zeros(size // 2 + 1, complex), max(1, BLOCK // size)
+    for start in range(0, rank, step):
+        part = values[:, start : start + step].T
+        total += np.einsum(
+            "cl,cl->l", np.fft.rfft(part[:, :shifts], size).conj(), np.fft.rfft(part, size), optimize=False
+        )
+    return np.fft.irfft(total, size)[:window]
+
+
+@dataclass(frozen=True, slots=True)
+class Realisation:
+    """The leading values (k,), descending, and vectors (M, k) of a Hankel covariance; and its shift (M, M)."""
+
+    values: NDArray[np.float64]
+    vectors: NDArray[np.float64]
+    shifted: NDArray[np.float64]
+
+    @staticmethod
+    def of(blocks: Sequence[Factor], window: int | None, most: int) -> Realisation:
+        """That of windows of M samples, from blocks longer than M; at most `most` leading directions."""
+        longest = max(len(block.values) for block in blocks)
+        lags = max(1, min(window or search_window(longest), longest - 1))
+        covariance = hankel_covariance(blocks, lags + 1)
+        values, vectors = leading(covariance[:-1, :-1], min(most, lags))
+        return Realisation(values, vectors, covariance[:-1, 1:])
+
+    @property
+    def rank(self) -> int:
+        """The number of eigenvalues above rounding."""
+        return int((self.values > ROUNDING * self.values[0]).sum()) if self.values[0] > 0 else 0
+
+    def multipliers(self, order: int) -> NDArray[np.complex128]:
+        r"""The eigenvalues (order,) of Λ⁻¹ Vᵀ H₀ᵀH₁ V = Σ⁻¹ Uᵀ H₁ V, similar to the A of the balanced realisation.
+
+        At most `rank` of them.
+        """
+        order = min(order, self.rank)
+        lead, scale = self.vectors[:, :order], np.sqrt(self.values[:order])
+        inner = (lead.T @ self.shifted @ lead) / np.outer(scale, scale)
+        found = np.linalg.eigvals(inner).astype(complex)
+        return found[np.abs(found) > ROUNDING]
+
+
+def leading(matrix: NDArray[np.float64], most: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The `most` largest eigenvalues, descending, and eigenvectors of a symmetric matrix."""
+    size = len(matrix)
+    if size <= DENSE or 3 * most > size:
+        values, vectors = np.linalg.eigh(matrix)
+    else:
+        from scipy.sparse.linalg import eigsh
+
+        values, vectors = eigsh(matrix, most, which="LA", v0=np.ones(size))
+    order = np.argsort(values)[::-1][:most]
+    return values[order], vectors[:, order]
+
+
+def search_window(samples: int) -> int:
+    """The length of the Hankel window: half of the longest block, so that a short one holds most poles; at most 200."""
+    return max(2, min(200, samples // 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,70 +160,13 @@ class ERA(AbstractIdentifier):
             integer(self.window, "window", "ERA", at_least=1)
 
     def prepare(self, data: TimeResponses) -> Realised:
-        """The realisation of the highest order.
-
-        Parameters
-        ----------
-        data
-            The responses and their noise.
-
-        Returns
-        -------
-        Realised
-            What `extract` starts from.
-        """
+        """The realisation of the highest order of the responses in `data`."""
         samples = energetic_length(energies(data), data)
-        return Realised(data, realise(factors(data, samples), self.window, self.most))
+        return Realised(data, Realisation.of(factors(data, samples), self.window, self.most))
 
-    def extract(
-        self, state: Realised, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
-    ) -> ModalModel:
-        """The model of the leading directions.
-
-        Parameters
-        ----------
-        state
-            What `prepare` returned.
-        order
-            The number of poles, conjugates one by one.
-        report
-            Is told of each stage.
-
-        Returns
-        -------
-        ModalModel
-            The model; where the data have fewer directions than poles are asked for, that of all of them.
-
-        Raises
-        ------
-        InputError
-            `order` is None, or not a positive integer below the number of samples.
-        """
-        checked_order(order, self, state.data)
+    def extract(self, state: Realised, order: int | None = None, *, report: Report = silent) -> ModalModel:
+        """The model of the `order` leading directions in `state`, or of all where there are fewer; tells `report`."""
+        wanted = given_order(order, self, state.data)
         report("extracting from the realisation")
-        poles = PoleSet.from_multipliers(state.realisation.multipliers(order or 0))
-        return model_of(poles, state.data, outcome=reached(order, poles.order))
-
-    def refine(self, state: Realised, model: ModalModel) -> ModalModel:
-        """The model of the same order: an algorithm of directions starts nowhere.
-
-        Parameters
-        ----------
-        state
-            What `prepare` returned for the data.
-        model
-            Whose order it is.
-
-        Returns
-        -------
-        ModalModel
-            The model.
-        """
-        return self.extract(state, model.order)
-
-
-def realise(blocks: tuple[Factor, ...], window: int | None, most: int) -> Realisation:
-    """The realisation from factors, by covariances."""
-    longest = max(len(block.values) for block in blocks)
-    lags = max(1, min(window or search_window(longest), longest - 1))
-    return Realisation.of(blocks, lags, most)
+        poles = PoleSet.from_multipliers(state.realisation.multipliers(wanted))
+        return model_of(poles, state.data, outcome=reached(wanted, poles.order))

@@ -13,15 +13,20 @@ the data, and the plain inverse would be too small wherever a mode is weak.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from floquid._numerics import positive_part, sandwich
-from floquid.lti._factor import Factor
+from floquid._checks import frozen_array, input_error
+from floquid._numerics import levenberg_marquardt, positive_part, sandwich
+from floquid.lti._factor import BLOCK, Factor
 from floquid.lti._poles import PAIR, PoleSet
+from floquid.lti._types import ModalModel, Outcome, TimeResponses
+
+LARGEST_GROWTH = 345.0
+"""The logarithm of the growth over a record beyond which squares leave the range of floating point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +57,6 @@ def powers(s: NDArray[np.complex128], samples: int) -> NDArray[np.complex128]:
     columns[np.arange(samples)[:, None] * decaying.real <= -138.0] = 0.0
     columns[:, grows] = columns[::-1, grows]
     return columns
-
-
-def basis(poles: PoleSet, samples: int) -> NDArray[np.complex128]:
-    """The columns μ^k (samples, order) of all poles, scaled as in `powers`."""
-    return powers(poles.full(), samples)
 
 
 def real_powers(poles: PoleSet, samples: int) -> NDArray[np.float64]:
@@ -186,10 +186,6 @@ class Slopes:
         return (moved * moments[both][:, both].reshape(2, n, 2, n)).sum(axis=(0, 2))
 
 
-LEAST_DAMPING = 1e-12
-"""Levenberg-Marquardt's damping stays above rounding: a pole that does nothing leaves the matrix singular."""
-
-
 def polish(
     start: PoleSet | Fit,
     factors: Sequence[Factor],
@@ -198,28 +194,127 @@ def polish(
     tolerance: float = 1e-4,
     enough: float = -np.inf,
 ) -> Fit:
-    """The maximum-likelihood poles near those of the start: Levenberg-Marquardt on the projected cost.
+    """The maximum-likelihood poles near those of the start: steps to the least projected cost.
 
-    Ends when a step is below `tolerance` standard deviations in every parameter or below rounding, or as soon as the
-    cost is below `enough`. A fit that is given as the start must be one of these factors.
+    They end as in `levenberg_marquardt`. A fit that is given as the start must be one of these factors.
     """
-    now = start if isinstance(start, Fit) else fit(start, factors)
-    damping = 1e-6
-    for _ in range(iterations if len(now.poles) else 0):
-        scale = np.sqrt(np.diag(now.information)) + np.finfo(float).tiny
-        system = now.information / np.outer(scale, scale)
-        while damping < 1e8:
-            step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale
-            step *= min(1.0, 0.5 / np.abs(step).max()) if np.abs(step).max() > 0 else 1.0
-            trial = fit(now.poles.moved(step), factors)
-            rounding = 1e-12 * now.cost + 1e-300
-            if trial.cost <= now.cost + rounding:
-                break
-            damping = max(10.0 * damping, 1e-4)
-        else:
-            return now
-        done = np.abs(step * scale).max() < tolerance or np.abs(step).max() < 1e-14
-        now, damping = trial, max(0.1 * damping, LEAST_DAMPING)
-        if done or now.cost < enough:
-            break
-    return now
+    return levenberg_marquardt(
+        start if isinstance(start, Fit) else fit(start, factors),
+        lambda now, step: fit(now.poles.moved(step), factors),
+        steps=iterations,
+        tolerance=tolerance,
+        enough=enough,
+    )
+
+
+def fit_residues(
+    multipliers: ArrayLike,
+    data: TimeResponses,
+    *,
+    covariance: NDArray[np.float64] | None = None,
+    outcome: Outcome = Outcome.SUCCESS,
+    stats: Mapping[str, float] | None = None,
+) -> ModalModel:
+    r"""The modal model of given multipliers, conjugates next to each other: the residues that leave least.
+
+    .. math:: \min_R \sum_k \Big( y_{oi}[k] - \sum_r R_{r,oi}\, \mu_r^k \Big)^2, \qquad
+              R = E^+ y, \quad E_{kr} = \mu_r^k
+
+    This is the last step of most identifiers, and all that an algorithm of poles alone needs to become one.
+
+    Parameters
+    ----------
+    multipliers
+        μ (modes,). Of each conjugate pair both, or only the one above the real axis, may be given.
+    data
+        The responses.
+    covariance
+        Of the poles (2 modes, 2 modes) in the order of the model's multipliers [1/s²].
+    outcome
+        How the identification ended.
+    stats
+        Numbers about the fit.
+
+    Raises
+    ------
+    InputError
+        A multiplier is zero or not finite, or there are as many as samples.
+    """
+    given = frozen_array(multipliers, "multipliers", "fit_residues", axes=("modes",), dtype=np.complex128)
+    if (given == 0).any():
+        raise input_error("multipliers", "fit_residues", "not be zero", f"holds {int((given == 0).sum())} zeros")
+    poles = PoleSet.from_multipliers(given)
+    samples = int(data.lengths.max())
+    if poles.order >= samples:
+        raise input_error("multipliers", "fit_residues", f"be fewer than the {samples} samples", f"are {poles.order}")
+    return model_of(poles, data, covariance=covariance, outcome=outcome, stats=stats)
+
+
+def model_of(
+    poles: PoleSet,
+    data: TimeResponses,
+    *,
+    covariance: NDArray[np.float64] | None = None,
+    outcome: Outcome = Outcome.SUCCESS,
+    stats: Mapping[str, float] | None = None,
+) -> ModalModel:
+    """The modal model of a set of poles."""
+    n = poles.order
+    residues = np.zeros((n, data.n_outputs, data.n_inputs), complex)
+    spread, slope = np.zeros((2, data.n_inputs, n, n), complex)
+    residual = np.zeros((data.n_outputs, data.n_inputs))
+    for i in range(data.n_inputs):
+        residues[:, :, i], spread[i], slope[i], residual[:, i] = _of_input(poles, data, i)
+    return ModalModel(
+        multipliers=poles.multipliers(),
+        residues=residues,
+        dt=data.dt,
+        covariance=covariance,
+        residue_spread=spread,
+        residue_slope=slope,
+        residual_std=residual,
+        outcome=outcome,
+        stats=stats or {},
+    )
+
+
+def _of_input(
+    poles: PoleSet, data: TimeResponses, number: int
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]:
+    """Residues (n, outputs), their spread and slope (n, n), and the residual's deviation (outputs,), of one input."""
+    samples = int(data.lengths[number])
+    columns = powers(poles.full(), samples)
+    q, r = np.linalg.qr(real_basis(poles, columns))
+    inverse = np.linalg.pinv(r, rcond=1e-14)
+    residues = np.zeros((poles.order, data.n_outputs), complex)
+    left = np.zeros(data.n_outputs)
+    # The columns were scaled so that a growing mode cannot overflow; residues belong to sample zero.
+    s = poles.full()
+    growth = np.where(s.real > 0, samples - 1, 0) * s
+    # A pole of noise that would have to start from less than can be computed with has no residue.
+    scale = np.where(
+        growth.real < LARGEST_GROWTH, np.exp(-np.minimum(growth.real, LARGEST_GROWTH) - 1j * growth.imag), 0
+    )
+    back = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale != 0)
+    step = max(1, BLOCK // samples)
+    for start in range(0, data.n_outputs, step):
+        part = slice(start, start + step)
+        block = data.values[part, number, :samples]
+        projected = block @ q
+        residues[:, part] = scale[:, None] * complex_residues(poles, inverse @ projected.T)
+        left[part] = _energy_left(block, q, projected)
+    pinv = scale[:, None] * complex_residues(poles, inverse @ q.T)
+    slope = pinv @ (np.arange(samples)[:, None] * columns * back)
+    return residues, pinv @ pinv.conj().T, slope, np.sqrt(left / max(samples - poles.order, 1))
+
+
+def _energy_left(
+    block: NDArray[np.float64], q: NDArray[np.float64], projected: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """||y - y q qᵀ||² (outputs,): by subtraction, unless so little is left that rounding would show."""
+    whole = np.einsum("ok,ok->o", block, block)
+    left = whole - np.einsum("on,on->o", projected, projected)
+    small = left < 1e-6 * whole
+    if small.any():
+        left[small] = np.sum((block[small] - projected[small] @ q.T) ** 2, axis=1)
+    return left

@@ -1,4 +1,4 @@
-r"""Factors of the Gram matrix over time: all that separable least squares needs of the data.
+r"""Fewer numbers that say the same: factors of the Gram matrix over time, and principal responses.
 
 With unit noise and free residues the cost of a set of poles is tr((I - P) Y Yᵀ), one column of Y a response
 (`errata.md`, "What makes it scale"). A factor F with F Fᵀ = Y Yᵀ stands for Y: Y itself where it has few columns, and
@@ -7,12 +7,13 @@ otherwise a triangular one, from a Gram matrix that is summed over blocks of out
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import integer
 from floquid.lti._types import TimeResponses
 
 BLOCK = 2**20
@@ -27,6 +28,12 @@ LEADING = 192
 SAFE = 1e-4
 """The share of the noise that rounding in a squared matrix may reach before the triangular factor is made by
 orthogonal steps, which cost four times as much."""
+
+SHORT = 600
+"""Samples up to which a record is looked at whole."""
+
+Rows = Callable[[], Iterator[NDArray[np.float64]]]
+"""The rows of a matrix W (rows, width), some at a time, as often as it is asked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +70,16 @@ def scaled_blocks(data: TimeResponses, inputs: NDArray[np.int64], samples: int) 
             yield data.values[part, i, :samples] / data.noise[part, i, None]
 
 
+def weighted_blocks(data: TimeResponses) -> Iterator[NDArray[np.float64]]:
+    """The responses in `data` over their noise, the inputs side by side (outputs, Σ lengths), part by part."""
+    step = max(1, BLOCK // int(data.lengths.sum()))
+    for start in range(0, data.n_outputs, step):
+        part = slice(start, start + step)
+        yield np.concatenate(
+            [data.values[part, i, :length] / data.noise[part, i, None] for i, length in enumerate(data.lengths)], axis=1
+        )
+
+
 def energies(data: TimeResponses) -> NDArray[np.float64]:
     """The sum of squares over the noise at each sample (samples,)."""
     total = np.zeros(data.values.shape[2])
@@ -70,6 +87,29 @@ def energies(data: TimeResponses) -> NDArray[np.float64]:
         for block in scaled_blocks(data, np.array([i]), int(length)):
             total[:length] += np.einsum("ok,ok->k", block, block)
     return total
+
+
+def energetic_length(energy: NDArray[np.float64], data: TimeResponses) -> int:
+    """The samples to look at first: all of a short record; of a long one, those before the energy meets its floor.
+
+    The floor is the least mean energy over a twentieth of the record. A mode that goes on below it is found later, from
+    the poles.
+    """
+    whole = len(energy)
+    if whole <= SHORT:
+        return whole
+    width = whole // 20
+    blocks = energy[: width * 20].reshape(20, width).mean(axis=1)
+    columns = data.n_outputs * data.n_inputs
+    quiet = blocks < blocks.min() * (1.0 + 6.0 * np.sqrt(2.0 / (width * columns))) * 1.02
+    loud = np.flatnonzero(~quiet)
+    return min(whole, max(SHORT, int(np.ceil(1.5 * width * (loud[-1] + 1))))) if len(loud) else whole
+
+
+def product_noise(noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The product of one number an output and one an input nearest to `noise` (outputs, inputs), in logarithms."""
+    logs = np.log(noise)
+    return np.exp(logs.mean(axis=1, keepdims=True) + logs.mean(axis=0) - logs.mean())
 
 
 def factors(data: TimeResponses, samples: int | None = None) -> tuple[Factor, ...]:
@@ -85,50 +125,120 @@ def factor(responses: NDArray[np.float64]) -> Factor:
 
 def _factor(data: TimeResponses, inputs: NDArray[np.int64], samples: int) -> Factor:
     columns = data.n_outputs * len(inputs)
+
+    def rows() -> Iterator[NDArray[np.float64]]:
+        return scaled_blocks(data, inputs, samples)
+
     if min(columns, samples) * samples > LARGEST:
-        return _leading(data, inputs, samples)
+        values, energy = _leading(rows, samples, min(LEADING, samples, columns))
+        return Factor(values, columns, energy)
     if columns <= samples:
         whole = np.empty((samples, columns))
         at = 0
-        for block in scaled_blocks(data, inputs, samples):
+        for block in rows():
             whole[:, at : at + len(block)] = block.T
             at += len(block)
         return Factor.of(whole, columns)
-    gram = np.zeros((samples, samples))
-    for block in scaled_blocks(data, inputs, samples):
+    return Factor.of(_triangular(rows, samples, columns), columns, triangular=True)
+
+
+def _triangular(rows: Rows, width: int, count: int) -> NDArray[np.float64]:
+    """Triangular F (width, width) with F Fᵀ = WᵀW, of `count` rows of unit noise that are more than `width`."""
+    gram = np.zeros((width, width))
+    for block in rows():
         gram += block.T @ block
-    if samples * np.finfo(float).eps * np.trace(gram) < SAFE * columns:
+    if width * np.finfo(float).eps * np.trace(gram) < SAFE * count:
         try:
-            return Factor.of(np.asarray(np.linalg.cholesky(gram), np.float64), columns, triangular=True)
-        except np.linalg.LinAlgError:
+            return np.asarray(np.linalg.cholesky(gram), np.float64)
+        except np.linalg.LinAlgError:  # only for responses of less than full rank
             pass
-    right = np.zeros((0, samples))
-    for block in scaled_blocks(data, inputs, samples):
+    right = np.zeros((0, width))
+    for block in rows():
         right = np.asarray(np.linalg.qr(np.concatenate([right, block]), mode="r"))
-    return Factor.of(np.ascontiguousarray(right.T), columns, triangular=True)
+    return np.ascontiguousarray(right.T)
 
 
-def _leading(data: TimeResponses, inputs: NDArray[np.int64], samples: int) -> Factor:
-    """The leading directions of responses too many and too long to be held twice, by a randomised range finder.
+def _leading(rows: Rows, width: int, rank: int) -> tuple[NDArray[np.float64], float]:
+    """The leading part of F (width, rank), the weakest first, and ||W||², of rows that cannot be held twice.
 
     N. Halko, P. G. Martinsson and J. A. Tropp, "Finding structure with randomness", SIAM Review 53(2), 2011, algorithm
     4.4, one power iteration. What is left out holds noise; its energy is counted all the same.
     """
-    columns = data.n_outputs * len(inputs)
-    rank = min(LEADING, samples, columns)
     generator = np.random.default_rng(0)
-    sketch, energy = np.zeros((samples, rank)), 0.0
-    for block in scaled_blocks(data, inputs, samples):
+    sketch, energy = np.zeros((width, rank)), 0.0
+    for block in rows():
         sketch += block.T @ generator.standard_normal((len(block), rank))
         energy += float(np.einsum("ok,ok->", block, block))
     q, _ = np.linalg.qr(sketch)
-    powered = np.zeros((samples, rank))
-    for block in scaled_blocks(data, inputs, samples):
+    powered = np.zeros((width, rank))
+    for block in rows():
         powered += block.T @ (block @ q)
     q, _ = np.linalg.qr(powered)
     inner = np.zeros((rank, rank))
-    for block in scaled_blocks(data, inputs, samples):
+    for block in rows():
         seen = block @ q
         inner += seen.T @ seen
     values, vectors = np.linalg.eigh(inner)
-    return Factor(q @ (vectors * np.sqrt(np.maximum(values, 0.0))), columns, energy)
+    return q @ (vectors * np.sqrt(np.maximum(values, 0.0))), energy
+
+
+def compress(data: TimeResponses, most: int | None = None, *, rank_one: bool = False) -> TimeResponses:
+    r"""The principal responses: the weighted responses seen along orthogonal directions of the outputs.
+
+    .. math:: W = \big[\,Y_1/\sigma_1 \;\cdots\; Y_I/\sigma_I\,\big] = U S V^T, \qquad C = U^T W = S V^T
+
+    with a row an output and the inputs side by side in time. The change of outputs Uᵀ is common to all inputs, so C
+    holds free responses of the same system, their poles the same. Since WᵀW = CᵀC, sums of squares, the Gram matrix
+    over time, the singular values of spectral matrices and the MAC of noise-weighted residues are those of the data.
+    20,000 outputs become as many responses as there are samples, at the cost of the Gram matrix.
+
+    The number of responses is only cut below that for what is too large to be held twice, to the leading directions by
+    a randomised range finder (Halko, Martinsson and Tropp 2011, algorithm 4.4, one power iteration). A mode can be
+    significant and yet lead no direction of its own, when its energy is spread over outputs that are mostly noise.
+
+    Parameters
+    ----------
+    data
+        The responses and their noise.
+    most
+        The most principal responses; None for as many as there are.
+    rank_one
+        Keep residues of several inputs of rank one: the weights are then the product of one number an output and one
+        an input that is nearest to the noise. Other weights turn the shape of a mode a little with each input.
+
+    Returns
+    -------
+    TimeResponses
+        (responses, inputs, samples) in units of the noise of one output. `noise` is √(outputs/responses) for all, so
+        that the energy of white noise stays what it is; it is exactly white if there are no more outputs than samples.
+
+    Raises
+    ------
+    InputError
+        `most` is not a positive integer.
+    """
+    if most is not None:
+        integer(most, "most", "compress", at_least=1)
+    if rank_one:
+        data = TimeResponses(values=data.values, dt=data.dt, noise=product_noise(data.noise), lengths=data.lengths)
+
+    def blocks() -> Iterator[NDArray[np.float64]]:
+        return weighted_blocks(data)
+
+    width = int(data.lengths.sum())
+    whole = min(data.n_outputs, width)
+    if whole * width <= LARGEST:
+        few = data.n_outputs <= width
+        rows = np.concatenate(list(blocks())) if few else _triangular(blocks, width, data.n_outputs).T
+        _, strengths, along = np.linalg.svd(rows, full_matrices=False)
+        rows = strengths[:, None] * along
+    else:
+        rows = _leading(blocks, width, min(most or LEADING, whole))[0].T[::-1]
+    rows = rows[:most]
+    values = np.zeros((len(rows), data.n_inputs, data.values.shape[2]))
+    ends = np.cumsum(data.lengths)
+    for i, (end, length) in enumerate(zip(ends, data.lengths, strict=True)):
+        values[:, i, :length] = rows[:, end - length : end]
+    values.flags.writeable = False
+    noise = np.full(values.shape[:2], np.sqrt(data.n_outputs / whole))
+    return TimeResponses(values=values, dt=data.dt, noise=noise, lengths=data.lengths)

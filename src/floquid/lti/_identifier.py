@@ -6,7 +6,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, ClassVar
 
-from floquid.lti._types import ModalModel, TimeResponses
+from floquid._checks import input_error, integer
+from floquid.lti._types import ModalModel, Outcome, TimeResponses
+
+Report = Callable[[str], None]
+"""A function that is told of each stage."""
+
+
+def silent(_: str) -> None:
+    """Tell nobody."""
 
 
 class AbstractIdentifier(ABC):
@@ -23,23 +31,13 @@ class AbstractIdentifier(ABC):
 
     @abstractmethod
     def prepare(self, data: TimeResponses) -> Any:
-        """Do what does not depend on the order.
+        """Do what does not depend on the order, once for the responses `data`.
 
-        Parameters
-        ----------
-        data
-            The responses.
-
-        Returns
-        -------
-        object
-            What `extract` starts from; of a type of the algorithm's own.
+        What it returns is of a type of the algorithm's own, and is what `extract` and `refine` start from.
         """
 
     @abstractmethod
-    def extract(
-        self, state: Any, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
-    ) -> ModalModel:
+    def extract(self, state: Any, order: int | None = None, *, report: Report = silent) -> ModalModel:
         """The model of one order.
 
         Parameters
@@ -62,19 +60,37 @@ class AbstractIdentifier(ABC):
             `order` is not a positive integer below the number of samples, or None where the algorithm cannot decide.
         """
 
-    @abstractmethod
     def refine(self, state: Any, model: ModalModel) -> ModalModel:
-        """The model of the same order nearest to another one, on other data or another noise.
+        """The model, of the data in `state`, of the same order as `model` and nearest to it.
 
-        Parameters
-        ----------
-        state
-            What `prepare` returned for the data.
-        model
-            Where to start; an algorithm that cannot start anywhere extracts a model of its order.
-
-        Returns
-        -------
-        ModalModel
-            The model.
+        The data or their noise may be others than those of `model`. An algorithm that cannot start anywhere extracts
+        a model of its order: this method does so, for algorithms without one of their own.
         """
+        return self.extract(state, model.order) if model.order else model
+
+
+def checked_order(order: int | None, identifier: AbstractIdentifier, data: TimeResponses) -> int | None:
+    """The `order` that the `extract` of an `identifier` was given, if `data` could hold it; else an `InputError`."""
+    name, samples = type(identifier).__name__, int(data.lengths.max())
+    of = f"{name}.extract"
+    if order is None:
+        if not identifier.decides:
+            remedy = f"Pass a number, or wrap it: MaximumLikelihood(initial={name}()) finds the order by test."
+            raise input_error("order", of, "be a number of poles: this algorithm cannot decide it", "is None", remedy)
+        return None
+    if integer(order, "order", of, at_least=1) >= samples:
+        remedy = "Record more samples, or ask for fewer poles."
+        raise input_error("order", of, f"be less than the {samples} samples", f"is {order}", remedy)
+    return order
+
+
+def given_order(order: int | None, identifier: AbstractIdentifier, data: TimeResponses) -> int:
+    """The order as `checked_order`, for an algorithm that cannot decide it."""
+    number = checked_order(order, identifier, data)
+    assert number is not None
+    return number
+
+
+def reached(order: int | None, found: int) -> Outcome:
+    """The outcome of an order asked for and the one got."""
+    return Outcome.SUCCESS if order is None or found == order else Outcome.ORDER_UNREACHED

@@ -1,4 +1,4 @@
-"""The noise of a block of responses, before anything is known of its poles."""
+"""The noise of a block of responses before anything is known of its poles, and the sums of squares that it explains."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.lti._era import hankel_covariance
 from floquid.lti._factor import factor
-from floquid.lti._hankel import hankel_covariance
 
 ENOUGH = 16
 """Outputs that tell the noise which all of them share, to two percent of a hundred samples."""
@@ -18,7 +18,7 @@ QUARTILE = 0.25
 
 
 def white_noise_std(responses: NDArray[np.float64]) -> float:
-    r"""The standard deviation of the white noise on responses (outputs, samples) that share it.
+    r"""The standard deviation of the white noise on `responses` (outputs, samples) that share it, in their units.
 
     .. math:: \hat\sigma^2 = \operatorname{quartile}(\operatorname{eig} H H^T) / (c\, n)
 
@@ -26,16 +26,6 @@ def white_noise_std(responses: NDArray[np.float64]) -> float:
     those of noise; c is the quartile's mean for white noise of unit variance and the same size, near 1 for many
     outputs. Of many outputs, some spread evenly over them are looked at. The residual of the maximum-likelihood fit
     corrects the estimate later.
-
-    Parameters
-    ----------
-    responses
-        The responses (outputs, samples).
-
-    Returns
-    -------
-    float
-        The standard deviation [units of the responses].
     """
     responses = responses[:: max(1, len(responses) // ENOUGH)]
     outputs, samples = responses.shape
@@ -63,7 +53,15 @@ def _expected_quartile(outputs: int, samples: int, window: int) -> float:
     return float(np.mean([_quartile(rng.standard_normal((outputs, samples)), window) for _ in range(draws)]))
 
 
-def product_noise(noise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The product of one number an output and one an input nearest to `noise` (outputs, inputs), in logarithms."""
-    logs = np.log(noise)
-    return np.exp(logs.mean(axis=1, keepdims=True) + logs.mean(axis=0) - logs.mean())
+@lru_cache(maxsize=256)
+def rise_limit(probability: float, degrees: float, samples: float) -> float:
+    """The rise of the cost that noise exceeds with `probability`: `degrees` times the limit of an F ratio.
+
+    The noise is estimated from as many numbers as there are samples; with many of them this is a chi-square. The
+    tail is that of the beta distribution, since 1 - `probability` would be rounded to 1.
+    """
+    from scipy.special import betaincinv
+
+    left = max(samples - degrees, 1.0)
+    share = float(betaincinv(0.5 * left, 0.5 * degrees, probability))
+    return left * (1.0 - share) / share

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 PAIR, POSITIVE, NEGATIVE = 0, 1, -1
+
+FASTEST = (-3.0, 2.0)
+"""Logarithms of the fastest decay and growth a sample at which a mode differs from a blow to a single sample."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,13 +49,8 @@ class PoleSet:
 
     @property
     def order(self) -> int:
-        """The number of complex poles, one by one."""
-        return int(2 * (self.kind == PAIR).sum() + (self.kind != PAIR).sum())
-
-    @property
-    def n_parameters(self) -> int:
-        """The number of real parameters: equal to the order (a pair has two, a real pole one)."""
-        return self.order
+        """The number of complex poles, one by one; also that of real parameters."""
+        return len(self.kind) + int((self.kind == PAIR).sum())
 
     @property
     def sizes(self) -> NDArray[np.int64]:
@@ -61,10 +58,13 @@ class PoleSet:
         return np.where(self.kind == PAIR, 2, 1)
 
     def full(self) -> NDArray[np.complex128]:
-        """All logarithms (order,): each entry followed by its conjugate when it is a pair."""
-        return np.concatenate(
-            [[s, s.conjugate()] if k == PAIR else [s] for s, k in zip(self.s, self.kind, strict=True)] or [np.zeros(0)]
-        ).astype(complex)
+        """All logarithms (order,)."""
+        return self.with_conjugates(self.s)
+
+    def with_conjugates(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Numbers of the entries (k,) as numbers of the poles (order,): a pair's is followed by its conjugate."""
+        parts = [[v, v.conjugate()] if k == PAIR else [v] for v, k in zip(values, self.kind, strict=True)]
+        return np.concatenate(parts or [np.zeros(0)]).astype(complex)
 
     def multipliers(self) -> NDArray[np.complex128]:
         """All multipliers (order,), conjugates next to each other; those of real kinds exactly real."""
@@ -82,15 +82,19 @@ class PoleSet:
             at += len(block)
         return out
 
+    def covariance_of_all(self, own: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The covariance of Re s, then Im s, of all poles (2 order, 2 order), from that of the real parameters."""
+        map_ = self.parameter_map()
+        stacked = np.concatenate([map_.real, map_.imag])
+        return stacked @ own @ stacked.T
+
     def moved(self, step: NDArray[np.float64]) -> PoleSet:
         """The set after a step in its real parameters (order,)."""
         return PoleSet.of(self.s + (self.parameter_map() @ step)[self.starts()], self.kind)
 
     def starts(self) -> NDArray[np.int64]:
         """The position of each entry in `full()` (k,)."""
-        return (
-            np.concatenate([[0], np.cumsum(self.sizes)[:-1]]).astype(np.int64) if len(self) else np.zeros(0, np.int64)
-        )
+        return np.cumsum(self.sizes) - self.sizes
 
     def columns(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """For each position in `full()`, those of the first and of the last pole of its entry (order,) each."""
@@ -105,7 +109,27 @@ class PoleSet:
         """The entries where `mask` holds."""
         return PoleSet(self.s[mask], self.kind[mask])
 
-    def plus(self, others: Iterable[PoleSet]) -> PoleSet:
+    def plus(self, other: PoleSet) -> PoleSet:
         """The union, entries in order."""
-        sets = [self, *others]
-        return PoleSet(np.concatenate([p.s for p in sets]), np.concatenate([p.kind for p in sets]))
+        return PoleSet(np.concatenate([self.s, other.s]), np.concatenate([self.kind, other.kind]))
+
+    def plausible(self) -> PoleSet:
+        """The poles that could be seen: those within `FASTEST`."""
+        return self.keep((self.s.real > FASTEST[0]) & (self.s.real < FASTEST[1]))
+
+    def crowded(self, entry: int, near: float) -> bool:
+        """Whether another pole is so near that it could move to take this one's part."""
+        distance = np.minimum(np.abs(self.s - self.s[entry]), np.abs(self.s - self.s[entry].conj()))
+        return bool((np.delete(distance, entry) < near).any())
+
+    def normalised(self, shares: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.int64]]:
+        """Participations in the inputs (k, inputs), the largest of each 1 and those of real poles real; and where."""
+        largest = np.argmax(np.abs(shares), axis=1)
+        shares = shares / shares[np.arange(len(shares)), largest][:, None]
+        return np.where(self.kind[:, None] == PAIR, shares, shares.real), largest
+
+
+def moved_pole(s: complex, kind: int, step: NDArray[np.float64]) -> complex:
+    """One pole after a step in its real parameters, brought back to 0 ≤ Im s ≤ π."""
+    change = complex(step[0], step[1] if kind == PAIR else 0.0)
+    return complex(PoleSet.of(np.array([s + change]), np.array([kind])).s[0])

@@ -89,37 +89,38 @@ def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def prune_linear(poles: PoleSet, factors: Sequence[Factor], limit: tuple[float, float]) -> PoleSet:
     """Take away, one by one, what the residues of the others can do without: the rise is below that of its size."""
-    return _taken(poles, factors, lambda now, rises: rises - np.where(now.sizes == 1, *limit))
+
+    def needless(now: PoleSet, rises: NDArray[np.float64]) -> int | None:
+        excess = rises - np.where(now.sizes == 1, *limit)
+        worst = int(np.argmin(excess))
+        return None if excess[worst] > 0 else worst
+
+    return _taken(poles, factors, needless)
 
 
 def strongest(poles: PoleSet, factors: Sequence[Factor], order: int) -> PoleSet:
     """The poles that take most out of the responses, at most `order` counted one by one: the others leave in turn."""
+    return _taken(poles, factors, lambda now, rises: weakest(now, rises, order))
 
-    def rank(now: PoleSet, rises: NDArray[np.float64]) -> NDArray[np.float64]:
-        over = now.order - order
-        if over <= 0:
-            return np.ones(len(now))
-        fits = now.sizes <= over
-        share = rises / now.sizes
-        # Any negative number says «take»; where one pole is too many, a real one goes if there is one.
-        return share - share.max() - 1.0 + np.where(fits | ~fits.any(), 0.0, np.inf)
 
-    return _taken(poles, factors, rank)
+def weakest(now: PoleSet, rises: NDArray[np.float64], order: int) -> int | None:
+    """The entry of least rise a pole while there are more than `order`; where one is too many, a real one if any."""
+    if now.order <= order:
+        return None
+    fits = now.sizes <= now.order - order
+    return int(np.argmin(np.where(fits | ~fits.any(), rises / now.sizes, np.inf)))
 
 
 def _taken(
-    poles: PoleSet,
-    factors: Sequence[Factor],
-    excess: Callable[[PoleSet, NDArray[np.float64]], NDArray[np.float64]],
+    poles: PoleSet, factors: Sequence[Factor], choice: Callable[[PoleSet, NDArray[np.float64]], int | None]
 ) -> PoleSet:
-    """Take away the entry of least excess as long as that is negative."""
+    """Take away the entry chosen by the rises as long as there is one."""
     now, done = Removal.of(poles, factors), 0
     while len(now.poles):
         if done == AFRESH or len(now.spread) < sum(len(f.values) > now.poles.order for f in factors):
             now, done = Removal.of(now.poles, factors), 0
-        left = excess(now.poles, now.rises())
-        worst = int(np.argmin(left))
-        if left[worst] > 0:
+        entry = choice(now.poles, now.rises())
+        if entry is None:
             break
-        now, done = now.without(worst), done + 1
+        now, done = now.without(entry), done + 1
     return now.poles

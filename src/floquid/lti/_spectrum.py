@@ -117,25 +117,13 @@ WHITE = float(np.sqrt(np.pi) / 2.0)
 
 
 def composites(data: TimeResponses, model: ModalModel) -> Composites:
-    r"""The composites of responses, of their model and of the difference.
+    r"""The composites of the responses in `data`, of their `model` and of the difference.
 
     .. math:: c(\theta_l) = \frac1{OI} \sum_{o,i} \frac1{\sigma_{oi} \sqrt{N_i}}
               \Big| \sum_{k=0}^{N_i-1} y_{oi}[k]\, e^{-i\theta_l k} \Big|
 
     With this scale white noise has √π/2 on every line. The model is summed over the same finite record; a shorter
     input is followed by zeros in both. (Allen 2009, section 3.1 and figure 5; Allen and Ginsberg 2006.)
-
-    Parameters
-    ----------
-    data
-        The responses.
-    model
-        A model of them.
-
-    Returns
-    -------
-    Composites
-        The three curves.
     """
     outputs, inputs, samples = data.values.shape
     lines = samples // 2 + 1

@@ -116,11 +116,9 @@ class Composites(Rebuilt):
     difference: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        angles = frozen_array(self.angles, "angles", "Composites", axes=("lines",))
-        object.__setattr__(self, "angles", angles)
-        for name in ("data", "model", "difference"):
-            curve = frozen_array(getattr(self, name), name, "Composites", axes=(len(angles),))
-            object.__setattr__(self, name, curve)
+        self._freeze(angles=("lines",))
+        lines = (len(self.angles),)
+        self._freeze(data=lines, model=lines, difference=lines)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -168,27 +166,14 @@ class ModalModel(Rebuilt):
     composites: Composites | None = None
 
     def __post_init__(self) -> None:
-        of, put = "ModalModel", object.__setattr__
-        put(
-            self, "multipliers", frozen_array(self.multipliers, "multipliers", of, axes=("modes",), dtype=np.complex128)
+        self._freeze(dtype=np.complex128, multipliers=("modes",))
+        n, put = self.order, object.__setattr__
+        square = ("inputs", n, n)
+        self._freeze(
+            dtype=np.complex128, residues=(n, "outputs", "inputs"), residue_spread=square, residue_slope=square
         )
-        n = len(self.multipliers)
-        put(
-            self,
-            "residues",
-            frozen_array(self.residues, "residues", of, axes=(n, "outputs", "inputs"), dtype=np.complex128),
-        )
-        put(self, "dt", positive(self.dt, "dt", of, unit="s"))
-        optional = {
-            "covariance": ((2 * n, 2 * n), np.float64),
-            "residue_spread": (("inputs", n, n), np.complex128),
-            "residue_slope": (("inputs", n, n), np.complex128),
-            "residual_std": (("outputs", "inputs"), np.float64),
-        }
-        for name, (axes, dtype) in optional.items():
-            value = getattr(self, name)
-            if value is not None:
-                put(self, name, frozen_array(value, name, of, axes=axes, dtype=dtype))
+        self._freeze(covariance=(2 * n, 2 * n), residual_std=("outputs", "inputs"))
+        put(self, "dt", positive(self.dt, "dt", "ModalModel", unit="s"))
         put(self, "stats", MappingProxyType(dict(self.stats)))
 
     @property

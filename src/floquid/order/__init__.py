@@ -6,8 +6,7 @@ why. Knows nothing of channels and periods, as `lti`.
 
 from floquid.order._choose import Choice, choose, judge
 from floquid.order._indicators import indicators
-from floquid.order._scan import scan
-from floquid.order._stable import stability
+from floquid.order._scan import scan, stability
 from floquid.order._types import Criteria, Indicators, OrderScan, Stability, Tolerances
 
 __all__ = [

@@ -79,11 +79,6 @@ def choose(
         for `MaximumLikelihood()`.
     report
         Is told of each stage.
-
-    Returns
-    -------
-    Choice
-        The order, its model, the reasons and the runner-up.
     """
     used = identifier or MaximumLikelihood()
     if not used.decides:
@@ -94,28 +89,11 @@ def choose(
 
 
 def judge(data: TimeResponses, model: ModalModel) -> Choice:
-    """What the data say for and against the order of a model.
-
-    Parameters
-    ----------
-    data
-        The responses and their noise.
-    model
-        A model of them.
-
-    Returns
-    -------
-    Choice
-        The model's order with reasons, doubts and the runner-up.
-    """
+    """The order of a `model` with the reasons, the doubts and the runner-up that the responses in `data` give."""
     likelihood = MaximumLikelihood()
     evidence = likelihood.weigh(likelihood.prepare(data), model)
     reasons, doubts = [], []
-    for text, speaks_against in [
-        *_findings(evidence),
-        *_drift(data, evidence),
-        *_hits(data, model, evidence),
-    ]:
+    for text, speaks_against in [*_findings(evidence), *_drift(data, evidence), *_hits(data, model, evidence)]:
         (doubts if speaks_against else reasons).append(text)
     if model.outcome is not Outcome.SUCCESS:
         doubts.append(model.outcome.value)
@@ -190,18 +168,13 @@ def _weakest(evidence: Evidence) -> tuple[str, bool]:
     share = evidence.rises / evidence.limits
     weakest = int(np.argmin(share))
     name = _frequency(complex(evidence.multipliers[weakest]))
-    doubtful = bool((evidence.rises < evidence.firm_limits).any())
-    if share[weakest] < 1.0:
-        text = (
-            f"Not each of the {len(share)} modes is needed: without the one that would be missed least, {name}, "
-            f"the misfit rises by {share[weakest]:.3g} times what noise explains."
-        )
-        return text, True
+    needed = bool(share[weakest] >= 1.0)
+    only_just = needed and bool((evidence.rises < evidence.firm_limits).any())
     text = (
-        f"Each of the {len(share)} modes is needed: without the one that would be missed least, {name}, "
-        f"the misfit rises by {share[weakest]:.3g} times what noise explains"
+        f"{'Each' if needed else 'Not each'} of the {len(share)} modes is needed: without the one that would be missed "
+        f"least, {name}, the misfit rises by {share[weakest]:.3g} times what noise explains"
     )
-    return text + (": only just more." if doubtful else "."), doubtful
+    return text + (": only just more." if only_just else "."), only_just or not needed
 
 
 def _determined(evidence: Evidence) -> tuple[str, bool]:
@@ -233,11 +206,8 @@ def _nearness(evidence: Evidence) -> list[tuple[str, bool]]:
 
 def _residual(evidence: Evidence) -> tuple[str, bool]:
     if abs(evidence.colour) > WHITE:
-        text = (
-            f"What is left is not white noise ({evidence.colour:.3g} standard deviations from it): modes may be "
-            "missing, or some that were found may be noise."
-        )
-        return text, True
+        text = f"What is left is not white noise ({evidence.colour:.3g} standard deviations from it)"
+        return text + ": modes may be missing, or some that were found may be noise.", True
     how = f"white once {evidence.whitened} taps have taken its colour off" if evidence.whitened else "white noise"
     worth = (
         "" if evidence.independent > 0.9 else f"; its responses are worth {evidence.independent:.0%} of their number"

@@ -56,11 +56,6 @@ def indicators(data: TimeResponses, model: ModalModel | None = None, *, smoothin
     smoothing
         The number of adjacent lines, odd; 5, as far as there are so many, when not given.
 
-    Returns
-    -------
-    Indicators
-        The curves and values.
-
     Raises
     ------
     InputError

@@ -1,4 +1,4 @@
-"""Models over a range of orders, prepared once."""
+"""Models over a range of orders, prepared once: which of their poles stay, and how well each fits."""
 
 from __future__ import annotations
 
@@ -8,14 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
-from floquid.lti import ERA, AbstractIdentifier, ModalModel, Outcome, TimeResponses
-from floquid.order._criteria import criteria
+from floquid.lti import ERA, AbstractIdentifier, ModalModel, Outcome, TimeResponses, weighted_blocks
 from floquid.order._indicators import both_compressed, indicators_of
-from floquid.order._stable import DEFAULT, stability
-from floquid.order._types import OrderScan, Tolerances
+from floquid.order._types import Criteria, OrderScan, Stability, Tolerances
 
 MOST = 40
 """The highest order of a scan whose orders are not given."""
+
+FAR = 10.0
+"""The misfit, in tolerances, beyond which two poles are just as far: one that is lost pushes no other off its match."""
+
+DEFAULT = Tolerances()
 
 
 def scan(
@@ -49,11 +52,6 @@ def scan(
         When poles of neighbouring orders count as one.
     report
         Is told of each stage.
-
-    Returns
-    -------
-    OrderScan
-        The models, the stability of their poles, the criteria and the indicators.
 
     Raises
     ------
@@ -118,3 +116,134 @@ def _compared(models: Sequence[ModalModel], tolerances: Tolerances) -> tuple[NDA
             levels.append(np.zeros(model.order, dtype=np.int64))
         lower = model if reached else lower
     return tuple(levels)
+
+
+def criteria(models: Sequence[ModalModel], principal: TimeResponses, data: TimeResponses) -> Criteria:
+    r"""The fit of each model to the data behind its principal responses.
+
+    .. math:: c_n = \operatorname{tr}\big((I - P_n) W^T W\big), \qquad
+              \mathrm{AIC} = N \ln\frac{c_n}{N} + 2 p, \qquad
+              \mathrm{BIC} = N \ln\frac{c_n}{N} + n \ln N + n O \sum_i \ln N_i
+
+    with N = O Σ N_i numbers of O outputs, p = n (1 + O I) real parameters of n poles and their residues, and the level
+    of the noise free. A residue is told by the N_i samples of its own response alone, which is what it is charged for
+    (Schwarz 1978, with each parameter's own sample size). With many outputs AIC is close to the chi-square test
+    of `MaximumLikelihood`; BIC misses weak modes there.
+    """
+    n_outputs, samples = data.n_outputs, int(data.lengths.sum())
+    numbers = n_outputs * samples
+    energy, beyond = float(np.sum(principal.values**2)), 0.0
+    if principal.n_outputs < min(n_outputs, samples):
+        # Principal responses were left out: what they hold is never explained.
+        beyond = max(sum(float(np.sum(block**2)) for block in weighted_blocks(data)) - energy, 0.0)
+    cost = np.array([_left(model.multipliers, principal) for model in models]) + beyond
+    orders = np.array([model.order for model in models])
+    parameters = orders * (1 + n_outputs * data.n_inputs)
+    fitted = numbers * np.log(np.maximum(cost, np.finfo(float).tiny) / numbers)
+    spread = float(n_outputs * np.log(principal.lengths).sum())
+    return Criteria(
+        cost=cost,
+        left=cost / max(energy + beyond, np.finfo(float).tiny),
+        aic=fitted + 2.0 * parameters,
+        bic=fitted + orders * (np.log(numbers) + spread),
+        degrees=numbers - parameters,
+    )
+
+
+def _left(multipliers: NDArray[np.complex128], principal: TimeResponses) -> float:
+    """The sum of squares that the best residues of these multipliers leave."""
+    left = 0.0
+    for i, length in enumerate(principal.lengths):
+        values = principal.values[:, i, :length].T
+        above = multipliers[multipliers.imag >= 0]
+        logs = np.asarray(np.log(above), dtype=np.complex128)
+        # A growing mode is scaled at its end, so that nothing overflows.
+        k = np.arange(length)[:, None] - np.where(logs.real > 0, length - 1, 0)
+        columns = np.exp(k * logs)
+        q, _ = np.linalg.qr(np.concatenate([columns.real, columns[:, above.imag > 0].imag], axis=1))
+        left += float(np.sum((values - q @ (q.T @ values)) ** 2))
+    return left
+
+
+def mac(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """|aᴴb|²/(aᴴa · bᴴb) for each row of `a` (m, entries) and of `b` (n, entries): (m, n); 0 where one is zero."""
+    lengths = np.outer(np.sum(np.abs(a) ** 2, axis=1), np.sum(np.abs(b) ** 2, axis=1))
+    cross = np.abs(a.conj() @ b.T) ** 2
+    return np.divide(cross, lengths, out=np.zeros_like(cross), where=lengths > 0)
+
+
+def paired(misfit: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The rows and columns that belong together: the assignment of the least total misfit."""
+    from scipy.optimize import linear_sum_assignment
+
+    rows, columns = linear_sum_assignment(misfit)
+    return rows, columns
+
+
+def stability(
+    model: ModalModel,
+    lower: ModalModel,
+    *,
+    noise: NDArray[np.float64] | None = None,
+    tolerances: Tolerances = DEFAULT,
+) -> NDArray[np.int64]:
+    r"""The `Stability` of each pole (modes,): how far it agrees with one of a lower order.
+
+    .. math:: |\theta_a - \theta_b|_{2\pi} \le 2\pi f, \qquad |d_a - d_b| \le \max(\epsilon\, d, d_0), \qquad
+              \frac{|R_a^H R_b|^2}{(R_a^H R_a)(R_b^H R_b)} \ge m
+
+    with μ = exp(-d + iθ) and R the residues over their noise, all outputs and inputs in one vector. Poles are paired
+    one to one by the least total misfit, angles going round at π. Real multipliers pair with real ones of their sign;
+    they have no frequency, and their decay alone is compared.
+
+    Gates on the shape itself that are common elsewhere, such as the modal phase collinearity or the mean phase
+    deviation, are not used: the shapes of lifted responses are fully complex, and every true mode would be rejected.
+
+    Parameters
+    ----------
+    model
+        The model whose poles are judged.
+    lower
+        The model of the next lower order, of the same responses.
+    noise
+        The standard deviation of the noise on each response (outputs, inputs); alike where not given.
+    tolerances
+        When two poles count as one.
+
+    Raises
+    ------
+    InputError
+        The models are not of the same responses.
+    """
+    if model.residues.shape[1:] != lower.residues.shape[1:]:
+        must, got = "be of the same responses", f"has {lower.residues.shape[1:]} instead of {model.residues.shape[1:]}"
+        raise input_error("lower", "stability", must, got, "Both models must come from one scan.")
+    levels = np.zeros(model.order, dtype=np.int64)
+    if not model.order or not lower.order:
+        return levels
+    weight = 1.0 if noise is None else 1.0 / noise
+    shapes = [(one.residues * weight).reshape(one.order, -1) for one in (model, lower)]
+    turn, decay = _misfits(model.multipliers, lower.multipliers, tolerances)
+    shape = (1.0 - mac(*shapes)) / (1.0 - tolerances.shape)
+    misfits = np.stack([turn, decay, shape])
+    rows, columns = paired(np.minimum(misfits, FAR).sum(axis=0))
+    met = misfits[:, rows, columns] <= 1.0
+    levels[rows] = np.cumprod(met, axis=0).sum(axis=0)
+    # Equal angles of real multipliers say nothing by themselves.
+    real = model.multipliers[rows].imag == 0
+    levels[rows[real & (levels[rows] == Stability.FREQUENCY)]] = Stability.NEW
+    return levels
+
+
+def _misfits(
+    here: NDArray[np.complex128], there: NDArray[np.complex128], tolerances: Tolerances
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The differences of the angles and of the decays in tolerances (m, n); infinite between unlike kinds."""
+    tiny = np.finfo(float).tiny
+    a, b = (np.asarray(np.log(np.where(np.abs(mu) < tiny, tiny, mu)), dtype=np.complex128) for mu in (here, there))
+    larger = np.maximum(np.abs(a.real)[:, None], np.abs(b.real))
+    wrapped = np.mod(np.subtract.outer(a.imag, b.imag) + np.pi, 2.0 * np.pi) - np.pi
+    turn = np.abs(wrapped) / np.maximum(2.0 * np.pi * tolerances.frequency, tolerances.damping * larger)
+    decay = np.abs(np.subtract.outer(a.real, b.real)) / np.maximum(tolerances.damping * larger, tolerances.decay)
+    unlike = np.not_equal.outer(here.imag == 0, there.imag == 0)
+    return np.where(unlike, np.inf, turn), np.where(unlike, np.inf, decay)

@@ -79,11 +79,10 @@ class Criteria(Rebuilt):
     degrees: NDArray[np.int64]
 
     def __post_init__(self) -> None:
-        for name in ("cost", "left", "aic", "bic"):
-            axes = ("orders",) if name == "cost" else (len(self.cost),)
-            object.__setattr__(self, name, frozen_array(getattr(self, name), name, "Criteria", axes=axes))
-        degrees = frozen_array(self.degrees, "degrees", "Criteria", axes=(len(self.cost),), dtype=np.int64)
-        object.__setattr__(self, "degrees", degrees)
+        self._freeze(cost=("orders",))
+        orders = (len(self.cost),)
+        self._freeze(left=orders, aic=orders, bic=orders)
+        self._freeze(dtype=np.int64, degrees=orders)
 
     @property
     def misfit(self) -> NDArray[np.float64]:
@@ -129,17 +128,10 @@ class Indicators(Rebuilt):
     delays: int
 
     def __post_init__(self) -> None:
-        of, lines = "Indicators", len(self.angles)
-        shapes = {
-            "angles": ("lines",),
-            "cmif": (lines, "curves"),
-            "composite": (lines,),
-            "residual": (lines,),
-            "singular_values": ("values",),
-        }
-        for name, axes in shapes.items():
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, frozen_array(getattr(self, name), name, of, axes=axes))
+        of = "Indicators"
+        self._freeze(angles=("lines",), singular_values=("values",))
+        lines = len(self.angles)
+        self._freeze(cmif=(lines, "curves"), composite=(lines,), residual=(lines,))
         for name, unit in (("dt", "s"), ("noise_edge", "")):
             object.__setattr__(self, name, positive(getattr(self, name), name, of, unit=unit))
         integer(self.smoothing, "smoothing", of, at_least=1)

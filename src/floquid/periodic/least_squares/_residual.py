@@ -62,7 +62,7 @@ class Residual:
         return replace(self, levels=np.broadcast_to(self.noise[:, None], self.levels.shape))
 
     def between(self, rates: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Level of each band (rows, bands) by lines apart from exponentials of `rates` [1/s], and their number (bands,).
+        """Level of each band (rows, bands) by lines apart from exponentials `rates` [1/s], and their number (bands,).
 
         A fit takes noise away where it has exponentials: nearly all of it in a band that is full of them. That has
         level zero.

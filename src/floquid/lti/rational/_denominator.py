@@ -6,19 +6,13 @@ numerators b_o of degree n - 1 that are eliminated, the equations of all outputs
 
 .. math:: Y_o(x_l)^T A(x_l) - b_o(x_l)^T = 0, \qquad M = \sum_o E_o^T E_o
 
-The q_k are powers of x on all lines, and on a band the polynomials that Arnoldi's recurrence makes orthonormal there.
-Both have real coefficients, and both are bases of the same polynomials in the same x: a band neither moves a root nor
-needs a mapping of its own, whether it begins at zero, ends at π or does neither.
-
-White noise adds to M a multiple of a matrix known exactly; in its metric the eigenvalues of M are one where there is
-noise alone. What rises above holds the modes, and every other direction is a denominator with their poles among its
-roots. Taken is the one of least norm with a fixed coefficient: the highest power of x, and the roots that belong to
-no mode have |μ| > 1; the constant, and they have |μ| < 1 (R. Kumaresan and D. W. Tufts, IEEE Trans. ASSP 30(6), 1982;
-G. Szegő, "Orthogonal Polynomials", 1939, chapter 11). Decaying modes are taken from the first, growing ones from the
-second. Least squares would weigh directions by their inverse eigenvalues, and noise then takes damping away, however
-long the record. And were the numerators not eliminated, M would be a Toeplitz matrix and every root mirrored in the
-unit circle, its damping of the wrong sign: a common code, whose sum over the lines below a band is an inverse transform
-of nothing when the band begins at zero, loses them so.
+The q_k are powers of x on all lines, and on a band the polynomials that Arnoldi's recurrence makes orthonormal there:
+bases of the same polynomials, so that a band moves no root. White noise adds to M a multiple of a matrix known exactly;
+in its metric the eigenvalues of M are one where there is noise alone. What rises above holds the modes, and every other
+direction is a denominator with their poles among its roots. Taken is the one of least norm with a fixed coefficient:
+the highest power of x, and the roots that belong to no mode have |μ| > 1; the constant, and they have |μ| < 1 (R.
+Kumaresan and D. W. Tufts, IEEE Trans. ASSP 30(6), 1982; G. Szegő, "Orthogonal Polynomials", 1939, chapter 11). Decaying
+modes are taken from the first, growing ones from the second; least squares would take damping away with the noise.
 """
 
 from __future__ import annotations

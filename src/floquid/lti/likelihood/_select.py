@@ -12,21 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
 from floquid.lti._exponentials import Fit, fit, polish
 from floquid.lti._factor import Factor
+from floquid.lti._identifier import Report, silent
+from floquid.lti._noise import rise_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._removal import Removal, prune_linear
-from floquid.lti._residual import Residual
-from floquid.lti._search import candidates
-
-FASTEST = (-3.0, 2.0)
-"""Logarithms of the fastest decay and growth a sample at which a mode differs from a blow to a single sample."""
-
+from floquid.lti.likelihood._residual import Residual
+from floquid.lti.likelihood._search import candidates
 
 PROMISING = 1e-5
 """The probability at which noise may have what a pole on the grid takes out of the residual, for the pole to be tried.
@@ -62,23 +59,22 @@ class Threshold:
         columns, samples = sum(f.columns for f in factors), sum(f.columns * len(f.values) for f in factors)
         return Threshold(columns, samples, false_alarm, noise.independent, max(noise.variance, 1.0))
 
-    def of(self, parameters: int) -> float:
-        """The threshold for `parameters` poles counted one by one: each has its own residues and one parameter."""
-        return self._limit(self.false_alarm, parameters, 1.0)
+    def of(self, size: int) -> float:
+        """The threshold for `size` poles counted one by one: each has its own residues and one parameter."""
+        return self.at(self.false_alarm, size)
 
-    def promising(self, size: int) -> float:
-        """What a pole (1) or pair (2) on the grid must take out of the residual to be tried."""
-        return min(self._limit(PROMISING, size, 0.0), self.of(size))
+    def at(self, probability: float, size: int, *, own: float = 1.0) -> float:
+        """The rise that noise exceeds with another probability, `own` parameters a pole beside the residues.
 
-    def _limit(self, probability: float, size: int, own: float) -> float:
-        """Satterthwaite: a sum of dependent squares is a multiple of a chi-square of fewer degrees of freedom."""
+        Satterthwaite: a sum of dependent squares is a multiple of a chi-square of fewer degrees of freedom.
+        """
         share = self.independent
         degrees = size * (self.columns * share + own)
         return self.variance * rise_limit(probability, degrees, self.samples * share) / share
 
-    def at(self, probability: float, size: int) -> float:
-        """The rise that noise exceeds with another probability."""
-        return self._limit(probability, size, 1.0)
+    def promising(self, size: int) -> float:
+        """What a pole (1) or pair (2) on the grid must take out of the residual to be tried."""
+        return min(self.at(PROMISING, size, own=0.0), self.of(size))
 
     def penalised(self, found: Fit) -> float:
         """The cost plus the thresholds of all that was spent on it."""
@@ -90,20 +86,6 @@ CROWD = 48
 """Poles of a start, tested one by one, from which on they are no modes: what is left is not white along the record."""
 
 
-@lru_cache(maxsize=256)
-def rise_limit(probability: float, degrees: float, samples: float) -> float:
-    """The rise that noise exceeds with `probability`: `degrees` times the limit of an F ratio.
-
-    The noise is estimated from as many numbers as there are samples; with many of them this is a chi-square. The
-    tail is that of the beta distribution, since 1 - `probability` would be rounded to 1.
-    """
-    from scipy.special import betaincinv
-
-    left = max(samples - degrees, 1.0)
-    share = float(betaincinv(0.5 * left, 0.5 * degrees, probability))
-    return left * (1.0 - share) / share
-
-
 def choose(
     factors: Sequence[Factor],
     start: Callable[[int], PoleSet],
@@ -112,7 +94,7 @@ def choose(
     most: int,
     starts: Sequence[int],
     noise: Residual,
-    report: Callable[[str], None] = lambda _: None,
+    report: Report = silent,
 ) -> tuple[Fit, bool, Residual]:
     """The poles that the data support, fitted by maximum likelihood; whether the search ended; and what is left.
 
@@ -124,7 +106,7 @@ def choose(
     threshold = Threshold.for_(factors, false_alarm, noise)
     best, ended = fit(PoleSet.empty(), factors), False
     for order in starts:
-        begin = prune_linear(plausible(start(order)), factors, (threshold.of(1), threshold.of(2)))
+        begin = prune_linear(start(order).plausible(), factors, (threshold.of(1), threshold.of(2)))
         if 2 * begin.order > order and order < starts[-1]:
             continue
         if begin.order > CROWD:
@@ -145,14 +127,9 @@ def choose(
     return best, ended, left
 
 
-def plausible(poles: PoleSet) -> PoleSet:
-    """The poles that could be seen: those within `FASTEST`."""
-    return poles.keep((poles.s.real > FASTEST[0]) & (poles.s.real < FASTEST[1]))
-
-
 def possible(found: Fit) -> bool:
-    """Whether all poles of a fit are within `FASTEST`."""
-    return len(plausible(found.poles)) == len(found.poles)
+    """Whether all poles of a fit could be seen."""
+    return len(found.poles.plausible()) == len(found.poles)
 
 
 def _settle(now: Fit, factors: Sequence[Factor], threshold: Threshold, most: int) -> tuple[Fit, bool]:
@@ -176,9 +153,8 @@ def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
     changed = True
     while changed and len(now.poles):
         changed = False
-        possible = plausible(now.poles)
-        if len(possible) < len(now.poles):
-            now, changed = polish(possible, factors), True
+        if not possible(now):
+            now, changed = polish(now.poles.plausible(), factors), True
             continue
         rises = Removal.of(now.poles, factors).rises()
         for entry in np.argsort(rises):
@@ -194,10 +170,9 @@ def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
 
 
 def crowded(poles: PoleSet, entry: int, factors: Sequence[Factor]) -> bool:
-    """Whether another pole is so near that it could move to take this one's part."""
+    """Whether another pole, its own conjugate too, is so near that it could move to take this one's part."""
     near = 2.0 * max(abs(poles.s[entry].real), 2.0 * np.pi / max(len(f.values) for f in factors))
-    distance = np.minimum(np.abs(poles.s - poles.s[entry]), np.abs(poles.s - poles.s[entry].conj()))
-    return bool((np.delete(distance, entry) < near).any()) or abs(poles.s[entry].imag) < near
+    return poles.crowded(entry, near) or abs(poles.s[entry].imag) < near
 
 
 def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
@@ -211,11 +186,11 @@ def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fi
             if angle > 0.5 * abs(s.real) + 0.05:
                 continue
             rest = now.poles.without(int(entry))
-            one = polish(rest.plus([real_poles(kind, s.real)]), factors)
+            one = polish(rest.plus(real_poles(kind, s.real)), factors)
             if possible(one) and one.cost - now.cost < threshold.of(2) - threshold.of(1):
                 return one
             gap = max(angle, 0.2 * abs(s.real), 1e-3)
-            two = polish(rest.plus([real_poles(kind, s.real - gap, s.real + gap)]), factors)
+            two = polish(rest.plus(real_poles(kind, s.real - gap, s.real + gap)), factors)
             if possible(two) and two.cost - now.cost < -(RESOLVED**2) and _told_apart(two, -2, -1):
                 return two
     for kind in (POSITIVE, NEGATIVE):
@@ -227,9 +202,8 @@ def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fi
             middle = now.poles.s[[first, second]].mean()
             turn = max(0.1 * abs(middle.real), 1e-3)
             pair = PoleSet.of(np.array([middle + (1j if kind == POSITIVE else -1j) * turn]), np.array([PAIR]))
-            met = polish(
-                now.poles.without(int(max(first, second))).without(int(min(first, second))).plus([pair]), factors
-            )
+            rest = now.poles.keep(~np.isin(np.arange(len(now.poles)), [first, second]))
+            met = polish(rest.plus(pair), factors)
             if met.cost - now.cost < RESOLVED**2:
                 return met
     return now
@@ -255,7 +229,7 @@ def _add(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
         size = int(candidate.sizes[0])
         if promised < threshold.promising(size):
             continue
-        more = polish(now.poles.plus([candidate]), factors, iterations=25, tolerance=1e-2)
+        more = polish(now.poles.plus(candidate), factors, iterations=25, tolerance=1e-2)
         if possible(more) and now.cost - more.cost > threshold.of(size):
             return polish(more, factors)
     return now
@@ -272,7 +246,7 @@ def force_order(now: Fit, factors: Sequence[Factor], order: int, false_alarm: fl
         now = polish(now.poles.without(int(np.argmin(excess))), factors)
     while now.poles.order < order:
         room = order - now.poles.order
-        trials = [polish(now.poles.plus([c]), factors) for c, _ in candidates(now.poles, factors) if c.order <= room]
+        trials = [polish(now.poles.plus(c), factors) for c, _ in candidates(now.poles, factors) if c.order <= room]
         trials = [t for t in trials if possible(t) and t.cost < now.cost]
         if not trials:
             break

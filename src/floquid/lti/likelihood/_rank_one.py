@@ -15,22 +15,78 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._numerics import positive_part, sandwich
-from floquid.lti._exponentials import LEAST_DAMPING, basis, complex_residues
-from floquid.lti._factor import Factor, factors
-from floquid.lti._noise import product_noise
+from floquid._numerics import levenberg_marquardt, positive_part, sandwich
+from floquid.lti._exponentials import complex_residues, powers
+from floquid.lti._factor import Factor, factors, product_noise
+from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
-from floquid.lti._rank import Noise, ranks
 from floquid.lti._types import PRODUCTS, ModalModel, Outcome, TimeResponses
-
-STEPS = 60
-"""Steps of the fit, at most."""
-
-NOTHING = 1e-12
-"""The share of the curvature beyond that of the columns themselves below which it is rounding."""
 
 TOGETHER = 5.0
 """The sum of their standard deviations, times this, within which poles are one to a free fit."""
+
+NOTHING = 1e-16
+"""The share of the squares of a tangent beside the columns below which it is rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """What the noise of a free fit is beside independent white noise of the deviations stated.
+
+    `power` (modes,) is the noise at the frequency of each pole, over its mean; `independent` the share of the responses
+    that it is worth.
+    """
+
+    power: NDArray[np.float64]
+    independent: float = 1.0
+    size: float = 1.0
+    """Its mean square, which `power` holds too."""
+
+    @property
+    def colour(self) -> NDArray[np.float64]:
+        """The noise at the frequency of each pole over that of white noise of its size (modes,)."""
+        return self.power / self.size
+
+    @staticmethod
+    def whitened_by(taps: NDArray[np.float64] | None, model: ModalModel, independent: float, variance: float) -> Noise:
+        """The noise that a filter makes white, 1/|A|² on the unit circle."""
+        turn = np.angle(model.multipliers)
+        taps = np.ones(1) if taps is None else taps
+        gain = np.abs(np.exp(-1j * np.multiply.outer(turn, np.arange(len(taps)))) @ taps) ** 2
+        size = max(variance, 1.0)
+        return Noise(size / np.maximum(gain, 1e-6), independent, size)
+
+    def limit(self, entry: int, degrees: float, false_alarm: float) -> float:
+        """The sum of squares that noise exceeds at the frequency of a pole."""
+        share = self.independent
+        return float(self.power[entry]) * rise_limit(false_alarm, max(degrees * share, 1.0), 1e9) / share
+
+
+def ranks(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noise | None = None) -> NDArray[np.int64]:
+    """How many outer products the residues of each pole of a free fit hold beyond noise (modes,).
+
+    A singular value of the residues, over the noise that they carry, is kept when those from it on hold more than a
+    chi-square of their degrees of freedom does at the false-alarm probability.
+    """
+    assert model.residue_spread is not None
+    outputs, inputs = data.n_outputs, data.n_inputs
+    # A factor a response would undo the products; what a factor an output and an input leaves unequal is averaged.
+    scale = product_noise(data.noise)
+    unequal = (data.noise / scale) ** 2
+    worth = float(unequal.sum() ** 2 / np.sum(unequal**2) / unequal.size)
+    noise = noise or Noise(np.ones(model.order))
+    found = np.ones(model.order, np.int64)
+    for r in range(model.order):
+        carried = scale * np.sqrt(model.residue_spread[:, r, r].real)
+        values = np.linalg.svd(model.residues[r] / carried, compute_uv=False)
+        parts = 1 if model.multipliers[r].imag == 0 else 2
+        for rank in range(1, min(outputs, inputs)):
+            degrees = parts * (outputs - rank) * (inputs - rank)
+            left = parts * float(np.sum(values[rank:] ** 2)) / float(unequal.mean())
+            if left * worth < noise.limit(r, degrees * worth, false_alarm):
+                break
+            found[r] = rank + 1
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +100,7 @@ class Products:
     @staticmethod
     def of(poles: PoleSet, shares: NDArray[np.complex128]) -> Products:
         """With the participations brought to their normal form."""
-        reference = np.argmax(np.abs(shares), axis=1)
-        shares = shares / shares[np.arange(len(shares)), reference][:, None]
-        return Products(poles, np.where(poles.kind[:, None] == PAIR, shares, shares.real), reference)
+        return Products(poles, *poles.normalised(shares))
 
     def without(self, entry: int) -> Products:
         """Less one entry."""
@@ -55,10 +109,7 @@ class Products:
 
     def in_input(self, i: int) -> NDArray[np.complex128]:
         """The participations in input `i` (order,), conjugates conjugated."""
-        parts = [
-            [v, v.conjugate()] if k == PAIR else [v] for v, k in zip(self.shares[:, i], self.poles.kind, strict=True)
-        ]
-        return np.concatenate(parts).astype(complex)
+        return self.poles.with_conjugates(self.shares[:, i])
 
 
 def split(model: ModalModel, data: TimeResponses, counts: NDArray[np.int64]) -> Products:
@@ -87,6 +138,25 @@ class Tangents:
     a: NDArray[np.int64]
     b: NDArray[np.int64]
 
+    def beside(self, q: NDArray[np.float64]) -> Tangents:
+        """Less what orthonormal columns take of them; what only rounding leaves is zero.
+
+        Where two poles are one, a participation moves nothing: divided by rounding, its step would be the longest, and
+        that of all others be shortened to nothing.
+        """
+        left = []
+        for moved in (self.first, self.second):
+            beside = moved - q @ (q.T @ moved)
+            beside[:, np.sum(beside**2, axis=0) <= NOTHING * np.sum(moved**2, axis=0)] = 0.0
+            left.append(beside)
+        return Tangents(left[0], left[1], self.a, self.b)
+
+    def products(self, moments: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Their products with one another, over all responses, from the second moments of the residues."""
+        total = (self.first.T @ self.first) * moments[np.ix_(self.a, self.a)]
+        mixed = (self.first.T @ self.second) * moments[np.ix_(self.a, self.b)]
+        return total + mixed + mixed.T + (self.second.T @ self.second) * moments[np.ix_(self.b, self.b)]
+
 
 @dataclass(frozen=True, slots=True)
 class ProductFit:
@@ -97,14 +167,12 @@ class ProductFit:
     gradient: NDArray[np.float64]
     whole: NDArray[np.float64]
     information: NDArray[np.float64]
-    unprojected: NDArray[np.float64]
-    """The diagonal of `whole` if the columns took nothing of their tangents (parameters,)."""
 
 
 def _columns(now: Products, lengths: NDArray[np.int64]) -> tuple[NDArray[np.float64], Tangents]:
     """The real columns (rows, order), inputs one after the other, and their tangents, a column a parameter."""
     poles = now.poles
-    powers = basis(poles, int(lengths.max()))[:, poles.starts()]
+    terms = powers(poles.s, int(lengths.max()))
     ends = np.cumsum(lengths)
     rows = int(ends[-1])
     columns: list[NDArray[np.float64]] = []
@@ -114,11 +182,11 @@ def _columns(now: Products, lengths: NDArray[np.int64]) -> tuple[NDArray[np.floa
         alone: list[NDArray[np.complex128]] = []
         for i, (end, length) in enumerate(zip(ends, lengths, strict=True)):
             part = slice(int(end - length), int(end))
-            whole[part] = now.shares[entry, i] * powers[:length, entry]
+            whole[part] = now.shares[entry, i] * terms[:length, entry]
             slope[part] = np.arange(length) * whole[part]
             if i != now.reference[entry]:
                 single = np.zeros(rows, np.complex128)
-                single[part] = powers[:length, entry]
+                single[part] = terms[:length, entry]
                 alone.append(single)
         at = len(columns)
         pair = kind == PAIR
@@ -136,30 +204,24 @@ def _columns(now: Products, lengths: NDArray[np.int64]) -> tuple[NDArray[np.floa
 
 def fit_products(now: Products, block: Factor, lengths: NDArray[np.int64]) -> ProductFit:
     """Cost, gradient and information matrices."""
+    moves, inverse, residues, left = _eliminated(now, block, lengths)
+    gradient = np.einsum("pj,pj->p", moves.first.T @ left, residues[moves.a])
+    gradient += np.einsum("pj,pj->p", moves.second.T @ left, residues[moves.b])
+    whole = moves.products(residues @ residues.T)
+    noise = block.columns * moves.products(inverse @ inverse.T)
+    cost = float(np.sum(left**2)) + block.energy - float(np.sum(block.values**2))
+    return ProductFit(now, cost, gradient, whole, positive_part(whole, whole - noise))
+
+
+def _eliminated(
+    now: Products, block: Factor, lengths: NDArray[np.int64]
+) -> tuple[Tangents, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """The tangents beside the columns QR, R⁻¹, the residues (order, responses), and what is left (rows, responses)."""
     columns, moves = _columns(now, lengths)
     q, r = np.linalg.qr(columns)
-    first = moves.first - q @ (q.T @ moves.first)
-    second = moves.second - q @ (q.T @ moves.second)
     projected = q.T @ block.values
     inverse = np.linalg.pinv(r, rcond=1e-12)
-    residues = inverse @ projected
-    left = block.values - q @ projected
-    gradient = np.einsum("pj,pj->p", first.T @ left, residues[moves.a])
-    gradient += np.einsum("pj,pj->p", second.T @ left, residues[moves.b])
-
-    def products(moments: NDArray[np.float64]) -> NDArray[np.float64]:
-        total = (first.T @ first) * moments[np.ix_(moves.a, moves.a)]
-        mixed = (first.T @ second) * moments[np.ix_(moves.a, moves.b)]
-        return total + mixed + mixed.T + (second.T @ second) * moments[np.ix_(moves.b, moves.b)]
-
-    moments = residues @ residues.T
-    whole = products(moments)
-    unprojected = moments[moves.a, moves.a] * np.sum(moves.first**2, axis=0)
-    unprojected += 2.0 * moments[moves.a, moves.b] * np.sum(moves.first * moves.second, axis=0)
-    unprojected += moments[moves.b, moves.b] * np.sum(moves.second**2, axis=0)
-    noise = block.columns * products(inverse @ inverse.T)
-    cost = float(np.sum(left**2)) + block.energy - float(np.sum(block.values**2))
-    return ProductFit(now, cost, gradient, whole, positive_part(whole, whole - noise), unprojected)
+    return moves.beside(q), inverse, inverse @ projected, block.values - q @ projected
 
 
 def _moved(now: Products, step: NDArray[np.float64]) -> Products:
@@ -194,42 +256,17 @@ class Stacked:
         values.flags.writeable = False
         return Stacked(data, scale, values, factors(TimeResponses(values=values[:, None], dt=data.dt))[0])
 
-    def limit(self, size: int, false_alarm: float, noise: Noise, near: int) -> float:
-        """The rise that noise explains when an outer product with a real pole (1) or a pair (2) is taken away.
 
-        `near` is the position of the pole of the free fit whose frequency it has.
-        """
-        degrees = size * (self.data.n_outputs + self.data.n_inputs)
-        return noise.limit(near, degrees, false_alarm) * self.noise
-
-    @property
-    def noise(self) -> float:
-        """The mean square of the noise where its product is 1."""
-        return float(np.mean((self.data.noise / self.scale) ** 2))
-
-
-def polish_products(now: Products, stacked: Stacked, *, steps: int = STEPS, tolerance: float = 1e-3) -> ProductFit:
-    """The poles and participations of least cost near `now`, by Levenberg and Marquardt."""
+def polish_products(now: Products, stacked: Stacked, *, steps: int = 60, tolerance: float = 1e-3) -> ProductFit:
+    """The poles and participations of least cost near `now`."""
     block, lengths = stacked.block, stacked.data.lengths
-    found, damping = fit_products(now, block, lengths), 1e-4
-    for _ in range(steps):
-        size = np.sqrt(np.diag(found.information))
-        # Where two poles are one, a participation moves nothing: its step would shorten that of all others to nothing.
-        size[size**2 <= NOTHING * found.unprojected] = np.inf
-        system = found.information / np.outer(size, size)
-        while damping < 1e8:
-            step = np.linalg.solve(system + damping * np.eye(len(size)), found.gradient / size) / size
-            step *= min(1.0, 0.5 / max(np.abs(step).max(), 1e-300))
-            trial = fit_products(_moved(found.products, step), block, lengths)
-            if trial.cost <= found.cost * (1.0 + 1e-12):
-                break
-            damping = max(10.0 * damping, 1e-4)
-        else:
-            break
-        found, damping = trial, max(0.1 * damping, LEAST_DAMPING)
-        if np.abs(step * np.where(np.isfinite(size), size, 0.0)).max() < tolerance:
-            break
-    return found
+    return levenberg_marquardt(
+        fit_products(now, block, lengths),
+        lambda found, step: fit_products(_moved(found.products, step), block, lengths),
+        steps=steps,
+        tolerance=tolerance,
+        damping=1e-4,
+    )
 
 
 def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noise) -> ModalModel:
@@ -243,7 +280,7 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
         return model
     stacked = Stacked.of(data)
     found = polish_products(split(model, data, counts), stacked)
-    before = int((model.multipliers.imag >= 0).sum())
+    before, level = int((model.multipliers.imag >= 0).sum()), float(np.mean((data.noise / stacked.scale) ** 2))
     while len(found.products.poles) > before:
         trials = [
             polish_products(found.products.without(entry), stacked, tolerance=1e-2)
@@ -252,9 +289,11 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
         rises = [trial.cost - found.cost for trial in trials]
         poles = found.products.poles
         near = np.abs(np.subtract.outer(np.exp(poles.s), model.multipliers)).argmin(axis=1)
+        # An outer product with a real pole has one parameter for each output and input, one with a pair twice as many.
+        degrees = poles.sizes * (data.n_outputs + data.n_inputs)
         limits = [
-            stacked.limit(int(size), false_alarm, noise, int(pole))
-            for size, pole in zip(poles.sizes, near, strict=True)
+            noise.limit(pole, degree, false_alarm) * level
+            for pole, degree in zip(near.tolist(), degrees.tolist(), strict=True)
         ]
         least = int(np.argmin(np.array(rises) - np.array(limits)))
         if rises[least] > limits[least]:
@@ -301,8 +340,8 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, col
     parts = [slice(int(end - length), int(end)) for end, length in zip(ends, data.lengths, strict=True)]
     free = [max(length - n / data.n_inputs, 1) for length in data.lengths]
     left = [scale[:, i] * np.sqrt(rest[:, part].sum(axis=1) / free[i]) for i, part in enumerate(parts)]
-    powers = basis(poles, int(data.lengths.max()))
-    steps = [np.arange(length)[:, None] * powers[:length] * own[i] for i, length in enumerate(data.lengths)]
+    terms = powers(poles.full(), int(data.lengths.max()))
+    steps = [np.arange(length)[:, None] * terms[:length] * own[i] for i, length in enumerate(data.lengths)]
     slope = spread @ np.concatenate(steps)
     # An input that hardly holds a mode says nothing of how its residue there moves with the pole.
     safe = [np.where(np.abs(share) > 1e-9, share, 1e-9) for share in own]
@@ -334,16 +373,9 @@ def _covariance(found: ProductFit, stacked: Stacked, colour: NDArray[np.float64]
 
 def _scatter(now: Products, stacked: Stacked) -> NDArray[np.float64]:
     """The covariance of the gradient, with that of the responses taken from what is left (`of_dependent_noise`)."""
-    columns, moves = _columns(now, stacked.data.lengths)
-    q, r = np.linalg.qr(columns)
-    first = moves.first - q @ (q.T @ moves.first)
-    second = moves.second - q @ (q.T @ moves.second)
-    projected = q.T @ stacked.block.values
-    turned = (stacked.block.values - q @ projected) @ (np.linalg.pinv(r, rcond=1e-12) @ projected).T
-    moments = turned.T @ turned / max(len(columns) - now.poles.order, 1)
-    mixed = (first.T @ second) * moments[np.ix_(moves.a, moves.b)]
-    total = (first.T @ first) * moments[np.ix_(moves.a, moves.a)] + mixed + mixed.T
-    return total + (second.T @ second) * moments[np.ix_(moves.b, moves.b)]
+    moves, _, residues, left = _eliminated(now, stacked.block, stacked.data.lengths)
+    turned = left @ residues.T
+    return moves.products(turned.T @ turned / max(len(left) - now.poles.order, 1))
 
 
 def _pole_parameters(now: Products) -> NDArray[np.int64]:

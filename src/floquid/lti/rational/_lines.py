@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._denominator import Band, Basis, stacked
-from floquid.lti._exponentials import basis, complex_residues, real_basis, real_powers
+from floquid.lti._exponentials import complex_residues, powers, real_basis, real_powers
 from floquid.lti._factor import BLOCK
-from floquid.lti._poles import PAIR, PoleSet
-from floquid.lti._removal import Removal
+from floquid.lti._poles import PoleSet
+from floquid.lti._removal import Removal, weakest
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
+from floquid.lti.rational._denominator import Band, Basis, stacked
 
 SMOOTH = 8
 """The degree up to which a polynomial in 1/z stands for the skirts of modes far outside a band."""
@@ -33,10 +33,7 @@ class Modes:
         poles = PoleSet.from_multipliers(multipliers[upper])
         if shares is None:
             return Modes(poles)
-        shares = shares[upper]
-        largest = shares[np.arange(len(shares)), np.argmax(np.abs(shares), axis=1)]
-        shares = shares / largest[:, None]
-        return Modes(poles, np.where(poles.kind[:, None] == PAIR, shares, shares.real))
+        return Modes(poles, poles.normalised(shares[upper])[0])
 
     def keep(self, mask: NDArray[np.bool_]) -> Modes:
         """The entries where `mask` holds."""
@@ -46,9 +43,7 @@ class Modes:
         """The share of input `i` in each pole (order,), conjugates conjugated."""
         if self.shares is None:
             return np.ones(self.poles.order, complex)
-        pairs = zip(self.shares[:, i], self.poles.kind, strict=True)
-        parts = [[v, v.conjugate()] if kind == PAIR else [v] for v, kind in pairs]
-        return np.concatenate(parts or [np.zeros(0)]).astype(complex)
+        return self.poles.with_conjugates(self.shares[:, i])
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +94,8 @@ class Fitting:
     def of(modes: Modes, inputs: list[int], rows: Sequence[Rows]) -> Fitting:
         """For these inputs."""
         longest = max(rows[i].band.samples for i in inputs)
-        powers = basis(modes.poles, longest)
-        columns = [rows[i](real_basis(modes.poles, powers * modes.of_input(i)).T).T for i in inputs]
+        terms = powers(modes.poles.full(), longest)
+        columns = [rows[i](real_basis(modes.poles, terms * modes.of_input(i)).T).T for i in inputs]
         q, r = np.linalg.qr(np.concatenate(columns))
         whole = np.linalg.pinv(r, rcond=1e-14) @ q.T
         inverse = np.split(whole, np.cumsum([len(part) for part in columns])[:-1], axis=1)
@@ -122,10 +117,7 @@ def chosen(modes: Modes, data: TimeResponses, scale: NDArray[np.float64], rows: 
         spread.append(np.sum([one @ one.T for one in fitting.inverse], axis=0))
         moments.append(moment)
     now, left = Removal(modes.poles, tuple(spread), tuple(moments)), np.arange(len(modes.poles))
-    while now.poles.order > order:
-        share = now.rises() / now.poles.sizes
-        fits = now.poles.sizes <= now.poles.order - order
-        worst = int(np.argmin(np.where(fits | ~fits.any(), share, np.inf)))
+    while (worst := weakest(now.poles, now.rises(), order)) is not None:
         now, left = now.without(worst), np.delete(left, worst)
     return modes.keep(np.isin(np.arange(len(modes.poles)), left))
 

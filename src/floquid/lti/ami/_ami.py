@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
-from floquid.lti._identifier import AbstractIdentifier
-from floquid.lti._isolation import (
+from floquid._numerics import positive_part, sandwich
+from floquid.lti._exponentials import complex_residues
+from floquid.lti._identifier import AbstractIdentifier, Report, checked_order, reached, silent
+from floquid.lti._noise import rise_limit
+from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
+from floquid.lti._spectrum import Block, composites, spectra
+from floquid.lti._types import ModalModel, Outcome, TimeResponses
+from floquid.lti.ami._coupled import KNOWN, LEAST_INFORMATION, Bands, Coupled, bands_of, complex_columns
+from floquid.lti.ami._isolation import (
     Isolated,
     Rounds,
     empty_mode,
     first_fits,
     go_round,
+    growth,
     joined,
     nothing,
     peaks,
+    residues,
     started,
     without,
 )
-from floquid.lti._isolation_model import isolated_model
-from floquid.lti._one_mode import Mode
-from floquid.lti._order import checked_order, reached
-from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
-from floquid.lti._select import rise_limit
-from floquid.lti._spectrum import Block, spectra
-from floquid.lti._types import ModalModel, Outcome, TimeResponses
+from floquid.lti.ami._one_mode import Mode
 
 ROUGH = 0.01
 """Deviations below which a pole counts as at rest while there may be modes to come."""
@@ -112,43 +115,13 @@ class AMI(AbstractIdentifier):
     rank_one: bool = True
 
     def prepare(self, data: TimeResponses) -> Lines:
-        """The weighted spectra.
-
-        Parameters
-        ----------
-        data
-            The responses and their noise.
-
-        Returns
-        -------
-        Lines
-            What `extract` starts from.
-        """
+        """The weighted spectra of the responses in `data`."""
         return Lines(data, spectra(data))
 
-    def extract(
-        self, state: Lines, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
-    ) -> ModalModel:
-        """The model of the modes isolated.
+    def extract(self, state: Lines, order: int | None = None, *, report: Report = silent) -> ModalModel:
+        """The model, with its composites, of the modes isolated in `state`; `report` is told of each.
 
-        Parameters
-        ----------
-        state
-            What `prepare` returned.
-        order
-            The number of poles, conjugates one by one; None goes on until nothing rises above the noise.
-        report
-            Is told of each mode.
-
-        Returns
-        -------
-        ModalModel
-            The model with its composites; its `outcome` says how it ended.
-
-        Raises
-        ------
-        InputError
-            `order` is not a positive integer below the number of samples.
+        Without an `order` it goes on until nothing rises above the noise.
         """
         checked_order(order, self, state.data)
         most = min(self.most, int(state.data.lengths.max()) // 2)
@@ -164,20 +137,7 @@ class AMI(AbstractIdentifier):
         return isolated_model(now, state.data, state.blocks, outcome, self.widths)
 
     def refine(self, state: Lines, model: ModalModel) -> ModalModel:
-        """The model of the same modes on other data or another noise: going round, from the poles of another model.
-
-        Parameters
-        ----------
-        state
-            What `prepare` returned for the data.
-        model
-            Where to start.
-
-        Returns
-        -------
-        ModalModel
-            The model; its outcome is that of `model`.
-        """
+        """The model in `state` of the same modes: going round, from the poles of `model`; its outcome is that of it."""
         poles = PoleSet.from_multipliers(model.multipliers)
         now = started(poles, state.blocks, self._rounds(self.tolerance))
         now = go_round(now, state.blocks, self._rounds(self.tolerance))
@@ -187,7 +147,7 @@ class AMI(AbstractIdentifier):
         most = self.rounds if most is None else min(most, self.rounds)
         return Rounds(widths=self.widths, tolerance=max(tolerance, self.tolerance), most=most, rank_one=self.rank_one)
 
-    def _search(self, state: Lines, most: int, report: Callable[[str], None]) -> Isolated:
+    def _search(self, state: Lines, most: int, report: Report) -> Isolated:
         """Isolate mode after mode; before the end, bring the poles to rest and look once more."""
         now, at_rest = nothing(state.blocks), True
         while True:
@@ -299,7 +259,65 @@ def _energy_of(mode: Mode, state: Lines) -> float:
 
 def _crowded(now: Isolated, position: int, state: Lines) -> bool:
     """Whether another pole is so near that it could move to take this one's part."""
-    s = np.array([mode.s for mode in now.modes])
-    near = 2.0 * max(abs(s[position].real), _resolution(state))
-    distance = np.minimum(np.abs(s - s[position]), np.abs(s - s[position].conj()))
-    return bool((np.delete(distance, position) < near).any())
+    poles = now.poles()
+    return poles.crowded(position, 2.0 * max(abs(poles.s[position].real), _resolution(state)))
+
+
+def isolated_model(
+    now: Isolated, data: TimeResponses, blocks: Sequence[Block], outcome: Outcome, widths: float
+) -> ModalModel:
+    r"""The model of isolated modes.
+
+    Its deviations are those of the equations that going round solves (`Coupled`): the covariance of the poles is
+    J⁻¹ cov(g) J⁻ᵀ. The noise on the residues inflates J, and its expectation is taken off.
+    """
+    poles = now.poles()
+    n = poles.order
+    values = np.zeros((n, data.n_outputs, data.n_inputs), complex)
+    for start, mode in zip(poles.starts(), now.modes, strict=True):
+        values[start] = residues(mode, blocks, data.n_inputs)
+        if mode.kind == PAIR:
+            values[start + 1] = values[start].conj()
+    left = np.zeros((data.n_outputs, data.n_inputs))
+    for block, lines in zip(blocks, now.left, strict=True):
+        free = max(block.samples - n, 1)
+        left[:, block.inputs] = block.noise * np.sqrt(np.sum(np.abs(lines) ** 2, axis=0) / free)
+    bands = bands_of(now.modes, blocks, widths)
+    whole = [[slice(0, len(block.values))] * len(now.modes) for block in blocks]
+    # Of modes hardly told apart the bands' equations may not be definite; those of all lines are, and differ little.
+    deviations = _deviations(now, data, blocks, bands) or _deviations(now, data, blocks, whole)
+    model = ModalModel(
+        multipliers=poles.multipliers(),
+        residues=values,
+        dt=data.dt,
+        residual_std=left,
+        outcome=outcome,
+        stats={"cost": now.cost, "rest": now.rest},
+        **deviations,
+    )
+    return replace(model, composites=composites(data, model))
+
+
+def _deviations(now: Isolated, data: TimeResponses, blocks: Sequence[Block], near: Bands) -> dict[str, Any]:
+    """The covariance and what noise does to the residues, by name; none where two poles are one to rounding."""
+    poles, n = now.poles(), now.order
+    if not n:
+        return {}
+    whole, noise, scatter = np.zeros((3, n, n))
+    spread, slope = np.zeros((2, data.n_inputs, n, n), complex)
+    for number, block in enumerate(blocks):
+        coupled = Coupled.of(now.modes, block, near[number], KNOWN)
+        if coupled is None:
+            return {}
+        parts = coupled.slopes(now.modes, number)
+        whole, noise = whole + parts[0], noise + parts[1]
+        scatter += coupled.scatter_of_equations(coupled.strength(now.modes, number))
+        scale = np.array([growth(s, block) if s.real > 0 else 1.0 for s in poles.full()])
+        solve = scale[:, None] * complex_residues(poles, coupled.solve)
+        spread[block.inputs] = solve @ solve.conj().T
+        slope[block.inputs] = solve @ (complex_columns(poles, coupled.moved) / scale)
+    if not (np.diag(whole) > LEAST_INFORMATION).all():
+        return {}
+    unit = sandwich(positive_part(whole, whole - noise), scatter)
+    covariance = poles.covariance_of_all(0.5 * (unit + unit.T)) / data.dt**2
+    return {"covariance": covariance, "residue_spread": spread, "residue_slope": slope}

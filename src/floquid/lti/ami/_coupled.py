@@ -10,24 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._numerics import positive_part
-from floquid.lti._one_mode import Mode, band_lines, real_rows
-from floquid.lti._poles import PAIR, PoleSet
+from floquid.lti._poles import PAIR, PoleSet, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
+from floquid.lti.ami._one_mode import Mode, band_lines, real_rows
 
 WORST = 1e10
 """The condition number of the coupled fits beyond which two modes count as one."""
 
-
 KNOWN = 1e9
 """The condition number beyond which no deviations are known: rounding in the slopes grows with its power 3/2."""
-
 
 LEAST_INFORMATION = 1e-100
 """What the data say of a parameter below which they say nothing: its mode has no residues left."""
 
 HALVINGS = 6
 """How often Newton's step is halved before it is given up."""
-
 
 SLACK = 0.01
 """What a leap may add to the sum of squares, for each residue: fits near the peaks are not quite the least over all."""
@@ -177,7 +174,10 @@ def newton(
         return now
     step, before = np.linalg.solve(slope / both, lean / scale) / scale, cost(now)
     for _ in range(HALVINGS):
-        poles = [_stepped(mode, step[at]) for mode, at in zip(now, columns_of(now), strict=True)]
+        poles = [
+            replace(mode, s=moved_pole(mode.s, mode.kind, step[at]))
+            for mode, at in zip(now, columns_of(now), strict=True)
+        ]
         moved = joint_residues(poles, blocks, near) if np.abs(step).max() < 1.0 else None
         if moved is not None and cost(moved) < before + slack(now):
             return moved
@@ -189,22 +189,24 @@ def _rows(block: Block) -> NDArray[np.float64]:
     return real_rows(block.values.reshape(len(block.values), -1))
 
 
-def _stepped(mode: Mode, step: NDArray[np.float64]) -> Mode:
-    change = complex(step[0], step[1] if mode.kind == PAIR else 0.0)
-    return replace(mode, s=complex(PoleSet.of(np.array([mode.s + change]), np.array([mode.kind])).s[0]))
-
-
 def limit(past: Sequence[Sequence[Mode]], blocks: Sequence[Block]) -> list[Mode]:
     """The limit of a sequence of rounds by reduced-rank extrapolation (Eddy 1979; Mešina 1977)."""
-    last = past[-1]
     norms = [
         [np.linalg.norm(mode_columns(m.s, m.kind, x.angles, x.samples, x.weights)[0], axis=0) for x in blocks]
-        for m in last
+        for m in past[-1]
     ]
-    states = np.array([_state(modes, last, norms) for modes in past])
-    steps = np.diff(states, axis=0)
+    steps = np.diff([_state(modes, past[-1], norms) for modes in past], axis=0)
     mixed = np.linalg.lstsq(np.diff(steps, axis=0).T, steps[0], rcond=1e-10)[0]
-    return _from_state(states[0] - mixed @ steps[:-1], last, norms)
+    weights = np.eye(len(past))[0]  # of the rounds: the first of them less the steps so mixed
+    weights[:-2] += mixed
+    weights[1:-1] -= mixed
+    found = []
+    for rounds in zip(*past, strict=True):
+        s = complex(weights @ np.array([mode.s for mode in rounds]))
+        parts = zip(*(mode.coefficients for mode in rounds), strict=True)
+        own = tuple(np.tensordot(weights, part, axes=1) for part in parts)
+        found.append(replace(rounds[-1], s=moved_pole(s, rounds[-1].kind, np.zeros(2)), coefficients=own))
+    return found
 
 
 def _state(modes: Sequence[Mode], last: Sequence[Mode], norms: Sequence[Sequence[NDArray]]) -> NDArray[np.float64]:
@@ -214,17 +216,3 @@ def _state(modes: Sequence[Mode], last: Sequence[Mode], norms: Sequence[Sequence
         parts.append(np.array([mode.s.real, mode.s.imag]) / final.deviation)
         parts += [(own * size[:, None, None]).ravel() for own, size in zip(mode.coefficients, sizes, strict=True)]
     return np.concatenate(parts)
-
-
-def _from_state(state: NDArray[np.float64], last: Sequence[Mode], norms: Sequence[Sequence[NDArray]]) -> list[Mode]:
-    modes, at = [], 0
-    for final, sizes in zip(last, norms, strict=True):
-        s = complex(state[at], state[at + 1]) * final.deviation
-        at, parts = at + 2, []
-        for own, size in zip(final.coefficients, sizes, strict=True):
-            values = state[at : at + own.size].reshape(own.shape)
-            parts.append(values / np.maximum(size, np.finfo(float).tiny)[:, None, None])
-            at += own.size
-        s = PoleSet.of(np.array([s]), np.array([final.kind])).s[0]
-        modes.append(replace(final, s=complex(s), coefficients=tuple(parts)))
-    return modes

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._poles import PAIR, PoleSet
+from floquid._numerics import levenberg_marquardt
+from floquid.lti._poles import PAIR, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
 
 FEWEST_LINES = 6
@@ -73,6 +74,8 @@ def cut(block: Block, values: NDArray[np.complex128], near: slice) -> Band:
 
 @dataclass(frozen=True, slots=True)
 class Step:
+    """A pole, its cost with the residues eliminated, the gradient, and the Gauss-Newton matrix (Kaufman's)."""
+
     s: complex
     cost: float
     gradient: NDArray[np.float64]
@@ -80,7 +83,7 @@ class Step:
 
 
 def evaluate(s: complex, kind: int, bands: Sequence[Band]) -> Step:
-    """The cost with the residues eliminated, its gradient, and the Gauss-Newton matrix (Kaufman's)."""
+    """The step at a pole of this kind."""
     parameters = 2 if kind == PAIR else 1
     cost, gradient, information = 0.0, np.zeros(parameters), np.zeros((parameters, parameters))
     for band in bands:
@@ -122,37 +125,18 @@ def orthonormal(basis: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
 def fit_pole(
     s: complex, kind: int, bands: Sequence[Band], *, iterations: int = 30, tolerance: float = 1e-4
 ) -> tuple[complex, float, float]:
-    """The pole that fits the bands best near `s`, the cost there, and its deviation (Levenberg and Marquardt).
-
-    Ends when a step is below `tolerance` standard deviations or below rounding.
-    """
+    """The pole that fits the bands best near `s`, the cost there, and its deviation."""
     bands = [_condensed(band) for band in bands]
-    now, damping = evaluate(s, kind, bands), 1e-6
-    for _ in range(iterations):
-        scale = np.sqrt(np.maximum(np.diag(now.information), np.finfo(float).tiny))
-        system = now.information / np.outer(scale, scale)
-        while damping < 1e8:
-            step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale
-            size = np.abs(step).max()
-            step = step * min(1.0, 0.5 / size) if size > 0 else step
-            trial = evaluate(_moved(now.s, kind, step), kind, bands)
-            if trial.cost <= now.cost * (1.0 + 1e-13) + 1e-300 and abs(trial.s.real) <= FASTEST:
-                break
-            damping = max(10.0 * damping, 1e-4)
-        else:
-            break
-        done = np.abs(step * scale).max() < tolerance or np.abs(step).max() < 1e-14
-        now, damping = trial, max(0.1 * damping, 1e-12)
-        if done:
-            break
+
+    def moved(now: Step, step: NDArray[np.float64]) -> Step | None:
+        there = moved_pole(now.s, kind, step)
+        return evaluate(there, kind, bands) if abs(there.real) <= FASTEST else None
+
+    start = evaluate(s, kind, bands)
+    now = levenberg_marquardt(start, moved, steps=iterations, tolerance=tolerance, rounding=1e-13)
     spread = np.linalg.pinv(now.information, rcond=1e-14, hermitian=True)
     # Of a pole without residues the lines say nothing: it may be anywhere.
     return now.s, now.cost, float(np.sqrt(np.diag(spread).max())) or np.pi
-
-
-def _moved(s: complex, kind: int, step: NDArray[np.float64]) -> complex:
-    change = complex(step[0], step[1] if kind == PAIR else 0.0)
-    return complex(PoleSet.of(np.array([s + change]), np.array([kind])).s[0])
 
 
 def _condensed(band: Band) -> Band:

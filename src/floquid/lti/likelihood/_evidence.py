@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array
+from floquid._checks import Rebuilt
 from floquid.lti._exponentials import Fit, polish
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._removal import Removal
-from floquid.lti._search import candidates
-from floquid.lti._select import STRONG, Threshold, crowded, possible
 from floquid.lti._types import ModalModel
+from floquid.lti.likelihood._search import candidates
+from floquid.lti.likelihood._select import STRONG, Threshold, crowded, possible
 
 SKETCHED = 8
 """Steps that tell where a neighbouring model lies, though not to its last digit."""
@@ -76,13 +76,9 @@ class Evidence(Rebuilt):
     degrees: float
 
     def __post_init__(self) -> None:
-        of, put = "Evidence", object.__setattr__
-        multipliers = frozen_array(self.multipliers, "multipliers", of, axes=("entries",), dtype=np.complex128)
-        put(self, "multipliers", multipliers)
-        shapes = {"rises": (), "limits": (), "firm_limits": (), "deviations": (2,)}
-        for name, more in shapes.items():
-            axes = (len(multipliers), *more)
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, finite=False))
+        self._freeze(dtype=np.complex128, multipliers=("entries",))
+        each = (len(self.multipliers),)
+        self._freeze(finite=False, rises=each, limits=each, firm_limits=each, deviations=(*each, 2))
 
 
 def removed(found: Fit, factors: Sequence[Factor], limits: NDArray[np.float64]) -> tuple[NDArray[np.float64], Fit]:
@@ -109,7 +105,7 @@ def clearest(found: Fit, factors: Sequence[Factor], threshold: Threshold) -> tup
         size = int(candidate.sizes[0])
         if best is not None and promised < threshold.promising(size):
             continue
-        more = polish(found.poles.plus([candidate]), factors, iterations=SKETCHED, tolerance=1e-1)
+        more = polish(found.poles.plus(candidate), factors, iterations=SKETCHED, tolerance=1e-1)
         share = (found.cost - more.cost) / threshold.of(size)
         if possible(more) and (best is None or share > best[0]):
             best = share, more, size

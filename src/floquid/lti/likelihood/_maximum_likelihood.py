@@ -9,20 +9,16 @@ from typing import Any, ClassVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._era import realise
-from floquid.lti._evidence import Evidence, clearest, entry_deviations, movement, nearest_pair, removed
-from floquid.lti._exponentials import Fit, of_dependent_noise, polish
-from floquid.lti._factor import Factor, energies, factors
-from floquid.lti._horizon import energetic_length, horizon, search_window
-from floquid.lti._identifier import AbstractIdentifier
-from floquid.lti._order import checked_order, reached
+from floquid.lti._era import Realisation, search_window
+from floquid.lti._exponentials import Fit, model_of, of_dependent_noise, polish
+from floquid.lti._factor import Factor, energetic_length, energies, factors
+from floquid.lti._identifier import AbstractIdentifier, Report, checked_order, reached, silent
 from floquid.lti._poles import PoleSet
-from floquid.lti._rank import Noise
-from floquid.lti._rank_one import merged, refined, separated
-from floquid.lti._residual import Residual, filtered, whitening_of
-from floquid.lti._residues import model_of
-from floquid.lti._select import Threshold, choose, force_order, plausible
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
+from floquid.lti.likelihood._evidence import Evidence, clearest, entry_deviations, movement, nearest_pair, removed
+from floquid.lti.likelihood._rank_one import Noise, merged, refined, separated
+from floquid.lti.likelihood._residual import Residual, filtered, whitening_of
+from floquid.lti.likelihood._select import Threshold, choose, force_order
 
 LOOKS = 4
 """How often the search may start over, with more samples or with the noise whitened."""
@@ -108,46 +104,13 @@ class MaximumLikelihood(AbstractIdentifier):
     rank_one: bool = True
 
     def prepare(self, data: TimeResponses) -> Prepared:
-        """The triangular factors of the responses over their noise, one a distinct length.
-
-        Parameters
-        ----------
-        data
-            The responses and their noise.
-
-        Returns
-        -------
-        Prepared
-            What `extract` and `refine` start from.
-        """
+        """The triangular factors of the responses in `data` over their noise, one a distinct length."""
         samples = energetic_length(energies(data), data)
         initial = None if self.initial is None else self.initial.prepare(data)
         return Prepared(data, factors(data, samples), initial)
 
-    def extract(
-        self, state: Prepared, order: int | None = None, *, report: Callable[[str], None] = lambda _: None
-    ) -> ModalModel:
-        """The maximum-likelihood model.
-
-        Parameters
-        ----------
-        state
-            What `prepare` returned.
-        order
-            The number of poles, conjugates one by one; None finds it.
-        report
-            Is told of each stage.
-
-        Returns
-        -------
-        ModalModel
-            The model; its `outcome` says how it ended.
-
-        Raises
-        ------
-        InputError
-            `order` is not a positive integer below the number of samples.
-        """
+    def extract(self, state: Prepared, order: int | None = None, *, report: Report = silent) -> ModalModel:
+        """The maximum-likelihood model in `state`, of this `order` or the one found; `report` is told of each stage."""
         checked_order(order, self, state.data)
         most = min(self.most, int(state.data.lengths.max()) // 2)
         if self.initial is not None and self.initial.decides:
@@ -166,49 +129,20 @@ class MaximumLikelihood(AbstractIdentifier):
             outcome = Outcome.TOO_FEW_SAMPLES
         model = _model(state, polish(found, blocks, tolerance=AT_REST), blocks, outcome, left)
         several = self.rank_one and order is None and min(state.data.n_inputs, state.data.n_outputs) > 1
-        return self._separated(state, model) if several and model.order else model
+        if not several or not model.order:
+            return model
+        return separated(model, state.data, self.false_alarm, self._noise(state, model))
 
     def refine(self, state: Prepared, model: ModalModel) -> ModalModel:
-        """The maximum-likelihood model of the same order nearest to another one, on other data or another noise.
-
-        Parameters
-        ----------
-        state
-            What `prepare` returned for the data.
-        model
-            Where to start.
-
-        Returns
-        -------
-        ModalModel
-            The model; its outcome is that of `model`.
-        """
+        """The maximum-likelihood model in `state` of the order and outcome of `model`, from the poles of that."""
         if model.outer_products:
             return refined(model, state.data, self._noise(state, model))
-        poles = PoleSet.from_multipliers(model.multipliers)
-        blocks = state.first(horizon(poles, state.whole, self.time_constants))
-        blocks = replace(state, factors=blocks).whitened(whitening_of(Residual.of(poles, blocks)))
+        poles, blocks, _ = self._seen(state, model)
         return _model(state, polish(poles, blocks, tolerance=AT_REST), blocks, model.outcome)
 
     def weigh(self, state: Prepared, model: ModalModel) -> Evidence:
-        """What the data say for and against the order of a model: its modes taken away, and one more added.
-
-        Parameters
-        ----------
-        state
-            What `prepare` returned for the data.
-        model
-            A model of them, of any identifier.
-
-        Returns
-        -------
-        Evidence
-            The rises of the cost, the neighbouring models and what is left.
-        """
-        poles = merged(model) if model.outer_products else PoleSet.from_multipliers(model.multipliers)
-        raw = state.first(horizon(poles, state.whole, self.time_constants))
-        taps = whitening_of(Residual.of(poles, raw))
-        blocks = replace(state, factors=raw).whitened(taps)
+        """Weigh the order of a `model` of the data in `state`: take modes away, add one more, look at what is left."""
+        poles, blocks, taps = self._seen(state, model)
         found = polish(poles, blocks)
         left = Residual.of(found.poles, blocks)
         threshold = Threshold.for_(blocks, self.false_alarm, left)
@@ -236,21 +170,22 @@ class MaximumLikelihood(AbstractIdentifier):
             degrees=_degrees(blocks, found.poles.order),
         )
 
-    def _separated(self, state: Prepared, model: ModalModel) -> ModalModel:
-        """The model with modes of equal multipliers apart, tested beside noise of the colour that the fit leaves."""
-        return separated(model, state.data, self.false_alarm, self._noise(state, model))
-
-    def _noise(self, state: Prepared, model: ModalModel) -> Noise:
-        """The noise that a model leaves, as its poles see it."""
+    def _seen(
+        self, state: Prepared, model: ModalModel
+    ) -> tuple[PoleSet, tuple[Factor, ...], NDArray[np.float64] | None]:
+        """The poles of a model as a free fit has them, the samples that they last for, whitened, and the filter."""
         poles = merged(model) if model.outer_products else PoleSet.from_multipliers(model.multipliers)
         raw = state.first(horizon(poles, state.whole, self.time_constants))
         taps = whitening_of(Residual.of(poles, raw))
-        left = Residual.of(poles, replace(state, factors=raw).whitened(taps))
+        return poles, replace(state, factors=raw).whitened(taps), taps
+
+    def _noise(self, state: Prepared, model: ModalModel) -> Noise:
+        """The noise that a model leaves, as its poles see it."""
+        poles, blocks, taps = self._seen(state, model)
+        left = Residual.of(poles, blocks)
         return Noise.whitened_by(taps, model, left.independent, left.variance)
 
-    def _choose(
-        self, state: Prepared, most: int, report: Callable[[str], None]
-    ) -> tuple[Fit, tuple[Factor, ...], bool, Residual]:
+    def _choose(self, state: Prepared, most: int, report: Report) -> tuple[Fit, tuple[Factor, ...], bool, Residual]:
         """The poles from the samples that hold energy, and again from more when a mode lasts longer than those.
 
         With the samples used, whether the search ended, and what is left.
@@ -266,7 +201,7 @@ class MaximumLikelihood(AbstractIdentifier):
             if taps is not None:
                 report(f"the noise is coloured: whitened by {len(taps) - 1} taps")
                 start = self._start(state, blocks)
-                generous = plausible(start(self._starts(blocks)[-1]))
+                generous = start(self._starts(blocks)[-1]).plausible()
                 noise = Residual.of(generous if before is None else before, blocks)
             found, ended, left = choose(
                 blocks,
@@ -295,7 +230,7 @@ class MaximumLikelihood(AbstractIdentifier):
     def _looked_at(self, state: Prepared, blocks: tuple[Factor, ...]) -> tuple[Callable[[int], PoleSet], Residual]:
         """Where poles of any order come from, and what generous ones leave: the noise."""
         start = self._start(state, blocks)
-        return start, Residual.of(plausible(start(self._starts(blocks)[-1])), blocks)
+        return start, Residual.of(start(self._starts(blocks)[-1]).plausible(), blocks)
 
     def _starts(self, blocks: tuple[Factor, ...]) -> list[int]:
         """The orders of the starts that blocks of this length allow."""
@@ -307,8 +242,14 @@ class MaximumLikelihood(AbstractIdentifier):
         if self.initial is not None:
             initial = self.initial
             return lambda order: PoleSet.from_multipliers(initial.extract(state.initial, order).multipliers)
-        realisation = realise(blocks, None, max(self.starts))
+        realisation = Realisation.of(blocks, None, max(self.starts))
         return lambda order: PoleSet.from_multipliers(realisation.multipliers(order))
+
+
+def horizon(poles: PoleSet, whole: int, time_constants: float) -> int:
+    """The samples in which the slowest pole decays by `time_constants`; at most `whole`."""
+    slowest = poles.s.real.max() if len(poles) else 0.0
+    return whole if slowest >= 0 else min(whole, int(np.ceil(time_constants / -slowest)))
 
 
 def _model(
@@ -317,10 +258,8 @@ def _model(
     """The model of a fit, with residues from all samples; `left` is what poles like these leave, where it is known."""
     if len(found.poles) and (left or Residual.of(found.poles, blocks)).independent < 1.0:
         found = of_dependent_noise(found, blocks)
-    map_ = found.poles.parameter_map()
-    stacked = np.concatenate([map_.real, map_.imag])
     unit = found.covariance() if len(found.poles) else np.zeros((0, 0))
-    covariance = stacked @ unit @ stacked.T / state.data.dt**2
+    covariance = found.poles.covariance_of_all(unit) / state.data.dt**2
     stats = {"cost": found.cost, "degrees": _degrees(blocks, found.poles.order)}
     return model_of(found.poles, state.data, covariance=covariance, outcome=outcome, stats=stats)
 

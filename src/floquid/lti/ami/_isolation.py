@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.lti._coupled import Bands, bands_of, joint_residues, limit, newton, slack
-from floquid.lti._one_mode import FASTEST, Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._spectrum import WHITE, Block
+from floquid.lti.ami._coupled import Bands, bands_of, joint_residues, limit, newton, slack
+from floquid.lti.ami._one_mode import FASTEST, Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
 
 CLEAR = 3.0
 """Standard deviations by which a stretch of the composite must rise above white noise to be looked at."""
@@ -22,10 +22,8 @@ NEAR = 3.0
 SETTLING = 3
 """Rounds in which the band of each mode follows its pole; later it stays, or the poles could not come to rest."""
 
-
 LEAP = 4
 """Rounds after which Newton's step is tried."""
-
 
 LEAP_OF_OUTER_PRODUCTS = 7
 """Rounds after which the limit of their sequence is tried."""
@@ -47,6 +45,12 @@ class Isolated:
     rest: float = 0.0
     """How far a pole moved in the last round, in its deviations."""
 
+    @staticmethod
+    def of(modes: Sequence[Mode], left: Sequence[NDArray[np.complex128]], rest: float = 0.0) -> Isolated:
+        """With the sum of squares of what is left."""
+        cost = float(sum(np.sum(lines.real**2) + np.sum(lines.imag**2) for lines in left))
+        return Isolated(tuple(modes), tuple(left), cost, rest)
+
     @property
     def order(self) -> int:
         """The number of poles, one by one."""
@@ -59,12 +63,7 @@ class Isolated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rounds:
-    """How to go round the modes.
-
-    `widths`: half-power half-widths to each side of its peak that a mode is fitted to. `tolerance`: the poles have
-    stopped when none moves by more than this many of its deviations. `most`: rounds, at most. `rank_one`: whether a
-    mode's residues are an outer product of outputs and inputs.
-    """
+    """How to go round the modes, and how often at `most`: the options of `AMI`."""
 
     widths: float
     tolerance: float
@@ -74,8 +73,7 @@ class Rounds:
 
 def nothing(blocks: Sequence[Block]) -> Isolated:
     """No mode yet."""
-    left = tuple(block.values for block in blocks)
-    return Isolated((), left, _energy(left))
+    return Isolated.of((), [block.values for block in blocks])
 
 
 def empty_mode(s: complex, kind: int, blocks: Sequence[Block]) -> Mode:
@@ -84,16 +82,11 @@ def empty_mode(s: complex, kind: int, blocks: Sequence[Block]) -> Mode:
     return Mode(s, kind, tuple(np.zeros((size, *block.values.shape[1:])) for block in blocks))
 
 
-def _energy(left: Sequence[NDArray[np.complex128]]) -> float:
-    return float(sum(np.sum(lines.real**2) + np.sum(lines.imag**2) for lines in left))
-
-
 def started(poles: PoleSet, blocks: Sequence[Block], rounds: Rounds) -> Isolated:
     """Modes at given poles, to go round from."""
     modes = [empty_mode(complex(s), int(kind), blocks) for s, kind in zip(poles.s, poles.kind, strict=True)]
     modes = joint_residues(modes, blocks, bands_of(modes, blocks, rounds.widths)) or modes
-    left = _left(modes, blocks)
-    return Isolated(tuple(modes), left, _energy(left), np.inf)
+    return Isolated.of(modes, _left(modes, blocks), np.inf)
 
 
 def go_round(now: Isolated, blocks: Sequence[Block], rounds: Rounds) -> Isolated:
@@ -120,15 +113,11 @@ def go_round(now: Isolated, blocks: Sequence[Block], rounds: Rounds) -> Isolated
             leap = (
                 limit([x.modes for x in past], blocks)
                 if near_rest
-                else newton(now.modes, blocks, near, _cost_on(blocks))
+                else newton(now.modes, blocks, near, lambda modes: Isolated.of(modes, _left(modes, blocks)).cost)
             )
             now, past = _taken(leap, now, blocks, outer), []
     # Poles that are hardly told apart may drive each other away instead of coming to rest.
     return now if best is None or now.cost < best.cost + slack(now.modes) else best
-
-
-def _cost_on(blocks: Sequence[Block]) -> Callable[[Sequence[Mode]], float]:
-    return lambda modes: _energy(_left(modes, blocks))
 
 
 def _left(modes: Sequence[Mode], blocks: Sequence[Block]) -> tuple[NDArray[np.complex128], ...]:
@@ -141,8 +130,7 @@ def _taken(leap: Sequence[Mode] | None, now: Isolated, blocks: Sequence[Block], 
     if leap is None or any(abs(mode.s.real) > FASTEST for mode in leap):
         return now
     modes = tuple(rank_one_mode(mode, blocks) for mode in leap) if outer else tuple(leap)
-    left = _left(modes, blocks)
-    there = Isolated(modes, left, _energy(left), now.rest)
+    there = Isolated.of(modes, _left(modes, blocks), now.rest)
     return there if there.cost < now.cost + slack(modes) else now
 
 
@@ -152,13 +140,10 @@ def _one_round(now: Isolated, blocks: Sequence[Block], near: Bands, rank_one: bo
         own = [lines + mode.lines(b, block) for b, (block, lines) in enumerate(zip(blocks, left, strict=True))]
         new = fit_mode(mode, blocks, own, [lines[position] for lines in near], rank_one)
         left = [lines - new.lines(b, block) for b, (block, lines) in enumerate(zip(blocks, own, strict=True))]
-        moved = max(moved, _distance(new.s, mode.s) / new.deviation)
+        distance = min(abs(new.s - mode.s), abs(new.s - mode.s.conjugate()))
+        moved = max(moved, distance / new.deviation)
         modes[position] = new
-    return Isolated(tuple(modes), tuple(left), _energy(left), moved)
-
-
-def _distance(one: complex, other: complex) -> float:
-    return min(abs(one - other), abs(one - other.conjugate()))
+    return Isolated.of(modes, left, moved)
 
 
 def fit_mode(
@@ -220,14 +205,14 @@ def nearest_outer_product(matrix: NDArray[np.complex128], noise: NDArray[np.floa
 def without(now: Isolated, position: int, blocks: Sequence[Block]) -> Isolated:
     """The modes less one, its part given back to what is left."""
     gone = now.modes[position]
-    left = tuple(x + gone.lines(b, block) for b, (block, x) in enumerate(zip(blocks, now.left, strict=True)))
-    return Isolated(now.modes[:position] + now.modes[position + 1 :], left, _energy(left))
+    left = [x + gone.lines(b, block) for b, (block, x) in enumerate(zip(blocks, now.left, strict=True))]
+    return Isolated.of(now.modes[:position] + now.modes[position + 1 :], left)
 
 
 def joined(now: Isolated, mode: Mode, blocks: Sequence[Block]) -> Isolated:
     """The modes and one more, subtracted from what is left."""
-    left = tuple(x - mode.lines(b, block) for b, (block, x) in enumerate(zip(blocks, now.left, strict=True)))
-    return Isolated((*now.modes, mode), left, _energy(left))
+    left = [x - mode.lines(b, block) for b, (block, x) in enumerate(zip(blocks, now.left, strict=True))]
+    return Isolated.of((*now.modes, mode), left)
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,11 +225,6 @@ class Peak:
     clarity: float
 
 
-def composite(lines: NDArray[np.complex128], block: Block) -> NDArray[np.float64]:
-    """The mean magnitude over all responses (lines,)."""
-    return np.abs(lines).mean(axis=(1, 2)) / block.weights
-
-
 def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = CLEAR) -> list[Peak]:
     """The stretches of the composites of what is left that rise most clearly above white noise, the clearest first.
 
@@ -253,7 +233,7 @@ def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = CLEAR) -> li
     """
     found: list[Peak] = []
     for number, (block, lines) in enumerate(zip(blocks, now.left, strict=True)):
-        curve, count = composite(lines, block), lines.shape[1] * lines.shape[2]
+        curve, count = np.abs(lines).mean(axis=(1, 2)) / block.weights, lines.shape[1] * lines.shape[2]
         # Real lines (the ends) are |x| of a normal number, the others |z| of a complex one.
         real = block.weights < 1.2
         mean = np.where(real, np.sqrt(2.0 / np.pi), WHITE)

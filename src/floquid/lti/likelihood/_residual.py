@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._numerics import yule_walker
 from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PoleSet
@@ -158,16 +159,9 @@ def whitening_of(residual: Residual) -> NDArray[np.float64] | None:
 
 
 def whitening(residual: Residual, order: int) -> NDArray[np.float64]:
-    """The filter (order + 1,) that makes white noise of an autoregression with the residual's autocorrelation.
-
-    By the Yule-Walker equations; its output has the variance of its input.
-    """
-    from scipy.linalg import solve_toeplitz
-
+    """The filter (order + 1,) by the Yule-Walker equations; its output has the variance of its input."""
     correlation = residual.autocorrelation(order)
-    first = correlation[:-1].copy()
-    first[0] *= 1.0 + 1e-9
-    taps = np.concatenate([[1.0], -solve_toeplitz(first, correlation[1:])])
+    taps = yule_walker(correlation, order)
     return taps / np.sqrt(max(taps @ correlation, 1e-6))
 
 

@@ -1,0 +1,272 @@
+"""Identifiers of PyDMD, pyOMA2 and sdypy-EMA."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from types import ModuleType
+from typing import ClassVar, Literal, final, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error, integer
+from floquid.lti._exponentials import fit_residues
+from floquid.lti._identifier import AbstractIdentifier, Report, given_order, silent
+from floquid.lti._poles import FASTEST
+from floquid.lti._types import ModalModel, Outcome, TimeResponses
+from floquid.lti.adapters._peer import Components, components, delayed, fitted, kept, load, paired, quiet
+
+LARGEST = 600.0
+"""The logarithm of the largest number that a mode may grow to."""
+
+Method = Literal["cov", "dat"]
+
+SHARE = 0.7
+"""A single decay brings it in six tenths of its time constant, where the errors of this method are least."""
+
+FIRST_LINE = 1
+"""The band starts here and not at zero, where sdypy-EMA 0.31 transforms an empty slice, reads memory that was never
+written to (numpy's `irfft` of nothing), and gives every pole the wrong sign of the damping."""
+
+RIDGE = 1e-7
+"""Without noise a denominator above the order is singular. One more response, a blow to one sample of this share of the
+norm of all, is below what any noise does, and makes it regular: its spectrum is flat."""
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BOPDMD(AbstractIdentifier):
+    r"""Optimized dynamic mode decomposition by PyDMD: variable projection on the leading principal components.
+
+    .. math:: \min_{\alpha, B} \sum_k \big\| y_k - B^T e^{\alpha k} \big\|^2
+
+    (Askham and Kutz 2018, "Variable projection methods for an optimized dynamic mode decomposition", SIAM J. Appl. Dyn.
+    Syst. 17; the package is that of Ichinaga et al. 2024.) It starts from PyDMD's DMD of delayed copies: its own start,
+    by the trapezoidal rule, is wrong for poles far up in the band. Its constraint to conjugate pairs rounds to single
+    precision and cannot keep two real poles, so another is passed.
+
+    Parameters
+    ----------
+    delays
+        Copies of the components, each a sample later, for the start; more where needed to hold `order` poles.
+    iterations
+        The most iterations.
+    """
+
+    decides: ClassVar[bool] = False
+
+    delays: int = 8
+    iterations: int = 50
+
+    def prepare(self, data: TimeResponses) -> Components:
+        """The principal components of the responses in `data`; `InputError` where PyDMD is not installed."""
+        _pydmd()
+        return components(data)
+
+    def extract(self, state: Components, order: int | None = None, *, report: Report = silent) -> ModalModel:
+        """The model of `order` poles, from the components in `state`; `report` is told of the start."""
+        wanted = given_order(order, self, state.data)
+        report(f"PyDMD: {wanted} poles from those of DMD")
+        return self._fitted(state, self._start(state, wanted), wanted)
+
+    def refine(self, state: Components, model: ModalModel) -> ModalModel:
+        """The fit to `state` started from the poles of `model`."""
+        return self._fitted(state, np.log(model.multipliers), model.order)
+
+    def _start(self, state: Components, order: int) -> NDArray[np.complex128]:
+        """The logarithms of DMD's eigenvalues (at most `order`,)."""
+        values = state.first(order)
+        delays = min(max(self.delays, -(-2 * order // len(values))), max(1, state.samples // 2))
+        with quiet():
+            found = _pydmd().DMD(svd_rank=order).fit(delayed(values, delays)).eigs
+            logs: NDArray[np.complex128] = np.log(np.asarray(found, dtype=np.complex128))
+        return np.clip(np.nan_to_num(logs.real, nan=FASTEST[0]), *FASTEST) + 1j * np.nan_to_num(logs.imag)
+
+    def _fitted(self, state: Components, start: NDArray[np.complex128], order: int) -> ModalModel:
+        """Variable projection from `start`; time is counted in samples."""
+        found = np.zeros(0, dtype=np.complex128)
+        values = state.first(max(order, 1))
+        # It wants at least as many responses as poles: zeros make up for missing ones and take part in nothing.
+        values = np.concatenate([values, np.zeros((max(0, order - len(values)), state.samples))])
+        if len(start) == order and order:
+            dmd = _pydmd().BOPDMD(
+                svd_rank=order,
+                num_trials=0,
+                init_alpha=paired(start),
+                eig_constraints=_within(state.samples),
+                varpro_opts_dict={"maxiter": self.iterations, "tol": 0.0},
+            )
+            with quiet(), suppress(np.linalg.LinAlgError, ValueError):
+                found = np.exp(dmd.fit(values, np.arange(state.samples, dtype=np.float64)).eigs)
+        return fitted(found, state, order)
+
+
+def _within(samples: int) -> Callable[[NDArray[np.complex128]], NDArray[np.complex128]]:
+    """The constraint on the eigenvalues of a fit to so many samples.
+
+    Conjugates are paired, and growth stays below what overflows: on infinite numbers LAPACK does not come back.
+    """
+    most = min(FASTEST[1], LARGEST / samples)
+
+    def constrained(alpha: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        if not np.isfinite(alpha).all():
+            raise np.linalg.LinAlgError("an eigenvalue is not finite")
+        pairs = paired(np.asarray(alpha, dtype=np.complex128))
+        return np.clip(pairs.real, FASTEST[0], most) + 1j * pairs.imag
+
+    return constrained
+
+
+def _pydmd() -> ModuleType:
+    return load("pydmd", package="pydmd", needed_by="BOPDMD")
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PyOMA2SSI(AbstractIdentifier):
+    r"""Stochastic subspace identification (SSI) by pyOMA2, of the covariance of free decays or driven by the data.
+
+    .. math:: H = Y_f Y_p^T \approx O\, \Gamma, \qquad A = (O_{\uparrow})^+ O_{\downarrow}, \qquad
+              \mu = \operatorname{eig} A
+
+    (Peeters and De Roeck 1999; Döhler and Mevel 2013 for the fast form used.) The method is made for random excitation;
+    a free decay has the same observability matrix O. The Hankel matrix H is cut off at its first `order` singular
+    vectors, which is what selects the poles: no pole is spurious by construction.
+
+    Parameters
+    ----------
+    method
+        "cov" for covariances of future and past, "dat" for the projection of one on the other.
+    block_rows
+        The block rows of the Hankel matrix: fewer where the responses are short, and more where needed to hold `order`
+        poles. None for as many as there are samples in which `SHARE` of the energy above the noise comes: so much later
+        the future must still hold what the past held.
+
+    Raises
+    ------
+    InputError
+        The method is neither, or there are fewer than two block rows.
+    """
+
+    decides: ClassVar[bool] = False
+
+    method: Method = "cov"
+    block_rows: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.method not in get_args(Method):
+            raise input_error("method", "PyOMA2SSI", 'be "cov" or "dat"', f"is {self.method!r}")
+        if self.block_rows is not None:
+            integer(self.block_rows, "block_rows", "PyOMA2SSI", at_least=2)
+
+    def prepare(self, data: TimeResponses) -> Components:
+        """The principal components of the responses in `data`; `InputError` where pyOMA2 is not installed."""
+        _ssi()
+        return components(data)
+
+    def extract(self, state: Components, order: int | None = None, *, report: Report = silent) -> ModalModel:
+        """The model of `order` poles, from the components in `state`; `report` is told of the block rows.
+
+        Its outcome is `TOO_FEW_SAMPLES` where a Hankel matrix of that rank cannot be filled.
+        """
+        wanted = given_order(order, self, state.data)
+        values = state.first(wanted)
+        least = -(-wanted // len(values)) + 1
+        rows = max(least, min(self.block_rows or _energetic(values), state.samples // 3))
+        if state.samples - 2 * rows + 1 < wanted:
+            return fit_residues(np.zeros(0), state.data, outcome=Outcome.TOO_FEW_SAMPLES)
+        report(f"pyOMA2: {rows} block rows")
+        ssi, found = _ssi(), np.zeros(0, dtype=np.complex128)
+        with quiet("pyoma2"), suppress(np.linalg.LinAlgError):
+            hankel, _ = ssi.build_hank(values, values, rows, self.method)
+            _, systems, _, _ = ssi.SSI_fast(hankel, rows, wanted)
+            found = np.linalg.eigvals(systems[wanted]).astype(np.complex128)
+        return fitted(found, state, wanted)
+
+
+def _energetic(values: NDArray[np.float64]) -> int:
+    """The samples in which `SHARE` of the energy above that of the last tenth comes."""
+    energy = np.sum(values**2, axis=0)
+    above = np.cumsum(energy - energy[-(len(energy) // 10 + 1) :].mean())
+    return int(np.argmax(above >= SHARE * above.max())) + 1
+
+
+def _ssi() -> ModuleType:
+    return load("pyoma2.functions.ssi", package="pyOMA_2", needed_by="PyOMA2SSI")
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SdypyLSCF(AbstractIdentifier):
+    r"""Least-squares complex frequency domain method (LSCF) by sdypy-EMA: one denominator for all responses.
+
+    .. math:: Y_o(z) = \frac{\sum_j b_{oj} z^{-j}}{\sum_j a_j z^{-j}}, \qquad \sum_j a_j\, z_r^{-j} = 0
+
+    on the lines of the DFT, where a free decay of finite length is such a ratio exactly (Guillaume et al. 2003;
+    Verboven 2002, section 5.3.3). It is given an even number of samples, and the lines from the first above zero on: at
+    zero this code flips the sign of the damping. The denominator's degree is far above the order, so most of its poles
+    are spurious. The `order` poles are kept that the data can least do without: of all poles with free residues, the
+    one whose absence leaves least is taken away, again and again.
+
+    Parameters
+    ----------
+    pairs
+        Half the degree of the denominator, the `pol_order_high` of sdypy-EMA: less where the responses are short, and
+        at least one and a half times the order.
+    """
+
+    decides: ClassVar[bool] = False
+
+    pairs: int = 40
+
+    def prepare(self, data: TimeResponses) -> Components:
+        """The principal components of the responses in `data`; `InputError` where sdypy-EMA is not installed."""
+        _ema()
+        return components(data)
+
+    def extract(self, state: Components, order: int | None = None, *, report: Report = silent) -> ModalModel:
+        """The model of `order` poles, from the components in `state`; `report` is told how many there are to choose."""
+        wanted = given_order(order, self, state.data)
+        many = self._poles(state, wanted)
+        report(f"{len(many)} poles of the denominator")
+        return fitted(kept(many, state, wanted), state, wanted)
+
+    def _poles(self, state: Components, order: int) -> NDArray[np.complex128]:
+        """The multipliers of the denominator.
+
+        Where all roots are real, sdypy-EMA takes the real logarithm of the negative ones and has none: they are the
+        positive ones of the responses with every other sample's sign changed.
+        """
+        values = state.first(order)[:, : state.samples - state.samples % 2]
+        pairs = max(-(-order // 2), min(max(self.pairs, 3 * order // 2), state.samples // 4))
+        found = _multipliers(values, pairs)
+        if np.isnan(found).any():
+            found = np.concatenate([found, -_multipliers(values * (-1.0) ** np.arange(values.shape[1]), pairs)])
+        return found
+
+
+def _multipliers(values: NDArray[np.float64], pairs: int) -> NDArray[np.complex128]:
+    """The roots of the highest denominator, up to `pairs` pairs, that can be solved for; what is no number included."""
+    blow = np.zeros((1, values.shape[1]))
+    blow[0, values.shape[1] // 2] = RIDGE * np.linalg.norm(values)
+    lines = np.fft.rfft(np.concatenate([values, blow]))
+    # The model cuts off the line at its upper limit: one more is there to be cut off.
+    lines = np.concatenate([lines, lines[:, -1:]], axis=1)
+    frequencies = np.arange(lines.shape[1]) / values.shape[1]
+    model = _ema().Model(
+        lines,
+        frequencies,
+        dt=1.0,
+        lower=float(frequencies[FIRST_LINE]),
+        upper=float(frequencies[-1]),
+        pol_order_high=pairs,
+    )
+    with quiet(), suppress(np.linalg.LinAlgError):
+        model.get_poles("lscf", show_progress=False)
+    return np.exp(np.asarray(model.all_poles[-1] if model.all_poles else [], dtype=np.complex128))
+
+
+def _ema() -> ModuleType:
+    return load("sdypy.EMA", package="sdypy-EMA", needed_by="SdypyLSCF")

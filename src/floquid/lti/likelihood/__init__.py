@@ -1,0 +1,6 @@
+"""Maximum likelihood for free responses: the search for poles, the test of their number, what is left."""
+
+from floquid.lti.likelihood._evidence import Evidence
+from floquid.lti.likelihood._maximum_likelihood import MaximumLikelihood
+
+__all__ = ["Evidence", "MaximumLikelihood"]
