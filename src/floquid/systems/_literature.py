@@ -136,10 +136,7 @@ def zhou_hagiwara(t: NDArray[np.float64]) -> list[list[object]]:
 def vinograd(t: NDArray[np.float64]) -> list[list[object]]:
     """The rows of A(t) of Vinograd, whose frozen eigenvalues are -1 and -10 at every instant."""
     s, c = np.sin(6 * t), np.cos(6 * t)
-    return [
-        [-1 - 9 * c**2 + 12 * s * c, 12 * c**2 + 9 * s * c],
-        [-12 * s**2 + 9 * s * c, -1 - 9 * s**2 - 12 * s * c],
-    ]
+    return [[-1 - 9 * c**2 + 12 * s * c, 12 * c**2 + 9 * s * c], [-12 * s**2 + 9 * s * c, -1 - 9 * s**2 - 12 * s * c]]
 
 
 def colaneri(t: NDArray[np.float64]) -> list[list[object]]:

@@ -141,11 +141,7 @@ _REMEDY = "Name the instants at which a callable jumps in `breaks`, or use `floq
 
 
 def _settle(
-    matrix: AbstractPeriodicMatrix,
-    scale: NDArray[np.float64],
-    truncations: list[int],
-    lines: Reach,
-    tolerance: float,
+    matrix: AbstractPeriodicMatrix, scale: NDArray[np.float64], truncations: list[int], lines: Reach, tolerance: float
 ) -> tuple[_Step | None, HillOutcome]:
     """The last truncation needed."""
     fundamental = 2.0 * np.pi / matrix.period

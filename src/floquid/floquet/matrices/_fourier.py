@@ -9,12 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.floquet.matrices._forms import (
-    AbstractPeriodicMatrix,
-    HarmonicMatrix,
-    PiecewiseMatrix,
-    SampledMatrix,
-)
+from floquid.floquet.matrices._forms import AbstractPeriodicMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix
 from floquid.floquet.matrices._interpolation import line_weights
 
 _FIRST, _LAST = 64, 2048  # samples of a period of a function without breaks, before it is cut into elements

@@ -243,10 +243,7 @@ def _assembled(
 
 
 def _centres(
-    exponents: NDArray[np.complex128],
-    energy: NDArray[np.float64],
-    harmonics: NDArray[np.int64],
-    fundamental: float,
+    exponents: NDArray[np.complex128], energy: NDArray[np.float64], harmonics: NDArray[np.int64], fundamental: float
 ) -> NDArray[np.int64]:
     """The harmonic that becomes the zeroth of each mode: the strongest; of equals that of the larger |Im|."""
     centres = np.zeros(len(exponents), dtype=np.int64)
