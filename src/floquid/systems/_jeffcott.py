@@ -141,7 +141,7 @@ class JeffcottRotor:
         impulse_deg: float = 45.0,
         first_phase: float = 0.0,
     ) -> Record:
-        r"""The response to a unit impulse, as a record of X, Y, X_tt and Y_tt.
+        r"""The response to a unit impulse, as a record of X, Y, X_tt and Y_tt; phase zero is at time zero.
 
         .. math:: y(t) = C(t)\, \Phi(t, t_0)\, [0, 0, \cos\alpha, \sin\alpha]^T, \qquad t_0 = \phi T
 
@@ -162,11 +162,6 @@ class JeffcottRotor:
             The direction α of the impulse on the mass, from X towards Y [deg].
         first_phase
             The phase φ of the period at which the impulse is given and the record begins, in [0, 1).
-
-        Returns
-        -------
-        Record
-            The channels (4, n_periods * samples_per_period); the clock has its phase zero at time zero.
 
         Raises
         ------

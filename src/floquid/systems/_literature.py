@@ -48,11 +48,8 @@ class ReferenceSystem(Rebuilt):
 def literature() -> tuple[ReferenceSystem, ...]:
     """Systems whose exponents are printed or follow in closed form: tests of anything that computes them.
 
-    Returns
-    -------
-    tuple of ReferenceSystem
-        Those with a zero `error` are exact; the others were computed once by an adaptive Runge-Kutta integrator at a
-        relative tolerance of 1e-11 or better.
+    Those with a zero `error` are exact; the others were computed once by an adaptive Runge-Kutta integrator at a
+    relative tolerance of 1e-11 or better.
     """
     half = np.pi / 2.0
     hover = np.array([-6.0 / 16.0 + 1j * np.sqrt(1.0 - (6.0 / 16.0) ** 2)])

@@ -20,21 +20,10 @@ def free_response(
     samples_per_period: int,
     start: float,
 ) -> NDArray[np.float64]:
-    r"""The outputs y(t₀ + kT + τ) = C(τ) Φ(τ, t₀) Φ(t₀ + T, t₀)^k x(t₀) (channels, samples).
+    """The outputs y(t₀ + kT + τ) = C(τ) Φ(τ, t₀) Φ(t₀ + T, t₀)^k x(t₀) (channels, samples).
 
-    A(t) is integrated over one period only, however many are asked for, so that the error after k periods is k times
-    that of one: about 1e-13 k of the response there.
-
-    Parameters
-    ----------
-    system, outputs
-        A(t) -> (times, n, n) and C(t) -> (times, channels, n) of one `period`.
-    initial
-        The state x(t₀) (n,).
-    period, start
-        The period T and the instant t₀ of the first sample [s].
-    n_periods, samples_per_period
-        The numbers of periods and of samples in each.
+    A(t) is integrated over one period only, so that the error after k periods is k times that of one: about 1e-13 k of
+    the response there. `outputs` is C(t) -> (times, channels, n), `initial` the state at t₀ = `start`.
     """
     offsets = period * np.arange(samples_per_period + 1) / samples_per_period
     phi = transition(system, period, start + offsets, start=start)

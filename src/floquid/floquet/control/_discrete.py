@@ -110,26 +110,20 @@ class DiscretePeriodicSystem(Rebuilt):
         return self.C.shape[1]
 
     def multipliers(self) -> NDArray[np.complex128]:
-        r"""The eigenvalues of the product of a period, which is not formed.
+        r"""The eigenvalues of the product of a period (n,), which is not formed; the same at every phase.
 
         .. math:: \mu_r = \mathrm{eig}\,(A_{P-1} \cdots A_1 A_0)
 
-        Returns
-        -------
-        NDArray[np.complex128]
-            The multipliers (n,), by the size of their angle, then by falling magnitude; the same at every phase.
+        By the size of their angle, then by falling magnitude.
         """
         return multipliers_of(product_logarithms(self.A))
 
     def exponents(self) -> NDArray[np.complex128]:
-        r"""The Floquet exponents on the principal branch.
+        r"""The Floquet exponents on the principal branch (n,) [1/s], in the order of `multipliers`.
 
         .. math:: \lambda_r = \frac{\ln \mu_r}{P\,\Delta t}
 
-        Returns
-        -------
-        NDArray[np.complex128]
-            The exponents (n,) [1/s], in the order of `multipliers`; the real part of a multiplier of zero is -inf.
+        The real part of a multiplier of zero is -inf.
         """
         logs = product_logarithms(self.A)
         return np.asarray(logs.real / self.period + 1j * (logs.imag / self.period), dtype=np.complex128)
@@ -137,7 +131,7 @@ class DiscretePeriodicSystem(Rebuilt):
     def simulate(
         self, inputs: ArrayLike, *, initial: ArrayLike | None = None, first_phase: int = 0
     ) -> NDArray[np.float64]:
-        """The response to a sequence of inputs.
+        """The outputs (outputs, samples) under a sequence of inputs.
 
         Parameters
         ----------
@@ -147,11 +141,6 @@ class DiscretePeriodicSystem(Rebuilt):
             The state at the first sample (n,); zero by default.
         first_phase
             The phase k of the first sample, 0 to P - 1.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            y (outputs, samples).
 
         Raises
         ------
@@ -189,11 +178,6 @@ def discretise(system: PeriodicSystem, n_phases: int, *, tolerance: float = TOLE
         Steps a period, P.
     tolerance
         The relative error that is aimed at, from 1e-14 to 1e-3.
-
-    Returns
-    -------
-    DiscretePeriodicSystem
-        The discrete system, with the same names.
 
     Raises
     ------

@@ -20,7 +20,7 @@ _UNDAMPED = 1e-9  # decay in a period that cannot be told from none
 def gramian(
     system: PeriodicSystem, kind: Kind = "reachability", n_phases: int = 64, *, tolerance: float = TOLERANCE
 ) -> NDArray[np.float64]:
-    r"""The periodic Gramian of a stable system.
+    r"""The periodic Gramian of a stable system, symmetric (phases, n, n).
 
     .. math:: P(t) &= \int_{-\infty}^{t} \Phi(t, s)\, B(s)\, B(s)^T\, \Phi(t, s)^T\, ds, \qquad
               \dot P = A P + P A^T + B B^T \\
@@ -40,11 +40,6 @@ def gramian(
         The number of phases t = 0, T/n, ... at which it is given.
     tolerance
         The relative error that is aimed at, from 1e-14 to 1e-3; damping that is slight loses from it.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        P or Q at the phases, symmetric (phases, n, n).
 
     Raises
     ------

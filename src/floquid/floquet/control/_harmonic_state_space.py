@@ -77,19 +77,7 @@ class HarmonicSystem(Rebuilt):
 
     @classmethod
     def from_system(cls, system: PeriodicSystem, n_harmonics: int) -> HarmonicSystem:
-        """The harmonic state space of a periodic system.
-
-        Parameters
-        ----------
-        system
-            The periodic system, with inputs.
-        n_harmonics
-            The truncation N.
-
-        Returns
-        -------
-        HarmonicSystem
-            Its lifted matrices, every row labelled.
+        """The harmonic state space of a periodic `system` with inputs, cut off at `n_harmonics`.
 
         Raises
         ------
@@ -201,11 +189,6 @@ def harmonic_transfer(
         large again or larger by the highest strong harmonic of a matrix, that passes, from 1e-14 to 1e-2.
     raises
         Whether a truncation that does not suffice is an error; else see `error`.
-
-    Returns
-    -------
-    HarmonicTransfer
-        The harmonics, and how far they have settled.
 
     Raises
     ------

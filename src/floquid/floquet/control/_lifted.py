@@ -71,22 +71,12 @@ class LiftedSystem(Rebuilt):
         return found[np.argsort(-np.abs(found), kind="stable")]
 
     def stack(self, inputs: ArrayLike) -> NDArray[np.float64]:
-        """A sequence of inputs, from the first phase on, as this system takes it.
+        """The inputs of the periodic system, from the first phase on, as this one takes them (lifted inputs, steps).
 
         Parameters
         ----------
         inputs
-            u of the periodic system (inputs, samples); by "time" the samples are whole periods.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            The lifted inputs (lifted inputs, steps).
-
-        Raises
-        ------
-        InputError
-            The shape is not possible.
+            u of the periodic system (inputs, samples); by "time" the samples are whole periods, or it is an InputError.
         """
         of, count = "LiftedSystem.stack", len(self.inputs) // self.n_phases
         given = frozen_array(inputs, "inputs", of, axes=(count, "samples"), remedy="Time is the last axis.")
@@ -102,23 +92,7 @@ class LiftedSystem(Rebuilt):
         return given.reshape(count, -1, self.n_phases).transpose(2, 0, 1).reshape(len(self.inputs), -1)
 
     def unstack(self, outputs: ArrayLike) -> NDArray[np.float64]:
-        """The sequence of outputs of the periodic system, from this one's.
-
-        Parameters
-        ----------
-        outputs
-            The lifted outputs (lifted outputs, steps).
-
-        Returns
-        -------
-        NDArray[np.float64]
-            y of the periodic system (outputs, samples).
-
-        Raises
-        ------
-        InputError
-            The shape is not possible.
-        """
+        """The outputs of the periodic system (outputs, samples), from this one's `outputs` (lifted outputs, steps)."""
         of = "LiftedSystem.unstack"
         given = frozen_array(outputs, "outputs", of, axes=(len(self.outputs), "steps"), remedy="Time is the last axis.")
         count, steps = len(self.outputs) // self.n_phases, given.shape[1]
@@ -129,34 +103,13 @@ class LiftedSystem(Rebuilt):
         return blocks.transpose(1, 2, 0).reshape(count, -1)
 
     def initial(self, state: ArrayLike) -> NDArray[np.float64]:
-        """The lifted state of a state of the periodic system at the first phase.
-
-        Parameters
-        ----------
-        state
-            x (n,).
-
-        Returns
-        -------
-        NDArray[np.float64]
-            The lifted state (states,).
-
-        Raises
-        ------
-        InputError
-            The shape is not possible.
-        """
+        """The lifted state (states,) of a `state` (n,) of the periodic system at the first phase."""
         count = len(self.states) // (self.n_phases if self.form == "cyclic" else 1)
         given = frozen_array(state, "state", "LiftedSystem.initial", axes=(count,))
         return np.concatenate([given, np.zeros(len(self.states) - count)])
 
     def to_control(self) -> Any:
-        """The system as that of python-control, every signal named "name[phase]", a full stop in it as a middle dot.
-
-        Returns
-        -------
-        control.StateSpace
-            The system.
+        """The system as `control.StateSpace`, every signal named "name[phase]", a full stop in it as a middle dot.
 
         Raises
         ------
@@ -175,13 +128,7 @@ class LiftedSystem(Rebuilt):
         )
 
     def to_scipy(self) -> StateSpace:
-        """The system as that of scipy, which knows no names.
-
-        Returns
-        -------
-        scipy.signal.StateSpace
-            The system, in steps of `dt`.
-        """
+        """The system as that of scipy, in steps of `dt`; it knows no names."""
         from scipy.signal import StateSpace
 
         return StateSpace(self.A, self.B, self.C, self.D, dt=self.dt)
@@ -198,7 +145,7 @@ def control_package(of: str) -> Any:
 
 
 def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: int = 0) -> LiftedSystem:
-    r"""A time-invariant system with the responses of a discrete periodic one.
+    r"""A time-invariant system with the responses of a discrete periodic one, its signals labelled by phase and name.
 
     By "time", one step is a period, and the inputs and outputs of a period are stacked: with
     :math:`\Phi_{i,j} = A_{i-1} \cdots A_j`, counted from the first phase,
@@ -218,11 +165,6 @@ def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: in
         "time" (Meyer and Burrus 1975) or "cyclic" (Flamm 1991).
     first_phase
         The phase with which a step begins, 0 to P - 1: the lifted state is the state at that phase.
-
-    Returns
-    -------
-    LiftedSystem
-        The system, its states, inputs and outputs labelled by phase and name.
 
     Raises
     ------

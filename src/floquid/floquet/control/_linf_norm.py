@@ -77,11 +77,6 @@ def linf_norm(system: PeriodicSystem, *, tolerance: float = 1e-6) -> PeakGain:
     tolerance
         The relative error that is aimed at, from 1e-9 to 0.1; very slight damping allows less, see `PeakGain.error`.
 
-    Returns
-    -------
-    PeakGain
-        The gain, its error and where it peaks.
-
     Raises
     ------
     InputError

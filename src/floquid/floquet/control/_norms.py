@@ -35,11 +35,6 @@ def h2_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> float:
     tolerance
         As in `gramian`; the mean is found to 1e-10.
 
-    Returns
-    -------
-    float
-        The norm.
-
     Raises
     ------
     InputError
@@ -87,11 +82,6 @@ def hankel_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> floa
         The periodic system, with inputs.
     tolerance
         As in `gramian`.
-
-    Returns
-    -------
-    float
-        The norm.
 
     Raises
     ------

@@ -28,8 +28,8 @@ def realise(system: StateSpace, n_phases: int, *, first_phase: int = 0) -> Discr
               x_k = R_k \begin{bmatrix} x_0, u_0, \ldots, u_{k-1} \end{bmatrix}^T
 
     The state at each phase is had by factors of low rank, so its coordinates are those of `system` at the first
-    phase and others between. All responses are the same: it is the inverse of `lift(...).to_control()` but for
-    coordinates.
+    phase and others between, as many as the phase needs that needs most. All responses are the same: it is the
+    inverse of `lift(...).to_control()` but for coordinates.
 
     Parameters
     ----------
@@ -39,11 +39,6 @@ def realise(system: StateSpace, n_phases: int, *, first_phase: int = 0) -> Discr
         Steps a period, P.
     first_phase
         The phase with which a step of `system` begins, 0 to P - 1.
-
-    Returns
-    -------
-    DiscretePeriodicSystem
-        The periodic system; as many states as are needed at the phase that needs most.
 
     Raises
     ------

@@ -34,7 +34,7 @@ def simulate(
     vectorised: bool = False,
     tolerance: float = TOLERANCE,
 ) -> NDArray[np.float64]:
-    r"""The outputs of a periodic system under given inputs.
+    r"""The outputs of a periodic system at `times` under given inputs (outputs, times); the value after a jump.
 
     .. math:: x(t_{k+1}) = \Phi(t_{k+1}, t_k)\, x(t_k) + \int_{t_k}^{t_{k+1}} \Phi(t_{k+1}, s)\, B(s)\, u(s)\, ds,
               \qquad y(t_k) = C(t_k)\, x(t_k) + D(t_k)\, u(t_k)
@@ -64,11 +64,6 @@ def simulate(
     tolerance
         The relative error of each step: that of the transition to itself, that of the forcing to its largest value.
         From 1e-14 to 1e-3.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        y at `times` (outputs, times); the value after it where C, D or the inputs jump.
 
     Raises
     ------

@@ -104,11 +104,6 @@ def sine_response(
     tolerance, raises
         As in `harmonic_transfer`.
 
-    Returns
-    -------
-    SineResponse
-        The amplitudes at Ω + kω.
-
     Raises
     ------
     InputError

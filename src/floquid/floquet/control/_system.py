@@ -179,21 +179,11 @@ class PeriodicSystem:
         return self + -other if isinstance(other, PeriodicSystem) else NotImplemented
 
     def feedback(self, other: PeriodicSystem, *, sign: Literal[-1, 1] = -1) -> PeriodicSystem:
-        r"""The loop closed through `other`, from this one's outputs back to its inputs.
+        r"""The loop closed through `other`, from this one's outputs back to its inputs; the states of both.
 
         .. math:: u_1 = r \pm y_2, \qquad u_2 = y_1, \qquad y = y_1
 
-        Parameters
-        ----------
-        other
-            What is fed back through.
-        sign
-            -1 for negative feedback, 1 for positive.
-
-        Returns
-        -------
-        PeriodicSystem
-            From the reference r to the outputs of this one; the states of both.
+        Feedback is negative with a `sign` of -1 and positive with 1.
 
         Raises
         ------

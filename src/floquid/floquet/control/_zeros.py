@@ -28,7 +28,7 @@ _SINGULAR = 1e-8  # reciprocal condition of the inputs' effect, rows at equal le
 
 
 def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> NDArray[np.complex128]:
-    r"""The transmission zeros, as exponents on the principal branch.
+    r"""The finite transmission zeros, as exponents on the principal branch (zeros,) [1/s]; they may be none.
 
     λ is a zero if some input, and a state with it, pass without any output:
 
@@ -50,11 +50,6 @@ def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> NDArray[np
         The periodic system, with as many inputs as outputs.
     tolerance
         As in `transition`.
-
-    Returns
-    -------
-    NDArray[np.complex128]
-        The finite zeros (zeros,) [1/s], in the order of `exponents`. They may be none.
 
     Raises
     ------

@@ -79,11 +79,6 @@ def hill(
         Whether it is an error that the truncation does not suffice; else see `outcome` and `change`. Exponents that
         settle to rounding alone, as multiple ones do, are none: `outcome` says so and `change` by how much.
 
-    Returns
-    -------
-    HillModes
-        Exponents on the principal strip, shapes, and how far they have settled.
-
     Raises
     ------
     InputError

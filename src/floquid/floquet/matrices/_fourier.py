@@ -61,23 +61,9 @@ class Needs(NamedTuple):
 
 
 def reach(matrix: AbstractPeriodicMatrix, tolerance: float, scale: NDArray[np.float64] | None = None) -> Reach:
-    """How far the lines above `tolerance` of the size reach, however far apart they are.
+    """How far the lines above `tolerance` of the norm of all reach, states in units of `scale` (n,).
 
     Where the lines have no end (jumps, kinks) only the strong ones are counted; the others fall off steadily.
-
-    Parameters
-    ----------
-    matrix
-        M(t).
-    tolerance
-        Of the norm of all lines.
-    scale
-        Units of the states in which a square matrix is looked at (n,).
-
-    Returns
-    -------
-    Reach
-        The highest line, and the highest strong one.
     """
     coefficients, has_end = _all_lines(matrix)
     if scale is not None:
@@ -108,31 +94,11 @@ def _all_lines(matrix: AbstractPeriodicMatrix) -> tuple[NDArray[np.complex128], 
 
 
 def fourier(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> NDArray[np.complex128]:
-    r"""The Fourier coefficients of a periodic matrix.
-
-    .. math:: M_m = \frac{1}{T} \int_0^T M(t)\, e^{-i m \omega t}\, dt, \qquad \omega = 2\pi/T
+    """The Fourier coefficients M_m for m = -N..N (rows, columns, 2 N + 1); zero below the rounding of the samples.
 
     In closed form for harmonics, constant pieces and trigonometric samples. A function without breaks is sampled at
-    equal steps until its upper harmonics have died away, which is checked between the samples; a spline, or a
-    function that jumps or does not die away, is cut into elements, on each of which it is a series of Legendre
-    polynomials, whose coefficients are in closed form too.
-
-    Parameters
-    ----------
-    matrix
-        M(t).
-    n_harmonics
-        The highest harmonic N.
-
-    Returns
-    -------
-    NDArray[np.complex128]
-        M_m for m = -N..N (rows, columns, 2 N + 1); coefficients below the rounding of the samples are zero.
-
-    Raises
-    ------
-    InputError
-        A function is neither smooth nor smooth in pieces, so that elements without end would be needed.
+    equal steps until its upper harmonics have died away, which is checked between the samples; what has breaks or does
+    not die away is cut into elements, on each of which it is a Legendre series, with coefficients in closed form too.
     """
     if isinstance(matrix, HarmonicMatrix):
         lines = np.arange(-n_harmonics, n_harmonics + 1)
@@ -155,13 +121,7 @@ def fourier(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> NDArray[np.comp
 
 
 def elements(matrix: AbstractPeriodicMatrix) -> Elements:
-    """A matrix cut at its breaks, and halved until its Legendre series end within each element.
-
-    Raises
-    ------
-    InputError
-        Elements without end would be needed.
-    """
+    """A matrix cut at its breaks, and halved until its Legendre series end within each element, or refused."""
     breaks, period = np.asarray(matrix.breaks), matrix.period
     left = breaks if breaks.size else np.zeros(1)
     right = np.append(left[1:], left[0] + period)

@@ -29,10 +29,7 @@ def interpolant(
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process.
 
-    Raises
-    ------
-    InputError
-        The values, the `argument` of a callable, are so large, or so near in time, that what is between them overflows.
+    Values so large, or so near in time, that what is between them overflows are refused, as `argument` of a callable.
     """
     if values.shape[2] == 1:
         return partial(_constant, values[..., 0])

@@ -30,19 +30,9 @@ _WITHIN = 65  # instants of a stretch without a break
 
 
 def common_period(*periods: float) -> float:
-    r"""The least common multiple of several periods [s].
+    r"""The least common multiple of several `periods` [s], to within 1e-12 of it.
 
     .. math:: T = a\,p = b\,q, \qquad a, b \in \mathbb{N} \text{ without a common divisor}
-
-    Parameters
-    ----------
-    *periods
-        The periods [s].
-
-    Returns
-    -------
-    float
-        The shortest time that is a whole number of each, to within 1e-12 of it.
 
     Raises
     ------

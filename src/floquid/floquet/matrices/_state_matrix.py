@@ -36,13 +36,7 @@ class Prepared(NamedTuple):
 
 
 def periodic(system: StateMatrix, period: float | None, breaks: ArrayLike, of: str) -> AbstractPeriodicMatrix:
-    """A(t), in whatever form it was given, as a square periodic matrix.
-
-    Raises
-    ------
-    InputError
-        It is none, it is not square, or its period is missing or differs from that of the matrix.
-    """
+    """A(t), in whatever form it was given, as a square periodic matrix of its period, or refused."""
     if isinstance(system, AbstractPeriodicMatrix):
         if period is not None and positive(period, "period", of, unit="s") != system.period:
             raise input_error(
@@ -69,13 +63,7 @@ def periodic(system: StateMatrix, period: float | None, breaks: ArrayLike, of: s
 
 
 def prepare(matrix: AbstractPeriodicMatrix, tolerance: float, of: str) -> Prepared:
-    """A(t) in harmonics if they die away below `tolerance` of it, else as it is.
-
-    Raises
-    ------
-    InputError
-        A callable does not return finite real matrices of one shape, or does not repeat itself after its period.
-    """
+    """A(t) in harmonics if they die away below `tolerance` of it, else as it is; refused if it has another period."""
     if isinstance(matrix, FunctionMatrix):
         found = None if np.size(matrix.breaks) else resolve(matrix, tolerance)
         if found is None:

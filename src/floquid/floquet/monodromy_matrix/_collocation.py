@@ -125,22 +125,10 @@ def factorise(
 
     .. math:: \lVert (\Phi_1 - \Phi)\,\Phi^{-1} \rVert, \qquad \lVert \Phi^{-1} (\Phi_1 - \Phi) \rVert
 
-    Where A is smooth, the halves are better than the difference by 2^{2s}, of which the square root is counted on;
-    elsewhere the difference itself must be within the tolerance. A factor must also be so well conditioned that
-    rounding does not spoil its small directions.
-
-    Parameters
-    ----------
-    evaluate
-        A(t) of each owner.
-    owner, left, right
-        The intervals (items,).
-    scale
-        Units of the states (n,), powers of two, in which the equations are solved and errors are measured.
-    tolerance
-        The largest relative error of a factor.
-    smooth
-        Whether A is known to be smooth within each interval.
+    Where A is `smooth` within each interval, the halves are better than the difference by 2^{2s}, of which the square
+    root is counted on; elsewhere the difference itself must be within the tolerance. A factor must also be so well
+    conditioned that rounding does not spoil its small directions. The equations are solved, and errors measured, in
+    units of the states `scale` (n,), powers of two.
     """
     n = len(scale)
     s = stages(n)

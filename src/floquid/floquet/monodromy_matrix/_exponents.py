@@ -17,22 +17,17 @@ _LOST = 1e-7  # of the sum of the exponents' sizes: largest miss of Liouville's 
 def multipliers(
     system: StateMatrix, period: float | None = None, *, breaks: ArrayLike = (), tolerance: float = TOLERANCE
 ) -> NDArray[np.complex128]:
-    r"""The Floquet multipliers, the eigenvalues of the monodromy matrix.
+    r"""The Floquet multipliers (n,), the eigenvalues of the monodromy matrix.
 
     .. math:: \mu_r = \mathrm{eig}\,\Phi(T, 0) = e^{\lambda_r T}
 
     In the order of `exponents`: by the size of their angle, then by falling magnitude, the positive angle of a
-    conjugate pair first.
+    conjugate pair first. One below 1e-308 is zero and one above 1e308 infinite: `exponents` has all.
 
     Parameters
     ----------
     system, period, breaks, tolerance
         As in `transition`.
-
-    Returns
-    -------
-    NDArray[np.complex128]
-        The multipliers (n,). One below 1e-308 is zero and one above 1e308 infinite: `exponents` has all.
 
     Raises
     ------
@@ -45,7 +40,7 @@ def multipliers(
 def exponents(
     system: StateMatrix, period: float | None = None, *, breaks: ArrayLike = (), tolerance: float = TOLERANCE
 ) -> NDArray[np.complex128]:
-    r"""The Floquet exponents on the principal branch.
+    r"""The Floquet exponents on the principal branch (n,) [1/s].
 
     .. math:: \lambda_r = \frac{\ln \mu_r}{T}, \qquad -\omega/2 < \mathrm{Im}\,\lambda_r \le \omega/2, \qquad
               \omega = 2\pi/T
@@ -57,11 +52,6 @@ def exponents(
     ----------
     system, period, breaks, tolerance
         As in `transition`.
-
-    Returns
-    -------
-    NDArray[np.complex128]
-        The exponents (n,) [1/s].
 
     Raises
     ------

@@ -61,11 +61,6 @@ def floquet_lyapunov(
     n_phases
         The number of steps in the period of A, at least 1.
 
-    Returns
-    -------
-    FloquetLyapunov
-        P at `n_phases` times a period of A, and R.
-
     Raises
     ------
     InputError

@@ -161,11 +161,6 @@ def modes(
         Equal steps of the period at which shapes are found, 8 at least; by default 32 or 64, or as many more as
         their harmonics need, 512 at most.
 
-    Returns
-    -------
-    FloquetModes
-        The modes, in the order of `exponents`.
-
     Raises
     ------
     InputError

@@ -30,7 +30,7 @@ def transition(
     breaks: ArrayLike = (),
     tolerance: float = TOLERANCE,
 ) -> NDArray[np.float64]:
-    r"""The state transition matrix Φ(t, t₀) at `times`.
+    r"""The state transition matrix Φ(t, t₀) at `times` (times, n, n).
 
     .. math:: \dot\Phi(t, t_0) = A(t)\,\Phi(t, t_0), \qquad \Phi(t_0, t_0) = I
 
@@ -57,11 +57,6 @@ def transition(
         is found if the samples see it, at the cost of some fifty halvings.
     tolerance
         The relative error of each factor of Φ, both of its large and of its small directions, from 1e-14 to 1e-3.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        Φ(t, t₀) (times, n, n).
 
     Raises
     ------
@@ -121,11 +116,6 @@ def monodromy(
         As in `transition`.
     start
         The time t₀ [s].
-
-    Returns
-    -------
-    numpy.ndarray
-        Φ(t₀ + T, t₀) (n, n).
 
     Raises
     ------

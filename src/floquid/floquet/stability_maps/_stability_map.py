@@ -111,7 +111,7 @@ def stability_map(
     progress: bool = False,
     report: Callable[[str], None] = lambda _: None,
 ) -> StabilityMap:
-    r"""Where a periodic system is unstable, over one or two parameters.
+    r"""The bands, or the boundary, within which a periodic system is unstable, over one or two parameters.
 
     .. math:: \max_r \mathrm{Re}\,\lambda_r(p) > \text{margin}, \qquad \dot x = A(t; p)\, x, \qquad
               A(t + T(p); p) = A(t; p)
@@ -155,11 +155,6 @@ def stability_map(
         Whether a progress bar is drawn on stderr, if that is a terminal.
     report
         Is told of each stage.
-
-    Returns
-    -------
-    StabilityMap
-        The bands or the boundary, and all points.
 
     Raises
     ------

@@ -27,7 +27,7 @@ def transitions(
     tolerance: float = TOLERANCE,
     narrowest: float = 1.0 / 64.0,
 ) -> NDArray[np.float64]:
-    r"""The transition matrices of many systems, in one batch.
+    r"""The transition matrices of many systems (..., n, n), in one batch.
 
     .. math:: \Phi(\varphi_1 T(p), \varphi_0 T(p); p), \qquad \dot x = A(t; p)\, x, \qquad A(t + T(p); p) = A(t; p)
 
@@ -44,11 +44,6 @@ def transitions(
         The phases φ₀ and φ₁ between which it is integrated [periods], the second not before the first.
     vectorised, breaks, tolerance, narrowest
         As in `stability_map`.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        Φ at each value of the parameters (..., n, n).
 
     Raises
     ------
