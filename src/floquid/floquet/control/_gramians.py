@@ -88,8 +88,7 @@ class _Steps(NamedTuple):
     gap: NDArray[np.intp]
     phi: NDArray[np.float64]
     gain: NDArray[np.float64]
-    units: NDArray[np.float64]
-    """The units of the matrices X (n, n)."""
+    units: NDArray[np.float64]  # the units of the matrices X (n, n)
 
 
 def _steps(system: PeriodicSystem, kind: Kind, instants: NDArray[np.float64], tolerance: float, of: str) -> _Steps:

@@ -222,13 +222,10 @@ def harmonic_transfer(
 class Responses(NamedTuple):
     """The outputs' harmonics for some columns of input amplitudes."""
 
-    values: NDArray[np.complex128]
-    """(outputs, columns, harmonics, lines)."""
-
+    values: NDArray[np.complex128]  # (outputs, columns, harmonics, lines)
     harmonics: NDArray[np.int64]
     truncation: int
-    error: NDArray[np.float64]
-    """(outputs, columns)."""
+    error: NDArray[np.float64]  # (outputs, columns)
 
 
 class _Lifted(NamedTuple):

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 Form: TypeAlias = Literal["time", "cyclic"]
 
-Label: TypeAlias = tuple[int, str]
-"""The phase and the name of a lifted signal."""
+Label: TypeAlias = tuple[int, str]  # the phase and the name of a lifted signal
 
 
 @final

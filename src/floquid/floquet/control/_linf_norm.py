@@ -122,11 +122,8 @@ class _Scaled(NamedTuple):
     B: AbstractPeriodicMatrix
     C: AbstractPeriodicMatrix
     D: AbstractPeriodicMatrix
-    ratio: float
-    """Of the largest entry of C to that of B."""
-
-    direct: float
-    """The gain of D alone."""
+    ratio: float  # of the largest entry of C to that of B
+    direct: float  # the gain of D alone
 
 
 class _Horizon(NamedTuple):

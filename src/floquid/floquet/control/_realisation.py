@@ -15,9 +15,7 @@ from floquid.io import load_package
 if TYPE_CHECKING:
     from control import StateSpace
 
-RANK = 1e-10
-"""Share of the largest singular value below which a state is rounding."""
-
+RANK = 1e-10  # share of the largest singular value below which a state is rounding
 _OF = "floquet.realise"
 
 

@@ -18,11 +18,8 @@ _EPS = float(np.finfo(float).eps)
 class Problem(NamedTuple):
     """A(t) in harmonics, in balanced units."""
 
-    coefficients: NDArray[np.complex128]
-    """A_m, m = -2 N..2 N (n, n, 4 N + 1) [1/s]."""
-
-    fundamental: float
-    """ω [rad/s]."""
+    coefficients: NDArray[np.complex128]  # A_m, m = -2 N..2 N (n, n, 4 N + 1) [1/s]
+    fundamental: float  # ω [rad/s]
 
     @property
     def n_harmonics(self) -> int:
@@ -53,17 +50,10 @@ class Problem(NamedTuple):
 class Truncated(NamedTuple):
     """The modes of a truncation, one of each family, conjugates together."""
 
-    exponents: NDArray[np.complex128]
-    """λ where the shape is best centred in the truncation (modes,) [1/s]."""
-
-    vectors: NDArray[np.complex128]
-    """The shapes' harmonics -N..N (modes, n, 2 N + 1)."""
-
-    leak: NDArray[np.float64]
-    """A bound of what A carries out of the truncation (modes,) [1/s], for shapes of norm one."""
-
-    condition: NDArray[np.float64]
-    """Of each eigenvalue (modes,)."""
+    exponents: NDArray[np.complex128]  # λ where the shape is best centred in the truncation (modes,) [1/s]
+    vectors: NDArray[np.complex128]  # the shapes' harmonics -N..N (modes, n, 2 N + 1)
+    leak: NDArray[np.float64]  # A bound of what A carries out of the truncation (modes,) [1/s], for shapes of norm one
+    condition: NDArray[np.float64]  # of each eigenvalue (modes,)
 
     def rounding(self, problem: Problem) -> NDArray[np.float64]:
         """The largest effect of rounding on the exponents (modes,) [1/s]."""

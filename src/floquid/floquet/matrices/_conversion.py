@@ -18,12 +18,8 @@ from floquid.floquet.matrices._forms import (
 from floquid.floquet.matrices._fourier import fourier
 from floquid.floquet.matrices._period_check import refuse_other_period
 
-SAME = 1e-12
-"""Relative difference within which two periods, or two instants of one period, are the same."""
-
-FIRST, LAST = 8, 512
-"""Harmonics tried until the upper ones have died away."""
-
+SAME = 1e-12  # relative difference within which two periods, or two instants of one period, are the same
+FIRST, LAST = 8, 512  # harmonics tried until the upper ones have died away
 _FLOOR = 16.0 * 2.0**-52  # entries below this share of the largest are rounding, whose harmonics never die away
 _GOLDEN = 0.3819660112501051
 _NODES = 12

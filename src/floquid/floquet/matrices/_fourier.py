@@ -24,40 +24,25 @@ _PROBES = np.array([0.1180339887, 0.4721359549, 0.7639320225])  # off every simp
 class Elements(NamedTuple):
     """A periodic matrix as a series of Legendre polynomials in each of some intervals."""
 
-    left: NDArray[np.float64]
-    """Where each begins (elements,) [s]."""
-
-    width: NDArray[np.float64]
-    """How long each is (elements,) [s]."""
-
-    series: NDArray[np.float64]
-    """The coefficients (elements, degrees, rows, columns)."""
+    left: NDArray[np.float64]  # where each begins (elements,) [s]
+    width: NDArray[np.float64]  # how long each is (elements,) [s]
+    series: NDArray[np.float64]  # the coefficients (elements, degrees, rows, columns)
 
 
 class Reach(NamedTuple):
     """How far the lines of a periodic matrix reach."""
 
-    highest: int
-    """The highest harmonic that counts."""
-
-    strong: int
-    """The highest of those that are strong: a truncation raised by less may not meet anything new."""
-
-    ends: bool
-    """True if they have an end; if not, only strong lines are counted."""
+    highest: int  # the highest harmonic that counts
+    strong: int  # the highest of those that are strong: a truncation raised by less may not meet anything new
+    ends: bool  # true if they have an end; if not, only strong lines are counted
 
 
 class Needs(NamedTuple):
     """The truncations that the harmonics of the matrices need."""
 
-    lowest: int
-    """The lowest truncation."""
-
-    step: int
-    """The least step from one to the next that meets anything new."""
-
-    steps: int
-    """Of how many steps there is to be room."""
+    lowest: int  # the lowest truncation
+    step: int  # the least step from one to the next that meets anything new
+    steps: int  # of how many steps there is to be room
 
 
 def reach(matrix: AbstractPeriodicMatrix, tolerance: float, scale: NDArray[np.float64] | None = None) -> Reach:

@@ -9,8 +9,7 @@ from floquid._checks import input_error
 from floquid.floquet.matrices._balancing import balance
 from floquid.floquet.matrices._forms import FunctionMatrix
 
-OFFSET = 0.381966
-"""Off every simple fraction of the period, where jumps and zeros like to sit."""
+OFFSET = 0.381966  # off every simple fraction of the period, where jumps and zeros like to sit
 
 
 def refuse_other_period(matrix: FunctionMatrix, of: str) -> None:

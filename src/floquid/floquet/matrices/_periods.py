@@ -18,12 +18,8 @@ from floquid.floquet.matrices._forms import (
     SampledMatrix,
 )
 
-MOST = 1000
-"""Periods of one matrix in a common period."""
-
-REPEATS = 1e-10
-"""Difference, as a share of the largest value, within which a matrix repeats itself."""
-
+MOST = 1000  # periods of one matrix in a common period
+REPEATS = 1e-10  # difference, as a share of the largest value, within which a matrix repeats itself
 _GOLDEN = 0.3819660112501051
 _PROBES = 32
 _WITHIN = 65  # instants of a stretch without a break

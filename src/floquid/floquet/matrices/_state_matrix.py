@@ -25,14 +25,9 @@ class Prepared(NamedTuple):
     """A(t) ready to be integrated."""
 
     matrix: AbstractPeriodicMatrix
-    smooth: bool
-    """True if it is smooth between its breaks for certain."""
-
-    scale: NDArray[np.float64]
-    """Units of the states (n,) in which A is best balanced."""
-
-    size: float
-    """Its largest row sum in these units [1/s]."""
+    smooth: bool  # true if it is smooth between its breaks for certain
+    scale: NDArray[np.float64]  # units of the states (n,) in which A is best balanced
+    size: float  # its largest row sum in these units [1/s]
 
 
 def periodic(system: StateMatrix, period: float | None, breaks: ArrayLike, of: str) -> AbstractPeriodicMatrix:

@@ -20,17 +20,12 @@ from numpy.typing import NDArray
 Evaluate: TypeAlias = Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64]]
 """Owner (items,) and times (items, nodes) [s] -> A there (items, nodes, n, n)."""
 
-CHUNK = 4_000_000
-"""Numbers of the collocation's equations that are solved in one batch."""
-
+CHUNK = 4_000_000  # numbers of the collocation's equations that are solved in one batch
 _INSIDE = 1e-7  # of an interval: where its ends are looked at, on this side of a jump that lies on them
 _JUMP = 1e-6  # of A: what the values at an end may be off those between, before a jump is suspected there
 
-MOST = 200_000
-"""Intervals of one call beyond which the system is called impossible to integrate."""
-
-DEEPEST = 46
-"""Halvings of one interval: a jump within what is left then is worth less than rounding."""
+MOST = 200_000  # intervals of one call beyond which the system is called impossible to integrate
+DEEPEST = 46  # halvings of one interval: a jump within what is left then is worth less than rounding
 
 
 class Factors(NamedTuple):
@@ -39,11 +34,8 @@ class Factors(NamedTuple):
     owner: NDArray[np.intp]
     left: NDArray[np.float64]
     right: NDArray[np.float64]
-    matrices: NDArray[np.float64]
-    """(factors, n, n)."""
-
-    finished: bool
-    """True if every interval reached the tolerance."""
+    matrices: NDArray[np.float64]  # (factors, n, n)
+    finished: bool  # true if every interval reached the tolerance
 
 
 class Rule(NamedTuple):
@@ -51,8 +43,7 @@ class Rule(NamedTuple):
 
     nodes: NDArray[np.float64]
     weights: NDArray[np.float64]
-    inner: NDArray[np.float64]
-    """a_ij (nodes, nodes)."""
+    inner: NDArray[np.float64]  # a_ij (nodes, nodes)
 
 
 def stages(n: int) -> int:

@@ -17,8 +17,7 @@ from floquid.floquet.matrices import (
 )
 from floquid.floquet.monodromy_matrix._collocation import MOST, Factors, divided, factorise, stages
 
-TOLERANCE = 1e-12
-"""Relative error of a factor of Φ that is aimed at by default."""
+TOLERANCE = 1e-12  # relative error of a factor of Φ that is aimed at by default
 
 
 def transition(
