@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, input_error, positive
-from floquid.floquet.control._gramians import largest_entry
-from floquid.floquet.control._norms import grid, hankel_values
+from floquid.floquet.control._gramians import grid, hankel_values, largest_entry
 from floquid.floquet.control._system import PeriodicSystem, checked_system
 from floquid.floquet.matrices import AbstractPeriodicMatrix, FunctionMatrix, constant_value, joint_breaks, stretches
 from floquid.floquet.monodromy_matrix import (

@@ -100,7 +100,7 @@ class _Scaled(NamedTuple):
 class _Output(NamedTuple):
     """One output, differentiated until an input appears in it."""
 
-    held: list[AbstractPeriodicMatrix]  # c_0 ... c_{r-1} (1, n) each: what is zero while the output is.
+    held: list[AbstractPeriodicMatrix]  # c_0 ... c_{r-1} (1, n) each: what is zero while the output is
     K: AbstractPeriodicMatrix
     E: AbstractPeriodicMatrix
 

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import input_error, integer
-from floquid.floquet.hill_method._eigenpairs import Problem, Truncated, effect_of_edges, truncated
-from floquid.floquet.hill_method._gauge import swinging_along
+from floquid.floquet.hill_method._eigenpairs import Problem, Truncated, effect_of_edges, swinging_along, truncated
 from floquid.floquet.hill_method._hill_matrix import modulo
 from floquid.floquet.hill_method._hill_modes import HillModes, HillOutcome, assemble
 from floquid.floquet.hill_method._smoothing import smoothed

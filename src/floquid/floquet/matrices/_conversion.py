@@ -16,7 +16,7 @@ from floquid.floquet.matrices._forms import (
     SampledMatrix,
 )
 from floquid.floquet.matrices._fourier import fourier
-from floquid.floquet.matrices._period_check import refuse_other_period
+from floquid.floquet.matrices._given import refuse_other_period
 
 SAME = 1e-12  # relative difference within which two periods, or two instants of one period, are the same
 FIRST, LAST = 8, 512  # harmonics tried until the upper ones have died away

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import frozen_array, input_error, positive
 from floquid.floquet.matrices._balancing import balance
 from floquid.floquet.matrices._forms import AbstractPeriodicMatrix, FunctionMatrix, HarmonicMatrix, SampledMatrix
-from floquid.floquet.matrices._given import as_array
+from floquid.floquet.matrices._given import OFFSET, as_array, probe_times, refuse_other_period
 from floquid.floquet.matrices._interpolation import line_weights
-from floquid.floquet.matrices._period_check import OFFSET, probe_times, refuse_other_period
 
 StateMatrix: TypeAlias = AbstractPeriodicMatrix | Callable[[float], ArrayLike] | ArrayLike
 """A(t): a periodic matrix, a callable t [s] -> (n, n) [1/s], or samples (n, n, phases) at t = 0, T/P, ..."""

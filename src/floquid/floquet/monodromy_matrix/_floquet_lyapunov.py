@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import Rebuilt, input_error, integer
 from floquid.floquet.matrices import StateMatrix
 from floquid.floquet.monodromy_matrix import _periodic_schur
-from floquid.floquet.monodromy_matrix._exponents import balanced, refuse_lost
-from floquid.floquet.monodromy_matrix._transition import TOLERANCE, checked, factors
+from floquid.floquet.monodromy_matrix._transition import TOLERANCE, balanced, checked, factors, refuse_lost
 
 _NEGATIVE = 1e-4  # rad: a multiplier that near to the negative axis has a real transform of twice the period
 

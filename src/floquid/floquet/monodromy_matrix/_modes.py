@@ -12,8 +12,14 @@ from floquid._checks import Rebuilt, input_error, integer
 from floquid.floquet.matrices import Prepared, StateMatrix, balanced_units
 from floquid.floquet.monodromy_matrix import _periodic_schur
 from floquid.floquet.monodromy_matrix._collocation import Factors
-from floquid.floquet.monodromy_matrix._exponents import balanced, refuse_lost, trace_integral
-from floquid.floquet.monodromy_matrix._transition import TOLERANCE, checked, factors
+from floquid.floquet.monodromy_matrix._transition import (
+    TOLERANCE,
+    balanced,
+    checked,
+    factors,
+    refuse_lost,
+    trace_integral,
+)
 
 _FIRST, _LAST = 64, 512  # phases of the period tried until the shapes' harmonics have died away
 _MANY = 20  # states from which half as many phases are tried first, since each costs their cube

@@ -29,7 +29,7 @@ class Cells(NamedTuple):
     lattice: NDArray[np.int64]
     """The sample at each node of the finest lattice, -1 where none is (nodes of the first, of the second)."""
 
-    cells: NDArray[np.int64]  # First corner and width of each, in steps of the lattice (cells, 3)
+    cells: NDArray[np.int64]  # first corner and width of each, in steps of the lattice (cells, 3)
 
 
 def samples(points: NDArray[np.float64], found: Spectra, margin: float) -> Samples:
