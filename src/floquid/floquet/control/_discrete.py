@@ -162,22 +162,14 @@ class DiscretePeriodicSystem(Rebuilt):
 
 
 def discretise(system: PeriodicSystem, n_phases: int, *, tolerance: float = TOLERANCE) -> DiscretePeriodicSystem:
-    r"""The discrete system of a continuous one whose input is held constant within each step.
+    r"""The discrete system of a continuous `system` whose input is held constant within each step.
 
     .. math:: A_k = \Phi(t_{k+1}, t_k), \qquad B_k = \int_{t_k}^{t_{k+1}} \Phi(t_{k+1}, s)\, B(s)\, ds, \qquad
               t_k = kT/P
 
-    Both at once, as the transition matrix of the states and the held inputs. C_k and D_k are the values at t_k, after
-    it where they jump: the outputs are those at the beginning of each step.
-
-    Parameters
-    ----------
-    system
-        The continuous system.
-    n_phases
-        Steps a period, P.
-    tolerance
-        The relative error that is aimed at, from 1e-14 to 1e-3.
+    There are `n_phases` steps a period, P. Both at once, as the transition matrix of the states and the held inputs, to
+    a relative error `tolerance`, from 1e-14 to 1e-3. C_k and D_k are the values at t_k, after it where they jump: the
+    outputs are those at the beginning of each step.
 
     Raises
     ------

@@ -148,29 +148,19 @@ def _symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def h2_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> float:
-    r"""The H2 norm of a stable periodic system.
+    r"""The H2 norm of a stable periodic `system` with inputs, the mean found to 1e-10; `tolerance` as in `gramian`.
 
     .. math:: \lVert G \rVert_2^2 = \frac{1}{T} \int_0^T \mathrm{tr}\left[C(t)\, P(t)\, C(t)^T\right] dt
               = \frac{1}{T} \int_0^T \sum_j \int_s^\infty \lVert y_j(t, s) \rVert^2\, dt\, ds
 
     with P the reachability `gramian` and y_j the response to an impulse at s in input j: the root of the mean energy
-    of the impulse responses, or of the mean variance of the outputs under white noise of unit intensity.
-
-    Parameters
-    ----------
-    system
-        The periodic system, with inputs.
-    tolerance
-        As in `gramian`; the mean is found to 1e-10.
+    of the impulse responses, or of the mean variance of the outputs under white noise of unit intensity (Colaneri 2000,
+    Continuous-time periodic systems in H2 and H∞, part I).
 
     Raises
     ------
     InputError
-        The system is not stable, D is not zero, or as in `gramian`.
-
-    Notes
-    -----
-    Colaneri 2000, Continuous-time periodic systems in H2 and H∞, part I.
+        D is not zero, or as in `gramian`.
     """
     of = "floquet.h2_norm"
     checked_system(system, of, inputs=True)
@@ -198,28 +188,13 @@ def h2_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> float:
 
 
 def hankel_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> float:
-    r"""Hankel's norm of a stable periodic system.
+    r"""Hankel's norm of a stable periodic `system` with inputs; `tolerance` and errors as in `gramian`.
 
     .. math:: \lVert G \rVert_H = \max_t \sqrt{\lambda_{\max}\left[P(t)\, Q(t)\right]}
 
-    the largest gain from the energy of the inputs before a phase to that of the outputs after it.
-
-    Parameters
-    ----------
-    system
-        The periodic system, with inputs.
-    tolerance
-        As in `gramian`.
-
-    Raises
-    ------
-    InputError
-        As in `gramian`.
-
-    Notes
-    -----
-    The largest value is looked for beside the largest at 32 phases and at the breaks. Colaneri 2000; Bittanti and
-    Colaneri 2009, Periodic Systems: Filtering and Control.
+    the largest gain from the energy of the inputs before a phase to that of the outputs after it (Colaneri 2000;
+    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control), looked for beside the largest at 32 phases and
+    the breaks.
     """
     of = "floquet.hankel_norm"
     checked_system(system, of, inputs=True)

@@ -151,6 +151,8 @@ def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: in
     one of the present phase holds the signal and the others are zero. Its poles are all P-th roots of the
     multipliers, and small multipliers are not lost in a product.
 
+    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control, chapter 6.
+
     Parameters
     ----------
     system
@@ -164,10 +166,6 @@ def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: in
     ------
     InputError
         The form is unknown, or the phase is not possible.
-
-    Notes
-    -----
-    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control, chapter 6.
     """
     of = "floquet.lift"
     if form not in get_args(Form):

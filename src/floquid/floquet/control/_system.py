@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, final
+from typing import Any, Literal, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +27,11 @@ from floquid.floquet.matrices import (
     stretches,
 )
 
+# A, B, C and D.
+Matrices: TypeAlias = tuple[
+    AbstractPeriodicMatrix, AbstractPeriodicMatrix, AbstractPeriodicMatrix, AbstractPeriodicMatrix
+]
+
 _SINGULAR = 1e-12  # reciprocal condition of I ∓ D₁D₂ below which a loop has no solution
 _PROBES = 64
 
@@ -39,6 +44,7 @@ class PeriodicSystem:
     .. math:: \dot x = A(t)\, x + B(t)\, u, \qquad y = C(t)\, x + D(t)\, u
 
     `G2 @ G1` is G1 followed by G2, `G1 + G2` and `G1 - G2` are in parallel, `G1.feedback(G2)` closes a loop.
+    All four are held over their least common period; a constant has any period, so it takes no part in finding it.
 
     Parameters
     ----------
@@ -57,10 +63,6 @@ class PeriodicSystem:
     ------
     InputError
         Shapes do not agree, no matrix is periodic, the periods have no common multiple, or names are not distinct.
-
-    Notes
-    -----
-    All four are held over their least common period; a constant has any period, so it takes no part in finding it.
     """
 
     A: AbstractPeriodicMatrix
@@ -308,6 +310,13 @@ def _inverted(matrix: AbstractPeriodicMatrix, times: NDArray[np.float64]) -> NDA
     return np.linalg.inv(matrix.at(times)).astype(np.float64, copy=False)
 
 
+def balanced_system(system: PeriodicSystem, prepared: Prepared, of: str) -> Matrices:
+    """A, B, C and D in units of the states in which A is balanced."""
+    _, B, C, D = with_inputs(system, of)
+    to, back = np.diag(prepared.scale), np.diag(1.0 / prepared.scale)
+    return back @ prepared.matrix @ to, back @ B, C @ to, D
+
+
 def matrix_reach(prepared: Prepared, entry: AbstractPeriodicMatrix) -> NDArray[np.float64]:
     """The speed at which a unit of each input moves the states, in their units (inputs,)."""
     size = np.abs(entry.at(probe_times(entry.period, _PROBES))).max(axis=0)
@@ -329,9 +338,7 @@ def checked_system(system: PeriodicSystem, of: str, *, inputs: bool, argument: s
         raise input_error(argument, of, "have inputs", "has none", "Give it a `B`.")
 
 
-def with_inputs(
-    system: PeriodicSystem, of: str, argument: str = "system"
-) -> tuple[AbstractPeriodicMatrix, AbstractPeriodicMatrix, AbstractPeriodicMatrix, AbstractPeriodicMatrix]:
+def with_inputs(system: PeriodicSystem, of: str, argument: str = "system") -> Matrices:
     """A, B, C and D of a periodic system, refused where it has no inputs."""
     checked_system(system, of, inputs=True, argument=argument)
     assert system.B is not None

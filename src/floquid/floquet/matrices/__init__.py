@@ -19,7 +19,7 @@ from floquid.floquet.matrices._forms import (
     PiecewiseMatrix,
     SampledMatrix,
 )
-from floquid.floquet.matrices._fourier import Elements, Needs, Reach, elements, fourier, of_function, reach
+from floquid.floquet.matrices._fourier import Elements, Reach, elements, fourier, of_function, reach
 from floquid.floquet.matrices._given import as_array, checked_tolerance, named, probe_times, refuse_other_period
 from floquid.floquet.matrices._interpolation import line_weights
 from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix

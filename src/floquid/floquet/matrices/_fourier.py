@@ -37,14 +37,6 @@ class Reach(NamedTuple):
     ends: bool  # true if they have an end; if not, only strong lines are counted
 
 
-class Needs(NamedTuple):
-    """The truncations that the harmonics of the matrices need."""
-
-    lowest: int  # the lowest truncation
-    step: int  # the least step from one to the next that meets anything new
-    steps: int  # of how many steps there is to be room
-
-
 def reach(matrix: AbstractPeriodicMatrix, tolerance: float, scale: NDArray[np.float64] | None = None) -> Reach:
     """How far the lines above `tolerance` of the norm of all reach, states in units of `scale` (n,).
 

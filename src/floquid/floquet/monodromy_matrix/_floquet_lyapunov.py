@@ -53,6 +53,9 @@ def floquet_lyapunov(
 
     block by block of the periodic Schur form, so that multipliers of very different sizes are kept.
 
+    Floquet 1883; Lyapunov 1892; real with a period of 2T where a real multiplier is negative: Montagnier, Paige and
+    Spiteri 2003, "Real Floquet factors of linear time-periodic systems".
+
     Parameters
     ----------
     system, period, breaks, tolerance
@@ -64,11 +67,6 @@ def floquet_lyapunov(
     ------
     InputError
         As in `exponents`.
-
-    Notes
-    -----
-    Floquet 1883; Lyapunov 1892; real with a period of 2T where a real multiplier is negative: Montagnier, Paige and
-    Spiteri 2003, "Real Floquet factors of linear time-periodic systems".
     """
     of = "floquet.floquet_lyapunov"
     prepared = checked(system, period, breaks, tolerance, of)

@@ -159,6 +159,9 @@ def modes(
 ) -> FloquetModes:
     """The Floquet modes of A(t): exponents and periodic shapes, by factors that are never multiplied out.
 
+    Allen 2009, eqs. (3), (4), (6). The shape of a small multiplier is carried through each factor in the direction in
+    which errors decay.
+
     Parameters
     ----------
     system, period, breaks, tolerance
@@ -171,11 +174,6 @@ def modes(
     ------
     InputError
         As in `exponents`.
-
-    Notes
-    -----
-    Allen 2009, eqs. (3), (4), (6). The shape of a small multiplier is carried through each factor in the direction in
-    which errors decay.
     """
     of = "floquet.modes"
     prepared = checked(system, period, breaks, tolerance, of)
@@ -227,7 +225,7 @@ def _assembled(
     middle = shifted[:, :, limit]
     strongest = np.take_along_axis(middle, np.abs(middle / units).argmax(axis=1)[:, None], axis=1)
     vectors = carried.vectors[0][:, order] * (prepared.scale / units)[:, None]
-    condition = np.linalg.norm(_inverse_rows(vectors), axis=1) * np.linalg.norm(vectors, axis=0)
+    condition = np.linalg.norm(left_vectors(vectors), axis=1) * np.linalg.norm(vectors, axis=0)
     error = tolerance * len(found.owner) ** 0.5 * condition
     groups = _defective(carried.logarithms[order], condition, error)
     return FloquetModes(
@@ -270,11 +268,12 @@ def _moved(coefficients: NDArray[np.complex128], centre: int) -> NDArray[np.comp
     return out
 
 
-def _inverse_rows(vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """The left vectors; of a singular set those of one a rounding error away."""
+def left_vectors(vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """The inverses (..., n, n); of a singular set that of one a rounding error away."""
     u, s, vh = np.linalg.svd(vectors)
-    inverse = vh.conj().T @ (u.conj().T / np.maximum(s, 1e-16 * s[0])[:, None])
-    return np.asarray(inverse, dtype=np.complex128)
+    return np.swapaxes(vh.conj(), -1, -2) @ (
+        np.swapaxes(u.conj(), -1, -2) / np.maximum(s, 1e-16 * s[..., :1])[..., None]
+    )
 
 
 def _defective(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, positive
-from floquid.floquet.monodromy_matrix._modes import FloquetModes
+from floquid.floquet.monodromy_matrix._modes import FloquetModes, left_vectors
 from floquid.floquet.monodromy_matrix._transition import TOLERANCE
 
 _SAFE = 100.0  # errors of an exponent within which its real part is called zero
@@ -100,15 +100,9 @@ def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: Arra
 def compare(modes: FloquetModes, exponents: ArrayLike) -> NDArray[np.float64]:
     """The distance of each mode's exponent from that of another route (modes,) [1/s].
 
-    Exponents are paired by assignment, modulo iω. Of a group that shares a shape the means are compared: each alone is
-    right only to a root of its error, by any route.
-
-    Parameters
-    ----------
-    modes
-        What `modes` found.
-    exponents
-        The others, on any branch (modes,) [1/s].
+    The `exponents` of that route, on any branch (modes,) [1/s], are paired with those of `modes` by assignment, modulo
+    iω. Of a group that shares a shape the means are compared: each alone is right only to a root of its error, by any
+    route.
 
     Raises
     ------
@@ -150,10 +144,7 @@ def state_participation(modes: FloquetModes) -> NDArray[np.float64]:
     largest = np.abs(shapes).max(axis=(0, 1), keepdims=True)
     shapes = shapes / np.where(largest > 0.0, largest, 1.0)  # so that no unit decides what is small
     shapes /= np.linalg.norm(shapes, axis=2, keepdims=True)
-    u, s, vh = np.linalg.svd(shapes)
-    # Of modes that share a shape the inverse is that of a set one rounding error away.
-    inverse = np.conj(np.swapaxes(u / np.maximum(s, 1e-16 * s[:, :1])[:, None, :] @ vh, 1, 2))
-    shares = (np.abs(shapes) * np.abs(np.swapaxes(inverse, 1, 2))).mean(axis=0)
+    shares = (np.abs(shapes) * np.abs(np.swapaxes(left_vectors(shapes), 1, 2))).mean(axis=0)
     return shares / shares.sum(axis=1, keepdims=True)
 
 

@@ -35,10 +35,11 @@ def transition(
 
     .. math:: \dot\Phi(t, t_0) = A(t)\,\Phi(t, t_0), \qquad \Phi(t_0, t_0) = I
 
-    By Gauss collocation of order 12 or 16 on intervals halved until each reaches the tolerance. A callable that is
-    smooth is first resolved into its harmonics from 64 or more samples at equal steps, so that it is called no more
-    often than that; one that is not is evaluated within each interval. What happens within less than 1/64 of the
-    period may pass unseen unless it stands between `breaks`: see `FunctionMatrix.narrowest`.
+    Allen 2009, eq. (3), by Gauss collocation of order 12 or 16 (Hairer, Lubich and Wanner, Geometric Numerical
+    Integration, II.1.3) on intervals halved until each reaches the tolerance. A callable that is smooth is first
+    resolved into its harmonics from 64 or more samples at equal steps; one that is not is evaluated within each
+    interval. What happens within less than 1/64 of the period may pass unseen unless it stands between `breaks`: see
+    `FunctionMatrix.narrowest`.
 
     Parameters
     ----------
@@ -64,10 +65,6 @@ def transition(
     InputError
         `system` is not a finite real (n, n) of that period, `times` does not ascend from `start`, a break lies
         outside the first period, or A(t) cannot be integrated.
-
-    Notes
-    -----
-    Allen 2009, eq. (3). Gauss collocation: Hairer, Lubich and Wanner, Geometric Numerical Integration, II.1.3.
     """
     of = "floquet.transition"
     prepared = checked(system, period, breaks, tolerance, of)
@@ -111,17 +108,7 @@ def monodromy(
 ) -> NDArray[np.float64]:
     """The monodromy matrix Φ(t₀ + T, t₀) (n, n): the transition over one period.
 
-    Parameters
-    ----------
-    system, period, breaks, tolerance
-        As in `transition`.
-    start
-        The time t₀ [s].
-
-    Raises
-    ------
-    InputError
-        As in `transition`.
+    Arguments (`system`, `period`, `start`, `breaks`, `tolerance`) and errors are those of `transition`.
     """
     of = "floquet.monodromy"
     begin = finite(start, "start", of, unit="s")
@@ -227,18 +214,8 @@ def multipliers(
 
     .. math:: \mu_r = \mathrm{eig}\,\Phi(T, 0) = e^{\lambda_r T}
 
-    In the order of `exponents`: by the size of their angle, then by falling magnitude, the positive angle of a
-    conjugate pair first. One below 1e-308 is zero and one above 1e308 infinite: `exponents` has all.
-
-    Parameters
-    ----------
-    system, period, breaks, tolerance
-        As in `transition`.
-
-    Raises
-    ------
-    InputError
-        As in `exponents`.
+    Arguments (`system`, `period`, `breaks`, `tolerance`), order and errors are those of `exponents`. One below 1e-308
+    is zero and one above 1e308 infinite: `exponents` has all.
     """
     return multipliers_of(_logarithms(system, period, breaks, tolerance, "floquet.multipliers")[0])
 

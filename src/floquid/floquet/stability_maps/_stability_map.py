@@ -302,29 +302,22 @@ def transitions(
 
     .. math:: \Phi(\varphi_1 T(p), \varphi_0 T(p); p), \qquad \dot x = A(t; p)\, x, \qquad A(t + T(p); p) = A(t; p)
 
+    With the method and accuracy of `transition`; the batch is what makes it quick for small systems.
+
     Parameters
     ----------
-    system
-        A(t; p): t [s] and the values of the parameters, in the order of `parameters`, -> (n, n) [1/s]. When
-        `vectorised`: times and parameters, arrays that broadcast to a shape (...), -> (..., n, n).
-    period
-        The period T [s]; or, where it depends on the parameters, a callable of them, taking arrays when `vectorised`.
+    system, period, vectorised, breaks, tolerance, narrowest
+        As in `stability_map`.
     parameters
         The names of the parameters and their values, arrays that broadcast to one shape (...).
     start, end
         The phases φ₀ and φ₁ between which it is integrated [periods], the second not before the first.
-    vectorised, breaks, tolerance, narrowest
-        As in `stability_map`.
 
     Raises
     ------
     InputError
         The parameters do not broadcast, `end` lies before `start`, a callable does not return what it must, A(t; p)
         does not have the period T(p) or cannot be integrated, or Φ overflows.
-
-    Notes
-    -----
-    As `transition`, whose method and accuracy it has; the batch is what makes it quick for small systems.
     """
     of = "floquet.transitions"
     if not isinstance(parameters, Mapping) or not parameters:
