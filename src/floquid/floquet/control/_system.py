@@ -255,25 +255,14 @@ def _over_one_period(given: dict[str, Operand]) -> dict[str, AbstractPeriodicMat
 
 
 def _built(
-    *,
     A: list[list[Operand]],
     B: list[list[Operand]],
     C: list[list[Operand]],
     D: AbstractPeriodicMatrix,
-    states: tuple[str, ...],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
+    **names: tuple[str, ...],
 ) -> PeriodicSystem:
-    period = D.period  # of what is constant alone; the rest finds its own
-    return PeriodicSystem(
-        A=assembled(A, period),
-        B=assembled(B, period),
-        C=assembled(C, period),
-        D=D,
-        states=states,
-        inputs=inputs,
-        outputs=outputs,
-    )
+    """The system of these blocks; the period of D is that of what is constant alone, the rest finds its own."""
+    return PeriodicSystem(A=assembled(A, D.period), B=assembled(B, D.period), C=assembled(C, D.period), D=D, **names)
 
 
 def _joined(first: tuple[str, ...], second: tuple[str, ...]) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.floquet.hill_method._hill_matrix import block_toeplitz, in_exponentials, modulo, real_hill
+from floquid.floquet.hill_method._hill_matrix import block_toeplitz, in_exponentials, modulo, real_hill, speeds
 
 _SAME = (1e-6, 1e-4, 1e-8)  # of ω: within which two eigenvalues are one of a family, or a multiple one
 _SPLIT = 6.0  # times the rounding: a k-fold exponent splits by at most 2 k times what each moves by to first order
@@ -132,13 +132,11 @@ def nearest(problem: Problem, near: complex, start: NDArray[np.complex128]) -> T
     from scipy.linalg import lu_factor, lu_solve
 
     n, count = start.shape
-    speeds = 1j * problem.fundamental * np.repeat(np.arange(count) - count // 2, n)
     matrix = block_toeplitz(problem.coefficients, problem.n_harmonics)
-    diagonal = np.arange(len(speeds))
-    matrix[diagonal, diagonal] -= speeds + near + _EPS * problem.size
+    diagonal = np.arange(n * count)
+    matrix[diagonal, diagonal] -= speeds(n, count // 2, problem.fundamental) + near + _EPS * problem.size
     factors = lu_factor(matrix, check_finite=False)
     right, left = start.T.ravel(), start.T.ravel()
-    shift = 0.0j
     for _ in range(3):
         right = lu_solve(factors, right, check_finite=False)
         right /= np.linalg.norm(right)
