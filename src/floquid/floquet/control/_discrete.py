@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet.control._system import PeriodicSystem, checked_system, input_units, matrix_reach
-from floquid.floquet.matrices import AbstractPeriodicMatrix, Prepared, after_jumps, assembled, named
+from floquid.floquet.matrices import after_jumps, assembled, named
 from floquid.floquet.monodromy_matrix import TOLERANCE, checked, factors, multipliers_of, product_logarithms
 
 
@@ -182,7 +182,12 @@ def discretise(system: PeriodicSystem, n_phases: int, *, tolerance: float = TOLE
     n, units = system.n_states, np.empty(0)
     prepared = checked(system.A, None, (), tolerance, of)
     if system.B is not None:
-        prepared, units = _with_held_inputs(prepared, system.A, system.B, tolerance, of)
+        # Held inputs are states that do not move, in units in which they move the others as quickly as these move each
+        # other: neither a step's error nor its rounding depends on the units that they came in.
+        units = input_units(prepared, matrix_reach(prepared, system.B))
+        m = len(units)
+        both = assembled([[system.A, system.B @ np.diag(units)], [np.zeros((m, n)), np.zeros((m, m))]], system.period)
+        prepared = checked(both, None, (), tolerance, of)
     instants = system.period * np.arange(count + 1) / count
     found = factors(prepared, instants, tolerance, of)
     phi = np.broadcast_to(np.eye(n + len(units)), (count, n + len(units), n + len(units))).copy()
@@ -206,17 +211,3 @@ def checked_phase(first_phase: int, n_phases: int, of: str) -> int:
     if phase >= n_phases:
         raise input_error("first_phase", of, f"be below the number of phases, {n_phases}", f"is {phase}")
     return phase
-
-
-def _with_held_inputs(
-    prepared: Prepared, A: AbstractPeriodicMatrix, B: AbstractPeriodicMatrix, tolerance: float, of: str
-) -> tuple[Prepared, NDArray[np.float64]]:
-    """The states and inputs together, ready to be integrated, and the units that the inputs are given (inputs,).
-
-    The units make the inputs move the states as quickly as these move each other, so that neither a step's error nor
-    its rounding depends on the units that the inputs came in.
-    """
-    units = input_units(prepared, matrix_reach(prepared, B))
-    n, m = B.shape
-    both = assembled([[A, B @ np.diag(units)], [np.zeros((m, n)), np.zeros((m, m))]], A.period)
-    return checked(both, None, (), tolerance, of), units

@@ -109,7 +109,10 @@ def truncated(problem: Problem) -> Truncated | None:
     condition = 1.0 / np.maximum(np.abs((left.conj() * right).sum(axis=0)), 1e-300)
     vectors = in_exponentials(right, n)
     leak = _leaks(problem, vectors)
-    order = np.argsort(_ranks(problem, vectors, leak), kind="stable")
+    energy = (np.abs(vectors) ** 2).sum(axis=1)
+    off_centre = np.abs(energy @ np.arange(-problem.n_harmonics, problem.n_harmonics + 1))
+    ranks = np.maximum(leak, _FLOOR * (problem.size + problem.fundamental)) * (1.0 + off_centre)
+    order = np.argsort(ranks, kind="stable")
     for same in _SAME:
         taken = _one_of_each(values, order, n, problem.fundamental, same * problem.fundamental)
         if taken is None:
@@ -159,12 +162,6 @@ def _leaks(problem: Problem, vectors: NDArray[np.complex128]) -> NDArray[np.floa
     m = np.arange(-n_harmonics, n_harmonics + 1)
     weights = beyond[n_harmonics - m] + beyond[n_harmonics + m]
     return np.linalg.norm(vectors, axis=1) @ weights
-
-
-def _ranks(problem: Problem, vectors: NDArray[np.complex128], leak: NDArray[np.float64]) -> NDArray[np.float64]:
-    energy = (np.abs(vectors) ** 2).sum(axis=1)
-    m = np.arange(energy.shape[1]) - energy.shape[1] // 2
-    return np.maximum(leak, _FLOOR * (problem.size + problem.fundamental)) * (1.0 + np.abs(energy @ m))
 
 
 def _one_of_each(

@@ -59,14 +59,9 @@ def floquet_lyapunov(
     Parameters
     ----------
     system, period, breaks, tolerance
-        As in `transition`.
+        As in `transition`, errors as in `exponents`.
     n_phases
         The number of steps in the period of A, at least 1.
-
-    Raises
-    ------
-    InputError
-        As in `exponents`.
     """
     of = "floquet.floquet_lyapunov"
     prepared = checked(system, period, breaks, tolerance, of)

@@ -165,15 +165,10 @@ def modes(
     Parameters
     ----------
     system, period, breaks, tolerance
-        As in `transition`.
+        As in `transition`, errors as in `exponents`.
     n_phases
         Equal steps of the period at which shapes are found, 8 at least; by default 32 or 64, or as many more as
         their harmonics need, 512 at most.
-
-    Raises
-    ------
-    InputError
-        As in `exponents`.
     """
     of = "floquet.modes"
     prepared = checked(system, period, breaks, tolerance, of)
@@ -271,9 +266,9 @@ def _moved(coefficients: NDArray[np.complex128], centre: int) -> NDArray[np.comp
 def left_vectors(vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """The inverses (..., n, n); of a singular set that of one a rounding error away."""
     u, s, vh = np.linalg.svd(vectors)
-    return np.swapaxes(vh.conj(), -1, -2) @ (
-        np.swapaxes(u.conj(), -1, -2) / np.maximum(s, 1e-16 * s[..., :1])[..., None]
-    )
+    sizes = np.maximum(s, 1e-16 * s[..., :1])[..., None]
+    inverse = np.swapaxes(vh.conj(), -1, -2) @ (np.swapaxes(u.conj(), -1, -2) / sizes)
+    return np.asarray(inverse, dtype=np.complex128)
 
 
 def _defective(
