@@ -36,6 +36,11 @@ def gramian(
     The square roots of the eigenvalues of P are the half axes of what inputs of unit energy reach by the phase;
     those of Q are the energies of the free response from it.
 
+    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control; Varga 2005, On solving periodic differential
+    matrix equations. The integrals over short intervals are read off the transition matrix of a Hamiltonian system
+    (Van Loan 1978), and P(0) solves the discrete Lyapunov equation of a period; from there it is carried on in the
+    direction in which errors decay.
+
     Parameters
     ----------
     system
@@ -51,13 +56,6 @@ def gramian(
     ------
     InputError
         The system is not stable, so that the integral does not exist; it has no inputs; or it cannot be integrated.
-
-    Notes
-    -----
-    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control; Varga 2005, On solving periodic differential
-    matrix equations. The integrals over short intervals are read off the transition matrix of a Hamiltonian system
-    (Van Loan 1978), and P(0) solves the discrete Lyapunov equation of a period; from there it is carried on in the
-    direction in which errors decay.
     """
     of = "floquet.gramian"
     checked_system(system, of, inputs=kind == "reachability")

@@ -69,6 +69,12 @@ def linf_norm(system: PeriodicSystem, *, tolerance: float = 1e-6) -> PeakGain:
 
     has a solution from X = 0 backwards without end. The horizon is doubled until it does not matter.
 
+    Colaneri 2000, Continuous-time periodic systems in H2 and H∞, part I. That the Hamiltonian matrix of the equation
+    has no multiplier on the unit circle is necessary, not sufficient: the singular values over Ω fill bands, and γ may
+    lie in a gap between two. Doubling: Chu, Fan, Lin and Wang 2004, Structure-preserving algorithms for periodic
+    discrete-time algebraic Riccati equations. A gain close to that of D, or far below what B and C could give, takes
+    many short steps.
+
     Parameters
     ----------
     system
@@ -80,14 +86,6 @@ def linf_norm(system: PeriodicSystem, *, tolerance: float = 1e-6) -> PeakGain:
     ------
     InputError
         The system is not stable, it has no inputs, or it cannot be integrated.
-
-    Notes
-    -----
-    Colaneri 2000, Continuous-time periodic systems in H2 and H∞, part I. That the Hamiltonian matrix of the equation
-    has no multiplier on the unit circle is necessary, not sufficient: the singular values over Ω fill bands, and γ may
-    lie in a gap between two. Doubling: Chu, Fan, Lin and Wang 2004, Structure-preserving algorithms for periodic
-    discrete-time algebraic Riccati equations. A gain close to that of D, or far below what B and C could give, takes
-    many short steps.
     """
     checked_system(system, _OF, inputs=True)
     accuracy = positive(tolerance, "tolerance", _OF)

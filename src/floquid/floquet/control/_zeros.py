@@ -44,18 +44,16 @@ def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> NDArray[np
     k < r_i: n less the sum of the r_i. Where D(t) is invertible, no output is differentiated, and they are the n
     exponents of :math:`A - B D^{-1} C`. `tolerance` is as in `transition`.
 
+    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control; the zero dynamics of Isidori 1995, Nonlinear
+    Control Systems, 5.1. The outputs and their derivatives are projected out of every factor of a product that is not
+    formed, so that no infinite zeros have to be told from finite ones.
+
     Raises
     ------
     InputError
         The numbers of inputs and outputs differ; an output that has to be differentiated jumps; or E(t) is singular at
         some time, as where an output's first input fades within the period. Zeros may exist then: they are not found
         in this way.
-
-    Notes
-    -----
-    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control; the zero dynamics of Isidori 1995, Nonlinear
-    Control Systems, 5.1. The outputs and their derivatives are projected out of every factor of a product that is not
-    formed, so that no infinite zeros have to be told from finite ones.
     """
     with_inputs(system, _OF)
     if system.n_inputs != system.n_outputs:

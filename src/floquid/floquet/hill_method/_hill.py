@@ -62,6 +62,9 @@ def hill(
     seen from coordinates in which it is smooth first, which leaves the exponents as they are; so its breaks must be
     named.
 
+    Hill 1886; in state form Wereley 1990. Zhou, Hagiwara and Araki 2004 show that the truncation converges.
+    Selection by the shape rather than by Im λ: Moore 2005; Bentvelsen and Lazarus 2018.
+
     Parameters
     ----------
     system
@@ -83,11 +86,6 @@ def hill(
     InputError
         `system` is not a finite real (n, n) of that period; the truncation is too large; or the exponents have not
         settled and `raises` is true.
-
-    Notes
-    -----
-    Hill 1886; in state form Wereley 1990. Zhou, Hagiwara and Araki 2004 show that the truncation converges.
-    Selection by the shape rather than by Im λ: Moore 2005; Bentvelsen and Lazarus 2018.
     """
     of = "floquet.hill"
     accuracy = checked_tolerance(tolerance, of, largest=1e-2)

@@ -231,6 +231,11 @@ def exponents(
     A real negative multiplier has Im λ = +ω/2. Sorted by \|Im λ\|, then by falling real part, the positive imaginary
     part of a conjugate pair first.
 
+    Allen 2009, eq. (4). The period is split into factors, each well conditioned, and the eigenvalues are those of
+    their product without its being formed (periodic Schur form: Bojanczyk, Golub and Van Dooren 1992). The multipliers
+    may be as far apart as they like: each is good to about `tolerance` times the number of factors of itself, times
+    its condition. Two that are nearly equal and share a shape are good to the root of that; `modes` tells.
+
     Parameters
     ----------
     system, period, breaks, tolerance
@@ -241,13 +246,6 @@ def exponents(
     InputError
         As in `transition`; or the sum of the exponents misses the mean trace of A(t), which it must equal by
         Liouville's formula.
-
-    Notes
-    -----
-    Allen 2009, eq. (4). The period is split into factors, each well conditioned, and the eigenvalues are those of
-    their product without its being formed (periodic Schur form: Bojanczyk, Golub and Van Dooren 1992). The multipliers
-    may be as far apart as they like: each is good to about `tolerance` times the number of factors of itself, times
-    its condition. Two that are nearly equal and share a shape are good to the root of that; `modes` tells.
     """
     found, length = _logarithms(system, period, breaks, tolerance, "floquet.exponents")
     return found / length

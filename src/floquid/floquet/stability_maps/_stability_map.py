@@ -121,6 +121,15 @@ def stability_map(
     edges of all bands are halved down to `edge_tolerance`. Of two, the cells of the grid are halved where their
     corners differ and where a band may hide, and the boundary's crossings of the sides of the smallest are halved.
 
+    A band is found if it holds a value of the grid. Between two stable values it is found if it is wider than
+    2^-refinements of their distance and one pair of multipliers meets there once, from which it springs: the
+    eigenvectors then change places (the sets of multipliers being followed between neighbours, as by Yakubovich and
+    Starzhinskii, Linear Differential Equations with Periodic Coefficients, III), or if the growth rises towards it at
+    neighbouring values. A grid so coarse that shapes change wholly between its values can miss one.
+
+    The exponents are those of the product of the factors of Φ(T), kept in range: the largest multipliers are as good
+    as the product allows, small ones may be lost, which stability does not ask for; `floquet.exponents` has them.
+
     Parameters
     ----------
     system
@@ -162,17 +171,6 @@ def stability_map(
     InputError
         The parameters are not one or two ascending grids, a callable does not return what it must, A(t; p) does not
         have the period T(p) or cannot be integrated, or a plain callable cannot be sent to the worker processes.
-
-    Notes
-    -----
-    A band is found if it holds a value of the grid. Between two stable values it is found if it is wider than
-    2^-refinements of their distance and one pair of multipliers meets there once, from which it springs: the
-    eigenvectors then change places (the sets of multipliers being followed between neighbours, as by Yakubovich and
-    Starzhinskii, Linear Differential Equations with Periodic Coefficients, III), or if the growth rises towards it at
-    neighbouring values. A grid so coarse that shapes change wholly between its values can miss one.
-
-    The exponents are those of the product of the factors of Φ(T), kept in range: the largest multipliers are as good
-    as the product allows, small ones may be lost, which stability does not ask for; `floquet.exponents` has them.
     """
     of = "floquet.stability_map"
     grids = _grids(parameters, of)
