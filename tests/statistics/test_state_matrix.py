@@ -18,7 +18,7 @@ from floquid.core import ConstantPeriod
 from floquid.errors import IdentificationError
 from floquid.reconstruction import Block, SecondOrder, reconstruct, refine
 from floquid.systems import JeffcottRotor
-from floquid.systems._propagation import free_response
+from floquid.systems._jeffcott import free_response
 
 RARE = 1e-3
 """The probability with which chance may leave a band, over all parameters together."""

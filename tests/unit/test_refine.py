@@ -18,7 +18,7 @@ from floquid.reconstruction import Block, FirstOrder, SecondOrder, refine
 from floquid.reconstruction._harmonic_balance import Mode, slopes_of, solved
 from floquid.reconstruction._invariance import Seen, at, problem_of
 from floquid.systems import JeffcottRotor
-from floquid.systems._propagation import free_response
+from floquid.systems._jeffcott import free_response
 from floquid.testing import assert_exponents_close
 
 SYMMETRIC, ANY, DIAGONAL = (Block(symmetry=s) for s in ("symmetric", "none", "diagonal"))

@@ -48,82 +48,77 @@ class ReferenceSystem(Rebuilt):
 def literature() -> tuple[ReferenceSystem, ...]:
     """Systems whose exponents are printed or follow in closed form: tests of anything that computes them.
 
-    Returns
-    -------
-    tuple of ReferenceSystem
-        Those with a zero `error` are exact; the others were computed once by an adaptive Runge-Kutta integrator at a
-        relative tolerance of 1e-11 or better.
+    Those with a zero `error` are exact; the others were computed once by an adaptive Runge-Kutta integrator at a
+    relative tolerance of 1e-11 or better.
     """
-    half = np.pi / 2.0
-    hover = np.array([-6.0 / 16.0 + 1j * np.sqrt(1.0 - (6.0 / 16.0) ** 2)])
-    integrated = "integrated at 1e-11"
-    return (
-        _known("Zhou and Hagiwara", "Zhou and Hagiwara; exact", zhou_hagiwara, np.pi, [-1, -2]),
-        _known("the same, half the period", "as above; exact", zhou_hagiwara, half, [-1 + 2j, -2 + 2j]),
-        _known("Vinograd", "Vinograd; exact", vinograd, np.pi / 3.0, [2, -13]),
-        _known("Colaneri", "Colaneri; exact", colaneri, 2.0 * np.pi, [0, -24]),
-        _known("Bittanti and Colaneri", "Bittanti and Colaneri; exact", triangular, 2.0 * np.pi, [-1, -3]),
-        *(
-            ReferenceSystem(
-                name=f"Meissner, ζ = {zeta:g}",
-                source=f"Meissner; {integrated}",
-                system=meissner(zeta),
-                exponents=np.array(exponents),
-                error=5.1e-11,
-            )
-            for zeta, exponents in (
-                (0.0, [0.0413797447 + 1j, -0.0413797447 + 1j]),
-                (0.2, [-0.1479830793 + 1j, -0.2520169207 + 1j]),
-            )
+    once, printed = "integrated at 1e-11", 5.1e-11
+    hover = -6.0 / 16.0 + 1j * np.sqrt(1.0 - (6.0 / 16.0) ** 2)
+    lossy, near = f"x'' + 0.1x' + 0.5(1 - 0.4 cos 2t)x = 0; {once}", f"x'' + 0.005x' + (4 + b cos t)x = 0; {once}"
+    pair = [-0.0025 + 0.0003351501j, -0.0025 - 0.0003351501j]
+    forward = f"flapping, linear aerodynamics, no reversed flow; {once}"
+    pi, turn = np.pi, 2.0 * np.pi
+    known: list[tuple[str, str, Entries | PiecewiseMatrix, float, list[complex], float]] = [
+        ("Zhou and Hagiwara", "Zhou and Hagiwara; exact", zhou_hagiwara, pi, [-1, -2], 0.0),
+        ("the same, half the period", "as above; exact", zhou_hagiwara, pi / 2.0, [-1 + 2j, -2 + 2j], 0.0),
+        ("Vinograd", "Vinograd; exact", vinograd, pi / 3.0, [2, -13], 0.0),
+        ("Colaneri", "Colaneri; exact", colaneri, turn, [0, -24], 0.0),
+        ("Bittanti and Colaneri", "Bittanti and Colaneri; exact", triangular, turn, [-1, -3], 0.0),
+        ("Meissner, ζ = 0", f"Meissner; {once}", meissner(0.0), pi, [0.0413797447 + 1j, -0.0413797447 + 1j], printed),
+        (
+            "Meissner, ζ = 0.2",
+            f"Meissner; {once}",
+            meissner(0.2),
+            pi,
+            [-0.1479830793 + 1j, -0.2520169207 + 1j],
+            printed,
         ),
-        *(
-            _known(f"Mathieu, a = {a:g}, q = {q:g}", f"Mathieu; {integrated}", mathieu(a, q), np.pi, e, 5.1e-11)
-            for a, q, e in (
-                (1.0, 0.1, [0.0499415702 + 1j, -0.0499415702 + 1j]),
-                (2.0, 0.5, [0.6304914303j, -0.6304914303j]),
-                (3.0, 1.0, [0.3284189108j, -0.3284189108j]),
-            )
+        (
+            "Mathieu, a = 1, q = 0.1",
+            f"Mathieu; {once}",
+            mathieu(1.0, 0.1),
+            pi,
+            [0.0499415702 + 1j, -0.0499415702 + 1j],
+            printed,
         ),
-        _known(
-            "lossy Mathieu",
-            f"x'' + 0.1x' + 0.5(1 - 0.4 cos 2t)x = 0; {integrated}",
-            lossy_mathieu,
-            np.pi,
-            [-0.05 + 0.7124490252j, -0.05 - 0.7124490252j],
-            5.1e-11,
+        (
+            "Mathieu, a = 2, q = 0.5",
+            f"Mathieu; {once}",
+            mathieu(2.0, 0.5),
+            pi,
+            [0.6304914303j, -0.6304914303j],
+            printed,
         ),
-        *(
-            _known(
-                f"near-degenerate, b = {b:g}",
-                f"x'' + 0.005x' + (4 + b cos t)x = 0; {integrated}",
-                near_degenerate(b),
-                2.0 * np.pi,
-                [-0.0025 + 0.0003351501j, -0.0025 - 0.0003351501j],
-                5.1e-11,
-            )
-            for b in (0.2, -0.2)
-        ),
-        _known(
+        ("Mathieu, a = 3, q = 1", f"Mathieu; {once}", mathieu(3.0, 1.0), pi, [0.3284189108j, -0.3284189108j], printed),
+        ("lossy Mathieu", lossy, lossy_mathieu, pi, [-0.05 + 0.7124490252j, -0.05 - 0.7124490252j], printed),
+        ("near-degenerate, b = 0.2", near, near_degenerate(0.2), turn, pair, printed),
+        ("near-degenerate, b = -0.2", near, near_degenerate(-0.2), turn, pair, printed),
+        (
             "blade in hover, γ = 6",
             "flapping, linear aerodynamics; exact",
             flapping(6.0, 0.0),
-            2.0 * np.pi,
-            [hover[0], hover[0].conjugate()],
+            turn,
+            [hover, hover.conjugate()],
+            0.0,
         ),
-        *(
-            _known(
-                f"blade, γ = {gamma:g}, μ = 0.3",
-                f"flapping, linear aerodynamics, no reversed flow; {integrated}",
-                flapping(gamma, 0.3),
-                2.0 * np.pi,
-                e,
-                5.1e-8,
-            )
-            for gamma, e in (
-                (6.0, [-0.375 + 0.0796775j, -0.375 - 0.0796775j]),
-                (12.0, [-0.8896271 + 0.5j, -0.6103729 + 0.5j]),
-            )
+        (
+            "blade, γ = 6, μ = 0.3",
+            forward,
+            flapping(6.0, 0.3),
+            turn,
+            [-0.375 + 0.0796775j, -0.375 - 0.0796775j],
+            5.1e-8,
         ),
+        ("blade, γ = 12, μ = 0.3", forward, flapping(12.0, 0.3), turn, [-0.8896271 + 0.5j, -0.6103729 + 0.5j], 5.1e-8),
+    ]
+    return tuple(
+        ReferenceSystem(
+            name=name,
+            source=source,
+            system=rows if isinstance(rows, PiecewiseMatrix) else stacked(rows, period),
+            exponents=np.array(exponents, dtype=np.complex128),
+            error=error,
+        )
+        for name, source, rows, period, exponents, error in known
     )
 
 
@@ -136,10 +131,7 @@ def zhou_hagiwara(t: NDArray[np.float64]) -> list[list[object]]:
 def vinograd(t: NDArray[np.float64]) -> list[list[object]]:
     """The rows of A(t) of Vinograd, whose frozen eigenvalues are -1 and -10 at every instant."""
     s, c = np.sin(6 * t), np.cos(6 * t)
-    return [
-        [-1 - 9 * c**2 + 12 * s * c, 12 * c**2 + 9 * s * c],
-        [-12 * s**2 + 9 * s * c, -1 - 9 * s**2 - 12 * s * c],
-    ]
+    return [[-1 - 9 * c**2 + 12 * s * c, 12 * c**2 + 9 * s * c], [-12 * s**2 + 9 * s * c, -1 - 9 * s**2 - 12 * s * c]]
 
 
 def colaneri(t: NDArray[np.float64]) -> list[list[object]]:
@@ -157,9 +149,9 @@ def lossy_mathieu(t: NDArray[np.float64]) -> list[list[object]]:
     return [[0.0, 1.0], [-0.5 * (1 - 0.4 * np.cos(2 * t)), -0.1]]
 
 
-def mathieu(a: float, q: float, zeta: float = 0.0) -> Entries:
-    """The rows of A(t) of x'' + 2ζx' + (a - 2q cos 2t)x = 0."""
-    return lambda t: [[0.0, 1.0], [2 * q * np.cos(2 * t) - a, -2 * zeta]]
+def mathieu(a: float, q: float) -> Entries:
+    """The rows of A(t) of x'' + (a - 2q cos 2t)x = 0."""
+    return lambda t: [[0.0, 1.0], [2 * q * np.cos(2 * t) - a, 0.0]]
 
 
 def near_degenerate(b: float) -> Entries:
@@ -178,30 +170,19 @@ def flapping(gamma: float, mu: float) -> Entries:
     return rows
 
 
-def meissner(zeta: float, a: float = 1.0, q: float = 0.1) -> PiecewiseMatrix:
-    """A(t) of x'' + 2ζx' + (a - 2qψ)x = 0, ψ = 1 in the first third of T = π, else -1."""
-    pieces = [[[0.0, 1.0], [2 * q * sign - a, -2 * zeta]] for sign in (1.0, -1.0)]
+def meissner(zeta: float) -> PiecewiseMatrix:
+    """A(t) of x'' + 2ζx' + (1 - 0.2ψ)x = 0, ψ = 1 in the first third of T = π, else -1."""
+    pieces = [[[0.0, 1.0], [0.2 * sign - 1.0, -2 * zeta]] for sign in (1.0, -1.0)]
     return PiecewiseMatrix(values=np.moveaxis(np.array(pieces), 0, 2), edges=[0.0, np.pi / 3.0], period=np.pi)
 
 
-def stacked(rows: Entries) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """A(t) as a callable of arrays of times (times,) -> (times, n, n)."""
+def stacked(rows: Entries, period: float) -> FunctionMatrix:
+    """A(t) from its rows."""
 
     def system(times: NDArray[np.float64]) -> NDArray[np.float64]:
-        entries = [[np.broadcast_to(np.asarray(entry, dtype=np.float64), times.shape) for entry in row]
-                   for row in rows(times)]  # fmt: skip
+        entries = [
+            [np.broadcast_to(np.asarray(entry, np.float64), times.shape) for entry in row] for row in rows(times)
+        ]
         return np.stack([np.stack(row, axis=-1) for row in entries], axis=-2)
 
-    return system
-
-
-def _known(
-    name: str, source: str, rows: Entries, period: float, exponents: object, error: float = 0.0
-) -> ReferenceSystem:
-    return ReferenceSystem(
-        name=name,
-        source=source,
-        system=FunctionMatrix(function=stacked(rows), period=period, vectorised=True),
-        exponents=np.asarray(exponents, dtype=np.complex128),
-        error=error,
-    )
+    return FunctionMatrix(function=system, period=period, vectorised=True)

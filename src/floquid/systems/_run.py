@@ -14,12 +14,8 @@ from floquid.systems._jeffcott import JeffcottRotor
 STEPS_PER_PERIOD = 200
 """Steps of the integration in a period of the system, at least: the error of the response is below 1e-9."""
 
-TAYLOR = 9
-"""Terms of the exponential of a step."""
-
-SLOW = (3, 5, 8, 11)
-"""Cycles of the speed's wander in `REFERENCE` periods."""
-
+TAYLOR = 9  # terms of the exponential of a step
+SLOW = (3, 5, 8, 11)  # cycles of the speed's wander in `REFERENCE` periods
 REFERENCE = 1024
 
 

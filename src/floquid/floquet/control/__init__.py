@@ -1,12 +1,10 @@
 """Periodic systems with inputs and outputs: responses, norms, zeros, lifted forms."""
 
 from floquid.floquet.control._discrete import DiscretePeriodicSystem, discretise
-from floquid.floquet.control._gramians import gramian
+from floquid.floquet.control._gramians import gramian, h2_norm, hankel_norm
 from floquid.floquet.control._harmonic_state_space import HarmonicSystem, HarmonicTransfer, harmonic_transfer
-from floquid.floquet.control._lifted import LiftedSystem, lift
+from floquid.floquet.control._lifted import LiftedSystem, lift, realise
 from floquid.floquet.control._linf_norm import PeakGain, linf_norm
-from floquid.floquet.control._norms import h2_norm, hankel_norm
-from floquid.floquet.control._realisation import realise
 from floquid.floquet.control._simulate import simulate
 from floquid.floquet.control._sine_response import SineResponse, sine_response
 from floquid.floquet.control._system import PeriodicSystem

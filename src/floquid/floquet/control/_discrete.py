@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet.control._system import PeriodicSystem, checked_system, input_units, matrix_reach
-from floquid.floquet.matrices import AbstractPeriodicMatrix, Prepared, after_jumps, assembled, named
+from floquid.floquet.matrices import after_jumps, assembled, named
 from floquid.floquet.monodromy_matrix import TOLERANCE, checked, factors, multipliers_of, product_logarithms
 
 
@@ -110,26 +110,20 @@ class DiscretePeriodicSystem(Rebuilt):
         return self.C.shape[1]
 
     def multipliers(self) -> NDArray[np.complex128]:
-        r"""The eigenvalues of the product of a period, which is not formed.
+        r"""The eigenvalues of the product of a period (n,), which is not formed; the same at every phase.
 
         .. math:: \mu_r = \mathrm{eig}\,(A_{P-1} \cdots A_1 A_0)
 
-        Returns
-        -------
-        NDArray[np.complex128]
-            The multipliers (n,), by the size of their angle, then by falling magnitude; the same at every phase.
+        By the size of their angle, then by falling magnitude.
         """
         return multipliers_of(product_logarithms(self.A))
 
     def exponents(self) -> NDArray[np.complex128]:
-        r"""The Floquet exponents on the principal branch.
+        r"""The Floquet exponents on the principal branch (n,) [1/s], in the order of `multipliers`.
 
         .. math:: \lambda_r = \frac{\ln \mu_r}{P\,\Delta t}
 
-        Returns
-        -------
-        NDArray[np.complex128]
-            The exponents (n,) [1/s], in the order of `multipliers`; the real part of a multiplier of zero is -inf.
+        The real part of a multiplier of zero is -inf.
         """
         logs = product_logarithms(self.A)
         return np.asarray(logs.real / self.period + 1j * (logs.imag / self.period), dtype=np.complex128)
@@ -137,7 +131,7 @@ class DiscretePeriodicSystem(Rebuilt):
     def simulate(
         self, inputs: ArrayLike, *, initial: ArrayLike | None = None, first_phase: int = 0
     ) -> NDArray[np.float64]:
-        """The response to a sequence of inputs.
+        """The outputs (outputs, samples) under a sequence of inputs.
 
         Parameters
         ----------
@@ -147,11 +141,6 @@ class DiscretePeriodicSystem(Rebuilt):
             The state at the first sample (n,); zero by default.
         first_phase
             The phase k of the first sample, 0 to P - 1.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            y (outputs, samples).
 
         Raises
         ------
@@ -173,27 +162,14 @@ class DiscretePeriodicSystem(Rebuilt):
 
 
 def discretise(system: PeriodicSystem, n_phases: int, *, tolerance: float = TOLERANCE) -> DiscretePeriodicSystem:
-    r"""The discrete system of a continuous one whose input is held constant within each step.
+    r"""The discrete system of a continuous `system` whose input is held constant within each step.
 
     .. math:: A_k = \Phi(t_{k+1}, t_k), \qquad B_k = \int_{t_k}^{t_{k+1}} \Phi(t_{k+1}, s)\, B(s)\, ds, \qquad
               t_k = kT/P
 
-    Both at once, as the transition matrix of the states and the held inputs. C_k and D_k are the values at t_k, after
-    it where they jump: the outputs are those at the beginning of each step.
-
-    Parameters
-    ----------
-    system
-        The continuous system.
-    n_phases
-        Steps a period, P.
-    tolerance
-        The relative error that is aimed at, from 1e-14 to 1e-3.
-
-    Returns
-    -------
-    DiscretePeriodicSystem
-        The discrete system, with the same names.
+    There are `n_phases` steps a period, P. Both at once, as the transition matrix of the states and the held inputs, to
+    a relative error `tolerance`, from 1e-14 to 1e-3. C_k and D_k are the values at t_k, after it where they jump: the
+    outputs are those at the beginning of each step.
 
     Raises
     ------
@@ -206,7 +182,12 @@ def discretise(system: PeriodicSystem, n_phases: int, *, tolerance: float = TOLE
     n, units = system.n_states, np.empty(0)
     prepared = checked(system.A, None, (), tolerance, of)
     if system.B is not None:
-        prepared, units = _with_held_inputs(prepared, system.A, system.B, tolerance, of)
+        # Held inputs are states that do not move, in units in which they move the others as quickly as these move each
+        # other: neither a step's error nor its rounding depends on the units that they came in.
+        units = input_units(prepared, matrix_reach(prepared, system.B))
+        m = len(units)
+        both = assembled([[system.A, system.B @ np.diag(units)], [np.zeros((m, n)), np.zeros((m, m))]], system.period)
+        prepared = checked(both, None, (), tolerance, of)
     instants = system.period * np.arange(count + 1) / count
     found = factors(prepared, instants, tolerance, of)
     phi = np.broadcast_to(np.eye(n + len(units)), (count, n + len(units), n + len(units))).copy()
@@ -230,17 +211,3 @@ def checked_phase(first_phase: int, n_phases: int, of: str) -> int:
     if phase >= n_phases:
         raise input_error("first_phase", of, f"be below the number of phases, {n_phases}", f"is {phase}")
     return phase
-
-
-def _with_held_inputs(
-    prepared: Prepared, A: AbstractPeriodicMatrix, B: AbstractPeriodicMatrix, tolerance: float, of: str
-) -> tuple[Prepared, NDArray[np.float64]]:
-    """The states and inputs together, ready to be integrated, and the units that the inputs are given (inputs,).
-
-    The units make the inputs move the states as quickly as these move each other, so that neither a step's error nor
-    its rounding depends on the units that the inputs came in.
-    """
-    units = input_units(prepared, matrix_reach(prepared, B))
-    n, m = B.shape
-    both = assembled([[A, B @ np.diag(units)], [np.zeros((m, n)), np.zeros((m, m))]], A.period)
-    return checked(both, None, (), tolerance, of), units

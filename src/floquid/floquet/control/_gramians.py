@@ -1,4 +1,4 @@
-"""Reachability and observability Gramians of a stable periodic system."""
+"""Gramians of a stable periodic system, its H2 norm and Hankel's norm."""
 
 from __future__ import annotations
 
@@ -9,18 +9,24 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
 from floquid.floquet.control._system import PeriodicSystem, checked_system
-from floquid.floquet.matrices import AbstractPeriodicMatrix, assembled, probe_times
+from floquid.floquet.matrices import AbstractPeriodicMatrix, assembled, joint_breaks, probe_times, stretches
 from floquid.floquet.monodromy_matrix import TOLERANCE, checked, factors, product_logarithms
 
 Kind: TypeAlias = Literal["reachability", "observability"]
 
 _UNDAMPED = 1e-9  # decay in a period that cannot be told from none
+_PANELS = 4  # of the first quadrature over a period
+_POINTS = 10  # of Gauss, in a panel
+_DOUBLINGS = 6
+_SETTLED = 1e-10
+_GRID = 32  # instants of a period between which a largest value is looked for
+_LOST = 1e-14  # of the squared Hankel singular values
 
 
 def gramian(
     system: PeriodicSystem, kind: Kind = "reachability", n_phases: int = 64, *, tolerance: float = TOLERANCE
 ) -> NDArray[np.float64]:
-    r"""The periodic Gramian of a stable system.
+    r"""The periodic Gramian of a stable system, symmetric (phases, n, n).
 
     .. math:: P(t) &= \int_{-\infty}^{t} \Phi(t, s)\, B(s)\, B(s)^T\, \Phi(t, s)^T\, ds, \qquad
               \dot P = A P + P A^T + B B^T \\
@@ -29,6 +35,11 @@ def gramian(
 
     The square roots of the eigenvalues of P are the half axes of what inputs of unit energy reach by the phase;
     those of Q are the energies of the free response from it.
+
+    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control; Varga 2005, On solving periodic differential
+    matrix equations. The integrals over short intervals are read off the transition matrix of a Hamiltonian system
+    (Van Loan 1978), and P(0) solves the discrete Lyapunov equation of a period; from there it is carried on in the
+    direction in which errors decay.
 
     Parameters
     ----------
@@ -41,22 +52,10 @@ def gramian(
     tolerance
         The relative error that is aimed at, from 1e-14 to 1e-3; damping that is slight loses from it.
 
-    Returns
-    -------
-    NDArray[np.float64]
-        P or Q at the phases, symmetric (phases, n, n).
-
     Raises
     ------
     InputError
         The system is not stable, so that the integral does not exist; it has no inputs; or it cannot be integrated.
-
-    Notes
-    -----
-    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control; Varga 2005, On solving periodic differential
-    matrix equations. The integrals over short intervals are read off the transition matrix of a Hamiltonian system
-    (Van Loan 1978), and P(0) solves the discrete Lyapunov equation of a period; from there it is carried on in the
-    direction in which errors decay.
     """
     of = "floquet.gramian"
     checked_system(system, of, inputs=kind == "reachability")
@@ -93,8 +92,7 @@ class _Steps(NamedTuple):
     gap: NDArray[np.intp]
     phi: NDArray[np.float64]
     gain: NDArray[np.float64]
-    units: NDArray[np.float64]
-    """The units of the matrices X (n, n)."""
+    units: NDArray[np.float64]  # the units of the matrices X (n, n)
 
 
 def _steps(system: PeriodicSystem, kind: Kind, instants: NDArray[np.float64], tolerance: float, of: str) -> _Steps:
@@ -145,3 +143,106 @@ def largest_entry(matrix: AbstractPeriodicMatrix) -> float:
 
 def _symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return 0.5 * (matrix + matrix.swapaxes(-1, -2))
+
+
+def h2_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> float:
+    r"""The H2 norm of a stable periodic `system` with inputs, the mean found to 1e-10; `tolerance` as in `gramian`.
+
+    .. math:: \lVert G \rVert_2^2 = \frac{1}{T} \int_0^T \mathrm{tr}\left[C(t)\, P(t)\, C(t)^T\right] dt
+              = \frac{1}{T} \int_0^T \sum_j \int_s^\infty \lVert y_j(t, s) \rVert^2\, dt\, ds
+
+    with P the reachability `gramian` and y_j the response to an impulse at s in input j: the root of the mean energy
+    of the impulse responses, or of the mean variance of the outputs under white noise of unit intensity (Colaneri 2000,
+    Continuous-time periodic systems in H2 and H∞, part I).
+
+    Raises
+    ------
+    InputError
+        D is not zero, or as in `gramian`.
+    """
+    of = "floquet.h2_norm"
+    checked_system(system, of, inputs=True)
+    assert system.B is not None
+    assert system.D is not None
+    if system.D.at(stretches(system.D)).any():
+        remedy = "An impulse would pass straight to the outputs, with infinite energy: leave D out, or use `linf_norm`."
+        raise input_error("system", of, "have no direct term", "has a D(t) that is not zero", remedy)
+    breaks = joint_breaks((system.A, system.B, system.C), system.period)
+    bounds = np.unique(np.concatenate([[0.0, system.period], breaks]))
+    before, change = 0.0, np.inf
+    for doubling in range(_DOUBLINGS):
+        now = _mean_variance(system, bounds, _PANELS * 2**doubling, tolerance, of)
+        change = abs(now - before)
+        if doubling and change <= _SETTLED * now:
+            return float(np.sqrt(now))
+        before = now
+    raise input_error(
+        "system",
+        of,
+        f"have a mean of C P Cᵀ that is found to {_SETTLED:g}",
+        f"it still changes by {change:.2g} of {before:.3g}",
+        "Name the instants at which its matrices jump in their `breaks`.",
+    )
+
+
+def hankel_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> float:
+    r"""Hankel's norm of a stable periodic `system` with inputs; `tolerance` and errors as in `gramian`.
+
+    .. math:: \lVert G \rVert_H = \max_t \sqrt{\lambda_{\max}\left[P(t)\, Q(t)\right]}
+
+    the largest gain from the energy of the inputs before a phase to that of the outputs after it (Colaneri 2000;
+    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control), looked for beside the largest at 32 phases and
+    the breaks.
+    """
+    of = "floquet.hankel_norm"
+    checked_system(system, of, inputs=True)
+    from scipy.optimize import fminbound
+
+    instants = grid(system)
+    values = hankel_values(system, instants, tolerance, of)
+    place = int(np.argmax(values))
+    if values[place] == 0.0:
+        return 0.0
+    # What is before the first phase is one period later.
+    around = (instants[-2] - system.period, instants[1]) if place == 0 else (instants[place - 1], instants[place + 1])
+
+    def negative(time: float) -> float:
+        between = np.array([0.0, np.mod(time, system.period), system.period])
+        return -float(hankel_values(system, between, tolerance, of)[1])
+
+    best = np.asarray(fminbound(negative, *around, xtol=1e-5 * system.period)).item()
+    return max(float(values[place]), -negative(best))
+
+
+def _mean_variance(
+    system: PeriodicSystem, bounds: NDArray[np.float64], panels: int, tolerance: float, of: str
+) -> float:
+    """The mean of tr(C P Cᵀ) over a period, by Gauss quadrature on panels of which none crosses a bound."""
+    nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
+    parts = np.maximum(1, np.ceil(np.diff(bounds) * panels / system.period - 1e-9)).astype(np.intp)
+    edges = np.concatenate(
+        [np.linspace(a, b, k, endpoint=False) for a, b, k in zip(bounds, bounds[1:], parts, strict=False)]
+    )
+    widths = np.diff(np.append(edges, system.period))
+    times = (edges[:, None] + 0.5 * widths[:, None] * (1.0 + nodes)).ravel()
+    variances = gramian_at(system, "reachability", np.concatenate([[0.0], times, [system.period]]), tolerance, of)[1:-1]
+    outputs = system.C.at(times)
+    values = np.einsum("tij,tjk,tik->t", outputs, variances, outputs)
+    return float(0.5 * np.outer(widths, weights).ravel() @ values / system.period)
+
+
+def hankel_values(
+    system: PeriodicSystem, instants: NDArray[np.float64], tolerance: float, of: str
+) -> NDArray[np.float64]:
+    """The largest Hankel singular value at instants from 0 to T (instants,); zero if it may be rounding alone."""
+    reach, observe = (gramian_at(system, kind, instants, tolerance, of) for kind in ("reachability", "observability"))
+    values = np.linalg.eigvals(reach @ observe).real.max(axis=1)
+    lost = _LOST * np.einsum("tij,tji->t", np.abs(reach), np.abs(observe)).max()  # whatever the units of the states
+    return np.sqrt(np.where(values > lost, values, 0.0))
+
+
+def grid(system: PeriodicSystem) -> NDArray[np.float64]:
+    """Instants from 0 to T, the breaks among them."""
+    matrices = tuple(matrix for matrix in (system.A, system.B, system.C) if matrix is not None)
+    even = np.linspace(0.0, system.period, _GRID + 1)
+    return np.unique(np.concatenate([even, joint_breaks(matrices, system.period)]))

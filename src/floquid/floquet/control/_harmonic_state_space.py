@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
-from floquid.floquet.control._system import PeriodicSystem, with_inputs
+from floquid.floquet.control._system import Matrices, PeriodicSystem, with_inputs
 from floquid.floquet.hill_method import block_toeplitz, hill, refuse_undamped, smoothed, speeds
-from floquid.floquet.matrices import AbstractPeriodicMatrix, FunctionMatrix, Needs, checked_tolerance, fourier, reach
+from floquid.floquet.matrices import AbstractPeriodicMatrix, FunctionMatrix, checked_tolerance, fourier, reach
 
 _LARGEST = 2500  # rows of the lifted state matrix
 _SMALL = 1000  # rows to which a few states are taken
@@ -31,6 +31,9 @@ class HarmonicSystem(Rebuilt):
 
     The block (k, m) of 𝒜 is A_{k-m}, and 𝒩 is i k ω on the diagonal.
 
+    Wereley and Hall 1990; Möllerstedt and Bernhardsson 2000. A truncation is no system with a sound input and output
+    at every harmonic: rows near ±N lack their neighbours. Use `harmonic_transfer` for values that are checked.
+
     Parameters
     ----------
     A
@@ -48,11 +51,6 @@ class HarmonicSystem(Rebuilt):
     ------
     InputError
         A shape does not agree with the labels.
-
-    Notes
-    -----
-    Wereley and Hall 1990; Möllerstedt and Bernhardsson 2000. A truncation is no system with a sound input and output
-    at every harmonic: rows near ±N lack their neighbours. Use `harmonic_transfer` for values that are checked.
     """
 
     A: NDArray[np.complex128]
@@ -77,19 +75,7 @@ class HarmonicSystem(Rebuilt):
 
     @classmethod
     def from_system(cls, system: PeriodicSystem, n_harmonics: int) -> HarmonicSystem:
-        """The harmonic state space of a periodic system.
-
-        Parameters
-        ----------
-        system
-            The periodic system, with inputs.
-        n_harmonics
-            The truncation N.
-
-        Returns
-        -------
-        HarmonicSystem
-            Its lifted matrices, every row labelled.
+        """The harmonic state space of a periodic `system` with inputs, cut off at `n_harmonics`.
 
         Raises
         ------
@@ -187,6 +173,9 @@ def harmonic_transfer(
     .. math:: H_k(i\Omega) = \left[\mathcal C\,(i\Omega - \mathcal A + \mathcal N)^{-1} \mathcal B
               + \mathcal D\right]_{k,0}
 
+    Wereley and Hall 1990; Möllerstedt and Bernhardsson 2000. That of an unstable system is one too, but no steady
+    response. Where A(t) jumps, it is first made smooth by a periodic change of coordinates, as in `hill`.
+
     Parameters
     ----------
     system
@@ -202,21 +191,11 @@ def harmonic_transfer(
     raises
         Whether a truncation that does not suffice is an error; else see `error`.
 
-    Returns
-    -------
-    HarmonicTransfer
-        The harmonics, and how far they have settled.
-
     Raises
     ------
     InputError
         The system has no inputs, a line meets an undamped exponent, modulo ω, or the values have not settled and
         `raises` is true.
-
-    Notes
-    -----
-    Wereley and Hall 1990; Möllerstedt and Bernhardsson 2000. That of an unstable system is one too, but no steady
-    response. Where A(t) jumps, it is first made smooth by a periodic change of coordinates, as in `hill`.
     """
     of = "floquet.harmonic_transfer"
     inputs = with_inputs(system, of)[1].shape[1]
@@ -239,22 +218,10 @@ def harmonic_transfer(
 class Responses(NamedTuple):
     """The outputs' harmonics for some columns of input amplitudes."""
 
-    values: NDArray[np.complex128]
-    """(outputs, columns, harmonics, lines)."""
-
+    values: NDArray[np.complex128]  # (outputs, columns, harmonics, lines)
     harmonics: NDArray[np.int64]
     truncation: int
-    error: NDArray[np.float64]
-    """(outputs, columns)."""
-
-
-class _Lifted(NamedTuple):
-    """The four matrices, A smooth if it can be, and x = P z."""
-
-    A: AbstractPeriodicMatrix
-    B: AbstractPeriodicMatrix
-    C: AbstractPeriodicMatrix
-    D: AbstractPeriodicMatrix
+    error: NDArray[np.float64]  # (outputs, columns)
 
 
 def respond(
@@ -269,13 +236,10 @@ def respond(
     """The response to `columns` (inputs, columns) e^{iΩt}, settled to `tolerance`."""
     accuracy = checked_tolerance(tolerance, of, largest=1e-2)
     wanted = None if n_harmonics is None else integer(n_harmonics, "n_harmonics", of, at_least=0)
-    lifted = _Lifted(*with_inputs(system, of))
+    lifted = with_inputs(system, of)
     jumps = any(np.size(matrix.breaks) for matrix in lifted)
-    lifted = _smooth(lifted)
-    needs = _needs(lifted, accuracy, wanted is None)
-    if wanted is None and jumps:
-        wanted = max(0, min(_OF_JUMPS, _most(system.n_states, needs) - 2 - needs.step))
-    truncations = _truncations(system.n_states, wanted, needs, of)
+    lifted = _smooth(*lifted)
+    wanted, truncations = _truncations(lifted, jumps, wanted, accuracy, of)
     highest = truncations[-1] if wanted is None else wanted
     shape = (system.n_outputs, columns.shape[1], 2 * highest + 1, len(omega))
     values = np.zeros(shape, dtype=np.complex128)
@@ -307,7 +271,7 @@ def respond(
 
 
 def _solved(
-    lifted: _Lifted,
+    lifted: Matrices,
     system: PeriodicSystem,
     omega: NDArray[np.float64],
     columns: NDArray[np.complex128] | NDArray[np.float64],
@@ -316,10 +280,11 @@ def _solved(
     of: str,
 ) -> NDArray[np.complex128]:
     """The outputs' harmonics up to `reach` at one truncation (outputs, columns, harmonics, lines)."""
+    A, B, C, D = lifted
     n_columns = columns.shape[1]
-    matrix = block_toeplitz(fourier(lifted.A, 2 * truncation), truncation)
+    matrix = block_toeplitz(fourier(A, 2 * truncation), truncation)
     matrix -= np.diag(speeds(system.n_states, truncation, 2.0 * np.pi / system.period))
-    drive = np.einsum("nih,ic->hnc", fourier(lifted.B, truncation), columns).reshape(-1, n_columns)
+    drive = np.einsum("nih,ic->hnc", fourier(B, truncation), columns).reshape(-1, n_columns)
     inner = np.empty((len(drive), n_columns, len(omega)), dtype=np.complex128)
     diagonal = np.eye(len(drive))
     for index, line in enumerate(omega.tolist()):
@@ -333,53 +298,52 @@ def _solved(
     kept = min(truncation, reach)
     middle = slice(reach - kept, reach + kept + 1)
     rows = slice((truncation - kept) * system.n_outputs, (truncation + kept + 1) * system.n_outputs)
-    read = block_toeplitz(fourier(lifted.C, 2 * truncation), truncation)[rows]
+    read = block_toeplitz(fourier(C, 2 * truncation), truncation)[rows]
     through = np.tensordot(read, inner, 1).reshape(2 * kept + 1, system.n_outputs, n_columns, len(omega))
-    direct = np.einsum("oih,ic->och", fourier(lifted.D, kept), columns)
+    direct = np.einsum("oih,ic->och", fourier(D, kept), columns)
     out[:, :, middle] = through.transpose(1, 2, 0, 3) + direct[..., None]
     return out
 
 
-def _smooth(lifted: _Lifted) -> _Lifted:
-    """The system in coordinates z of x = P z in which A is smooth."""
-    smooth = smoothed(lifted.A)
+def _smooth(
+    A: AbstractPeriodicMatrix, B: AbstractPeriodicMatrix, C: AbstractPeriodicMatrix, D: AbstractPeriodicMatrix
+) -> Matrices:
+    """The system in coordinates z of x = P z in which A is smooth, if it can be."""
+    smooth = smoothed(A)
     if smooth is None:
-        return lifted
-    period, cuts = lifted.A.period, smooth.matrix.breaks
+        return A, B, C, D
+    period, cuts = A.period, smooth.matrix.breaks
     change = FunctionMatrix(function=smooth.change, period=period, breaks=cuts, vectorised=True)
     back = FunctionMatrix(
         function=lambda times: np.linalg.inv(smooth.change(times)), period=period, breaks=cuts, vectorised=True
     )
-    return _Lifted(smooth.matrix, back @ lifted.B, lifted.C @ change, lifted.D)
+    return smooth.matrix, back @ B, C @ change, D
 
 
-def _needs(lifted: _Lifted, tolerance: float, whole: bool) -> Needs:
-    """The truncations that the matrices need, D included where the `whole` response is wanted."""
+def _truncations(
+    lifted: Matrices, jumps: bool, wanted: int | None, tolerance: float, of: str
+) -> tuple[int | None, list[int]]:
+    """The highest harmonic to give, and truncations that meet more and more of the matrices' strong harmonics."""
+    n = lifted[0].shape[0]
     found = a, b, c, d = tuple(reach(matrix, tolerance) for matrix in lifted)
-    # An input at a harmonic of B is carried on by A and read at one of C beside it.
-    lowest = max(a.highest, b.highest + c.highest, d.highest if whole else 0)
-    return Needs(lowest, max(2, a.strong, b.strong, c.strong), _STEPS if all(lines.ends for lines in found) else 1)
-
-
-def _most(n: int, needs: Needs) -> int:
-    """The largest truncation that is tried."""
-    ordinary = (min(_LARGEST, max(_SMALL, _PER_STATE * n)) // n - 1) // 2
-    return max(ordinary, min(needs.lowest + needs.steps * needs.step, (_LARGEST // n - 1) // 2))
-
-
-def _truncations(n: int, wanted: int | None, needs: Needs, of: str) -> list[int]:
-    """Truncations that reach what the matrices need, each further than that before by their strong harmonics."""
-    most = _most(n, needs)
-    out = [max(4, needs.lowest, 0 if wanted is None else wanted + 2)]
-    least = out[0] + needs.step
+    # An input at a harmonic of B is carried on by A and read at one of C beside it; D counts for the whole response.
+    lowest = max(a.highest, b.highest + c.highest, d.highest if wanted is None else 0)
+    step = max(2, a.strong, b.strong, c.strong)
+    steps = _STEPS if all(lines.ends for lines in found) else 1
+    most = (min(_LARGEST, max(_SMALL, _PER_STATE * n)) // n - 1) // 2
+    most = max(most, min(lowest + steps * step, (_LARGEST // n - 1) // 2))
+    if wanted is None and jumps:
+        wanted = max(0, min(_OF_JUMPS, most - 2 - step))
+    out = [max(4, lowest, 0 if wanted is None else wanted + 2)]
+    least = out[0] + step
     if least > most:
         raise input_error(
-            "system" if out[0] == needs.lowest else "n_harmonics",
+            "system" if out[0] == lowest else "n_harmonics",
             of,
             f"keep (2 N + 1) n within {_LARGEST}",
             f"{least} harmonics of {n} states are {(2 * least + 1) * n}",
             "Reduce the states or the harmonics of the matrices, ask for fewer harmonics, or raise `tolerance`.",
         )
-    while out[-1] + needs.step <= most:
-        out.append(min(most, out[-1] + max(needs.step, out[-1] // 2)))
-    return out
+    while out[-1] + step <= most:
+        out.append(min(most, out[-1] + max(step, out[-1] // 2)))
+    return wanted, out

@@ -1,24 +1,28 @@
-"""Time-invariant systems that stand for a discrete periodic one, and their way to other packages."""
+"""Time-invariant systems that stand for a discrete periodic one, to other packages and back."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, final, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import Rebuilt, frozen_array, input_error
-from floquid.errors import InputError
+from floquid._checks import Rebuilt, describe, frozen_array, input_error, integer, positive
 from floquid.floquet.control._discrete import DiscretePeriodicSystem, checked_phase
+from floquid.io import load_package
 
 if TYPE_CHECKING:
-    from scipy.signal import StateSpace
+    import control
+    import scipy.signal
+
 
 Form: TypeAlias = Literal["time", "cyclic"]
 
-Label: TypeAlias = tuple[int, str]
-"""The phase and the name of a lifted signal."""
+Label: TypeAlias = tuple[int, str]  # the phase and the name of a lifted signal
+RANK = 1e-10  # share of the largest singular value below which a state is rounding
+_OF = "floquet.realise"
 
 
 @final
@@ -71,22 +75,12 @@ class LiftedSystem(Rebuilt):
         return found[np.argsort(-np.abs(found), kind="stable")]
 
     def stack(self, inputs: ArrayLike) -> NDArray[np.float64]:
-        """A sequence of inputs, from the first phase on, as this system takes it.
+        """The inputs of the periodic system, from the first phase on, as this one takes them (lifted inputs, steps).
 
         Parameters
         ----------
         inputs
-            u of the periodic system (inputs, samples); by "time" the samples are whole periods.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            The lifted inputs (lifted inputs, steps).
-
-        Raises
-        ------
-        InputError
-            The shape is not possible.
+            u of the periodic system (inputs, samples); by "time" the samples are whole periods, or it is an InputError.
         """
         of, count = "LiftedSystem.stack", len(self.inputs) // self.n_phases
         given = frozen_array(inputs, "inputs", of, axes=(count, "samples"), remedy="Time is the last axis.")
@@ -102,23 +96,7 @@ class LiftedSystem(Rebuilt):
         return given.reshape(count, -1, self.n_phases).transpose(2, 0, 1).reshape(len(self.inputs), -1)
 
     def unstack(self, outputs: ArrayLike) -> NDArray[np.float64]:
-        """The sequence of outputs of the periodic system, from this one's.
-
-        Parameters
-        ----------
-        outputs
-            The lifted outputs (lifted outputs, steps).
-
-        Returns
-        -------
-        NDArray[np.float64]
-            y of the periodic system (outputs, samples).
-
-        Raises
-        ------
-        InputError
-            The shape is not possible.
-        """
+        """The outputs of the periodic system (outputs, samples), from this one's `outputs` (lifted outputs, steps)."""
         of = "LiftedSystem.unstack"
         given = frozen_array(outputs, "outputs", of, axes=(len(self.outputs), "steps"), remedy="Time is the last axis.")
         count, steps = len(self.outputs) // self.n_phases, given.shape[1]
@@ -129,41 +107,20 @@ class LiftedSystem(Rebuilt):
         return blocks.transpose(1, 2, 0).reshape(count, -1)
 
     def initial(self, state: ArrayLike) -> NDArray[np.float64]:
-        """The lifted state of a state of the periodic system at the first phase.
-
-        Parameters
-        ----------
-        state
-            x (n,).
-
-        Returns
-        -------
-        NDArray[np.float64]
-            The lifted state (states,).
-
-        Raises
-        ------
-        InputError
-            The shape is not possible.
-        """
+        """The lifted state (states,) of a `state` (n,) of the periodic system at the first phase."""
         count = len(self.states) // (self.n_phases if self.form == "cyclic" else 1)
         given = frozen_array(state, "state", "LiftedSystem.initial", axes=(count,))
         return np.concatenate([given, np.zeros(len(self.states) - count)])
 
     def to_control(self) -> Any:
-        """The system as that of python-control, every signal named "name[phase]", a full stop in it as a middle dot.
-
-        Returns
-        -------
-        control.StateSpace
-            The system.
+        """The system as `control.StateSpace`, every signal named "name[phase]", a full stop in it as a middle dot.
 
         Raises
         ------
         InputError
             python-control is not installed.
         """
-        return control_package("to_control").StateSpace(
+        return load_package("control", "to_control").StateSpace(
             self.A,
             self.B,
             self.C,
@@ -174,31 +131,15 @@ class LiftedSystem(Rebuilt):
             outputs=_words(self.outputs),
         )
 
-    def to_scipy(self) -> StateSpace:
-        """The system as that of scipy, which knows no names.
-
-        Returns
-        -------
-        scipy.signal.StateSpace
-            The system, in steps of `dt`.
-        """
+    def to_scipy(self) -> scipy.signal.StateSpace:
+        """The system as that of scipy, in steps of `dt`; it knows no names."""
         from scipy.signal import StateSpace
 
         return StateSpace(self.A, self.B, self.C, self.D, dt=self.dt)
 
 
-def control_package(of: str) -> Any:
-    """python-control, or the message that it is missing where the callable `of` needs it."""
-    try:
-        import control
-    except ImportError as error:
-        message = f"`{of}` works with the package control, which cannot be imported ({error})."
-        raise InputError(f"{message}\n  Install it: pip install control") from None
-    return control
-
-
 def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: int = 0) -> LiftedSystem:
-    r"""A time-invariant system with the responses of a discrete periodic one.
+    r"""A time-invariant system with the responses of a discrete periodic one, its signals labelled by phase and name.
 
     By "time", one step is a period, and the inputs and outputs of a period are stacked: with
     :math:`\Phi_{i,j} = A_{i-1} \cdots A_j`, counted from the first phase,
@@ -210,6 +151,8 @@ def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: in
     one of the present phase holds the signal and the others are zero. Its poles are all P-th roots of the
     multipliers, and small multipliers are not lost in a product.
 
+    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control, chapter 6.
+
     Parameters
     ----------
     system
@@ -219,19 +162,10 @@ def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: in
     first_phase
         The phase with which a step begins, 0 to P - 1: the lifted state is the state at that phase.
 
-    Returns
-    -------
-    LiftedSystem
-        The system, its states, inputs and outputs labelled by phase and name.
-
     Raises
     ------
     InputError
         The form is unknown, or the phase is not possible.
-
-    Notes
-    -----
-    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control, chapter 6.
     """
     of = "floquet.lift"
     if form not in get_args(Form):
@@ -297,3 +231,107 @@ def _labels(phases: list[int], names: tuple[str, ...]) -> tuple[Label, ...]:
 def _words(labels: tuple[Label, ...]) -> list[str]:
     """The labels as python-control takes them, which keeps the full stop for itself."""
     return [f"{name.replace('.', '·')}[{phase}]" for phase, name in labels]
+
+
+def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) -> DiscretePeriodicSystem:
+    r"""The periodic system whose lifted form by "time" is a system of python-control.
+
+    .. math:: \begin{bmatrix} y_k, \ldots, y_{P-1}, x_P \end{bmatrix}^T = O_k\, x_k, \qquad
+              x_k = R_k \begin{bmatrix} x_0, u_0, \ldots, u_{k-1} \end{bmatrix}^T
+
+    The state at each phase is had by factors of low rank, so its coordinates are those of `system` at the first
+    phase and others between, as many as the phase needs that needs most. All responses are the same: it is the
+    inverse of `lift(...).to_control()` but for coordinates.
+
+    Parameters
+    ----------
+    system
+        A discrete-time system whose step is the period, its inputs and outputs by phase, then by name.
+    n_phases
+        Steps a period, P.
+    first_phase
+        The phase with which a step of `system` begins, 0 to P - 1.
+
+    Raises
+    ------
+    InputError
+        python-control is not installed, the system is of continuous time, or is not causal within a period.
+    """
+    if not isinstance(system, load_package("control", _OF).StateSpace):
+        raise input_error("system", _OF, "be a control.StateSpace", f"is {describe(system)}", "Use `control.ss`.")
+    phases = integer(n_phases, "n_phases", _OF, at_least=1)
+    first = checked_phase(first_phase, phases, _OF)
+    A, B, C, D = (np.asarray(matrix, np.float64) for matrix in (system.A, system.B, system.C, system.D))
+    if not len(A) or len(C) % phases or B.shape[1] % phases:
+        got = f"has {len(A)} states, {B.shape[1]} inputs and {len(C)} outputs for {phases} phases"
+        raise input_error("system", _OF, "have states, and as many inputs and outputs at each phase", got)
+    dt = system.dt
+    if dt is None or isinstance(dt, bool) or dt == 0:
+        remedy = "Its step is the period: `control.ss(A, B, C, D, period)`."
+        raise input_error("system", _OF, "be of discrete time, in steps of the period [s]", f"has dt={dt}", remedy)
+    n_inputs, n_outputs = B.shape[1] // phases, len(C) // phases
+    _check_causal(D, phases)
+    stacks = _factors(np.block([[C, D], [A, B]]), phases, n_inputs, n_outputs, len(A))
+    found = [np.roll(stack, first, axis=0) for stack in stacks]
+    return DiscretePeriodicSystem(
+        A=found[0],
+        B=found[1],
+        C=found[2],
+        D=found[3],
+        dt=positive(float(dt), "system", _OF, unit="s") / phases,
+        inputs=_names(system.input_labels, n_inputs),
+        outputs=_names(system.output_labels, n_outputs),
+    )
+
+
+def _factors(
+    whole: NDArray[np.float64], phases: int, n_inputs: int, n_outputs: int, n_states: int
+) -> tuple[NDArray[np.float64], ...]:
+    """A_k, B_k, C_k and D_k, from the matrix that gives (y_0, ..., y_P-1, x_P) by (x_0, u_0, ..., u_P-1).
+
+    The state at phase k is what all that comes later, rows from y_k on, owes to all before it, columns up to u_k-1: a
+    factor of that block.
+    """
+    factors = [whole[:, :n_states]]
+    for phase in range(1, phases):
+        block = whole[phase * n_outputs :, : n_states + phase * n_inputs]
+        left, size, _ = np.linalg.svd(block, full_matrices=False)
+        rank = int(np.sum(size > RANK * size.max(initial=0.0)))
+        factors.append(left[:, :rank] * np.sqrt(size[:rank]))
+    factors.append(np.eye(n_states))
+    n = max(factor.shape[1] for factor in factors)
+    A, B = np.zeros((phases, n, n)), np.zeros((phases, n, n_inputs))
+    C, D = np.zeros((phases, n_outputs, n)), np.zeros((phases, n_outputs, n_inputs))
+    for phase in range(phases):
+        own, following = factors[phase], factors[phase + 1]
+        columns = slice(n_states + phase * n_inputs, n_states + (phase + 1) * n_inputs)
+        rows = slice(phase * n_outputs, (phase + 1) * n_outputs)
+        back = np.linalg.pinv(following)
+        A[phase, : following.shape[1], : own.shape[1]] = back @ own[n_outputs:]
+        B[phase, : following.shape[1]] = back @ whole[rows.stop :, columns]
+        C[phase, :, : own.shape[1]] = own[:n_outputs]
+        D[phase] = whole[rows, columns]
+    return A, B, C, D
+
+
+def _check_causal(D: NDArray[np.float64], phases: int) -> None:
+    blocks = np.abs(D.reshape(phases, D.shape[0] // phases, phases, D.shape[1] // phases)).max(axis=(1, 3), initial=0.0)
+    ahead = np.triu(blocks, 1)
+    if (ahead > RANK * blocks.max(initial=0.0)).any():
+        phase, later = (int(index) for index in np.argwhere(ahead == ahead.max())[0])
+        raise input_error(
+            "system",
+            _OF,
+            "be causal within a period: D zero above its diagonal of blocks",
+            f"answers at phase {phase} to an input at phase {later}",
+            "Signals are by phase, then by name, as `lift(...).to_control()` has them; take them in that order.",
+        )
+
+
+def _names(labels: Any, count: int) -> tuple[str, ...] | None:
+    """The names in labels such as `y1[0]`, where all phases have the same ones."""
+    found = [re.fullmatch(r"(.*)\[(\d+)\]", str(label)) for label in labels]
+    names = [match[1] if match else "" for match in found]
+    first = tuple(names[:count])
+    alike = all(names[k] and names[k] == first[k % count] for k in range(len(names)))
+    return first if count and alike and len(set(first)) == count else None

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, input_error, positive
-from floquid.floquet.control._gramians import largest_entry
-from floquid.floquet.control._norms import grid, hankel_values
-from floquid.floquet.control._system import PeriodicSystem, checked_system
+from floquid.floquet.control._gramians import grid, hankel_values, largest_entry
+from floquid.floquet.control._system import PeriodicSystem, balanced_system, checked_system
 from floquid.floquet.matrices import AbstractPeriodicMatrix, FunctionMatrix, constant_value, joint_breaks, stretches
 from floquid.floquet.monodromy_matrix import (
     TOLERANCE,
@@ -70,6 +69,12 @@ def linf_norm(system: PeriodicSystem, *, tolerance: float = 1e-6) -> PeakGain:
 
     has a solution from X = 0 backwards without end. The horizon is doubled until it does not matter.
 
+    Colaneri 2000, Continuous-time periodic systems in H2 and H∞, part I. That the Hamiltonian matrix of the equation
+    has no multiplier on the unit circle is necessary, not sufficient: the singular values over Ω fill bands, and γ may
+    lie in a gap between two. Doubling: Chu, Fan, Lin and Wang 2004, Structure-preserving algorithms for periodic
+    discrete-time algebraic Riccati equations. A gain close to that of D, or far below what B and C could give, takes
+    many short steps.
+
     Parameters
     ----------
     system
@@ -77,23 +82,10 @@ def linf_norm(system: PeriodicSystem, *, tolerance: float = 1e-6) -> PeakGain:
     tolerance
         The relative error that is aimed at, from 1e-9 to 0.1; very slight damping allows less, see `PeakGain.error`.
 
-    Returns
-    -------
-    PeakGain
-        The gain, its error and where it peaks.
-
     Raises
     ------
     InputError
         The system is not stable, it has no inputs, or it cannot be integrated.
-
-    Notes
-    -----
-    Colaneri 2000, Continuous-time periodic systems in H2 and H∞, part I. That the Hamiltonian matrix of the equation
-    has no multiplier on the unit circle is necessary, not sufficient: the singular values over Ω fill bands, and γ may
-    lie in a gap between two. Doubling: Chu, Fan, Lin and Wang 2004, Structure-preserving algorithms for periodic
-    discrete-time algebraic Riccati equations. A gain close to that of D, or far below what B and C could give, as
-    through a coupling that is all but none, takes many short steps.
     """
     checked_system(system, _OF, inputs=True)
     accuracy = positive(tolerance, "tolerance", _OF)
@@ -127,11 +119,8 @@ class _Scaled(NamedTuple):
     B: AbstractPeriodicMatrix
     C: AbstractPeriodicMatrix
     D: AbstractPeriodicMatrix
-    ratio: float
-    """Of the largest entry of C to that of B."""
-
-    direct: float
-    """The gain of D alone."""
+    ratio: float  # of the largest entry of C to that of B
+    direct: float  # the gain of D alone
 
 
 class _Horizon(NamedTuple):
@@ -146,13 +135,8 @@ class _Horizon(NamedTuple):
 
 
 def _scaled(system: PeriodicSystem, direct: float) -> _Scaled:
-    prepared = checked(system.A, None, (), TOLERANCE, _OF)
-    scale = prepared.scale
-    assert system.B is not None
-    assert system.D is not None
-    B, C = np.diag(1.0 / scale) @ system.B, system.C @ np.diag(scale)
-    ratio = largest_entry(C) / largest_entry(B)
-    return _Scaled(np.diag(1.0 / scale) @ prepared.matrix @ np.diag(scale), B, C, system.D, ratio, direct)
+    A, B, C, D = balanced_system(system, checked(system.A, None, (), TOLERANCE, _OF), _OF)
+    return _Scaled(A, B, C, D, largest_entry(C) / largest_entry(B), direct)
 
 
 def _bounds(scaled: _Scaled, gain: float) -> bool:

@@ -34,15 +34,15 @@ def simulate(
     vectorised: bool = False,
     tolerance: float = TOLERANCE,
 ) -> NDArray[np.float64]:
-    r"""The outputs of a periodic system under given inputs.
+    r"""The outputs of a periodic system at `times` under given inputs (outputs, times); the value after a jump.
 
     .. math:: x(t_{k+1}) = \Phi(t_{k+1}, t_k)\, x(t_k) + \int_{t_k}^{t_{k+1}} \Phi(t_{k+1}, s)\, B(s)\, u(s)\, ds,
               \qquad y(t_k) = C(t_k)\, x(t_k) + D(t_k)\, u(t_k)
 
-    Φ and the integral are found together, as the transition matrix of the states with the forcing as one more column,
-    by collocation on intervals halved until each reaches the tolerance. Of samples, what belongs to a gap between two
-    instants is found once for every phase of the period that it begins at: a long record in steps that divide the
-    period costs hardly more than one period of it.
+    Φ and the integral are found together, as the transition matrix of the states with the forcing as one more column
+    (Van Loan 1978), by collocation on intervals halved until each reaches the tolerance. Of samples, what belongs to a
+    gap between two instants is found once for every phase of the period that it begins at: a long record in steps that
+    divide the period costs hardly more than one period of it.
 
     Parameters
     ----------
@@ -65,19 +65,10 @@ def simulate(
         The relative error of each step: that of the transition to itself, that of the forcing to its largest value.
         From 1e-14 to 1e-3.
 
-    Returns
-    -------
-    NDArray[np.float64]
-        y at `times` (outputs, times); the value after it where C, D or the inputs jump.
-
     Raises
     ------
     InputError
         A shape is not possible, `times` does not ascend, the system cannot be integrated, or the response overflows.
-
-    Notes
-    -----
-    Forcing as a part of the state: Van Loan 1978, Computing integrals involving the matrix exponential.
     """
     checked_system(system, _OF, inputs=False)
     if between not in get_args(Between):

@@ -91,6 +91,8 @@ def sine_response(
     .. math:: u(t) = \mathrm{Re}(U e^{i\Omega t}) \quad\Rightarrow\quad
               y(t) = \mathrm{Re} \sum_k H_k(i\Omega)\, U\, e^{i(\Omega + k\omega) t}
 
+    Wereley and Hall 1990. Without damping this is the response that repeats; a free response stays beside it.
+
     Parameters
     ----------
     system
@@ -104,20 +106,11 @@ def sine_response(
     tolerance, raises
         As in `harmonic_transfer`.
 
-    Returns
-    -------
-    SineResponse
-        The amplitudes at Ω + kω.
-
     Raises
     ------
     InputError
         The system is unstable, and has no steady response; Ω meets an undamped exponent, modulo ω; or as in
         `harmonic_transfer`.
-
-    Notes
-    -----
-    Wereley and Hall 1990. Without damping this is the response that repeats; a free response stays beside it.
     """
     of = "floquet.sine_response"
     speed = finite(omega, "omega", of, unit="rad/s")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, final
+from typing import Any, Literal, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +27,11 @@ from floquid.floquet.matrices import (
     stretches,
 )
 
+# A, B, C and D.
+Matrices: TypeAlias = tuple[
+    AbstractPeriodicMatrix, AbstractPeriodicMatrix, AbstractPeriodicMatrix, AbstractPeriodicMatrix
+]
+
 _SINGULAR = 1e-12  # reciprocal condition of I ∓ D₁D₂ below which a loop has no solution
 _PROBES = 64
 
@@ -39,6 +44,7 @@ class PeriodicSystem:
     .. math:: \dot x = A(t)\, x + B(t)\, u, \qquad y = C(t)\, x + D(t)\, u
 
     `G2 @ G1` is G1 followed by G2, `G1 + G2` and `G1 - G2` are in parallel, `G1.feedback(G2)` closes a loop.
+    All four are held over their least common period; a constant has any period, so it takes no part in finding it.
 
     Parameters
     ----------
@@ -57,10 +63,6 @@ class PeriodicSystem:
     ------
     InputError
         Shapes do not agree, no matrix is periodic, the periods have no common multiple, or names are not distinct.
-
-    Notes
-    -----
-    All four are held over their least common period; a constant has any period, so it takes no part in finding it.
     """
 
     A: AbstractPeriodicMatrix
@@ -179,21 +181,11 @@ class PeriodicSystem:
         return self + -other if isinstance(other, PeriodicSystem) else NotImplemented
 
     def feedback(self, other: PeriodicSystem, *, sign: Literal[-1, 1] = -1) -> PeriodicSystem:
-        r"""The loop closed through `other`, from this one's outputs back to its inputs.
+        r"""The loop closed through `other`, from this one's outputs back to its inputs; the states of both.
 
         .. math:: u_1 = r \pm y_2, \qquad u_2 = y_1, \qquad y = y_1
 
-        Parameters
-        ----------
-        other
-            What is fed back through.
-        sign
-            -1 for negative feedback, 1 for positive.
-
-        Returns
-        -------
-        PeriodicSystem
-            From the reference r to the outputs of this one; the states of both.
+        Feedback is negative with a `sign` of -1 and positive with 1.
 
         Raises
         ------
@@ -263,25 +255,14 @@ def _over_one_period(given: dict[str, Operand]) -> dict[str, AbstractPeriodicMat
 
 
 def _built(
-    *,
     A: list[list[Operand]],
     B: list[list[Operand]],
     C: list[list[Operand]],
     D: AbstractPeriodicMatrix,
-    states: tuple[str, ...],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
+    **names: tuple[str, ...],
 ) -> PeriodicSystem:
-    period = D.period  # of what is constant alone; the rest finds its own
-    return PeriodicSystem(
-        A=assembled(A, period),
-        B=assembled(B, period),
-        C=assembled(C, period),
-        D=D,
-        states=states,
-        inputs=inputs,
-        outputs=outputs,
-    )
+    """The system of these blocks; the period of D is that of what is constant alone, the rest finds its own."""
+    return PeriodicSystem(A=assembled(A, D.period), B=assembled(B, D.period), C=assembled(C, D.period), D=D, **names)
 
 
 def _joined(first: tuple[str, ...], second: tuple[str, ...]) -> tuple[str, ...]:
@@ -318,6 +299,13 @@ def _inverted(matrix: AbstractPeriodicMatrix, times: NDArray[np.float64]) -> NDA
     return np.linalg.inv(matrix.at(times)).astype(np.float64, copy=False)
 
 
+def balanced_system(system: PeriodicSystem, prepared: Prepared, of: str) -> Matrices:
+    """A, B, C and D in units of the states in which A is balanced."""
+    _, B, C, D = with_inputs(system, of)
+    to, back = np.diag(prepared.scale), np.diag(1.0 / prepared.scale)
+    return back @ prepared.matrix @ to, back @ B, C @ to, D
+
+
 def matrix_reach(prepared: Prepared, entry: AbstractPeriodicMatrix) -> NDArray[np.float64]:
     """The speed at which a unit of each input moves the states, in their units (inputs,)."""
     size = np.abs(entry.at(probe_times(entry.period, _PROBES))).max(axis=0)
@@ -339,9 +327,7 @@ def checked_system(system: PeriodicSystem, of: str, *, inputs: bool, argument: s
         raise input_error(argument, of, "have inputs", "has none", "Give it a `B`.")
 
 
-def with_inputs(
-    system: PeriodicSystem, of: str, argument: str = "system"
-) -> tuple[AbstractPeriodicMatrix, AbstractPeriodicMatrix, AbstractPeriodicMatrix, AbstractPeriodicMatrix]:
+def with_inputs(system: PeriodicSystem, of: str, argument: str = "system") -> Matrices:
     """A, B, C and D of a periodic system, refused where it has no inputs."""
     checked_system(system, of, inputs=True, argument=argument)
     assert system.B is not None

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.errors import InputError
-from floquid.floquet.control._system import PeriodicSystem, changes_sign, with_inputs
+from floquid.floquet.control._system import Matrices, PeriodicSystem, balanced_system, changes_sign, with_inputs
 from floquid.floquet.matrices import (
     AbstractPeriodicMatrix,
     FunctionMatrix,
-    Prepared,
     after_jumps,
     constant_matrix,
     joint_breaks,
@@ -28,9 +27,10 @@ _SINGULAR = 1e-8  # reciprocal condition of the inputs' effect, rows at equal le
 
 
 def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> NDArray[np.complex128]:
-    r"""The transmission zeros, as exponents on the principal branch.
+    r"""The finite transmission zeros, as exponents on the principal branch (zeros,) [1/s]; they may be none.
 
-    λ is a zero if some input, and a state with it, pass without any output:
+    Of a `system` with as many inputs as outputs, λ is a zero if some input, and a state with it, pass without any
+    output:
 
     .. math:: u(t) = \tilde u(t)\, e^{\lambda t}, \quad x(t) = \tilde x(t)\, e^{\lambda t} \quad\text{with periodic}
               \quad \tilde u, \tilde x, \qquad y(t) = 0
@@ -42,19 +42,11 @@ def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> NDArray[np
 
     and the zeros are the exponents of :math:`A - B E^{-1} K` on the states for which all c_{i,k}(t) x are zero,
     k < r_i: n less the sum of the r_i. Where D(t) is invertible, no output is differentiated, and they are the n
-    exponents of :math:`A - B D^{-1} C`.
+    exponents of :math:`A - B D^{-1} C`. `tolerance` is as in `transition`.
 
-    Parameters
-    ----------
-    system
-        The periodic system, with as many inputs as outputs.
-    tolerance
-        As in `transition`.
-
-    Returns
-    -------
-    NDArray[np.complex128]
-        The finite zeros (zeros,) [1/s], in the order of `exponents`. They may be none.
+    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control; the zero dynamics of Isidori 1995, Nonlinear
+    Control Systems, 5.1. The outputs and their derivatives are projected out of every factor of a product that is not
+    formed, so that no infinite zeros have to be told from finite ones.
 
     Raises
     ------
@@ -62,12 +54,6 @@ def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> NDArray[np
         The numbers of inputs and outputs differ; an output that has to be differentiated jumps; or E(t) is singular at
         some time, as where an output's first input fades within the period. Zeros may exist then: they are not found
         in this way.
-
-    Notes
-    -----
-    Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control; the zero dynamics of Isidori 1995, Nonlinear
-    Control Systems, 5.1. The outputs and their derivatives are projected out of every factor of a product that is not
-    formed, so that no infinite zeros have to be told from finite ones.
     """
     with_inputs(system, _OF)
     if system.n_inputs != system.n_outputs:
@@ -75,7 +61,7 @@ def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> NDArray[np
         remedy = "Leave out the surplus; zeros of a system that is not square are those of no square part of it."
         raise input_error("system", _OF, "have as many inputs as outputs", got, remedy)
     prepared = checked(system.A, None, (), tolerance, _OF)
-    scaled = _scaled(system, prepared)
+    scaled = balanced_system(system, prepared, _OF)
     rows = [_differentiated(scaled, name, index) for index, name in enumerate(system.outputs)]
     held = [row for output in rows for row in output.held]
     closed = _closed(scaled, rows)
@@ -93,32 +79,15 @@ def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> NDArray[np
     return product_logarithms(matrices) / system.period
 
 
-class _Scaled(NamedTuple):
-    """A, B, C and D in units in which A is balanced."""
-
-    A: AbstractPeriodicMatrix
-    B: AbstractPeriodicMatrix
-    C: AbstractPeriodicMatrix
-    D: AbstractPeriodicMatrix
-
-
 class _Output(NamedTuple):
     """One output, differentiated until an input appears in it."""
 
-    held: list[AbstractPeriodicMatrix]
-    """c_0 ... c_{r-1} (1, n) each: what is zero while the output is."""
-
+    held: list[AbstractPeriodicMatrix]  # c_0 ... c_{r-1} (1, n) each: what is zero while the output is
     K: AbstractPeriodicMatrix
     E: AbstractPeriodicMatrix
 
 
-def _scaled(system: PeriodicSystem, prepared: Prepared) -> _Scaled:
-    _, B, C, D = with_inputs(system, _OF)
-    to, back = np.diag(prepared.scale), np.diag(1.0 / prepared.scale)
-    return _Scaled(back @ prepared.matrix @ to, back @ B, C @ to, D)
-
-
-def _differentiated(scaled: _Scaled, name: str, index: int) -> _Output:
+def _differentiated(scaled: Matrices, name: str, index: int) -> _Output:
     A, B, C, D = scaled
     pick = np.eye(C.shape[0])[index : index + 1]
     row, direct, held = pick @ C, pick @ D, []
@@ -159,7 +128,7 @@ def _derivative(row: AbstractPeriodicMatrix, name: str) -> AbstractPeriodicMatri
     return real_series(1j * fundamental * lines * np.asarray(series.coefficients), lines, row.period)
 
 
-def _closed(scaled: _Scaled, rows: list[_Output]) -> AbstractPeriodicMatrix:
+def _closed(scaled: Matrices, rows: list[_Output]) -> AbstractPeriodicMatrix:
     """A - B E⁻¹ K, with E invertible at all times."""
     A, B = scaled[:2]
     breaks = joint_breaks((A, B, *(row.E for row in rows), *(row.K for row in rows)), A.period)

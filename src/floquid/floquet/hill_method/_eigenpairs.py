@@ -7,22 +7,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.floquet.hill_method._hill_matrix import block_toeplitz, in_exponentials, modulo, real_hill
+from floquid.floquet.hill_method._hill_matrix import block_toeplitz, in_exponentials, modulo, real_hill, speeds
 
 _SAME = (1e-6, 1e-4, 1e-8)  # of ω: within which two eigenvalues are one of a family, or a multiple one
 _SPLIT = 6.0  # times the rounding: a k-fold exponent splits by at most 2 k times what each moves by to first order
 _FLOOR = 1e-13  # of A's size: a leak below it is none
 _EPS = float(np.finfo(float).eps)
+_ROUNDS = 6
 
 
 class Problem(NamedTuple):
     """A(t) in harmonics, in balanced units."""
 
-    coefficients: NDArray[np.complex128]
-    """A_m, m = -2 N..2 N (n, n, 4 N + 1) [1/s]."""
-
-    fundamental: float
-    """ω [rad/s]."""
+    coefficients: NDArray[np.complex128]  # A_m, m = -2 N..2 N (n, n, 4 N + 1) [1/s]
+    fundamental: float  # ω [rad/s]
 
     @property
     def n_harmonics(self) -> int:
@@ -53,17 +51,10 @@ class Problem(NamedTuple):
 class Truncated(NamedTuple):
     """The modes of a truncation, one of each family, conjugates together."""
 
-    exponents: NDArray[np.complex128]
-    """λ where the shape is best centred in the truncation (modes,) [1/s]."""
-
-    vectors: NDArray[np.complex128]
-    """The shapes' harmonics -N..N (modes, n, 2 N + 1)."""
-
-    leak: NDArray[np.float64]
-    """A bound of what A carries out of the truncation (modes,) [1/s], for shapes of norm one."""
-
-    condition: NDArray[np.float64]
-    """Of each eigenvalue (modes,)."""
+    exponents: NDArray[np.complex128]  # λ where the shape is best centred in the truncation (modes,) [1/s]
+    vectors: NDArray[np.complex128]  # the shapes' harmonics -N..N (modes, n, 2 N + 1)
+    leak: NDArray[np.float64]  # a bound of what A carries out of the truncation (modes,) [1/s], for shapes of norm one
+    condition: NDArray[np.float64]  # of each eigenvalue (modes,)
 
     def rounding(self, problem: Problem) -> NDArray[np.float64]:
         """The largest effect of rounding on the exponents (modes,) [1/s]."""
@@ -118,7 +109,10 @@ def truncated(problem: Problem) -> Truncated | None:
     condition = 1.0 / np.maximum(np.abs((left.conj() * right).sum(axis=0)), 1e-300)
     vectors = in_exponentials(right, n)
     leak = _leaks(problem, vectors)
-    order = np.argsort(_ranks(problem, vectors, leak), kind="stable")
+    energy = (np.abs(vectors) ** 2).sum(axis=1)
+    off_centre = np.abs(energy @ np.arange(-problem.n_harmonics, problem.n_harmonics + 1))
+    ranks = np.maximum(leak, _FLOOR * (problem.size + problem.fundamental)) * (1.0 + off_centre)
+    order = np.argsort(ranks, kind="stable")
     for same in _SAME:
         taken = _one_of_each(values, order, n, problem.fundamental, same * problem.fundamental)
         if taken is None:
@@ -141,13 +135,11 @@ def nearest(problem: Problem, near: complex, start: NDArray[np.complex128]) -> T
     from scipy.linalg import lu_factor, lu_solve
 
     n, count = start.shape
-    speeds = 1j * problem.fundamental * np.repeat(np.arange(count) - count // 2, n)
     matrix = block_toeplitz(problem.coefficients, problem.n_harmonics)
-    diagonal = np.arange(len(speeds))
-    matrix[diagonal, diagonal] -= speeds + near + _EPS * problem.size
+    diagonal = np.arange(n * count)
+    matrix[diagonal, diagonal] -= speeds(n, count // 2, problem.fundamental) + near + _EPS * problem.size
     factors = lu_factor(matrix, check_finite=False)
     right, left = start.T.ravel(), start.T.ravel()
-    shift = 0.0j
     for _ in range(3):
         right = lu_solve(factors, right, check_finite=False)
         right /= np.linalg.norm(right)
@@ -170,12 +162,6 @@ def _leaks(problem: Problem, vectors: NDArray[np.complex128]) -> NDArray[np.floa
     m = np.arange(-n_harmonics, n_harmonics + 1)
     weights = beyond[n_harmonics - m] + beyond[n_harmonics + m]
     return np.linalg.norm(vectors, axis=1) @ weights
-
-
-def _ranks(problem: Problem, vectors: NDArray[np.complex128], leak: NDArray[np.float64]) -> NDArray[np.float64]:
-    energy = (np.abs(vectors) ** 2).sum(axis=1)
-    m = np.arange(energy.shape[1]) - energy.shape[1] // 2
-    return np.maximum(leak, _FLOOR * (problem.size + problem.fundamental)) * (1.0 + np.abs(energy @ m))
 
 
 def _one_of_each(
@@ -202,3 +188,52 @@ def _one_of_each(
         if len(taken) >= n:
             break
     return (np.array(picked), np.array(conjugate)) if len(taken) == n else None
+
+
+def swinging_along(problem: Problem, found: Truncated, index: int) -> Truncated:
+    r"""Mode `index`, found again with its swings of amplitude divided out; as it was, where that does not help.
+
+    .. math:: x = e^{g(t)}\, z, \qquad z' = (A - g' I)\, z, \qquad g(t + T) = g(t)
+
+    A shape of which some phases are 1e-6 of others, and whose left partner is as small where it is large, has an
+    exponent that is well conditioned at each instant, but not in harmonics, where all phases are mixed. With g the
+    logarithm of the shape's size both partners are level, and the exponent is the same.
+    """
+    value, shape = complex(found.exponents[index]), found.vectors[index]
+    n_harmonics = problem.n_harmonics
+    n_grid = 8 * (n_harmonics + 1)
+    logarithm = np.zeros(n_grid)
+    best = Truncated(*(part[index : index + 1] for part in found))  # type: ignore[arg-type]
+    condition = best.condition[0]
+    middle = problem.coefficients.shape[2] // 2
+    kept = max(1, n_harmonics // 2)
+    for _ in range(_ROUNDS):
+        size = np.linalg.norm(_on_grid(shape, n_grid), axis=0)
+        lines = np.fft.rfft(np.log(np.maximum(size, 1e-12 * size.max())))
+        lines[kept + 1 :] = 0.0
+        lines[0] = 0.0
+        logarithm = logarithm + np.fft.irfft(lines, n_grid)
+        speed = 1j * problem.fundamental * np.arange(kept + 1) * np.fft.rfft(logarithm)[: kept + 1] / n_grid
+        coefficients = problem.coefficients.copy()
+        states = np.arange(problem.n_states)
+        coefficients[states, states, middle : middle + kept + 1] -= speed
+        coefficients[states, states, middle - kept : middle] -= speed[:0:-1].conj()
+        again = nearest(Problem(coefficients, problem.fundamental), value, shape)
+        if not again.condition[0] < condition:
+            break
+        level = again.condition[0] > 0.5 * condition
+        condition, shape = again.condition[0], again.vectors[0]
+        value = complex(again.exponents[0])
+        whole = np.fft.fft(np.exp(logarithm) * _on_grid(shape, n_grid), axis=1) / n_grid
+        best = again._replace(vectors=whole[None][..., np.arange(-n_harmonics, n_harmonics + 1)])
+        if level:
+            break
+    return best
+
+
+def _on_grid(shape: NDArray[np.complex128], n_grid: int) -> NDArray[np.complex128]:
+    """A shape's harmonics -N..N (n, 2 N + 1) as its values at equal steps of the period (n, grid)."""
+    half = shape.shape[1] // 2
+    lines = np.zeros((shape.shape[0], n_grid), dtype=np.complex128)
+    lines[:, np.arange(-half, half + 1)] = shape
+    return np.fft.ifft(lines, axis=1) * n_grid

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import input_error, integer
-from floquid.floquet.hill_method._eigenpairs import Problem, Truncated, effect_of_edges, truncated
-from floquid.floquet.hill_method._gauge import swinging_along
+from floquid.floquet.hill_method._eigenpairs import Problem, Truncated, effect_of_edges, swinging_along, truncated
 from floquid.floquet.hill_method._hill_matrix import modulo
 from floquid.floquet.hill_method._hill_modes import HillModes, HillOutcome, assemble
 from floquid.floquet.hill_method._smoothing import smoothed
@@ -63,6 +62,9 @@ def hill(
     seen from coordinates in which it is smooth first, which leaves the exponents as they are; so its breaks must be
     named.
 
+    Hill 1886; in state form Wereley 1990. Zhou, Hagiwara and Araki 2004 show that the truncation converges.
+    Selection by the shape rather than by Im λ: Moore 2005; Bentvelsen and Lazarus 2018.
+
     Parameters
     ----------
     system
@@ -79,21 +81,11 @@ def hill(
         Whether it is an error that the truncation does not suffice; else see `outcome` and `change`. Exponents that
         settle to rounding alone, as multiple ones do, are none: `outcome` says so and `change` by how much.
 
-    Returns
-    -------
-    HillModes
-        Exponents on the principal strip, shapes, and how far they have settled.
-
     Raises
     ------
     InputError
         `system` is not a finite real (n, n) of that period; the truncation is too large; or the exponents have not
         settled and `raises` is true.
-
-    Notes
-    -----
-    Hill 1886; in state form Wereley 1990. Zhou, Hagiwara and Araki 2004 show that the truncation converges.
-    Selection by the shape rather than by Im λ: Moore 2005; Bentvelsen and Lazarus 2018.
     """
     of = "floquet.hill"
     accuracy = checked_tolerance(tolerance, of, largest=1e-2)
@@ -141,11 +133,7 @@ _REMEDY = "Name the instants at which a callable jumps in `breaks`, or use `floq
 
 
 def _settle(
-    matrix: AbstractPeriodicMatrix,
-    scale: NDArray[np.float64],
-    truncations: list[int],
-    lines: Reach,
-    tolerance: float,
+    matrix: AbstractPeriodicMatrix, scale: NDArray[np.float64], truncations: list[int], lines: Reach, tolerance: float
 ) -> tuple[_Step | None, HillOutcome]:
     """The last truncation needed."""
     fundamental = 2.0 * np.pi / matrix.period

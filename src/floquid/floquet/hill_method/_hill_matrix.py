@@ -9,17 +9,7 @@ from numpy.typing import NDArray
 def block_toeplitz(coefficients: NDArray[np.complex128], n_harmonics: int) -> NDArray[np.complex128]:
     """The product with M(t) in harmonics: block (k, m) is M_{k-m}, k and m from -N to N.
 
-    Parameters
-    ----------
-    coefficients
-        M_m, m = -M..M with M of at least 2 N (rows, columns, 2 M + 1).
-    n_harmonics
-        The truncation N.
-
-    Returns
-    -------
-    NDArray[np.complex128]
-        The matrix ((2 N + 1) rows, (2 N + 1) columns), harmonic by harmonic.
+    The coefficients (rows, columns, 2 M + 1) reach to M of at least 2 N; the matrix goes harmonic by harmonic.
     """
     rows, columns, count = coefficients.shape
     index = np.arange(2 * n_harmonics + 1)
@@ -28,24 +18,10 @@ def block_toeplitz(coefficients: NDArray[np.complex128], n_harmonics: int) -> ND
 
 
 def real_hill(coefficients: NDArray[np.complex128], n_harmonics: int, fundamental: float) -> NDArray[np.float64]:
-    r"""Hill's matrix of a real A(t) in cosines and sines, unitarily similar to A_{k-m} - i m ω δ_{km}.
+    """Hill's matrix of a real A(t) in cosines and sines, unitarily similar to A_{k-m} - i m ω δ_{km}.
 
     With q_m = (c_m - i s_m)/√2 and q_{-m} = (c_m + i s_m)/√2 the unknowns are c_0..c_N, then s_1..s_N. It is real, so
-    that its eigenvalues are conjugate in pairs exactly.
-
-    Parameters
-    ----------
-    coefficients
-        A_m [1/s], m = -M..M with M of at least 2 N (n, n, 2 M + 1).
-    n_harmonics
-        The truncation N.
-    fundamental
-        ω [rad/s].
-
-    Returns
-    -------
-    NDArray[np.float64]
-        The matrix ((2 N + 1) n, (2 N + 1) n) [1/s].
+    that its eigenvalues are conjugate in pairs exactly. A_m as in `block_toeplitz` [1/s].
     """
     n, _, count = coefficients.shape
     m = np.arange(n_harmonics + 1)

@@ -194,13 +194,7 @@ def _normalised(shapes: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 
 def refuse_undamped(modes: HillModes, omega: NDArray[np.float64], of: str) -> None:
-    """Refuse lines that meet an exponent on the imaginary axis, modulo iω.
-
-    Raises
-    ------
-    InputError
-        One does.
-    """
+    """Refuse lines that meet an exponent on the imaginary axis, modulo iω."""
     known = np.minimum(modes.change, np.sqrt(_ON_AXIS) * modes.fundamental)
     rests = np.abs(modes.exponents.real) <= growth_doubt(modes)
     apart = np.abs(modulo(np.subtract.outer(1j * omega, modes.exponents), modes.fundamental))

@@ -17,14 +17,9 @@ _MOST = 32  # breaks; the harmonics needed grow with the inverse of the distance
 class Smoothed(NamedTuple):
     """x = P(t) z, and A(t) of z."""
 
-    matrix: FunctionMatrix
-    """P⁻¹ (A P - P'), with as many continuous derivatives at the breaks as P has, less one."""
-
-    change: Any
-    """P: times (times,) -> (times, n, n), a piecewise polynomial."""
-
-    cuts: NDArray[np.float64]
-    """A period of instants between which P is one polynomial (cuts,) [s]."""
+    matrix: FunctionMatrix  # P⁻¹ (A P - P'), with as many continuous derivatives at the breaks as P has, less one
+    change: Any  # P: times (times,) -> (times, n, n), a piecewise polynomial
+    cuts: NDArray[np.float64]  # a period of instants between which P is one polynomial (cuts,) [s]
 
 
 def smoothed(matrix: AbstractPeriodicMatrix) -> Smoothed | None:

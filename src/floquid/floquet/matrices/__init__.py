@@ -19,11 +19,10 @@ from floquid.floquet.matrices._forms import (
     PiecewiseMatrix,
     SampledMatrix,
 )
-from floquid.floquet.matrices._fourier import Elements, Needs, Reach, elements, fourier, of_function, reach
-from floquid.floquet.matrices._given import as_array, checked_tolerance, named
+from floquid.floquet.matrices._fourier import Elements, Reach, elements, fourier, of_function, reach
+from floquid.floquet.matrices._given import as_array, checked_tolerance, named, probe_times, refuse_other_period
 from floquid.floquet.matrices._interpolation import line_weights
 from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix
-from floquid.floquet.matrices._period_check import probe_times, refuse_other_period
 from floquid.floquet.matrices._periods import (
     common_period,
     constant_value,

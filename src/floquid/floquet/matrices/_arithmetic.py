@@ -25,8 +25,7 @@ from floquid.floquet.matrices._forms import (
 from floquid.floquet.matrices._periods import constant_value, declared, joint_breaks, multiples, values_between
 
 Operand: TypeAlias = AbstractPeriodicMatrix | NDArray[np.float64]
-Change: TypeAlias = Callable[[NDArray[Any]], NDArray[Any]]
-"""Of every matrix of a stack (..., rows, columns)."""
+Change: TypeAlias = Callable[[NDArray[Any]], NDArray[Any]]  # of every matrix of a stack (..., rows, columns)
 
 
 def added(left: Any, right: Any, sign: float) -> AbstractPeriodicMatrix:

@@ -16,14 +16,10 @@ from floquid.floquet.matrices._forms import (
     SampledMatrix,
 )
 from floquid.floquet.matrices._fourier import fourier
-from floquid.floquet.matrices._period_check import refuse_other_period
+from floquid.floquet.matrices._given import refuse_other_period
 
-SAME = 1e-12
-"""Relative difference within which two periods, or two instants of one period, are the same."""
-
-FIRST, LAST = 8, 512
-"""Harmonics tried until the upper ones have died away."""
-
+SAME = 1e-12  # relative difference within which two periods, or two instants of one period, are the same
+FIRST, LAST = 8, 512  # harmonics tried until the upper ones have died away
 _FLOOR = 16.0 * 2.0**-52  # entries below this share of the largest are rounding, whose harmonics never die away
 _GOLDEN = 0.3819660112501051
 _NODES = 12
@@ -37,7 +33,7 @@ def to_harmonics(matrix: AbstractPeriodicMatrix, n_harmonics: int | None, tolera
     if n_harmonics is not None:
         count = integer(n_harmonics, "n_harmonics", of, at_least=0)
         lines = np.arange(-count, count + 1)
-        return real_series(_spread_out(matrix, lines), lines, matrix.period)
+        return real_series(fourier(matrix, count), lines, matrix.period)
     accuracy = positive(tolerance, "tolerance", of)
     if not 1e-14 <= accuracy < 1.0:
         raise input_error("tolerance", of, "lie in [1e-14, 1)", f"is {accuracy:g}")
@@ -122,16 +118,6 @@ def series_of_samples(matrix: SampledMatrix) -> HarmonicMatrix:
     """The trigonometric polynomial through samples at equal steps, as a series."""
     count = np.shape(matrix.values)[2] // 2
     return real_series(fourier(matrix, count), np.arange(-count, count + 1), matrix.period)
-
-
-def _spread_out(matrix: AbstractPeriodicMatrix, lines: NDArray[np.int64]) -> NDArray[np.complex128]:
-    """The coefficients at every one of the lines, zero where a series has none."""
-    if not isinstance(matrix, HarmonicMatrix):
-        return fourier(matrix, len(lines) // 2)
-    out = np.zeros((*matrix.shape, len(lines)), dtype=np.complex128)
-    _, to, source = np.intersect1d(lines, np.asarray(matrix.harmonics), return_indices=True)
-    out[..., to] = np.asarray(matrix.coefficients)[..., source]
-    return out
 
 
 def _trimmed(matrix: HarmonicMatrix, tolerance: float) -> HarmonicMatrix:

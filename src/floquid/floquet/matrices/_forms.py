@@ -159,7 +159,7 @@ class HarmonicMatrix(AbstractPeriodicMatrix):
     def from_cosines(
         cls, mean: ArrayLike, cosines: ArrayLike, sines: ArrayLike, *, period: float, harmonics: ArrayLike | None = None
     ) -> HarmonicMatrix:
-        r"""The series in cosines and sines.
+        r"""The series in exponentials, from one in cosines and sines.
 
         .. math:: M(t) = M_0 + \sum_m \left(C_m \cos m\omega t + S_m \sin m\omega t\right)
 
@@ -173,11 +173,6 @@ class HarmonicMatrix(AbstractPeriodicMatrix):
             The period T [s].
         harmonics
             The positive integers m, ascending (harmonics,); 1, 2, ... by default.
-
-        Returns
-        -------
-        HarmonicMatrix
-            The same series in exponentials.
 
         Raises
         ------

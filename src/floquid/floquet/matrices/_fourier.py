@@ -9,12 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.floquet.matrices._forms import (
-    AbstractPeriodicMatrix,
-    HarmonicMatrix,
-    PiecewiseMatrix,
-    SampledMatrix,
-)
+from floquid.floquet.matrices._forms import AbstractPeriodicMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix
 from floquid.floquet.matrices._interpolation import line_weights
 
 _FIRST, _LAST = 64, 2048  # samples of a period of a function without breaks, before it is cut into elements
@@ -29,60 +24,23 @@ _PROBES = np.array([0.1180339887, 0.4721359549, 0.7639320225])  # off every simp
 class Elements(NamedTuple):
     """A periodic matrix as a series of Legendre polynomials in each of some intervals."""
 
-    left: NDArray[np.float64]
-    """Where each begins (elements,) [s]."""
-
-    width: NDArray[np.float64]
-    """How long each is (elements,) [s]."""
-
-    series: NDArray[np.float64]
-    """The coefficients (elements, degrees, rows, columns)."""
+    left: NDArray[np.float64]  # where each begins (elements,) [s]
+    width: NDArray[np.float64]  # how long each is (elements,) [s]
+    series: NDArray[np.float64]  # the coefficients (elements, degrees, rows, columns)
 
 
 class Reach(NamedTuple):
     """How far the lines of a periodic matrix reach."""
 
-    highest: int
-    """The highest harmonic that counts."""
-
-    strong: int
-    """The highest of those that are strong: a truncation raised by less may not meet anything new."""
-
-    ends: bool
-    """True if they have an end; if not, only strong lines are counted."""
-
-
-class Needs(NamedTuple):
-    """The truncations that the harmonics of the matrices need."""
-
-    lowest: int
-    """The lowest truncation."""
-
-    step: int
-    """The least step from one to the next that meets anything new."""
-
-    steps: int
-    """Of how many steps there is to be room."""
+    highest: int  # the highest harmonic that counts
+    strong: int  # the highest of those that are strong: a truncation raised by less may not meet anything new
+    ends: bool  # true if they have an end; if not, only strong lines are counted
 
 
 def reach(matrix: AbstractPeriodicMatrix, tolerance: float, scale: NDArray[np.float64] | None = None) -> Reach:
-    """How far the lines above `tolerance` of the size reach, however far apart they are.
+    """How far the lines above `tolerance` of the norm of all reach, states in units of `scale` (n,).
 
     Where the lines have no end (jumps, kinks) only the strong ones are counted; the others fall off steadily.
-
-    Parameters
-    ----------
-    matrix
-        M(t).
-    tolerance
-        Of the norm of all lines.
-    scale
-        Units of the states in which a square matrix is looked at (n,).
-
-    Returns
-    -------
-    Reach
-        The highest line, and the highest strong one.
     """
     coefficients, has_end = _all_lines(matrix)
     if scale is not None:
@@ -113,31 +71,11 @@ def _all_lines(matrix: AbstractPeriodicMatrix) -> tuple[NDArray[np.complex128], 
 
 
 def fourier(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> NDArray[np.complex128]:
-    r"""The Fourier coefficients of a periodic matrix.
-
-    .. math:: M_m = \frac{1}{T} \int_0^T M(t)\, e^{-i m \omega t}\, dt, \qquad \omega = 2\pi/T
+    """The Fourier coefficients M_m for m = -N..N (rows, columns, 2 N + 1); zero below the rounding of the samples.
 
     In closed form for harmonics, constant pieces and trigonometric samples. A function without breaks is sampled at
-    equal steps until its upper harmonics have died away, which is checked between the samples; a spline, or a
-    function that jumps or does not die away, is cut into elements, on each of which it is a series of Legendre
-    polynomials, whose coefficients are in closed form too.
-
-    Parameters
-    ----------
-    matrix
-        M(t).
-    n_harmonics
-        The highest harmonic N.
-
-    Returns
-    -------
-    NDArray[np.complex128]
-        M_m for m = -N..N (rows, columns, 2 N + 1); coefficients below the rounding of the samples are zero.
-
-    Raises
-    ------
-    InputError
-        A function is neither smooth nor smooth in pieces, so that elements without end would be needed.
+    equal steps until its upper harmonics have died away, which is checked between the samples; what has breaks or does
+    not die away is cut into elements, on each of which it is a Legendre series, with coefficients in closed form too.
     """
     if isinstance(matrix, HarmonicMatrix):
         lines = np.arange(-n_harmonics, n_harmonics + 1)
@@ -160,13 +98,7 @@ def fourier(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> NDArray[np.comp
 
 
 def elements(matrix: AbstractPeriodicMatrix) -> Elements:
-    """A matrix cut at its breaks, and halved until its Legendre series end within each element.
-
-    Raises
-    ------
-    InputError
-        Elements without end would be needed.
-    """
+    """A matrix cut at its breaks, and halved until its Legendre series end within each element, or refused."""
     breaks, period = np.asarray(matrix.breaks), matrix.period
     left = breaks if breaks.size else np.zeros(1)
     right = np.append(left[1:], left[0] + period)

@@ -9,6 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
+from floquid.floquet.matrices._balancing import balance
+from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix
+
+OFFSET = 0.381966  # off every simple fraction of the period, where jumps and zeros like to sit
 
 
 def checked_period(period: float, of: str) -> float:
@@ -55,7 +59,7 @@ def checked_breaks(breaks: ArrayLike, period: float, of: str) -> NDArray[np.floa
 def refuse_repeated_end(values: NDArray[np.float64], name: str, of: str) -> None:
     """Refuse samples of which the last is the first again, as `linspace(0, T, P + 1)` makes them.
 
-    Samples may be alike there by their symmetry: it is told by the harmonics, which die away without the end alone.
+    Samples may be alike there by symmetry: that is told by the harmonics, which die away without the end alone.
     """
     n_samples = values.shape[2]
     largest = np.abs(values).max(axis=2)
@@ -87,3 +91,34 @@ def named(names: Sequence[str] | None, count: int, letter: str, argument: str, o
     if doubled:
         raise input_error(argument, of, "have distinct names", f"has {doubled[0]!r} twice", "Rename one of them.")
     return tuple(names)
+
+
+def refuse_other_period(matrix: AbstractPeriodicMatrix, of: str) -> None:
+    """Refuse a callable that is another matrix one period later."""
+    times = probe_times(matrix.period)
+    distance = np.abs(times[:, None] - np.asarray(matrix.breaks)[None, :])
+    times = times[(distance > 1e-6 * matrix.period).all(axis=1)]
+    now, later = matrix.at(times), matrix.at(times + matrix.period)
+    differences = np.abs(later - now)
+    # Entry by entry, whatever their units, and not below what rounding makes of entries that come and go.
+    rounding = 1e-13 * np.abs(now).max()
+    if now.shape[1] == now.shape[2]:
+        scale, size = balance(now)
+        rounding = 1e-13 * size * scale[:, None] / scale
+    allowed = 1e-8 * np.abs(now).max(axis=0) + rounding
+    over = (differences > allowed).any(axis=(1, 2))
+    if over.any():
+        worst, change = int(over.argmax()), differences.max(axis=(1, 2))
+        raise input_error(
+            "period",
+            of,
+            "be a period of A(t)",
+            f"A differs by {change[worst]:.3g} between t = {times[worst]:g} and one period of {matrix.period:g} later",
+            "Half a revolution is a period only in the fixed frame: check the period and the coordinates. Values in "
+            "single precision are no periodic matrix: compute them in double.",
+        )
+
+
+def probe_times(period: float, count: int = 16) -> NDArray[np.float64]:
+    """Instants spread over the period (times,) [s]."""
+    return period * (np.arange(count) + OFFSET) / count

@@ -29,41 +29,26 @@ def interpolant(
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process.
 
-    Raises
-    ------
-    InputError
-        The values, the `argument` of a callable, are so large, or so near in time, that what is between them overflows.
+    Values so large, or so near in time, that what is between them overflows are refused, as `argument` of a callable.
     """
-    if values.shape[2] == 1:
-        return partial(_constant, values[..., 0])
+    shortest = float(np.diff(times, append=times[0] + period).min())
+    knots = np.append(times, times[0] + period)
+    stack = np.moveaxis(np.concatenate([values, values[..., :1]], axis=2), 2, 0)
     try:
         with np.errstate(over="raise", invalid="raise"):
-            return _interpolant(values, times, period, kind)
+            if kind == "fourier" or values.shape[2] == 1:
+                return partial(_series, np.fft.rfft(values, axis=2) * line_weights(values.shape[2]), times[0], period)
+            from scipy.interpolate import CubicSpline, make_interp_spline
+
+            if kind == "cubic":
+                return CubicSpline(knots, stack, bc_type="periodic")  # it goes on periodically by itself
+            line = make_interp_spline(knots, stack, k=1)
+            line.extrapolate = "periodic"
+            return line
     except (FloatingPointError, ValueError):  # scipy refuses differences that have overflowed
-        shortest = float(np.diff(times, append=times[0] + period).min())
         got = f"reach {np.abs(values).max():.3g} at steps down to {shortest:.3g} s, where that overflows"
         remedy = "Leave out one of two times that are nearly one, or choose other units."
         raise input_error(*argument, "be such that what is between them can be worked out", got, remedy) from None
-
-
-def _interpolant(
-    values: NDArray[np.float64], times: NDArray[np.float64], period: float, kind: str
-) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    if kind == "fourier":
-        return partial(_series, np.fft.rfft(values, axis=2) * line_weights(values.shape[2]), times[0], period)
-    from scipy.interpolate import CubicSpline, make_interp_spline
-
-    knots = np.append(times, times[0] + period)
-    stack = np.moveaxis(np.concatenate([values, values[..., :1]], axis=2), 2, 0)
-    if kind == "cubic":
-        return CubicSpline(knots, stack, bc_type="periodic")  # it goes on periodically by itself
-    line = make_interp_spline(knots, stack, k=1)
-    line.extrapolate = "periodic"
-    return line
-
-
-def _constant(value: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.broadcast_to(value, (*at.shape, *value.shape)).copy()
 
 
 def series_at(

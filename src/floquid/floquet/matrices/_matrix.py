@@ -91,15 +91,9 @@ class AbstractPeriodicMatrix(ABC):
         Parameters
         ----------
         n_harmonics
-            The highest harmonic kept; what lies above is left out, however much it is. By default as many as it takes
-            for the rest to fall below `tolerance`.
+            The highest harmonic kept; by default as many as it takes for the rest to fall below `tolerance`.
         tolerance
             What the harmonics left out may come to, as a share of each entry of the matrix.
-
-        Returns
-        -------
-        HarmonicMatrix
-            The series.
 
         Raises
         ------
@@ -110,18 +104,9 @@ class AbstractPeriodicMatrix(ABC):
         return _operations().to_harmonics(self, n_harmonics, tolerance)
 
     def to_samples(self, n_samples: int) -> SampledMatrix:
-        """Samples at equal steps from t = 0, with the trigonometric polynomial between them.
+        """The `n_samples` values at equal steps from t = 0, with the trigonometric polynomial between them.
 
-        Parameters
-        ----------
-        n_samples
-            Samples in the period; harmonics from half of it up are folded, unseen. At a jump the sample is the value
-            after it.
-
-        Returns
-        -------
-        SampledMatrix
-            The samples.
+        Harmonics from half of `n_samples` up are folded, unseen. At a jump the sample is the value after it.
 
         Raises
         ------
@@ -131,22 +116,12 @@ class AbstractPeriodicMatrix(ABC):
         return _operations().to_samples(self, n_samples)
 
     def to_pieces(self, n_pieces: int) -> PiecewiseMatrix:
-        r"""Equal pieces from t = 0, in each of which the matrix is its mean there.
+        r"""The means over `n_pieces` equal pieces from t = 0.
 
         .. math:: M_i = \frac{P}{T} \int_{iT/P}^{(i + 1)T/P} M(t)\, dt
 
         The mean, rather than the value in the middle, keeps the integral over the period, so that of A(t) the product
         of the multipliers stays what it is. Exponents are right to second order in the length of a piece.
-
-        Parameters
-        ----------
-        n_pieces
-            Pieces in the period, P.
-
-        Returns
-        -------
-        PiecewiseMatrix
-            The pieces.
 
         Raises
         ------
@@ -157,32 +132,16 @@ class AbstractPeriodicMatrix(ABC):
         return _operations().to_pieces(self, n_pieces)
 
     def repeated(self, count: int) -> AbstractPeriodicMatrix:
-        """The same matrix declared over `count` of its periods.
-
-        Parameters
-        ----------
-        count
-            Periods in the new one.
-
-        Returns
-        -------
-        AbstractPeriodicMatrix
-            The matrix, in the same form.
-        """
+        """The same matrix, in the same form, declared over `count` of its periods."""
         return _operations().repeated(self, count)
 
     def reduced(self) -> AbstractPeriodicMatrix:
-        """The same matrix declared over its smallest period.
+        """The same matrix, in the same form, declared over its smallest period.
 
         That is the period over k for the largest k, up to 1000, with which the matrix repeats itself to 1e-10 of its
         largest value: by its harmonics if it has them, else at 32 instants and between any two of its breaks. What is
-        constant has no smallest period and stays as it is. Half or a third of a revolution is often the period of
-        what two or three blades do to quantities of the fixed frame alone; a matrix that holds quantities of a single
-        blade has the whole revolution, and is not reduced.
-
-        Returns
-        -------
-        AbstractPeriodicMatrix
-            The matrix, in the same form; of trigonometric samples that k does not divide, the harmonics.
+        constant stays as it is; trigonometric samples that k does not divide become harmonics. Half or a third of a
+        revolution is often the period of what two or three blades do to quantities of the fixed frame alone; a matrix
+        that holds quantities of a single blade has the whole revolution, and is not reduced.
         """
         return _operations().reduced(self)

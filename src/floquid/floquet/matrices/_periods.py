@@ -18,31 +18,17 @@ from floquid.floquet.matrices._forms import (
     SampledMatrix,
 )
 
-MOST = 1000
-"""Periods of one matrix in a common period."""
-
-REPEATS = 1e-10
-"""Difference, as a share of the largest value, within which a matrix repeats itself."""
-
+MOST = 1000  # periods of one matrix in a common period
+REPEATS = 1e-10  # difference, as a share of the largest value, within which a matrix repeats itself
 _GOLDEN = 0.3819660112501051
 _PROBES = 32
 _WITHIN = 65  # instants of a stretch without a break
 
 
 def common_period(*periods: float) -> float:
-    r"""The least common multiple of several periods [s].
+    r"""The least common multiple of several `periods` [s], to within 1e-12 of it.
 
     .. math:: T = a\,p = b\,q, \qquad a, b \in \mathbb{N} \text{ without a common divisor}
-
-    Parameters
-    ----------
-    *periods
-        The periods [s].
-
-    Returns
-    -------
-    float
-        The shortest time that is a whole number of each, to within 1e-12 of it.
 
     Raises
     ------

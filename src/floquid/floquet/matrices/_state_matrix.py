@@ -10,15 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
 from floquid.floquet.matrices._balancing import balance
-from floquid.floquet.matrices._forms import (
-    AbstractPeriodicMatrix,
-    FunctionMatrix,
-    HarmonicMatrix,
-    SampledMatrix,
-)
-from floquid.floquet.matrices._given import as_array
+from floquid.floquet.matrices._forms import AbstractPeriodicMatrix, FunctionMatrix, HarmonicMatrix, SampledMatrix
+from floquid.floquet.matrices._given import OFFSET, as_array, probe_times, refuse_other_period
 from floquid.floquet.matrices._interpolation import line_weights
-from floquid.floquet.matrices._period_check import OFFSET, probe_times, refuse_other_period
 
 StateMatrix: TypeAlias = AbstractPeriodicMatrix | Callable[[float], ArrayLike] | ArrayLike
 """A(t): a periodic matrix, a callable t [s] -> (n, n) [1/s], or samples (n, n, phases) at t = 0, T/P, ..."""
@@ -30,24 +24,13 @@ class Prepared(NamedTuple):
     """A(t) ready to be integrated."""
 
     matrix: AbstractPeriodicMatrix
-    smooth: bool
-    """True if it is smooth between its breaks for certain."""
-
-    scale: NDArray[np.float64]
-    """Units of the states (n,) in which A is best balanced."""
-
-    size: float
-    """Its largest row sum in these units [1/s]."""
+    smooth: bool  # true if it is smooth between its breaks for certain
+    scale: NDArray[np.float64]  # units of the states (n,) in which A is best balanced
+    size: float  # its largest row sum in these units [1/s]
 
 
 def periodic(system: StateMatrix, period: float | None, breaks: ArrayLike, of: str) -> AbstractPeriodicMatrix:
-    """A(t), in whatever form it was given, as a square periodic matrix.
-
-    Raises
-    ------
-    InputError
-        It is none, it is not square, or its period is missing or differs from that of the matrix.
-    """
+    """A(t), in whatever form it was given, as a square periodic matrix of its period, or refused."""
     if isinstance(system, AbstractPeriodicMatrix):
         if period is not None and positive(period, "period", of, unit="s") != system.period:
             raise input_error(
@@ -74,13 +57,7 @@ def periodic(system: StateMatrix, period: float | None, breaks: ArrayLike, of: s
 
 
 def prepare(matrix: AbstractPeriodicMatrix, tolerance: float, of: str) -> Prepared:
-    """A(t) in harmonics if they die away below `tolerance` of it, else as it is.
-
-    Raises
-    ------
-    InputError
-        A callable does not return finite real matrices of one shape, or does not repeat itself after its period.
-    """
+    """A(t) in harmonics if they die away below `tolerance` of it, else as it is; refused if it has another period."""
     if isinstance(matrix, FunctionMatrix):
         found = None if np.size(matrix.breaks) else resolve(matrix, tolerance)
         if found is None:

@@ -1,7 +1,6 @@
 """Exponents, modes and stability by integration over a period: factors of the monodromy matrix."""
 
 from floquid.floquet.monodromy_matrix._collocation import MOST, Evaluate, divided, factorise, gauss, inverse, stages
-from floquid.floquet.monodromy_matrix._exponents import exponents, multipliers
 from floquid.floquet.monodromy_matrix._floquet_lyapunov import FloquetLyapunov, floquet_lyapunov
 from floquid.floquet.monodromy_matrix._modes import FloquetModes, ModesOutcome, modes
 from floquid.floquet.monodromy_matrix._periodic_schur import multipliers_of, product_logarithms
@@ -14,4 +13,12 @@ from floquid.floquet.monodromy_matrix._stability import (
     state_participation,
     upper_modes,
 )
-from floquid.floquet.monodromy_matrix._transition import TOLERANCE, checked, factors, monodromy, transition
+from floquid.floquet.monodromy_matrix._transition import (
+    TOLERANCE,
+    checked,
+    exponents,
+    factors,
+    monodromy,
+    multipliers,
+    transition,
+)

@@ -20,17 +20,12 @@ from numpy.typing import NDArray
 Evaluate: TypeAlias = Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64]]
 """Owner (items,) and times (items, nodes) [s] -> A there (items, nodes, n, n)."""
 
-CHUNK = 4_000_000
-"""Numbers of the collocation's equations that are solved in one batch."""
-
+CHUNK = 4_000_000  # numbers of the collocation's equations that are solved in one batch
 _INSIDE = 1e-7  # of an interval: where its ends are looked at, on this side of a jump that lies on them
 _JUMP = 1e-6  # of A: what the values at an end may be off those between, before a jump is suspected there
 
-MOST = 200_000
-"""Intervals of one call beyond which the system is called impossible to integrate."""
-
-DEEPEST = 46
-"""Halvings of one interval: a jump within what is left then is worth less than rounding."""
+MOST = 200_000  # intervals of one call beyond which the system is called impossible to integrate
+DEEPEST = 46  # halvings of one interval: a jump within what is left then is worth less than rounding
 
 
 class Factors(NamedTuple):
@@ -39,11 +34,8 @@ class Factors(NamedTuple):
     owner: NDArray[np.intp]
     left: NDArray[np.float64]
     right: NDArray[np.float64]
-    matrices: NDArray[np.float64]
-    """(factors, n, n)."""
-
-    finished: bool
-    """True if every interval reached the tolerance."""
+    matrices: NDArray[np.float64]  # (factors, n, n)
+    finished: bool  # true if every interval reached the tolerance
 
 
 class Rule(NamedTuple):
@@ -51,8 +43,7 @@ class Rule(NamedTuple):
 
     nodes: NDArray[np.float64]
     weights: NDArray[np.float64]
-    inner: NDArray[np.float64]
-    """a_ij (nodes, nodes)."""
+    inner: NDArray[np.float64]  # a_ij (nodes, nodes)
 
 
 def stages(n: int) -> int:
@@ -125,22 +116,10 @@ def factorise(
 
     .. math:: \lVert (\Phi_1 - \Phi)\,\Phi^{-1} \rVert, \qquad \lVert \Phi^{-1} (\Phi_1 - \Phi) \rVert
 
-    Where A is smooth, the halves are better than the difference by 2^{2s}, of which the square root is counted on;
-    elsewhere the difference itself must be within the tolerance. A factor must also be so well conditioned that
-    rounding does not spoil its small directions.
-
-    Parameters
-    ----------
-    evaluate
-        A(t) of each owner.
-    owner, left, right
-        The intervals (items,).
-    scale
-        Units of the states (n,), powers of two, in which the equations are solved and errors are measured.
-    tolerance
-        The largest relative error of a factor.
-    smooth
-        Whether A is known to be smooth within each interval.
+    Where A is `smooth` within each interval, the halves are better than the difference by 2^{2s}, of which the square
+    root is counted on; elsewhere the difference itself must be within the tolerance. A factor must also be so well
+    conditioned that rounding does not spoil its small directions. The equations are solved, and errors measured, in
+    units of the states `scale` (n,), powers of two.
     """
     n = len(scale)
     s = stages(n)

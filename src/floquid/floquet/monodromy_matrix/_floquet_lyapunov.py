@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import Rebuilt, input_error, integer
 from floquid.floquet.matrices import StateMatrix
 from floquid.floquet.monodromy_matrix import _periodic_schur
-from floquid.floquet.monodromy_matrix._exponents import balanced, refuse_lost
-from floquid.floquet.monodromy_matrix._transition import TOLERANCE, checked, factors
+from floquid.floquet.monodromy_matrix._transition import TOLERANCE, balanced, checked, factors, refuse_lost
 
 _NEGATIVE = 1e-4  # rad: a multiplier that near to the negative axis has a real transform of twice the period
 
@@ -54,27 +53,15 @@ def floquet_lyapunov(
 
     block by block of the periodic Schur form, so that multipliers of very different sizes are kept.
 
+    Floquet 1883; Lyapunov 1892; real with a period of 2T where a real multiplier is negative: Montagnier, Paige and
+    Spiteri 2003, "Real Floquet factors of linear time-periodic systems".
+
     Parameters
     ----------
     system, period, breaks, tolerance
-        As in `transition`.
+        As in `transition`, errors as in `exponents`.
     n_phases
         The number of steps in the period of A, at least 1.
-
-    Returns
-    -------
-    FloquetLyapunov
-        P at `n_phases` times a period of A, and R.
-
-    Raises
-    ------
-    InputError
-        As in `exponents`.
-
-    Notes
-    -----
-    Floquet 1883; Lyapunov 1892; real with a period of 2T where a real multiplier is negative: Montagnier, Paige and
-    Spiteri 2003, "Real Floquet factors of linear time-periodic systems".
     """
     of = "floquet.floquet_lyapunov"
     prepared = checked(system, period, breaks, tolerance, of)

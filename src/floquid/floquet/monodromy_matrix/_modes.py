@@ -12,8 +12,14 @@ from floquid._checks import Rebuilt, input_error, integer
 from floquid.floquet.matrices import Prepared, StateMatrix, balanced_units
 from floquid.floquet.monodromy_matrix import _periodic_schur
 from floquid.floquet.monodromy_matrix._collocation import Factors
-from floquid.floquet.monodromy_matrix._exponents import balanced, refuse_lost, trace_integral
-from floquid.floquet.monodromy_matrix._transition import TOLERANCE, checked, factors
+from floquid.floquet.monodromy_matrix._transition import (
+    TOLERANCE,
+    balanced,
+    checked,
+    factors,
+    refuse_lost,
+    trace_integral,
+)
 
 _FIRST, _LAST = 64, 512  # phases of the period tried until the shapes' harmonics have died away
 _MANY = 20  # states from which half as many phases are tried first, since each costs their cube
@@ -153,28 +159,16 @@ def modes(
 ) -> FloquetModes:
     """The Floquet modes of A(t): exponents and periodic shapes, by factors that are never multiplied out.
 
+    Allen 2009, eqs. (3), (4), (6). The shape of a small multiplier is carried through each factor in the direction in
+    which errors decay.
+
     Parameters
     ----------
     system, period, breaks, tolerance
-        As in `transition`.
+        As in `transition`, errors as in `exponents`.
     n_phases
         Equal steps of the period at which shapes are found, 8 at least; by default 32 or 64, or as many more as
         their harmonics need, 512 at most.
-
-    Returns
-    -------
-    FloquetModes
-        The modes, in the order of `exponents`.
-
-    Raises
-    ------
-    InputError
-        As in `exponents`.
-
-    Notes
-    -----
-    Allen 2009, eqs. (3), (4), (6). The shape of a small multiplier is carried through each factor in the direction in
-    which errors decay.
     """
     of = "floquet.modes"
     prepared = checked(system, period, breaks, tolerance, of)
@@ -226,7 +220,7 @@ def _assembled(
     middle = shifted[:, :, limit]
     strongest = np.take_along_axis(middle, np.abs(middle / units).argmax(axis=1)[:, None], axis=1)
     vectors = carried.vectors[0][:, order] * (prepared.scale / units)[:, None]
-    condition = np.linalg.norm(_inverse_rows(vectors), axis=1) * np.linalg.norm(vectors, axis=0)
+    condition = np.linalg.norm(left_vectors(vectors), axis=1) * np.linalg.norm(vectors, axis=0)
     error = tolerance * len(found.owner) ** 0.5 * condition
     groups = _defective(carried.logarithms[order], condition, error)
     return FloquetModes(
@@ -243,10 +237,7 @@ def _assembled(
 
 
 def _centres(
-    exponents: NDArray[np.complex128],
-    energy: NDArray[np.float64],
-    harmonics: NDArray[np.int64],
-    fundamental: float,
+    exponents: NDArray[np.complex128], energy: NDArray[np.float64], harmonics: NDArray[np.int64], fundamental: float
 ) -> NDArray[np.int64]:
     """The harmonic that becomes the zeroth of each mode: the strongest; of equals that of the larger |Im|."""
     centres = np.zeros(len(exponents), dtype=np.int64)
@@ -272,10 +263,11 @@ def _moved(coefficients: NDArray[np.complex128], centre: int) -> NDArray[np.comp
     return out
 
 
-def _inverse_rows(vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """The left vectors; of a singular set those of one a rounding error away."""
+def left_vectors(vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """The inverses (..., n, n); of a singular set that of one a rounding error away."""
     u, s, vh = np.linalg.svd(vectors)
-    inverse = vh.conj().T @ (u.conj().T / np.maximum(s, 1e-16 * s[0])[:, None])
+    sizes = np.maximum(s, 1e-16 * s[..., :1])[..., None]
+    inverse = np.swapaxes(vh.conj(), -1, -2) @ (np.swapaxes(u.conj(), -1, -2) / sizes)
     return np.asarray(inverse, dtype=np.complex128)
 
 

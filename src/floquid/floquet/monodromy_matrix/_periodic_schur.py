@@ -15,30 +15,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-SPREAD = 1e3
-"""Ratio of eigenvalues within a block that is left together: three digits of sixteen."""
-
-CLEAN = 1e-14
-"""Coupling below the diagonal that counts as none."""
-
-TURNED = 8.0 * np.finfo(float).eps
-"""The share of π that is rounding in an angle."""
-
-PASSES = 400
-"""Of the orthogonal iteration."""
+SPREAD = 1e3  # ratio of eigenvalues within a block that is left together: three digits of sixteen
+CLEAN = 1e-14  # coupling below the diagonal that counts as none
+TURNED = 8.0 * np.finfo(float).eps  # the share of π that is rounding in an angle
+PASSES = 400  # of the orthogonal iteration
 
 
 class PeriodicSchur(NamedTuple):
     """The periodic Schur form of K factors."""
 
-    bases: NDArray[np.float64]
-    """Q_k (K, n, n)."""
-
-    triangles: NDArray[np.float64]
-    """T_k (K, n, n)."""
-
-    starts: tuple[int, ...]
-    """The first column of each diagonal block."""
+    bases: NDArray[np.float64]  # Q_k (K, n, n)
+    triangles: NDArray[np.float64]  # T_k (K, n, n)
+    starts: tuple[int, ...]  # the first column of each diagonal block
 
     def blocks(self) -> list[slice]:
         """The columns of each diagonal block, those of the largest eigenvalues first."""
@@ -49,12 +37,8 @@ class PeriodicSchur(NamedTuple):
 class ProductModes(NamedTuple):
     """Eigenvalues of the product, as logarithms, and eigenvectors at every node."""
 
-    logarithms: NDArray[np.complex128]
-    """log μ, the imaginary part in (-π, π] (modes,)."""
-
-    vectors: NDArray[np.complex128]
-    """x_k of unit length (nodes 0 to K, n, modes)."""
-
+    logarithms: NDArray[np.complex128]  # log μ, the imaginary part in (-π, π] (modes,)
+    vectors: NDArray[np.complex128]  # x_k of unit length (nodes 0 to K, n, modes)
     growth: NDArray[np.float64]
     """ln ‖F_{k-1} ... F_0 x_0‖ (nodes 0 to K, modes): F_k x_k exp(growth_k) = x_{k+1} exp(growth_{k+1})."""
 

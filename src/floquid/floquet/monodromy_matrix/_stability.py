@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, positive
-from floquid.floquet.monodromy_matrix._modes import FloquetModes
+from floquid.floquet.monodromy_matrix._modes import FloquetModes, left_vectors
 from floquid.floquet.monodromy_matrix._transition import TOLERANCE
 
 _SAFE = 100.0  # errors of an exponent within which its real part is called zero
@@ -67,11 +67,6 @@ def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: Arra
     errors
         What else each exponent is known to (modes,) [1/s], as from `compare`.
 
-    Returns
-    -------
-    Stability
-        The verdict and its reasons.
-
     Raises
     ------
     InputError
@@ -103,22 +98,11 @@ def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: Arra
 
 
 def compare(modes: FloquetModes, exponents: ArrayLike) -> NDArray[np.float64]:
-    """How far the exponents of another route are from those of the modes.
+    """The distance of each mode's exponent from that of another route (modes,) [1/s].
 
-    Exponents are paired by assignment, modulo iω. Of a group that shares a shape the means are compared: each alone is
-    right only to a root of its error, by any route.
-
-    Parameters
-    ----------
-    modes
-        What `modes` found.
-    exponents
-        The others, on any branch (modes,) [1/s].
-
-    Returns
-    -------
-    NDArray[np.float64]
-        The distance of each (modes,) [1/s].
+    The `exponents` of that route, on any branch (modes,) [1/s], are paired with those of `modes` by assignment, modulo
+    iω. Of a group that shares a shape the means are compared: each alone is right only to a root of its error, by any
+    route.
 
     Raises
     ------
@@ -138,68 +122,29 @@ def compare(modes: FloquetModes, exponents: ArrayLike) -> NDArray[np.float64]:
 
 
 def upper_modes(modes: FloquetModes) -> list[int]:
-    """One mode of each conjugate pair, and each that is its own conjugate.
-
-    Parameters
-    ----------
-    modes
-        Of a known A(t).
-
-    Returns
-    -------
-    list of int
-        Their indices, ascending.
-    """
+    """The indices of one mode of each conjugate pair, and of each that is its own conjugate, ascending, of `modes`."""
     return [r for r in range(modes.order) if modes.exponents[r].imag > 0.0 or multiplier_is_real(modes, r)]
 
 
 def multiplier_is_real(modes: FloquetModes, mode: int) -> bool:
-    """True for a mode that is its own conjugate: its multiplier is real.
-
-    Parameters
-    ----------
-    modes
-        Of a known A(t).
-    mode
-        The index of one.
-
-    Returns
-    -------
-    bool
-        Whether Im λ is a whole multiple of ω/2.
-    """
+    """True if `mode`, an index of `modes`, is its own conjugate: Im λ is a whole multiple of ω/2."""
     halves = 2.0 * complex(modes.exponents[mode]).imag / modes.fundamental
     return bool(abs(halves - np.round(halves)) <= 2.0 * _REAL)
 
 
 def state_participation(modes: FloquetModes) -> NDArray[np.float64]:
-    r"""The share of each state in each mode, whatever the units.
+    r"""The share of each state in each of the `modes` (modes, states), whatever the units; each row sums to one.
 
     .. math:: s_{r,k} \propto \frac{1}{T} \int_0^T \left|p_{r,k}(t)\, q_{r,k}(t)\right| dt, \qquad
               \sum_k p_{r,k}\, q_{s,k} = \delta_{rs}
 
-    Parameters
-    ----------
-    modes
-        What `modes` found.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        The shares, which sum to one over the states (modes, states).
-
-    Notes
-    -----
     The participation factors of Pérez-Arriaga, Verghese and Schweppe 1982, as means over the period.
     """
     shapes = np.moveaxis(modes.shapes(np.arange(_PHASES) * modes.period / _PHASES), 2, 0)  # (phases, modes, states)
     largest = np.abs(shapes).max(axis=(0, 1), keepdims=True)
     shapes = shapes / np.where(largest > 0.0, largest, 1.0)  # so that no unit decides what is small
     shapes /= np.linalg.norm(shapes, axis=2, keepdims=True)
-    u, s, vh = np.linalg.svd(shapes)
-    # Of modes that share a shape the inverse is that of a set one rounding error away.
-    inverse = np.conj(np.swapaxes(u / np.maximum(s, 1e-16 * s[:, :1])[:, None, :] @ vh, 1, 2))
-    shares = (np.abs(shapes) * np.abs(np.swapaxes(inverse, 1, 2))).mean(axis=0)
+    shares = (np.abs(shapes) * np.abs(np.swapaxes(left_vectors(shapes), 1, 2))).mean(axis=0)
     return shares / shares.sum(axis=1, keepdims=True)
 
 

@@ -1,4 +1,4 @@
-"""Transition matrix of a known A(t), to a stated tolerance."""
+"""Transition matrix, multipliers and exponents of a known A(t), by factors of short intervals."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from floquid.floquet.matrices import (
     periodic,
     prepare,
 )
-from floquid.floquet.monodromy_matrix._collocation import MOST, Factors, divided, factorise, stages
+from floquid.floquet.monodromy_matrix._collocation import MOST, Factors, divided, factorise, gauss, stages
+from floquid.floquet.monodromy_matrix._periodic_schur import multipliers_of, product_logarithms
 
-TOLERANCE = 1e-12
-"""Relative error of a factor of Φ that is aimed at by default."""
+TOLERANCE = 1e-12  # relative error of a factor of Φ that is aimed at by default
+_LOST = 1e-7  # of the sum of the exponents' sizes: largest miss of Liouville's formula that passes
 
 
 def transition(
@@ -30,14 +31,15 @@ def transition(
     breaks: ArrayLike = (),
     tolerance: float = TOLERANCE,
 ) -> NDArray[np.float64]:
-    r"""The state transition matrix Φ(t, t₀) at `times`.
+    r"""The state transition matrix Φ(t, t₀) at `times` (times, n, n).
 
     .. math:: \dot\Phi(t, t_0) = A(t)\,\Phi(t, t_0), \qquad \Phi(t_0, t_0) = I
 
-    By Gauss collocation of order 12 or 16 on intervals halved until each reaches the tolerance. A callable that is
-    smooth is first resolved into its harmonics from 64 or more samples at equal steps, so that it is called no more
-    often than that; one that is not is evaluated within each interval. What happens within less than 1/64 of the
-    period may pass unseen unless it stands between `breaks`: see `FunctionMatrix.narrowest`.
+    Allen 2009, eq. (3), by Gauss collocation of order 12 or 16 (Hairer, Lubich and Wanner, Geometric Numerical
+    Integration, II.1.3) on intervals halved until each reaches the tolerance. A callable that is smooth is first
+    resolved into its harmonics from 64 or more samples at equal steps; one that is not is evaluated within each
+    interval. What happens within less than 1/64 of the period may pass unseen unless it stands between `breaks`: see
+    `FunctionMatrix.narrowest`.
 
     Parameters
     ----------
@@ -58,20 +60,11 @@ def transition(
     tolerance
         The relative error of each factor of Φ, both of its large and of its small directions, from 1e-14 to 1e-3.
 
-    Returns
-    -------
-    NDArray[np.float64]
-        Φ(t, t₀) (times, n, n).
-
     Raises
     ------
     InputError
         `system` is not a finite real (n, n) of that period, `times` does not ascend from `start`, a break lies
         outside the first period, or A(t) cannot be integrated.
-
-    Notes
-    -----
-    Allen 2009, eq. (3). Gauss collocation: Hairer, Lubich and Wanner, Geometric Numerical Integration, II.1.3.
     """
     of = "floquet.transition"
     prepared = checked(system, period, breaks, tolerance, of)
@@ -115,22 +108,7 @@ def monodromy(
 ) -> NDArray[np.float64]:
     """The monodromy matrix Φ(t₀ + T, t₀) (n, n): the transition over one period.
 
-    Parameters
-    ----------
-    system, period, breaks, tolerance
-        As in `transition`.
-    start
-        The time t₀ [s].
-
-    Returns
-    -------
-    numpy.ndarray
-        Φ(t₀ + T, t₀) (n, n).
-
-    Raises
-    ------
-    InputError
-        As in `transition`.
+    Arguments (`system`, `period`, `start`, `breaks`, `tolerance`) and errors are those of `transition`.
     """
     of = "floquet.monodromy"
     begin = finite(start, "start", of, unit="s")
@@ -227,3 +205,92 @@ def _fastest(matrix: HarmonicMatrix) -> int:
     sizes = np.abs(np.asarray(matrix.coefficients))
     counts = (sizes > 1e-6 * sizes.max(axis=2, keepdims=True)).any(axis=(0, 1))
     return int(np.abs(np.asarray(matrix.harmonics)[counts]).max(initial=0))
+
+
+def multipliers(
+    system: StateMatrix, period: float | None = None, *, breaks: ArrayLike = (), tolerance: float = TOLERANCE
+) -> NDArray[np.complex128]:
+    r"""The Floquet multipliers (n,), the eigenvalues of the monodromy matrix.
+
+    .. math:: \mu_r = \mathrm{eig}\,\Phi(T, 0) = e^{\lambda_r T}
+
+    Arguments (`system`, `period`, `breaks`, `tolerance`), order and errors are those of `exponents`. One below 1e-308
+    is zero and one above 1e308 infinite: `exponents` has all.
+    """
+    return multipliers_of(_logarithms(system, period, breaks, tolerance, "floquet.multipliers")[0])
+
+
+def exponents(
+    system: StateMatrix, period: float | None = None, *, breaks: ArrayLike = (), tolerance: float = TOLERANCE
+) -> NDArray[np.complex128]:
+    r"""The Floquet exponents on the principal branch (n,) [1/s].
+
+    .. math:: \lambda_r = \frac{\ln \mu_r}{T}, \qquad -\omega/2 < \mathrm{Im}\,\lambda_r \le \omega/2, \qquad
+              \omega = 2\pi/T
+
+    A real negative multiplier has Im λ = +ω/2. Sorted by \|Im λ\|, then by falling real part, the positive imaginary
+    part of a conjugate pair first.
+
+    Allen 2009, eq. (4). The period is split into factors, each well conditioned, and the eigenvalues are those of
+    their product without its being formed (periodic Schur form: Bojanczyk, Golub and Van Dooren 1992). The multipliers
+    may be as far apart as they like: each is good to about `tolerance` times the number of factors of itself, times
+    its condition. Two that are nearly equal and share a shape are good to the root of that; `modes` tells.
+
+    Parameters
+    ----------
+    system, period, breaks, tolerance
+        As in `transition`.
+
+    Raises
+    ------
+    InputError
+        As in `transition`; or the sum of the exponents misses the mean trace of A(t), which it must equal by
+        Liouville's formula.
+    """
+    found, length = _logarithms(system, period, breaks, tolerance, "floquet.exponents")
+    return found / length
+
+
+def balanced(found: Factors, prepared: Prepared) -> NDArray[np.float64]:
+    """The factors in balanced units (factors, n, n)."""
+    return found.matrices * prepared.scale / prepared.scale[:, None]
+
+
+def refuse_lost(logs: NDArray[np.complex128], found: Factors, prepared: Prepared, of: str) -> None:
+    """Refuse exponents whose sum is not the mean trace of A(t)."""
+    integral = trace_integral(found, prepared)
+    growth = float(logs.real.sum())
+    # Each factor's own rounding counts, and so do sizes that cancel in the sum.
+    size = 1.0 + np.abs(logs.real).sum() + prepared.size * prepared.matrix.period
+    if not abs(growth - integral) <= _LOST * size:
+        period = prepared.matrix.period
+        raise input_error(
+            "system",
+            of,
+            "have multipliers that can be told from rounding",
+            f"their exponents sum to {growth / period:.6g} where the mean trace of A(t) is {integral / period:.6g}",
+            "Take the states that decay at once out of A(t), or lower `tolerance`.",
+        )
+
+
+def trace_integral(found: Factors, prepared: Prepared) -> float:
+    """The integral of the trace of A over a period."""
+    matrix = prepared.matrix
+    if isinstance(matrix, HarmonicMatrix):
+        mean = np.asarray(matrix.coefficients)[..., np.asarray(matrix.harmonics) == 0].sum(axis=2)
+        return float(np.trace(mean).real) * matrix.period
+    rule = gauss(stages(len(prepared.scale)))
+    width = found.right - found.left
+    values = matrix.at(found.left[:, None] + width[:, None] * rule.nodes)
+    return float(width @ np.trace(values, axis1=2, axis2=3) @ rule.weights)
+
+
+def _logarithms(
+    system: StateMatrix, period: float | None, breaks: ArrayLike, tolerance: float, of: str
+) -> tuple[NDArray[np.complex128], float]:
+    """The sorted logarithms of the multipliers, and the period."""
+    prepared = checked(system, period, breaks, tolerance, of)
+    found = factors(prepared, np.array([0.0, prepared.matrix.period]), tolerance, of)
+    logs = product_logarithms(balanced(found, prepared))
+    refuse_lost(logs, found, prepared, of)
+    return logs, prepared.matrix.period

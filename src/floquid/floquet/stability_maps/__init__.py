@@ -1,4 +1,3 @@
 """Stability over one or two parameters: many systems A(t; p) at once."""
 
-from floquid.floquet.stability_maps._stability_map import Instability, StabilityMap, stability_map
-from floquid.floquet.stability_maps._transitions import transitions
+from floquid.floquet.stability_maps._stability_map import Instability, StabilityMap, stability_map, transitions

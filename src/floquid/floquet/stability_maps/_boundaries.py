@@ -17,9 +17,7 @@ Evaluate: TypeAlias = Callable[[NDArray[np.float64], str], Spectra]
 class Samples(NamedTuple):
     """Points that are known, and what is known of them."""
 
-    points: NDArray[np.float64]
-    """(points, parameters)."""
-
+    points: NDArray[np.float64]  # (points, parameters)
     spectra: Spectra
     unstable: NDArray[np.bool_]
 
@@ -31,8 +29,7 @@ class Cells(NamedTuple):
     lattice: NDArray[np.int64]
     """The sample at each node of the finest lattice, -1 where none is (nodes of the first, of the second)."""
 
-    cells: NDArray[np.int64]
-    """First corner and width of each, in steps of the lattice (cells, 3)."""
+    cells: NDArray[np.int64]  # first corner and width of each, in steps of the lattice (cells, 3)
 
 
 def samples(points: NDArray[np.float64], found: Spectra, margin: float) -> Samples:

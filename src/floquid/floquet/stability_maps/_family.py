@@ -24,13 +24,9 @@ class Family:
     period: float | Callable[..., ArrayLike]
     names: tuple[str, ...]
     vectorised: bool
-    breaks: NDArray[np.float64]
-    """Fractions of the period in [0, 1) at which A jumps (breaks,)."""
-
+    breaks: NDArray[np.float64]  # fractions of the period in [0, 1) at which A jumps (breaks,)
     tolerance: float
-    narrowest: float
-    """The shortest feature of A that must be seen, in periods."""
-
+    narrowest: float  # the shortest feature of A that must be seen, in periods
     scale: NDArray[np.float64]
     """Units of the states (n,), powers of two: fixed, so that no point depends on those beside it."""
 

@@ -21,20 +21,11 @@ _DEFECTIVE = 4  # multipliers that may coalesce into one block: how far rounding
 class Spectra(NamedTuple):
     """Exponents, growth and eigenvectors at each of the points."""
 
-    exponents: NDArray[np.complex128]
-    """On the principal branch, ascending in their real parts (points, n) [1/s]."""
-
-    growth: NDArray[np.float64]
-    """The largest real part (points,) [1/s]."""
-
-    certain: NDArray[np.float64]
-    """The same with the error of each exponent taken off (points,) [1/s]."""
-
-    multiplier: NDArray[np.complex128]
-    """The largest multiplier (points,)."""
-
-    vectors: NDArray[np.complex64]
-    """Eigenvectors of Φ(T), ascending in the angles of their multipliers (points, n, n)."""
+    exponents: NDArray[np.complex128]  # on the principal branch, ascending in their real parts (points, n) [1/s]
+    growth: NDArray[np.float64]  # the largest real part (points,) [1/s]
+    certain: NDArray[np.float64]  # the same with the error of each exponent taken off (points,) [1/s]
+    multiplier: NDArray[np.complex128]  # the largest multiplier (points,)
+    vectors: NDArray[np.complex64]  # eigenvectors of Φ(T), ascending in the angles of their multipliers (points, n, n)
 
 
 def spectra(of: Family, points: NDArray[np.float64]) -> Spectra:

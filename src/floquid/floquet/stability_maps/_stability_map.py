@@ -1,4 +1,4 @@
-"""Stability maps: where over one or two parameters a periodic system is unstable."""
+"""Stability, or transition matrices, of a periodic system over its parameters."""
 
 from __future__ import annotations
 
@@ -23,12 +23,13 @@ from floquid.floquet.stability_maps._boundaries import (
     thin_bands,
 )
 from floquid.floquet.stability_maps._family import Family, family
-from floquid.floquet.stability_maps._spectra import Spectra
+from floquid.floquet.stability_maps._spectra import Spectra, products
 from floquid.floquet.stability_maps._workers import Workers
 
 _HALVINGS = (20, 3)  # by default, of the steps of the grid of one and of two parameters
 _EDGES = (1e-9, 1e-6)  # by default, the largest error of an edge as a fraction of the range
 _NODES = 50_000_000  # of the finest lattice of two parameters
+_CHUNK = 512  # points of one batch
 
 
 class Instability(IntEnum):
@@ -111,7 +112,7 @@ def stability_map(
     progress: bool = False,
     report: Callable[[str], None] = lambda _: None,
 ) -> StabilityMap:
-    r"""Where a periodic system is unstable, over one or two parameters.
+    r"""The bands, or the boundary, within which a periodic system is unstable, over one or two parameters.
 
     .. math:: \max_r \mathrm{Re}\,\lambda_r(p) > \text{margin}, \qquad \dot x = A(t; p)\, x, \qquad
               A(t + T(p); p) = A(t; p)
@@ -119,6 +120,15 @@ def stability_map(
     The grid given is evaluated whole. Of one parameter, thin bands are then looked for between its values, and the
     edges of all bands are halved down to `edge_tolerance`. Of two, the cells of the grid are halved where their
     corners differ and where a band may hide, and the boundary's crossings of the sides of the smallest are halved.
+
+    A band is found if it holds a value of the grid. Between two stable values it is found if it is wider than
+    2^-refinements of their distance and one pair of multipliers meets there once, from which it springs: the
+    eigenvectors then change places (the sets of multipliers being followed between neighbours, as by Yakubovich and
+    Starzhinskii, Linear Differential Equations with Periodic Coefficients, III), or if the growth rises towards it at
+    neighbouring values. A grid so coarse that shapes change wholly between its values can miss one.
+
+    The exponents are those of the product of the factors of Φ(T), kept in range: the largest multipliers are as good
+    as the product allows, small ones may be lost, which stability does not ask for; `floquet.exponents` has them.
 
     Parameters
     ----------
@@ -156,27 +166,11 @@ def stability_map(
     report
         Is told of each stage.
 
-    Returns
-    -------
-    StabilityMap
-        The bands or the boundary, and all points.
-
     Raises
     ------
     InputError
         The parameters are not one or two ascending grids, a callable does not return what it must, A(t; p) does not
         have the period T(p) or cannot be integrated, or a plain callable cannot be sent to the worker processes.
-
-    Notes
-    -----
-    A band is found if it holds a value of the grid. Between two stable values it is found if it is wider than
-    2^-refinements of their distance and one pair of multipliers meets there once, from which it springs: the
-    eigenvectors then change places (the sets of multipliers being followed between neighbours, as by Yakubovich and
-    Starzhinskii, Linear Differential Equations with Periodic Coefficients, III), or if the growth rises towards it at
-    neighbouring values. A grid so coarse that shapes change wholly between its values can miss one.
-
-    The exponents are those of the product of the factors of Φ(T), kept in range: the largest multipliers are as good
-    as the product allows, small ones may be lost, which stability does not ask for; `floquet.exponents` has them.
     """
     of = "floquet.stability_map"
     grids = _grids(parameters, of)
@@ -288,3 +282,76 @@ def _map(
         if array is not None:
             array.flags.writeable = False
     return StabilityMap(names=given.names, grids=grids, margin=margin, **arrays)
+
+
+def transitions(
+    system: Callable[..., ArrayLike],
+    period: float | Callable[..., ArrayLike],
+    parameters: Mapping[str, ArrayLike],
+    *,
+    start: float = 0.0,
+    end: float = 1.0,
+    vectorised: bool = False,
+    breaks: ArrayLike = (),
+    tolerance: float = TOLERANCE,
+    narrowest: float = 1.0 / 64.0,
+) -> NDArray[np.float64]:
+    r"""The transition matrices of many systems (..., n, n), in one batch.
+
+    .. math:: \Phi(\varphi_1 T(p), \varphi_0 T(p); p), \qquad \dot x = A(t; p)\, x, \qquad A(t + T(p); p) = A(t; p)
+
+    With the method and accuracy of `transition`; the batch is what makes it quick for small systems.
+
+    Parameters
+    ----------
+    system, period, vectorised, breaks, tolerance, narrowest
+        As in `stability_map`.
+    parameters
+        The names of the parameters and their values, arrays that broadcast to one shape (...).
+    start, end
+        The phases φ₀ and φ₁ between which it is integrated [periods], the second not before the first.
+
+    Raises
+    ------
+    InputError
+        The parameters do not broadcast, `end` lies before `start`, a callable does not return what it must, A(t; p)
+        does not have the period T(p) or cannot be integrated, or Φ overflows.
+    """
+    of = "floquet.transitions"
+    if not isinstance(parameters, Mapping) or not parameters:
+        raise input_error("parameters", of, "map a name at least to its values", f"is {parameters!r:.60}")
+    span = finite(start, "start", of), finite(end, "end", of)
+    if span[1] < span[0]:
+        raise input_error("end", of, f"not lie before `start` = {span[0]:g} [periods]", f"is {span[1]:g}")
+    try:
+        values = np.broadcast_arrays(*(np.asarray(value, dtype=np.float64) for value in parameters.values()))
+    except (TypeError, ValueError) as error:
+        raise input_error("parameters", of, "be numbers that broadcast to one shape", f"are not ({error})") from None
+    shape = values[0].shape
+    points = frozen_array(
+        np.stack([value.ravel() for value in values], axis=-1), "parameters", of, axes=("points", len(parameters))
+    )
+    if not len(points):
+        raise input_error("parameters", of, "have a value at least", f"have shape {shape}")
+    given = family(
+        system,
+        period,
+        points,
+        tuple(parameters),
+        vectorised=vectorised,
+        breaks=breaks,
+        tolerance=tolerance,
+        narrowest=narrowest,
+        of=of,
+    )
+    parts = []
+    for first in range(0, len(points), _CHUNK):
+        chunk = points[first : first + _CHUNK]
+        product, power, _ = products(given, chunk, given.periods(chunk), span)
+        with np.errstate(over="ignore"):
+            parts.append(np.ldexp(product * given.scale[:, None] / given.scale, power[:, None, None]))
+    phi = np.concatenate(parts)
+    if not np.isfinite(phi).all():
+        where = given.words(points[int(np.argmin(np.isfinite(phi).all(axis=(1, 2))))])
+        raise input_error("end", of, "come before Φ leaves the range of floating point", f"Φ overflows at {where}")
+    return phi.reshape(*shape, *phi.shape[1:])

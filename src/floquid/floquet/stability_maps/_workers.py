@@ -42,7 +42,10 @@ class Workers:
             import multiprocessing
             from concurrent.futures import ProcessPoolExecutor
 
-            _refuse_unpicklable(self._family)
+            try:
+                pickle.dumps((self._family.system, self._family.period))
+            except (pickle.PicklingError, AttributeError, TypeError) as error:
+                raise _unreachable(self._family, f"it cannot be sent to one ({error})") from None
             # A fresh interpreter: a fork of a process with threads may hang.
             context = multiprocessing.get_context("spawn")
             self._pool = ProcessPoolExecutor(
@@ -89,13 +92,6 @@ def _begin(of: Family) -> None:
 
 def _one_chunk(points: NDArray[np.float64]) -> Spectra:
     return spectra(_FAMILY[0], points)
-
-
-def _refuse_unpicklable(of: Family) -> None:
-    try:
-        pickle.dumps((of.system, of.period))
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise _unreachable(of, f"it cannot be sent to one ({error})") from None
 
 
 def _unreachable(of: Family, why: str) -> InputError:

@@ -209,7 +209,9 @@ def test_python_control_takes_names_with_a_full_stop():
 
 def test_python_control_is_asked_for(monkeypatch):
     monkeypatch.setitem(sys.modules, "control", None)
-    with pytest.raises(InputError, match=r"`to_control` works with the package control.*\n.*pip install control"):
+    with pytest.raises(
+        InputError, match=r"`to_control` works with the package control.*\n.*pip install .floquid.control"
+    ):
         lift(random_discrete(0)).to_control()
 
 
