@@ -9,13 +9,7 @@ from floquid.errors import InputError
 
 
 def load_package(name: str, of: str, *, extra: str = "") -> Any:
-    """The module called `name`, for the public callable `of`; it comes with the `extra`, by default of its own name.
-
-    Raises
-    ------
-    InputError
-        It cannot be imported.
-    """
+    """The module called `name`, for the public callable `of`; it comes with the `extra`, by default of its own name."""
     try:
         return import_module(name)
     except ImportError as error:

@@ -78,13 +78,7 @@ WRITTEN = ", ".join(kind.suffix for kind in FORMATS if kind.save)
 
 
 def format_of(path: Path, *, of: str) -> Format:
-    """The format that the suffix of `path` chooses.
-
-    Raises
-    ------
-    InputError
-        No format has that suffix.
-    """
+    """The format that the suffix of `path` chooses."""
     for known in FORMATS:
         if path.suffix.lower() == known.suffix:
             return known

@@ -114,13 +114,7 @@ def write(record: Record, path: str | PathLike[str]) -> None:
 def load_table(
     path: str | PathLike[str], *, of: str, channels: Sequence[str] | None, ignore_time: bool
 ) -> tuple[Source, Format, Table]:
-    """The content of a file, checked but for its time axis.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is not what it must be.
-    """
+    """The content of a file, checked but for its time axis."""
     source = Source(of=of, name=str(as_path(path, of=of)))
     kind = format_of(source.path, of=of)
     readable_file(path, of=of)

@@ -45,11 +45,6 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     """The table in a TDMS file.
 
     Where one group holds numbers its channels have their own names; where several do, all are called `group/channel`.
-
-    Raises
-    ------
-    InputError
-        npTDMS is not installed; the file is damaged or cut short; its channels do not go together.
     """
     nptdms = load_package("nptdms", source.of, extra="tdms")
     nptdms.log.log_manager.set_level(logging.CRITICAL)
@@ -82,13 +77,7 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
 
 
 def _unclosed(source: Source, file: Any) -> tuple[str, ...]:
-    """A note on a file whose last segment was never closed.
-
-    Raises
-    ------
-    InputError
-        That segment is cut short in the middle of its samples.
-    """
+    """A note on a file whose last segment was never closed."""
     status = file.file_status
     short = [path for path, one in (status.channel_statuses or {}).items() if one.read_length != one.expected_length]
     if short:
@@ -152,13 +141,7 @@ def _check_lengths(source: Source, chosen: Sequence[_Signal], time: _Signal | No
 def _even(
     source: Source, chosen: Sequence[_Signal], *, ignore_time: bool
 ) -> tuple[float | None, float | None, tuple[str, ...]]:
-    """The rate [Hz] and the start [s] that the channels state, None if they state none, and notes.
-
-    Raises
-    ------
-    InputError
-        They differ from one another, or are not possible.
-    """
+    """The rate [Hz] and the start [s] that the channels state, None if they state none, and notes."""
     steps = {signal.path: signal.get("wf_increment") for signal in chosen}
     starts = {signal.path: (str(signal.get("wf_start_time")), signal.get("wf_start_offset")) for signal in chosen}
     for what, found in (("step of time (`wf_increment`)", steps), ("start (`wf_start_time`)", starts)):

@@ -16,13 +16,7 @@ from floquid.io import Source
 
 
 def make_channel(source: Source, **words: Any) -> Channel:
-    """The channel of a `source` that the `words` describe, those that are None left to `Channel`.
-
-    Raises
-    ------
-    InputError
-        The name is empty, or unit and quantity contradict each other.
-    """
+    """The channel of a `source` that the `words` describe, those that are None left to `Channel`."""
     try:
         return Channel(**{key: value for key, value in words.items() if value is not None})
     except InputError as error:
@@ -35,13 +29,7 @@ def make_channels(
     units: Sequence[str] | None = None,
     **words: Sequence[str | None] | None,
 ) -> tuple[Channel, ...]:
-    """The channels of a `source` by their `names` and `units`; other `words`, one a channel, as `Channel` has them.
-
-    Raises
-    ------
-    InputError
-        A name is empty or given twice, or a unit and a quantity contradict each other.
-    """
+    """The channels of a `source` by their `names` and `units`; other `words`, one a channel, as `Channel` has them."""
     given = {key: values for key, values in {"unit": units, **words}.items() if values is not None}
     channels = tuple(
         make_channel(source, name=name, **{key: values[row] for key, values in given.items()})
@@ -52,13 +40,7 @@ def make_channels(
 
 
 def check_distinct(source: Source, names: Iterable[str]) -> None:
-    """Refuse two channels of a `source` with one of the `names`.
-
-    Raises
-    ------
-    InputError
-        A name is there twice.
-    """
+    """Refuse two channels of a `source` with one of the `names`."""
     seen: set[str] = set()
     for name in names:
         if name in seen:
@@ -67,26 +49,14 @@ def check_distinct(source: Source, names: Iterable[str]) -> None:
 
 
 def rows_of(source: Source, named: Sequence[Channel], channels: Sequence[str] | None) -> list[int]:
-    """The rows of the `named` channels of a `source` that `channels` asks for, in that order; None asks for all.
-
-    Raises
-    ------
-    InputError
-        One is not there, or is asked for twice.
-    """
+    """The rows of the `named` channels of a `source` that `channels` asks for, in that order; None asks for all."""
     if channels is None:
         return list(range(len(named)))
     return channels_named(named, channels, argument="channels", of=source.of)
 
 
 def with_units(channels: Sequence[Channel], units: Mapping[str, str] | None, source: Source) -> tuple[Channel, ...]:
-    """The `channels` of a `source`, some with another unit: `units` by their names.
-
-    Raises
-    ------
-    InputError
-        `units` is no mapping, or names what is no channel.
-    """
+    """The `channels` of a `source`, some with another unit: `units` by their names."""
     if units is None:
         return tuple(channels)
     names = [channel.name for channel in channels]
@@ -104,13 +74,7 @@ def with_units(channels: Sequence[Channel], units: Mapping[str, str] | None, sou
 
 
 def real_row(values: NDArray[Any], name: object, source: Source) -> NDArray[np.float64]:
-    """The `values` (samples,) of the channel `name` of a `source` as numbers.
-
-    Raises
-    ------
-    InputError
-        It holds something else than real numbers.
-    """
+    """The `values` (samples,) of the channel `name` of a `source` as numbers."""
     if values.dtype.kind not in "biuf":
         remedy = "Pass its real part." if values.dtype.kind == "c" else "Leave it out, or turn it into numbers."
         raise source.error("hold real numbers", f"has {values.dtype} in {name!r}", remedy)
@@ -118,13 +82,7 @@ def real_row(values: NDArray[Any], name: object, source: Source) -> NDArray[np.f
 
 
 def stated_number(stated: Mapping[Any, Any], key: str, source: Source, *, above_zero: bool) -> float | None:
-    """The number that a `source` states as `key` among what is `stated`, `above_zero` or of any sign; None without one.
-
-    Raises
-    ------
-    InputError
-        It is no finite number, or not above zero where it must be.
-    """
+    """The number that a `source` states as `key` in `stated`, `above_zero` or of any sign; None without one."""
     value = stated.get(key)
     if value is None:
         return None
@@ -167,13 +125,7 @@ def orbit_of(record: Record) -> dict[str, NDArray[np.float64]]:
 
 
 def refuse_blurred_times(record: Record) -> None:
-    """Refuse to write times of a `record` of which neighbours are one number.
-
-    Raises
-    ------
-    InputError
-        The record starts so late that its times cannot be told apart.
-    """
+    """Refuse to write times of a `record` of which neighbours are one number."""
     if np.spacing(np.abs(record.times).max()) * record.sample_rate > 0.01:
         raise input_error(
             "record",

@@ -53,11 +53,6 @@ def find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[
     """The first column of a `source` that is a time, and its unit in seconds; of `parts`, a name and a unit each.
 
     A time by its name, or the very first column by its unit.
-
-    Raises
-    ------
-    InputError
-        It is in no unit of time.
     """
     for column, (name, unit) in enumerate(parts):
         known = SECONDS.get(unit or "")

@@ -94,12 +94,6 @@ def repair(column: TimeColumn, source: Source) -> TimeAxis:
     The times t_n are fitted by t_0 + k_n h with whole numbers k_n, least squares over the whole column. All k_n = n if
     that leaves residuals within the rounding of the column; otherwise steps of a whole number of h are gaps. Where the
     rounding is about as long as a step, a gap and a rounding look alike: see `_whole_steps`.
-
-    Raises
-    ------
-    InputError
-        Times are missing, infinite, decreasing or repeated; the steps are uneven beyond the rounding; a gap is not a
-        whole number of steps or would more than double the record.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # refused below
         times = column.values.astype(np.float64, copy=False)

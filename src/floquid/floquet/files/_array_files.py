@@ -41,13 +41,7 @@ class Contents:
 
 
 def contents(path: Path) -> Contents:
-    """The arrays of the file at `path`; nothing in it is ever unpickled or run.
-
-    Raises
-    ------
-    InputError
-        The file is of no kind that is read, is not what its name says, is too large, damaged or cut short.
-    """
+    """The arrays of the file at `path`; nothing in it is ever unpickled or run."""
     loaders = {".npz": _npz, ".mat": _mat, ".h5": _hdf5, ".hdf5": _hdf5, ".json": _json}
     load: Callable[[Path], Contents] | None = loaders.get(path.suffix.lower())
     bare = Contents(path=path, arrays={}, names=())

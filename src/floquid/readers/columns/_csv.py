@@ -44,13 +44,7 @@ class _Body:
 
 
 def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a text file.
-
-    Raises
-    ------
-    InputError
-        The file is not text in UTF-8, has no header or no samples, a row is ragged, a cell is not a number.
-    """
+    """The table in a text file."""
     _refuse_other_than_text(source)
     comments, (top, head) = _head(source)
     stated = stated_line(source, comments)
@@ -204,13 +198,7 @@ def _number(source: Source, cell: str, line: int, column: str) -> float:
 
 
 def save_csv(record: Record, path: Path) -> None:
-    """Write `record` so that every number is read back as it is.
-
-    Raises
-    ------
-    InputError
-        The record starts so late that its times cannot be told apart.
-    """
+    """Write `record` so that every number is read back as it is."""
     refuse_blurred_times(record)
     times = record.times
     head = io.StringIO()

@@ -44,13 +44,7 @@ def find_delimiter(header: str, first_row: str) -> str:
 
 
 def parse_header(source: Source, cells: Sequence[str], line: int, stated: Stated) -> Header:
-    """The columns that the header names; one that our comment line describes is taken from there.
-
-    Raises
-    ------
-    InputError
-        The header is a row of numbers, a name is empty or given twice, or the time has an unknown unit.
-    """
+    """The columns that the header names; one that our comment line describes is taken from there."""
     if all(_is_number(cell) for cell in cells):
         raise source.error(
             "begin with a header row that names the columns",

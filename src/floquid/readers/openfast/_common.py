@@ -20,13 +20,7 @@ _UNITS = {"": "-", "-": "-", "°": "deg"}
 def channels_of(
     source: Source, labels: Sequence[str], units: Sequence[str]
 ) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
-    """The channels of columns with these `labels` and `units`, and notes.
-
-    Raises
-    ------
-    InputError
-        A name is empty or there twice.
-    """
+    """The channels of columns with these `labels` and `units`, and notes."""
     plain = [_plain_unit(unit) for unit in units]
     quantities = ["angle" if is_shaft_angle(*pair) else None for pair in zip(labels, plain, strict=True)]
     channels = make_channels(source, labels, plain, quantity=quantities)

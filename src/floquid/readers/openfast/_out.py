@@ -32,13 +32,7 @@ class _Head:
 
 
 def load_out(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a text output file of OpenFAST.
-
-    Raises
-    ------
-    InputError
-        The file is not one, a row is ragged, or a cell is not a number.
-    """
+    """The table in a text output file of OpenFAST."""
     head = _head(source)
     named, notes = channels_of(source, head.names[1:], head.units[1:])
     rows = rows_of(source, named, channels)

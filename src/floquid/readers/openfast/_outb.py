@@ -54,13 +54,7 @@ class _Head:
 
 
 def load_outb(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a binary output file of OpenFAST.
-
-    Raises
-    ------
-    InputError
-        The file is not one, is damaged or cut short.
-    """
+    """The table in a binary output file of OpenFAST."""
     with source.path.open("rb") as stream:
         head = _head(source, stream)
         named, notes = channels_of(source, head.names[1:], head.units[1:])

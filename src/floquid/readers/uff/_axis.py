@@ -41,14 +41,7 @@ def shared_axis(
     *,
     ignore_time: bool,
 ) -> Axis:
-    """The axis of all functions named.
-
-    Raises
-    ------
-    InputError
-        Two functions differ in step, start or length; the abscissa is not a time; the step is not positive; our own ID
-        line contradicts the header. With `ignore_time` the latter two do not matter.
-    """
+    """The axis of all functions named."""
     _check_alike(source, headers, own, names)
     header, name = headers[0], names[0]
     scale = SECONDS.get(header.abscissa.unit.strip("[]()- ").lower() or "s")

@@ -49,13 +49,7 @@ class Dataset:
 
 
 def find_datasets(source: Source, data: bytes) -> list[Dataset]:
-    """All datasets in the bytes of a file, in their order.
-
-    Raises
-    ------
-    InputError
-        It is not a universal file, is cut short, or has something that belongs to no dataset.
-    """
+    """All datasets in the bytes of a file, in their order."""
     datasets: list[Dataset] = []
     place = 3 if data.startswith(b"\xef\xbb\xbf") else 0
     while True:

@@ -109,13 +109,7 @@ def _unit_of(quantity: Quantity | None, point: Point, unit_system: int | None) -
 
 
 def check_names(source: Source, headers: Sequence[FunctionHeader], names: Sequence[str]) -> None:
-    """Refuse two functions that nothing tells apart.
-
-    Raises
-    ------
-    InputError
-        Two have one name.
-    """
+    """Refuse two functions that nothing tells apart."""
     first: dict[str, int] = {}
     for row, name in enumerate(names):
         if name in first:

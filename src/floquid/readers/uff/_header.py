@@ -91,11 +91,6 @@ def parse_header(source: Source, lines: Sequence[bytes], first: int) -> Function
     """The header in the 11 lines of a dataset that begins at byte `first`.
 
     Fields are taken by their columns, as the format has them, or by blanks where a program kept to none.
-
-    Raises
-    ------
-    InputError
-        The file ends in it, a line holds what cannot be text, or a field is not what it must be.
     """
     if not lines[-1].endswith(b"\n"):
         raise source.error(

@@ -81,13 +81,7 @@ def unit_label(unit: str) -> str:
 
 
 def own_lines(source: Source, header: FunctionHeader) -> OwnLines | None:
-    """What the ID lines state if floquid wrote them, else None.
-
-    Raises
-    ------
-    InputError
-        A number in them is none, or contradicts the header.
-    """
+    """What the ID lines state if floquid wrote them, else None."""
     rate = _RATE.fullmatch(header.ids[1])
     if rate is None:
         return None

@@ -67,12 +67,6 @@ def load_uff(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
 
     The header prints the step to six digits. The rate is the one in ID line 2 where floquid wrote it, else the round
     rate that the digits clearly mean, else one over the step; `Table.rate_note` says which.
-
-    Raises
-    ------
-    InputError
-        The file is not a universal file, is damaged or cut short, holds no time response, or holds such as do not
-        belong together.
     """
     data = source.path.read_bytes()
     datasets = find_datasets(source, data)

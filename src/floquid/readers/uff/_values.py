@@ -25,13 +25,7 @@ _EXPORT = "Export or copy the file again."
 
 
 def check_size(source: Source, dataset: Dataset, header: FunctionHeader, name: str) -> None:
-    """Refuse a function that cannot hold what it declares, before memory is taken for it.
-
-    Raises
-    ------
-    InputError
-        The ordinates are complex, in a float format of the past, or of another number than declared.
-    """
+    """Refuse a function that cannot hold what it declares, before memory is taken for it."""
     if header.is_complex:
         raise source.error(
             "hold time responses of real numbers",
@@ -57,13 +51,7 @@ def check_size(source: Source, dataset: Dataset, header: FunctionHeader, name: s
 def read_values(
     source: Source, data: bytes, dataset: Dataset, header: FunctionHeader, name: str
 ) -> tuple[NDArray[np.float64], NDArray[np.floating] | None]:
-    """The ordinates (samples,), and the abscissas (samples,) where they are uneven, of a function of checked size.
-
-    Raises
-    ------
-    InputError
-        A number cannot be read, there are more or fewer than declared, or their byte order is not the one declared.
-    """
+    """The ordinates (samples,), and the abscissas (samples,) where they are uneven, of a function of checked size."""
     if dataset.binary is None:
         numbers = _text_numbers(source, data[dataset.start : dataset.end], header, name)
         return (numbers, None) if header.is_even else (numbers[1::2], numbers[0::2])

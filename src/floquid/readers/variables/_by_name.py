@@ -22,13 +22,7 @@ KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period",
 
 
 def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a file that holds `values` and `channels`.
-
-    Raises
-    ------
-    InputError
-        A variable is not of its type and shape.
-    """
+    """The table in a file that holds `values` and `channels`."""
     held = file.variables
     names = _texts(source, file, "channels")
     values = _values(source, file, len(names))
@@ -72,13 +66,7 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
 
 
 def time_column(source: Source, file: VariableFile, path: str, n_samples: int) -> TimeColumn:
-    """The times at `path`, a row or a column of them.
-
-    Raises
-    ------
-    InputError
-        They are not numbers, not one a sample, or in a unit that is none of time.
-    """
+    """The times at `path`, a row or a column of them."""
     array = numbers(source, file, path)
     if array.size == max(array.shape, default=0):
         array = array.reshape(-1)
@@ -93,13 +81,7 @@ def time_column(source: Source, file: VariableFile, path: str, n_samples: int) -
 
 
 def scalar(source: Source, file: VariableFile, path: str) -> float | None:
-    """The number at `path` [Hz] if it is a `sample_rate`, else [s]; None if there is none.
-
-    Raises
-    ------
-    InputError
-        It is not one number, not a possible one, or in another unit.
-    """
+    """The number at `path` [Hz] if it is a `sample_rate`, else [s]; None if there is none."""
     variable = file.variables.get(path)
     if variable is None:
         return None

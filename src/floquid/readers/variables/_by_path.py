@@ -46,13 +46,7 @@ class _Row:
 def table_of_variables(
     source: Source, file: VariableFile, *, channels: Sequence[str] | None, ignore_time: bool
 ) -> Table:
-    """The table in a file of variables: by our names if it has them, else by the paths in `channels`.
-
-    Raises
-    ------
-    InputError
-        It has neither our names nor the paths, or a variable is not of its type and shape.
-    """
+    """The table in a file of variables: by our names if it has them, else by the paths in `channels`."""
     by = table_by_name if {"values", "channels"} <= file.variables.keys() else _table_by_path
     return by(source, file, channels=channels, ignore_time=ignore_time)
 

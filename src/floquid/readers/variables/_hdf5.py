@@ -36,13 +36,7 @@ def is_hdf5(path: Path) -> bool:
 
 
 def load_hdf5(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in an HDF5 file, or a MATLAB file of version 7.3.
-
-    Raises
-    ------
-    InputError
-        The file is none, is damaged, has no datasets of our names and none are named, or one is not what it must be.
-    """
+    """The table in an HDF5 file, or a MATLAB file of version 7.3."""
     import h5py
 
     if not is_hdf5(source.path):

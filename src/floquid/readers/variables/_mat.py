@@ -28,13 +28,7 @@ _SAVE_AGAIN = "In MATLAB save it again, as in save('run.mat', 'values', 'sample_
 
 
 def load_mat(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a MATLAB file, of version 5 to 7, or 7.3; nothing in it is ever run or made an object of.
-
-    Raises
-    ------
-    InputError
-        The file is none, is damaged, has no variables of our names and none are named, or one is not what it must be.
-    """
+    """The table in a MATLAB file, of version 5 to 7, or 7.3; nothing in it is ever run or made an object of."""
     if is_hdf5(source.path):
         return load_hdf5(source, channels=channels, ignore_time=ignore_time)
     if not mat_order(source.path):
@@ -109,13 +103,7 @@ def _no_mat_file(source: Source) -> InputError:
 
 
 def save_mat(record: Record, path: Path) -> None:
-    """Write `record` with every name that `load_mat` reads, as a file of version 7.
-
-    Raises
-    ------
-    InputError
-        `values` is larger than a variable can be in such a file.
-    """
+    """Write `record` with every name that `load_mat` reads, as a file of version 7."""
     import scipy.io
 
     if record.values.nbytes > _LARGEST:

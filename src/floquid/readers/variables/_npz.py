@@ -22,14 +22,7 @@ _KINDS |= dict.fromkeys("biuf", "numbers")
 
 
 def load_npz(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a NumPy archive; nothing in it is ever unpickled.
-
-    Raises
-    ------
-    InputError
-        The file is not an archive, is damaged, has no arrays of our names and none are named, or one is not of its type
-        and shape.
-    """
+    """The table in a NumPy archive; nothing in it is ever unpickled."""
     return table_of_variables(source, _NpzFile(source), channels=channels, ignore_time=ignore_time)
 
 

@@ -139,25 +139,13 @@ class VariableFile(Protocol):
 
 
 def numbers(source: Source, file: VariableFile, path: str) -> NDArray[Any]:
-    """The array of the variable at `path`.
-
-    Raises
-    ------
-    InputError
-        It does not hold real numbers.
-    """
+    """The array of the variable at `path`."""
     require_numbers(source, file.variables[path])
     return file.numbers(path)
 
 
 def require_numbers(source: Source, variable: Variable) -> None:
-    """Refuse what is not real numbers, with what to do about it.
-
-    Raises
-    ------
-    InputError
-        The variable holds something else.
-    """
+    """Refuse what is not real numbers, with what to do about it."""
     if variable.kind != "numbers":
         raise source.error(
             f"hold real numbers in `{printable(variable.path)}`",
