@@ -78,9 +78,9 @@ def check_table(table: Table, source: Source) -> None:
 def record_of(
     table: Table, source: Source, *, rate: float | None, period: float | None, origin: float, step: str = ""
 ) -> Record:
-    """The record that a `table` describes; `rate` [Hz], `period` and `origin` [s] take precedence over what it states.
+    """The record that a `table` of a `source` describes.
 
-    `step` says in a sentence how the table was had.
+    `rate` [Hz], `period` and `origin` [s] come before what it states; `step` says in a sentence how it was had.
     """
     if rate is not None:
         rate = positive(rate, "rate", source.of, unit="Hz", remedy="Pass the number of samples a second.")
@@ -129,7 +129,7 @@ def _clock(table: Table, source: Source, period: float | None, origin: float) ->
 
 
 def settle_axis(table: Table, source: Source, rate: float | None) -> TimeAxis | None:
-    """The time axis of a `table` by the `rate` given [Hz], else the rate stated, else the times; None without."""
+    """The time axis of a `table` of a `source`: the `rate` given [Hz], the rate stated, or the times; or None."""
     stated, who = table.sample_rate, "the file" if table.kind == "a file" else "it"
     if rate is not None:
         was = "" if stated in (None, rate) else f"; {who} states {stated:.12g} Hz"

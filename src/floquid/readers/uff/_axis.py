@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from floquid.errors import InputError
 from floquid.io import Source
-from floquid.readers.uff._header import FunctionHeader
-from floquid.readers.uff._ids import OwnLines
+from floquid.readers.uff._channels import OwnLines
+from floquid.readers.uff._datasets import FunctionHeader
 from floquid.tables import SECONDS, Printed, nominal_rate_of_step
 
 _TIME_KINDS = (0, 1, 17)
