@@ -9,11 +9,10 @@ from dataclasses import asdict
 from io import BytesIO, StringIO
 from itertools import product
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import describe, input_error
 from floquid._version import __version__
@@ -84,11 +83,7 @@ def export_modes(
         content = csv_bytes(model)
     else:
         content = _json_bytes(result)
-    _write(content, file)
-
-
-def _write(content: bytes, file: Path) -> None:
-    with atomic_path(file, of="export_modes") as temporary:
+    with atomic_path(file, of=of) as temporary:
         temporary.write_bytes(content)
 
 
@@ -107,18 +102,6 @@ def _json_bytes(result: Analysis | PeriodicModel) -> bytes:
     return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
 
 
-_MODE = (
-    "exponent real [1/s]",
-    "exponent imag [rad/s]",
-    "exponent real std [1/s]",
-    "exponent imag std [rad/s]",
-    "frequency [Hz]",
-    "frequency std [Hz]",
-    "damping ratio [-]",
-    "damping ratio std [-]",
-    "multiplier real [-]",
-    "multiplier imag [-]",
-)
 _COEFFICIENT = ("coefficient real", "coefficient imag", "coefficient real std", "coefficient imag std")
 
 
@@ -126,9 +109,10 @@ def csv_bytes(model: PeriodicModel) -> bytes:
     """The table: numbers to their last digit, an empty cell where something was not estimated."""
     stream = StringIO(newline="")
     table = csv.writer(stream, lineterminator="\n")
-    table.writerow(("mode", *_MODE, "channel", "unit", "hit", "harmonic", "harmonic frequency [Hz]", *_COEFFICIENT))
+    columns = _mode_columns(model)
+    table.writerow(("mode", *columns, "channel", "unit", "hit", "harmonic", "harmonic frequency [Hz]", *_COEFFICIENT))
     for mode in range(model.order):
-        own = _csv_cells(_numbers(model, mode))
+        own = _csv_cells(None if values is None else values[mode] for values in columns.values())
         kept = np.flatnonzero((model.coefficients[mode] != 0).any(axis=(0, 1)))
         for row, channel in enumerate(model.channels):
             words = (_harmless(channel.name), _harmless(channel.unit))
@@ -151,24 +135,21 @@ def _coefficient(model: PeriodicModel, mode: int, row: int, hit: int, place: int
     return (rate / (2.0 * np.pi), value.real, value.imag, *deviation)
 
 
-def _numbers(model: PeriodicModel, mode: int) -> tuple[float | None, ...]:
-    """The numbers of one mode, in the order of the heading."""
-    exponent, multiplier = complex(model.exponents[mode]), complex(model.multipliers[mode])
-    std = None if model.exponent_std is None else complex(model.exponent_std[mode])
-    frequency = None if model.frequency_std_hz is None else float(model.frequency_std_hz[mode])
-    damping = None if model.damping_ratio_std is None else float(model.damping_ratio_std[mode])
-    return (
-        exponent.real,
-        exponent.imag,
-        None if std is None else std.real,
-        None if std is None else std.imag,
-        float(model.frequencies_hz[mode]),
-        frequency,
-        float(model.damping_ratios[mode]),
-        damping,
-        multiplier.real,
-        multiplier.imag,
-    )
+def _mode_columns(model: PeriodicModel) -> dict[str, NDArray[np.float64] | None]:
+    """The numbers of the modes (modes,) by their headings, None for what was not estimated."""
+    exponents, std, multipliers = model.exponents, model.exponent_std, model.multipliers
+    return {
+        "exponent real [1/s]": exponents.real,
+        "exponent imag [rad/s]": exponents.imag,
+        "exponent real std [1/s]": None if std is None else std.real,
+        "exponent imag std [rad/s]": None if std is None else std.imag,
+        "frequency [Hz]": model.frequencies_hz,
+        "frequency std [Hz]": model.frequency_std_hz,
+        "damping ratio [-]": model.damping_ratios,
+        "damping ratio std [-]": model.damping_ratio_std,
+        "multiplier real [-]": multipliers.real,
+        "multiplier imag [-]": multipliers.imag,
+    }
 
 
 def _csv_cells(values: Iterable[float | None]) -> list[str]:

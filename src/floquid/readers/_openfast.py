@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from floquid.core import Channel
 from floquid.io import Source
 from floquid.readers._angles import is_shaft_angle
-from floquid.tables import Table, TimeColumn, make_channels, rate_of_step, rows_of
+from floquid.tables import Table, TimeColumn, make_channels, number_in, rate_of_step, rows_of
 
 _UNITS = {"": "-", "-": "-", "°": "deg"}
 
@@ -59,6 +59,8 @@ _MOST_WORDS = 60
 
 _NO_E = re.compile(r"(\d)([-+]\d{3})\b")
 """How Fortran prints an exponent of three digits: 1.0-101."""
+
+_FORTRAN = re.compile(r"(?<=[\d.])[Dd](?=[-+\d])")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,8 +144,9 @@ def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[NDArray[
 
 def _by_cell(source: Source, head: _Head) -> NDArray[np.float64]:
     found = []
+    more = "; stars are a number too long for `OutFmt`."
     for number, line in enumerate(islice(_lines(source.path), head.first - 1, None), head.first):
-        cells = line.split()
+        cells = _NO_E.sub(r"\1E\2", _FORTRAN.sub("E", line)).split()
         if not cells:
             continue
         if len(cells) != len(head.names):
@@ -152,21 +155,8 @@ def _by_cell(source: Source, head: _Head) -> NDArray[np.float64]:
                 f"has {len(cells)} in line {number}",
                 "Mend that line, or leave it out: a run that was stopped may end in half a line.",
             )
-        found.append(np.array([_number(source, cell, number, head.names[at]) for at, cell in enumerate(cells)]))
+        found.append([number_in(source, cell, number, head.names[at], more=more) for at, cell in enumerate(cells)])
     return np.array(found)
-
-
-def _number(source: Source, cell: str, line: int, name: str) -> float:
-    try:
-        if "_" in cell or not cell.isascii():
-            raise ValueError(cell)
-        return float(_NO_E.sub(r"\1E\2", cell.upper().replace("D", "E")))
-    except ValueError:
-        raise source.error(
-            "have a number in every cell",
-            f"has {cell[:40]!r} in line {line}, column {name!r}",
-            "Mend that cell (`nan` for a missing sample); stars are a number too long for `OutFmt`.",
-        ) from None
 
 
 _WITH_TIME, _WITHOUT_TIME, _UNPACKED, _WITH_LENGTH = 1, 2, 3, 4

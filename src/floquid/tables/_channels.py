@@ -83,6 +83,23 @@ def real_row(values: NDArray[Any], name: object, source: Source) -> NDArray[np.f
     return values.astype(np.float64)
 
 
+def number_in(source: Source, cell: str, line: int, column: str, *, more: str = "") -> float:
+    """The number in a `cell` of a text table in a `source`, NaN of an empty one.
+
+    One that is none is refused by its `line` and `column`; `more` says how else to mend it.
+    """
+    try:
+        if "_" in cell or not cell.isascii():  # Python reads 1_000 and foreign digits, no other tool does
+            raise ValueError(cell)
+        return float(cell) if cell else np.nan
+    except ValueError:
+        raise source.error(
+            "have a number in every cell",
+            f"has {cell[:40]!r} in line {line}, column {column!r}",
+            f"Mend that cell (empty or `nan` for a missing sample){more}",
+        ) from None
+
+
 def stated_number(stated: Mapping[Any, Any], key: str, source: Source, *, above_zero: bool) -> float | None:
     """The number that a `source` states as `key` in `stated`, `above_zero` or of any sign; None without one."""
     value = stated.get(key)

@@ -22,6 +22,7 @@ from floquid.tables import (
     find_time,
     make_channel,
     name_and_unit,
+    number_in,
     refuse_blurred_times,
     rows_of,
 )
@@ -62,8 +63,12 @@ def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     chosen = rows_of(source, header.channels, channels)
     use_time = header.time_column is not None and not ignore_time
     columns = [header.columns[index] for index in chosen] + ([header.time_column] if use_time else [])
-    if not use_time:
-        _refuse_blank_rows(source, body)
+    if not use_time:  # a blank line may be a missing sample, and skipping it would move all that follow
+        for number, line in _lines(body.path, body.first, body.last):
+            if not line.strip():
+                must = "have no blank line between its rows when the times are not read"
+                remedy = "Write `nan` for a missing sample, or delete the line."
+                raise source.error(must, f"has one at line {number}", remedy)
     values = _numbers(source, header, body, [column for column in columns if column is not None])
     time = None
     if use_time and header.time_column is not None:
@@ -145,17 +150,6 @@ def _is_skipped(line: str) -> bool:
     return not line.strip() or line.lstrip().startswith("#")
 
 
-def _refuse_blank_rows(source: Source, body: _Body) -> None:
-    """Without times a blank line may be a missing sample, and skipping it would move all that follow."""
-    for number, line in _lines(body.path, body.first, body.last):
-        if not line.strip():
-            raise source.error(
-                "have no blank line between its rows when the times are not read",
-                f"has one at line {number}",
-                "Write `nan` for a missing sample, or delete the line.",
-            )
-
-
 def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]) -> NDArray[np.float64]:
     """The numbers of the chosen columns (columns, rows): in one go, or cell by cell if something is odd."""
     values = np.empty((len(columns), body.count))
@@ -185,17 +179,8 @@ def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]
 
 
 def _number(source: Source, cell: str, line: int, column: str) -> float:
-    try:
-        if "_" in cell or not cell.isascii():  # Python reads 1_000 and foreign digits, no other tool does
-            raise ValueError(cell)
-        number = float(cell) if cell else np.nan
-    except ValueError:
-        raise source.error(
-            "have a number in every cell",
-            f"has {cell[:40]!r} in line {line}, column {column!r}",
-            "Mend that cell (empty or `nan` for a missing sample), or read the other columns with `channels` "
-            "(`--channels`); times must be numbers, too.",
-        ) from None
+    more = ", or read the other columns with `channels` (`--channels`); times must be numbers, too."
+    number = number_in(source, cell, line, column, more=more)
     if np.isinf(number):
         raise source.error(
             "have finite numbers",

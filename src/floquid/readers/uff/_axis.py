@@ -144,14 +144,8 @@ def _stated(own: OwnLines) -> str:
 
 
 def _facts(header: FunctionHeader) -> str:
-    points = f"{header.n_points} points"
-    if not header.is_even:
-        return f"{points} at uneven times{_unit(header)}"
-    return f"{points} of {header.step.value!r} from {header.start.value!r}{_unit(header)}"
-
-
-def _unit(header: FunctionHeader) -> str:
-    return f" {header.abscissa.unit}" if header.abscissa.unit else ""
+    steps = f"of {header.step.value!r} from {header.start.value!r}" if header.is_even else "at uneven times"
+    return f"{header.n_points} points {steps} {header.abscissa.unit}".rstrip()
 
 
 def _differ(source: Source, names: Sequence[str], facts: Sequence[str], one: int, other: int) -> InputError:

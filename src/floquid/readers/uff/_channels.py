@@ -236,12 +236,10 @@ def _unit_of(quantity: Quantity | None, point: Point, unit_system: int | None) -
 def check_names(source: Source, headers: Sequence[FunctionHeader], names: Sequence[str]) -> None:
     """Refuse two functions that nothing tells apart."""
     first: dict[str, int] = {}
-    for row, name in enumerate(names):
-        if name in first:
-            one, other = headers[first[name]].first, headers[row].first
+    for header, name in zip(headers, names, strict=True):
+        if first.setdefault(name, header.first) != header.first:
             raise source.error(
                 "tell its time responses apart by node, direction, entity or ID line 1",
-                f"has {name!r} twice, at bytes {one} and {other}",
+                f"has {name!r} twice, at bytes {first[name]} and {header.first}",
                 "Export one run a file, or name the functions in their ID lines.",
             )
-        first[name] = row

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from floquid.errors import InputError
 from floquid.io import Source
 from floquid.tables import Printed, printed
 
@@ -234,27 +233,18 @@ def find_datasets(source: Source, data: bytes) -> list[Dataset]:
             place = after
             continue
         if line.rstrip() != _MARK:
-            raise _outside(source, line, place, first=not datasets)
+            shown = repr(line[:24].rstrip(b"\r\n").decode("latin-1"))
+            if datasets:
+                must = "have its content in datasets, each between two lines `    -1`"
+                raise source.error(must, f"has {shown} after one, at byte {place}", _COPY)
+            must = "be a universal file, whose first line is `    -1`"
+            remedy = "Name it by its format, or export it as a universal file (dataset 58)."
+            raise source.error(must, f"begins with {shown}", remedy)
         dataset, place = _dataset(source, data, after)
         datasets.append(dataset)
     if not datasets:
         raise source.error("be a universal file", "holds nothing but blank lines", "Export it again.")
     return datasets
-
-
-def _outside(source: Source, line: bytes, place: int, *, first: bool) -> InputError:
-    shown = repr(line[:24].rstrip(b"\r\n").decode("latin-1"))
-    if first:
-        return source.error(
-            "be a universal file, whose first line is `    -1`",
-            f"begins with {shown}",
-            "Name it by its format, or export it as a universal file (dataset 58).",
-        )
-    return source.error(
-        "have its content in datasets, each between two lines `    -1`",
-        f"has {shown} after one, at byte {place}",
-        _COPY,
-    )
 
 
 def _line(data: bytes, place: int) -> tuple[bytes, int]:

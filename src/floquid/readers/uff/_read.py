@@ -331,13 +331,11 @@ def _cut(line: bytes, header: FunctionHeader) -> bytes:
 
 
 def _no_number(source: Source, text: bytes, name: str) -> InputError:
-    for number, line in enumerate(text.splitlines(), start=1):
-        for word in line.split():
-            if _parsed(word) is None:
-                shown = word[:40].decode("latin-1")
-                where = f"has {shown!r} among those of {name!r}, in line {number} under its header"
-                return source.error("hold numbers", where, f"Mend that line. {_EXPORT}")
-    return source.error("hold numbers in the columns of the format", f"has others in {name!r}", _EXPORT)
+    lines = enumerate(text.splitlines(), start=1)
+    bad = ((word, number) for number, line in lines for word in line.split() if _parsed(word) is None)
+    word, line = next(bad, (b"", 0))
+    where = f"{word[:40].decode('latin-1')!r} among those of {name!r}, in line {line} under its header"
+    return source.error("hold numbers", f"has {where if line else f'others in {name!r}'}", f"Mend that line. {_EXPORT}")
 
 
 def _count(source: Source, header: FunctionHeader, name: str, got: str) -> InputError:
