@@ -74,8 +74,9 @@ def _read(file: Any, version: int) -> Analysis:
     model: PeriodicModel = get_object(file["model"], PeriodicModel)
     records, shafts, fit = (_fit_of_version_1 if version == 1 else _fit)(file, model, settings)
     cycles, lifted = lifted_views(fit, shafts, settings)
-    modal = get_fields(file["modal"], ModalModel)
-    modal = ModalModel(**modal | {"outcome": Outcome[modal["outcome"]]})
+    found = get_fields(file["modal"], ModalModel)
+    found["outcome"] = Outcome[found["outcome"]]
+    modal = ModalModel(**found)
     state = get_object(file["state"], StateModel) if isinstance(file["state"], h5py.Group) else None
     choice = get_fields(file["choice"], Choice) if "choice" in file else None
     return Analysis(

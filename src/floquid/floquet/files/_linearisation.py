@@ -273,10 +273,9 @@ def _reasons(model: OpenFastLinearisation, off: float, tail: float, count: int) 
     words = [f"The {n} azimuths are equally spaced and tell harmonics up to {count} per revolution apart."]
     if off > _EVEN:
         gap = np.degrees(np.diff(model.azimuths, append=model.azimuths[0] + 2.0 * np.pi).max())
-        words = [
-            f"The {n} azimuths are not equally spaced (off by up to {off:.2g} of the spacing, largest gap {gap:.4g} "
-            f"degrees). Harmonics up to {count} per revolution are fitted to them as they are."
-        ]
+        spread = f"off by up to {off:.2g} of the spacing, largest gap {gap:.4g} degrees"
+        fitted = f"Harmonics up to {count} per revolution are fitted to them as they are."
+        words = [f"The {n} azimuths are not equally spaced ({spread}). {fitted}"]
     if count:
         above = int(2 * count / 3) + 1
         which = f"Harmonic {count}" if above == count else f"Harmonics {above} to {count}"

@@ -53,7 +53,10 @@ def shared_axis(
             "Export the time histories, in seconds; or pass `rate` (`--rate`) [Hz] if only the unit's name is unknown.",
         )
     scale = scale or 1.0
-    start, step = (_scaled(number, scale) for number in (header.start, header.step))
+    start, step = (
+        replace(number, value=number.value * scale, quantum=number.quantum * scale)
+        for number in (header.start, header.step)
+    )
     if not header.is_even:
         note = ("The times in the file were ignored.",) if ignore_time else ()
         return Axis(sample_rate=None, rate_note=None, start=0.0, scale=scale, notes=note)
@@ -74,10 +77,6 @@ def shared_axis(
         )
     rate, note = _rate_of(step, header.n_points)
     return Axis(sample_rate=rate, rate_note=note, start=start.value, scale=scale, notes=_start_notes(start, step))
-
-
-def _scaled(number: Printed, scale: float) -> Printed:
-    return replace(number, value=number.value * scale, quantum=number.quantum * scale)
 
 
 def _agree(stated: OwnLines, start: Printed, step: Printed) -> bool:

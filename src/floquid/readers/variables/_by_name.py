@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from floquid._checks import describe
 from floquid.core import channels_named
 from floquid.io import Source
-from floquid.readers.variables._variables import Variable, VariableFile, numbers, printable, require_numbers
+from floquid.readers.variables._variables import VariableFile, numbers, printable, require_numbers
 from floquid.tables import SECONDS, Table, TimeColumn, make_channels
 
 _WORDS = ("units", "quantities", "locations", "directions")
@@ -76,8 +76,16 @@ def time_column(source: Source, file: VariableFile, path: str, n_samples: int) -
             f"has shape {array.shape} there",
             "Save one time a sample [s].",
         )
+    unit = file.variables[path].unit
+    scale = SECONDS.get(unit) if unit not in ("", "-") else 1.0
+    if scale is None:
+        raise source.error(
+            "have its times in one of s, ms, us, ns, min, h",
+            f"has `{printable(path)}` in {unit!r}",
+            "Save the times as numbers in seconds, or pass `rate` (`--rate`) [Hz] to ignore them.",
+        )
     kept = array if array.dtype == np.float32 else array.astype(np.float64)
-    return TimeColumn(values=kept, scale=_scale(source, file.variables[path]), label=printable(path))
+    return TimeColumn(values=kept, scale=scale, label=printable(path))
 
 
 def scalar(source: Source, file: VariableFile, path: str) -> float | None:
@@ -105,17 +113,6 @@ def scalar(source: Source, file: VariableFile, path: str) -> float | None:
             else "Mend it, or leave it out.",
         )
     return number
-
-
-def _scale(source: Source, variable: Variable) -> float:
-    scale = SECONDS.get(variable.unit) if variable.unit not in ("", "-") else 1.0
-    if scale is None:
-        raise source.error(
-            "have its times in one of s, ms, us, ns, min, h",
-            f"has `{printable(variable.path)}` in {variable.unit!r}",
-            "Save the times as numbers in seconds, or pass `rate` (`--rate`) [Hz] to ignore them.",
-        )
-    return scale
 
 
 def _orbit(source: Source, array: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
