@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import csv
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from io import BytesIO, StringIO
+from itertools import product
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import describe, input_error
+from floquid._version import __version__
 from floquid.core import PeriodicModel
-from floquid.exports._csv import csv_bytes
-from floquid.exports._mat import mat_bytes
 from floquid.exports._summary import mode_entries, summary
 from floquid.exports._uff import uff_bytes
 from floquid.io import as_path, atomic_path
 from floquid.pipeline import Analysis
+from floquid.reconstruction import StateModel
 
 MODE_FORMATS = (".uff", ".unv", ".mat", ".csv", ".json")
 """The suffixes that `export_modes` knows."""
@@ -81,11 +83,7 @@ def export_modes(
         content = csv_bytes(model)
     else:
         content = _json_bytes(result)
-    _write(content, file)
-
-
-def _write(content: bytes, file: Path) -> None:
-    with atomic_path(file, of="export_modes") as temporary:
+    with atomic_path(file, of=of) as temporary:
         temporary.write_bytes(content)
 
 
@@ -102,3 +100,118 @@ def _json_bytes(result: Analysis | PeriodicModel) -> bytes:
             "modes": mode_entries(result, np.ones(result.coefficients.shape[1:3])),
         }
     return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
+
+
+_COEFFICIENT = ("coefficient real", "coefficient imag", "coefficient real std", "coefficient imag std")
+
+
+def csv_bytes(model: PeriodicModel) -> bytes:
+    """The table: numbers to their last digit, an empty cell where something was not estimated."""
+    stream = StringIO(newline="")
+    table = csv.writer(stream, lineterminator="\n")
+    columns = _mode_columns(model)
+    table.writerow(("mode", *columns, "channel", "unit", "hit", "harmonic", "harmonic frequency [Hz]", *_COEFFICIENT))
+    for mode in range(model.order):
+        own = _csv_cells(None if values is None else values[mode] for values in columns.values())
+        kept = np.flatnonzero((model.coefficients[mode] != 0).any(axis=(0, 1)))
+        for row, channel in enumerate(model.channels):
+            words = (_harmless(channel.name), _harmless(channel.unit))
+            for hit, place in product(range(model.n_hits), kept.tolist()):
+                where = (hit + 1, int(model.harmonics[place]))
+                table.writerow(
+                    (mode + 1, *own, *words, *where, *_csv_cells(_coefficient(model, mode, row, hit, place)))
+                )
+    text = stream.getvalue()
+    # A spreadsheet takes a file for universal text by its mark alone; where all is ASCII there is no need of one.
+    return text.encode("ascii" if text.isascii() else "utf-8-sig")
+
+
+def _coefficient(model: PeriodicModel, mode: int, row: int, hit: int, place: int) -> tuple[float | None, ...]:
+    """The frequency of one harmonic [Hz], its coefficient, and the deviation of that."""
+    value = complex(model.coefficients[mode, row, hit, place])
+    std = None if model.coefficient_std is None else complex(model.coefficient_std[mode, row, hit, place])
+    rate = float(model.exponents[mode].imag + model.harmonics[place] * model.fundamental)
+    deviation = (None, None) if std is None else (std.real, std.imag)
+    return (rate / (2.0 * np.pi), value.real, value.imag, *deviation)
+
+
+def _mode_columns(model: PeriodicModel) -> dict[str, NDArray[np.float64] | None]:
+    """The numbers of the modes (modes,) by their headings, None for what was not estimated."""
+    exponents, std, multipliers = model.exponents, model.exponent_std, model.multipliers
+    return {
+        "exponent real [1/s]": exponents.real,
+        "exponent imag [rad/s]": exponents.imag,
+        "exponent real std [1/s]": None if std is None else std.real,
+        "exponent imag std [rad/s]": None if std is None else std.imag,
+        "frequency [Hz]": model.frequencies_hz,
+        "frequency std [Hz]": model.frequency_std_hz,
+        "damping ratio [-]": model.damping_ratios,
+        "damping ratio std [-]": model.damping_ratio_std,
+        "multiplier real [-]": multipliers.real,
+        "multiplier imag [-]": multipliers.imag,
+    }
+
+
+def _csv_cells(values: Iterable[float | None]) -> list[str]:
+    return ["" if value is None else repr(float(value)) for value in values]
+
+
+def _harmless(word: str) -> str:
+    """A word that a spreadsheet does not take for a formula which does something."""
+    acts = word[:1] in ("=", "+", "-", "@") and any(letter in word for letter in "(|!")
+    return f"'{word}" if acts else word
+
+
+_PLAIN = str.maketrans({"µ": "u", "μ": "u", "ε": "e", "°": "deg", "²": "^2", "³": "^3", "·": "."})
+"""Units in ASCII: GNU Octave reads texts of other letters byte by byte, and cuts them."""
+
+_TEXT = 116
+"""Bytes at the head of the file that are free text."""
+
+
+def mat_bytes(model: PeriodicModel, state: StateModel | None) -> bytes:
+    """The file; what was not estimated is an empty matrix, and the same model gives the same bytes."""
+    from scipy.io import savemat
+
+    content: dict[str, Any] = {
+        "exponents": model.exponents,
+        "exponents_std": model.exponent_std,
+        "covariance": model.covariance,
+        "multipliers": model.multipliers,
+        "frequencies_hz": model.frequencies_hz,
+        "frequencies_hz_std": model.frequency_std_hz,
+        "damping_ratios": model.damping_ratios,
+        "damping_ratios_std": model.damping_ratio_std,
+        "coefficients": model.coefficients,
+        "coefficients_std": model.coefficient_std,
+        "harmonics": model.harmonics.astype(np.float64),
+        "period": model.period,
+    }
+    content |= {
+        "channels": _mat_cells([channel.name for channel in model.channels]),
+        "units": _mat_cells([channel.unit.translate(_PLAIN) for channel in model.channels]),
+        "quantities": _mat_cells([str(channel.quantity) for channel in model.channels]),
+    }
+    if state is not None:
+        content |= {
+            "times": state.times,
+            "states": _mat_cells(state.states),
+            "A": np.moveaxis(state.system, 0, 2),
+            "A_std": None if state.system_std is None else np.moveaxis(state.system_std, 0, 2),
+            "Phi": np.moveaxis(state.transition, 0, 2),
+            "Phi_std": None if state.transition_std is None else np.moveaxis(state.transition_std, 0, 2),
+        }
+    stream = BytesIO()
+    empty = np.zeros((0, 0))
+    savemat(stream, {name: empty if value is None else value for name, value in content.items()}, oned_as="column")
+    whole = bytearray(stream.getbuffer())
+    written = f"MATLAB 5.0 MAT-file, modes, by floquid {__version__}"
+    whole[:_TEXT] = written.encode().ljust(_TEXT)
+    return bytes(whole)
+
+
+def _mat_cells(words: Any) -> Any:
+    """A column of texts as MATLAB has it."""
+    cells = np.empty((len(words), 1), dtype=object)
+    cells[:, 0] = list(words)
+    return cells

@@ -120,30 +120,22 @@ def _choice(choice: Choice) -> dict[str, Any]:
 
 def mode_entries(model: PeriodicModel, weights: NDArray[np.float64]) -> list[dict[str, Any]]:
     """The modes as `summary` has them; `weights` (channels, hits) are one over the noise."""
-    nothing = [None] * model.order
-    exponent, multiplier = (
-        nothing if std is None else _pairs(std) for std in (model.exponent_std, model.multiplier_std)
-    )
-    frequency, damping = (
-        nothing if std is None else std.tolist() for std in (model.frequency_std_hz, model.damping_ratio_std)
-    )
+    columns = {
+        "exponent": _pairs(model.exponents),
+        "exponent_std": None if model.exponent_std is None else _pairs(model.exponent_std),
+        "principal": _pairs(model.principal()),
+        "multiplier": _pairs(model.multipliers),
+        "multiplier_std": None if model.multiplier_std is None else _pairs(model.multiplier_std),
+        "frequency_hz": model.frequencies_hz.tolist(),
+        "frequency_std_hz": None if model.frequency_std_hz is None else model.frequency_std_hz.tolist(),
+        "damping_ratio": model.damping_ratios.tolist(),
+        "damping_ratio_std": None if model.damping_ratio_std is None else model.damping_ratio_std.tolist(),
+    }
     listed = []
     for r in range(model.order):
         harmonics, shares = participation(model, r, weights)
-        own = {
-            "exponent": _pair(model.exponents[r]),
-            "exponent_std": exponent[r],
-            "principal": _pair(model.principal()[r]),
-            "multiplier": _pair(model.multipliers[r]),
-            "multiplier_std": multiplier[r],
-            "frequency_hz": float(model.frequencies_hz[r]),
-            "frequency_std_hz": frequency[r],
-            "damping_ratio": float(model.damping_ratios[r]),
-            "damping_ratio_std": damping[r],
-            "harmonics": harmonics.tolist(),
-            "participation": shares.tolist(),
-        }
-        listed.append(own)
+        own = {name: None if values is None else values[r] for name, values in columns.items()}
+        listed.append(own | {"harmonics": harmonics.tolist(), "participation": shares.tolist()})
     return listed
 
 
@@ -180,7 +172,3 @@ def _validation(validation: Validation) -> dict[str, Any]:
             name: {"at_least" if own.at_least else "at_most": own.limit} for name, own in validation.criteria.items()
         },
     }
-
-
-def _pair(value: complex) -> list[float]:
-    return [float(value.real), float(value.imag)]

@@ -39,13 +39,7 @@ class Dof:
 
 
 def uff_bytes(model: PeriodicModel, coordinates: Mapping[str, ArrayLike]) -> bytes:
-    """The file: a shape for each mode, harmonic, hit, and kind of channels.
-
-    Raises
-    ------
-    InputError
-        `coordinates` are of what is no location of a channel, or are not three numbers.
-    """
+    """The file: a shape for each mode, harmonic, hit, and kind of channels."""
     places = degrees_of_freedom(model.channels)
     lines = [*_header(), *_nodes(model.channels, places, coordinates)]
     number = 0

@@ -60,11 +60,7 @@ def to_xarray(thing: Record | PeriodicModel) -> xr.Dataset:
         return record_to_xarray(thing)
     if not isinstance(thing, PeriodicModel):
         raise input_error("thing", "to_xarray", "be a Record or a PeriodicModel", f"is {describe(thing)}")
-    return _model_to_xarray(thing)
-
-
-def _model_to_xarray(model: PeriodicModel) -> xr.Dataset:
-    xarray = load_package("xarray", "to_xarray")
+    model, xarray = thing, load_package("xarray", "to_xarray")
     variables: dict[str, Any] = {}
     for name, unit in _OF_MODES.items():
         values = getattr(model, name)

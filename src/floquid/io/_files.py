@@ -16,13 +16,7 @@ _WRITABLE = "Choose a folder that exists and that you may write to."
 
 
 def as_path(path: object, *, of: str, argument: str = "path") -> Path:
-    """`path` as a `Path`, the `argument` of the public callable `of`.
-
-    Raises
-    ------
-    InputError
-        It is not a path, is empty, or holds a NUL character.
-    """
+    """`path` as a `Path`, the `argument` of the public callable `of`."""
     if not isinstance(path, (str, os.PathLike)):
         raise input_error(argument, of, "be the path of a file", f"is {describe(path)}", "Pass a string or a Path.")
     text = os.fspath(path)
@@ -32,13 +26,7 @@ def as_path(path: object, *, of: str, argument: str = "path") -> Path:
 
 
 def readable_file(path: object, *, of: str, argument: str = "path") -> Path:
-    """`path`, the `argument` of `of`, as that of a regular file that can be opened and is not empty.
-
-    Raises
-    ------
-    InputError
-        There is no such file, it is a folder or a device, it may not be read, or it is empty.
-    """
+    """`path`, the `argument` of `of`, as that of a regular file that can be opened and is not empty."""
     file = as_path(path, of=of, argument=argument)
     must = "be the path of a file that can be read"
     try:
@@ -64,11 +52,6 @@ def atomic_path(path: object, *, of: str = "write", argument: str = "path") -> I
     Write to the path that is yielded. At the end of the block the file is flushed to the disk and renamed, so that
     `path` holds either what it held before or all of the new file. When the block raises, the temporary file is
     removed and `path` is untouched.
-
-    Raises
-    ------
-    InputError
-        The folder does not exist or cannot be written to, `path` is a folder, or the disk refuses (full, read-only).
     """
     target = as_path(path, of=of, argument=argument)
     must = "be a path that can be written"

@@ -52,13 +52,7 @@ def is_elsewhere(dataset: Any) -> bool:
 
 
 def array_in(dataset: Any) -> NDArray[Any]:
-    """The numbers of a `dataset`, turned round if MATLAB wrote it.
-
-    Raises
-    ------
-    DamagedError
-        Parts of it were never written.
-    """
+    """The numbers of a `dataset`, turned round if MATLAB wrote it."""
     array = _content(dataset)
     if not attribute(dataset, "MATLAB_class"):
         return array
@@ -66,13 +60,7 @@ def array_in(dataset: Any) -> NDArray[Any]:
 
 
 def texts_in(dataset: Any) -> list[str] | None:
-    """The texts in a `dataset`, the rows of a character array, or the texts in a cell array; None for other things.
-
-    Raises
-    ------
-    DamagedError
-        They are not in UTF-8, or parts were never written.
-    """
+    """The texts in a `dataset`, the rows of a character array, or the texts in a cell array; None for other things."""
     import h5py
 
     if h5py.check_string_dtype(dataset.dtype) is not None:

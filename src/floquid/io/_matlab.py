@@ -34,11 +34,6 @@ def load_variables(path: Path) -> dict[str, Any]:
     """The variables of a file at `path`, as scipy has them: text as letters, a struct as records.
 
     Each is read by itself: of objects of MATLAB's classes scipy tells the names in the place of their content alone.
-
-    Raises
-    ------
-    Exception
-        Of any type, if the file is damaged.
     """
     import scipy.io
     from scipy.io.matlab import MatlabOpaque

@@ -1,11 +1,13 @@
-"""What is read, by its name: one grammar for what is wrong with it."""
+"""Messages on a file or an object that is read, and on packages that a plain installation does not have."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from floquid._checks import input_error, printable
 from floquid.errors import InputError
@@ -55,3 +57,12 @@ class Source:
             words = printable(" ".join(str(error).split())).rstrip(". ") or type(error).__name__
             got = f"is not one, or is damaged or cut short ({words})"
             raise self.error(f"be a whole {kind}", got, remedy) from None
+
+
+def load_package(name: str, of: str, *, extra: str = "") -> Any:
+    """The module called `name`, for the public callable `of`; it comes with the `extra`, by default of its own name."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        message = f"`{of}` works with the package {name.partition('.')[0]}, which cannot be imported ({error})."
+        raise InputError(f'{message}\n  Install it: pip install "floquid[{extra or name}]"') from None

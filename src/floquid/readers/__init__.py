@@ -4,8 +4,7 @@ The formats are one table, `FORMATS`: a reader of a new format is one more row, 
 the contract tests take it from there.
 """
 
-from floquid.readers._formats import FORMATS, SUFFIXES, WRITTEN, Format
-from floquid.readers._read import read, write
+from floquid.readers._read import FORMATS, SUFFIXES, WRITTEN, Format, read, write
 from floquid.readers._summary import ChannelSummary, ClockCandidate, ClockKind, FileSummary, describe_file
 from floquid.readers.objects import (
     from_pandas,

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid.core import Channel
 from floquid.io import Source, load_package
@@ -36,6 +35,11 @@ class _Signal:
         """As in «group/channel»."""
         return f"{self.group}/{self.name}"
 
+    @property
+    def parts(self) -> tuple[str, str | None]:
+        """The name and the unit, None without one."""
+        return self.name, None if self.unit == "-" else self.unit
+
     def get(self, key: str) -> Any:
         """A property of the channel, None if it has none."""
         return self.held.properties.get(key)
@@ -45,11 +49,6 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     """The table in a TDMS file.
 
     Where one group holds numbers its channels have their own names; where several do, all are called `group/channel`.
-
-    Raises
-    ------
-    InputError
-        npTDMS is not installed; the file is damaged or cut short; its channels do not go together.
     """
     nptdms = load_package("nptdms", source.of, extra="tdms")
     nptdms.log.log_manager.set_level(logging.CRITICAL)
@@ -63,13 +62,17 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
             raise source.error("hold a channel of numbers", got, "Export the signals.")
         times, signals = _split(source, signals)
         named = _named(source, signals)
-        rows = rows_of(source, named, None if channels is None else _names(channels, named, signals))
+        paths = {signal.path: channel.name for signal, channel in zip(signals, named, strict=True)}
+        rows = rows_of(source, named, None if channels is None else [paths.get(name, name) for name in channels])
         chosen = [signals[row] for row in rows]
         time = next((t for t in times if t.group == chosen[0].group), None)
         _check_lengths(source, chosen, time)
         rate, start, notes = _even(source, chosen, ignore_time=ignore_time)
-        values = _values(chosen)
-        column = None if time is None or ignore_time else _column(source, time)
+        values = np.stack([np.asarray(signal.held.read_data(), np.float64) for signal in chosen])
+        column = None
+        if time is not None and not ignore_time:
+            _, scale = find_time(source, [time.parts])
+            column = TimeColumn(values=time.held.read_data(), scale=scale, label=time.path)
     notes += unclosed + tuple(f"Channel {path!r} is not of numbers, and is not used." for path in others[:20])
     return Table(
         values=values,
@@ -82,13 +85,7 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
 
 
 def _unclosed(source: Source, file: Any) -> tuple[str, ...]:
-    """A note on a file whose last segment was never closed.
-
-    Raises
-    ------
-    InputError
-        That segment is cut short in the middle of its samples.
-    """
+    """A note on a file whose last segment was never closed."""
     status = file.file_status
     short = [path for path, one in (status.channel_statuses or {}).items() if one.read_length != one.expected_length]
     if short:
@@ -121,7 +118,7 @@ def _split(source: Source, signals: Sequence[_Signal]) -> tuple[list[_Signal], l
     times = []
     for group in dict.fromkeys(signal.group for signal in signals):
         members = [signal for signal in signals if signal.group == group]
-        place, _ = find_time(source, [(member.name, None if member.unit == "-" else member.unit) for member in members])
+        place, _ = find_time(source, [member.parts for member in members])
         if place is not None and len(members) > 1:
             times.append(members[place])
     return times, [signal for signal in signals if signal not in times]
@@ -136,12 +133,6 @@ def _named(source: Source, signals: Sequence[_Signal]) -> tuple[Channel, ...]:
     return make_channels(source, names, units, quantity=angles)
 
 
-def _names(channels: Sequence[str], named: Sequence[Channel], signals: Sequence[_Signal]) -> list[str]:
-    """Names asked for, those as `group/channel` taken for the channels that they mean."""
-    paths = {signal.path: channel.name for signal, channel in zip(signals, named, strict=True)}
-    return [paths.get(name, name) for name in channels]
-
-
 def _check_lengths(source: Source, chosen: Sequence[_Signal], time: _Signal | None) -> None:
     lengths = {signal.path: len(signal.held) for signal in (*chosen, *([] if time is None else [time]))}
     if len(set(lengths.values())) > 1:
@@ -152,13 +143,7 @@ def _check_lengths(source: Source, chosen: Sequence[_Signal], time: _Signal | No
 def _even(
     source: Source, chosen: Sequence[_Signal], *, ignore_time: bool
 ) -> tuple[float | None, float | None, tuple[str, ...]]:
-    """The rate [Hz] and the start [s] that the channels state, None if they state none, and notes.
-
-    Raises
-    ------
-    InputError
-        They differ from one another, or are not possible.
-    """
+    """The rate [Hz] and the start [s] that the channels state, None if they state none, and notes."""
     steps = {signal.path: signal.get("wf_increment") for signal in chosen}
     starts = {signal.path: (str(signal.get("wf_start_time")), signal.get("wf_start_offset")) for signal in chosen}
     for what, found in (("step of time (`wf_increment`)", steps), ("start (`wf_start_time`)", starts)):
@@ -176,16 +161,3 @@ def _even(
         raise source.error(must, got, "Pass `rate` (`--rate`) [Hz] to say what it is.")
     start = float(offset) if isinstance(offset, (int, float)) and np.isfinite(offset) else 0.0
     return rate_of_step(step), start, notes
-
-
-def _values(chosen: Sequence[_Signal]) -> NDArray[np.float64]:
-    """The samples (channels, samples), scaled as the file says."""
-    values = np.empty((len(chosen), len(chosen[0].held)))
-    for row, signal in enumerate(chosen):
-        values[row] = signal.held.read_data()
-    return values
-
-
-def _column(source: Source, time: _Signal) -> TimeColumn:
-    _, scale = find_time(source, [(time.name, None if time.unit == "-" else time.unit)])
-    return TimeColumn(values=time.held.read_data(), scale=scale, label=time.path)

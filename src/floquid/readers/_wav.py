@@ -24,13 +24,7 @@ _AGAIN = "Copy or export it again, as PCM (whole or floating-point numbers)."
 
 
 def load_wav(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a WAV file. Whole numbers are divided by full scale, which is 1; others are as they are.
-
-    Raises
-    ------
-    InputError
-        The file is no WAV file, is damaged, cut short or packed.
-    """
+    """The table in a WAV file. Whole numbers are divided by full scale, which is 1; others are as they are."""
     from scipy.io import wavfile
 
     del ignore_time  # there are no times

@@ -48,13 +48,7 @@ class DrawFile(AbstractDraws):
             return []
 
     def keep(self, draws: Sequence[Draw]) -> None:
-        """Write the draws, unless they were written a moment ago.
-
-        Parameters
-        ----------
-        draws
-            All that are done.
-        """
+        """Write the draws, unless they were written a moment ago."""
         if time.monotonic() - self._written >= EVERY:
             self.write(draws)
 

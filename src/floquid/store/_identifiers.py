@@ -17,13 +17,7 @@ KNOWN: dict[str, type[AbstractIdentifier]] = {
 
 
 def to_text(identifier: AbstractIdentifier) -> str:
-    """The identifier as JSON: `{"name": …, "options": {…}}`, another identifier among its options the same way.
-
-    Raises
-    ------
-    InputError
-        It is not one of `floquid.lti`: nobody could build it again from a file.
-    """
+    """The identifier as JSON: `{"name": …, "options": {…}}`, another identifier among its options the same way."""
     kind = type(identifier)
     if KNOWN.get(kind.__name__) is not kind:
         must, got = f"be found by an identifier of floquid ({', '.join(KNOWN)})", f"was found by {kind.__qualname__}"
@@ -41,13 +35,7 @@ def _plain(identifier: AbstractIdentifier) -> dict[str, Any]:
 
 
 def from_text(text: str) -> AbstractIdentifier:
-    """The identifier that `to_text` wrote.
-
-    Raises
-    ------
-    InputError
-        The text is no such thing.
-    """
+    """The identifier that `to_text` wrote."""
     try:
         return _built(json.loads(text))
     except (ValueError, TypeError, KeyError, RecursionError) as error:

@@ -7,20 +7,21 @@ from os import PathLike
 from typing import Any
 
 from floquid._checks import input_error
-from floquid.core import Estimates, PeriodicModel
+from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
 from floquid.io import DamagedError, readable_file
-from floquid.lti import Composites, ModalModel, Outcome
+from floquid.lti import ModalModel, Outcome
 from floquid.order import Choice
-from floquid.periodic import PartialTests, Periodicity
-from floquid.pipeline import Analysis, Settings, lifted_views
+from floquid.periodic import Fit, ForcedResponse, Periodicity
+from floquid.pipeline import Analysis, Settings, lifted_views, samples_of
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
-from floquid.store import _layout as layout
-from floquid.store._get import get, get_fields
+from floquid.store._datasets import get, get_fields, get_numbers, get_object
 from floquid.store._identifiers import from_text
-from floquid.store._layout import Item
-from floquid.store._load_fit import fit_of_version_1, get_fit
-from floquid.store._load_records import get_channels, get_provenance
+from floquid.store._layout import FORMAT, LAYOUT, SETTINGS_OF_VERSION_1, VERSION
+from floquid.sync import ShaftAngle
 from floquid.validation import Criterion, Validation
+
+_SIGNALS: dict[str, Any] = {kind.__name__: kind for kind in (TachometerSignal, AzimuthSignal, PulseTimes)}
+Stored = tuple[tuple[Record, ...], tuple[ShaftAngle, ...], Fit]
 
 MUST = "be a result file that `save` wrote"
 AGAIN = "Write it again: `floquid identify ... --out DIR`, or `save(analysis, path)`."
@@ -54,25 +55,30 @@ def load(path: str | PathLike[str]) -> Analysis:
     try:
         with h5py.File(file, "r") as opened:
             said: dict[str, Any] = dict(opened.attrs)
-            if str(said.get("format")) == layout.FORMAT and int(said["version"]) <= layout.VERSION:
+            if str(said.get("format")) == FORMAT and int(said["version"]) <= VERSION:
                 return _read(opened, int(said["version"]))
     except Exception as error:  # noqa: BLE001  # damage raises anything: OSError, KeyError, OverflowError, ...
         detail = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
         raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {detail}", AGAIN) from None
-    if str(said.get("format")) != layout.FORMAT:
-        raise input_error("path", "load", MUST, f"{file} has no attribute `format` of {layout.FORMAT!r}", AGAIN)
-    must = f"be a result file of version {layout.VERSION}, the latest that this floquid knows"
+    if str(said.get("format")) != FORMAT:
+        raise input_error("path", "load", MUST, f"{file} has no attribute `format` of {FORMAT!r}", AGAIN)
+    must = f"be a result file of version {VERSION}, the latest that this floquid knows"
     got = f"{file} is of version {said['version']}, written by floquid {said.get('floquid')}"
     raise input_error("path", "load", must, got, "Update floquid.")
 
 
 def _read(file: Any, version: int) -> Analysis:
-    settings = _get_settings(file["settings"])
-    model = _get_model(file["model"])
-    records, shafts, fit = (fit_of_version_1 if version == 1 else get_fit)(file, model, settings)
+    import h5py
+
+    settings = _settings(file["settings"])
+    model: PeriodicModel = get_object(file["model"], PeriodicModel)
+    records, shafts, fit = (_fit_of_version_1 if version == 1 else _fit)(file, model, settings)
     cycles, lifted = lifted_views(fit, shafts, settings)
-    modal = _get_modal(file["modal"])
-    state = _get_state(file)
+    found = get_fields(file["modal"], ModalModel)
+    found["outcome"] = Outcome[found["outcome"]]
+    modal = ModalModel(**found)
+    state = get_object(file["state"], StateModel) if isinstance(file["state"], h5py.Group) else None
+    choice = get_fields(file["choice"], Choice) if "choice" in file else None
     return Analysis(
         settings=settings,
         records=records,
@@ -82,107 +88,107 @@ def _read(file: Any, version: int) -> Analysis:
         modal=modal,
         model=model,
         state=state,
-        refinement=_get_refinement(file, state),
-        choice=_get_choice(file, modal),
+        refinement=_refinement(file["refinement"], state) if "refinement" in file else None,
+        choice=None if choice is None else Choice(order=modal.order, model=modal, **choice),
         shafts=shafts,
-        periodicity=_get_periodicity(file),
-        synchronisation=get(file, layout.SYNCHRONISATION) if layout.SYNCHRONISATION.name in file else (),
-        validation=_get_validation(file),
-        warnings=get(file, layout.WARNINGS),
+        periodicity=get_object(file["periodicity"], Periodicity) if "periodicity" in file else None,
+        synchronisation=get(file, "synchronisation") if "synchronisation" in file else (),
+        validation=_validation(file["validation"]) if "validation" in file else None,
+        warnings=get(file, "warnings"),
     )
 
 
-def _get_model(group: Any) -> PeriodicModel:
-    return PeriodicModel(
-        **get_fields(group, layout.MODEL),
-        estimates=_get_estimates(group, "estimates"),
-        unselected=_get_estimates(group, "unselected"),
-        channels=get_channels(group),
-        provenance=get_provenance(group),
-    )
-
-
-def _get_estimates(model: Any, name: str) -> Estimates | None:
-    if name not in model:
-        return None
-    values = get_fields(model[name], layout.ESTIMATES)
-    return Estimates(**values | {"real": values["real"] == 1})
-
-
-def _get_refinement(file: Any, state: StateModel | None) -> Refinement | None:
-    if "refinement" not in file:
-        return None
-    group = file["refinement"]
-    own = _state_in(group["state"]) if "state" in group else state
-    structure = structure_of(get(group, layout.STRUCTURE))
+def _refinement(group: Any, state: StateModel | None) -> Refinement:
+    own = get_object(group["state"], StateModel) if "state" in group else state
+    structure = structure_of(get(group, "structure"))
     if own is None or not isinstance(structure, AbstractStructure):
         raise DamagedError("it has a refinement without " + ("a structure" if own is not None else "a state"))
-    return Refinement(**get_fields(group, layout.REFINEMENT), structure=structure, state=own)
+    return Refinement(**get_fields(group, Refinement), structure=structure, state=own)
 
 
-def _get_choice(file: Any, modal: ModalModel) -> Choice | None:
-    if "choice" not in file:
-        return None
-    return Choice(order=modal.order, model=modal, **get_fields(file["choice"], layout.CHOICE))
-
-
-def _get_periodicity(file: Any) -> Periodicity | None:
-    if "periodicity" not in file:
-        return None
-    group = file["periodicity"]
-    parts: dict[str, Any] = {
-        name: PartialTests(**get_fields(group[name], layout.PARTIAL_TESTS))
-        for name in ("by_harmonic", "by_mode", "by_channel")
-    }
-    return Periodicity(**get_fields(group, layout.PERIODICITY), **parts)
-
-
-def _get_validation(file: Any) -> Validation | None:
-    if "validation" not in file:
-        return None
-    group = file["validation"]
-    values, least = get_fields(group, layout.VALIDATION), get(group, layout.AT_LEAST)
-    metrics, limits = (
-        {str(name): get(part, Item(str(name))) for name in part} for part in (group["metrics"], group["limits"])
-    )
+def _validation(group: Any) -> Validation:
+    least, limits = get(group, "at_least"), get_numbers(group["limits"])
     criteria = {name: Criterion(limit=limit, at_least=name in least) for name, limit in limits.items()}
-    return Validation(**values | {"metrics": metrics, "criteria": criteria, "passed": values["passed"] == 1})
+    return Validation(**get_fields(group, Validation), criteria=criteria)
 
 
-def _get_settings(group: Any) -> Settings:
+def _settings(group: Any) -> Settings:
     known = [field.name for field in fields(Settings)]
     for name in group:
         if name not in known:
             raise DamagedError(f"it has the setting {name!r}, which this floquid does not know (update floquid)")
-    found = {name: _get_any(group, name) for name in known if name in group or name in layout.SETTINGS_OF_VERSION_1}
+    found = {name: get(group, name) for name in known if name in group or name in SETTINGS_OF_VERSION_1}
     if isinstance(found.get("identifier"), str):
         found["identifier"] = from_text(found["identifier"])
     flags = {field.name for field in fields(Settings) if isinstance(field.default, bool)}
     return Settings(**{name: value == 1 if name in flags else value for name, value in found.items()})
 
 
-def _get_any(group: Any, name: str) -> Any:
-    """One setting: its form in the file says its type."""
-    is_text, axes = group[name].dtype.kind == "O", group[name].shape
-    return get(group, Item(name, "text" if is_text else "real", ("entries",) if axes else ()))
+def _fit(file: Any, model: PeriodicModel, settings: Settings) -> Stored:
+    """The records used, the angle of the shaft in each that has one, and the fit."""
+    records, shafts = _measured(file, "records", model)
+    samples, group = samples_of(records, shafts, settings), file["fit"]
+    names = [f"free/hit{number}" for number in range(1, model.n_hits + 1)]
+    free = tuple(_record(group[name]) if name in group else one for name, one in zip(names, samples, strict=True))
+    return records, shafts, _made_fit(group, get_fields(group, Fit), model, free, samples)
 
 
-def _get_modal(group: Any) -> ModalModel:
-    stats = group["stats"]
-    return ModalModel(
-        **get_fields(group, layout.MODAL),
-        outcome=Outcome[get(group, layout.OUTCOME)],
-        stats={str(name): get(stats, Item(str(name))) for name in stats},
-        composites=Composites(**get_fields(group["composites"], layout.COMPOSITES)) if "composites" in group else None,
-    )
+def _fit_of_version_1(file: Any, model: PeriodicModel, settings: Settings) -> Stored:
+    """The same of a file whose `records` are those used where there is no group `measured`, else the free response.
+
+    `measured` and `shafts` are in the group `fit`, if there is one: of samples fitted out of step, or beside a forced
+    response.
+    """
+    group = file.get("fit", file)
+    if group is not file and "measured" not in group:
+        raise DamagedError("it is of an early floquid, which did not keep the record as it was measured")
+    records, shafts = _measured(group, "measured" if "measured" in group else "records", model)
+    samples = free = samples_of(records, shafts, settings)
+    if "measured" in group:
+        free = tuple(map(_record, _hits(group, "records" if group is file else "free", model)))
+    found: dict[str, Any] = dict.fromkeys(("period_std", "own_period", "misfit", "whitening"))
+    found |= {"held": False, "reasons": (), "doubts": ()}
+    for place in (file, file["lifted"] if group is file else group):
+        found |= {name: get(place, name) for name in LAYOUT[Fit] if name in place}
+    found["held"] = group is not file or found["held"]
+    if found["held"] and found["misfit"] is None:  # of an early file
+        found["misfit"] = 1.0
+    return records, shafts, _made_fit(group, found, model, free, samples)
 
 
-def _get_state(file: Any) -> StateModel | None:
-    import h5py
+def _made_fit(
+    group: Any, found: dict[str, Any], model: PeriodicModel, free: tuple[Record, ...], samples: tuple[Record, ...]
+) -> Fit:
+    period, forced = found["own_period"], None
+    for was, own in zip(samples, free, strict=True):
+        if [channel.name for channel in own.channels] != [channel.name for channel in model.channels]:
+            raise DamagedError("model/channels are not those of the records")
+        if found["held"] and own.n_samples != was.n_samples:
+            raise DamagedError("fit/free is not the response that the records hold")
+    if "forced" in group:
+        forced = ForcedResponse(**get_fields(group["forced"], ForcedResponse), channels=model.channels)
+    found |= {"own_period": None if period is None else (float(period[0]), float(period[1]))}
+    return Fit(model=model, forced=forced, free=free, **found)
 
-    return _state_in(file["state"]) if isinstance(file["state"], h5py.Group) else None
+
+def _measured(group: Any, name: str, model: PeriodicModel) -> tuple[tuple[Record, ...], tuple[ShaftAngle, ...]]:
+    """The records as they were measured, and the angle of the shaft in each that has one."""
+    shafts = _hits(group, "shafts", model) if "shafts" in group else []
+    return tuple(map(_record, _hits(group, name, model))), tuple(get_object(hit, ShaftAngle) for hit in shafts)
 
 
-def _state_in(group: Any) -> StateModel:
-    later = get_fields(group, [item for item in layout.STATE_LATER if item.name in group])
-    return StateModel(**get_fields(group, layout.STATE), **later, provenance=get_provenance(group))
+def _hits(group: Any, name: str, model: PeriodicModel) -> list[Any]:
+    return [group[f"{name}/hit{hit + 1}"] for hit in range(model.n_hits)]
+
+
+def _record(group: Any) -> Record:
+    """One record, with its clock and its orbit."""
+    orbit = get(group, "orbit") if "orbit" in group else None
+    return Record(**get_fields(group, Record), clock=_clock(group), orbit=orbit)
+
+
+def _clock(group: Any) -> Clock | None:
+    if "clock" in group:
+        return get_object(group["clock"], _SIGNALS[get(group["clock"], "kind")])
+    period, origin = get(group, "period"), get(group, "origin")
+    return None if period is None else ConstantPeriod(period=period, origin=origin)

@@ -3,8 +3,11 @@
 from floquid.tables._channels import (
     check_distinct,
     clock_numbers,
+    find_time,
     make_channel,
     make_channels,
+    name_and_unit,
+    number_in,
     numbers_of,
     orbit_of,
     real_row,
@@ -14,7 +17,6 @@ from floquid.tables._channels import (
     texts_of,
     with_units,
 )
-from floquid.tables._labels import find_time, name_and_unit
 from floquid.tables._nominal_rate import Printed, fit_line, nominal_rate_of_step, printed, rate_of_step
 from floquid.tables._table import OPTION, Table, check_table, record_of, settle_axis, times_of
 from floquid.tables._time_axis import SECONDS, TimeAxis, TimeColumn, repair
@@ -35,6 +37,7 @@ __all__ = [
     "make_channels",
     "name_and_unit",
     "nominal_rate_of_step",
+    "number_in",
     "numbers_of",
     "orbit_of",
     "printed",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,16 +14,11 @@ from floquid._checks import describe, input_error
 from floquid.core import Channel, ConstantPeriod, Record, channels_named
 from floquid.errors import InputError
 from floquid.io import Source
+from floquid.tables._time_axis import SECONDS
 
 
 def make_channel(source: Source, **words: Any) -> Channel:
-    """The channel of a `source` that the `words` describe, those that are None left to `Channel`.
-
-    Raises
-    ------
-    InputError
-        The name is empty, or unit and quantity contradict each other.
-    """
+    """The channel of a `source` that the `words` describe, those that are None left to `Channel`."""
     try:
         return Channel(**{key: value for key, value in words.items() if value is not None})
     except InputError as error:
@@ -35,13 +31,7 @@ def make_channels(
     units: Sequence[str] | None = None,
     **words: Sequence[str | None] | None,
 ) -> tuple[Channel, ...]:
-    """The channels of a `source` by their `names` and `units`; other `words`, one a channel, as `Channel` has them.
-
-    Raises
-    ------
-    InputError
-        A name is empty or given twice, or a unit and a quantity contradict each other.
-    """
+    """The channels of a `source` by their `names` and `units`; other `words`, one a channel, as `Channel` has them."""
     given = {key: values for key, values in {"unit": units, **words}.items() if values is not None}
     channels = tuple(
         make_channel(source, name=name, **{key: values[row] for key, values in given.items()})
@@ -52,13 +42,7 @@ def make_channels(
 
 
 def check_distinct(source: Source, names: Iterable[str]) -> None:
-    """Refuse two channels of a `source` with one of the `names`.
-
-    Raises
-    ------
-    InputError
-        A name is there twice.
-    """
+    """Refuse two channels of a `source` with one of the `names`."""
     seen: set[str] = set()
     for name in names:
         if name in seen:
@@ -67,26 +51,14 @@ def check_distinct(source: Source, names: Iterable[str]) -> None:
 
 
 def rows_of(source: Source, named: Sequence[Channel], channels: Sequence[str] | None) -> list[int]:
-    """The rows of the `named` channels of a `source` that `channels` asks for, in that order; None asks for all.
-
-    Raises
-    ------
-    InputError
-        One is not there, or is asked for twice.
-    """
+    """The rows of the `named` channels of a `source` that `channels` asks for, in that order; None asks for all."""
     if channels is None:
         return list(range(len(named)))
     return channels_named(named, channels, argument="channels", of=source.of)
 
 
 def with_units(channels: Sequence[Channel], units: Mapping[str, str] | None, source: Source) -> tuple[Channel, ...]:
-    """The `channels` of a `source`, some with another unit: `units` by their names.
-
-    Raises
-    ------
-    InputError
-        `units` is no mapping, or names what is no channel.
-    """
+    """The `channels` of a `source`, some with another unit: `units` by their names."""
     if units is None:
         return tuple(channels)
     names = [channel.name for channel in channels]
@@ -104,27 +76,32 @@ def with_units(channels: Sequence[Channel], units: Mapping[str, str] | None, sou
 
 
 def real_row(values: NDArray[Any], name: object, source: Source) -> NDArray[np.float64]:
-    """The `values` (samples,) of the channel `name` of a `source` as numbers.
-
-    Raises
-    ------
-    InputError
-        It holds something else than real numbers.
-    """
+    """The `values` (samples,) of the channel `name` of a `source` as numbers."""
     if values.dtype.kind not in "biuf":
         remedy = "Pass its real part." if values.dtype.kind == "c" else "Leave it out, or turn it into numbers."
         raise source.error("hold real numbers", f"has {values.dtype} in {name!r}", remedy)
     return values.astype(np.float64)
 
 
-def stated_number(stated: Mapping[Any, Any], key: str, source: Source, *, above_zero: bool) -> float | None:
-    """The number that a `source` states as `key` among what is `stated`, `above_zero` or of any sign; None without one.
+def number_in(source: Source, cell: str, line: int, column: str, *, more: str = "") -> float:
+    """The number in a `cell` of a text table in a `source`, NaN of an empty one.
 
-    Raises
-    ------
-    InputError
-        It is no finite number, or not above zero where it must be.
+    One that is none is refused by its `line` and `column`; `more` says how else to mend it.
     """
+    try:
+        if "_" in cell or not cell.isascii():  # Python reads 1_000 and foreign digits, no other tool does
+            raise ValueError(cell)
+        return float(cell) if cell else np.nan
+    except ValueError:
+        raise source.error(
+            "have a number in every cell",
+            f"has {cell[:40]!r} in line {line}, column {column!r}",
+            f"Mend that cell (empty or `nan` for a missing sample){more}",
+        ) from None
+
+
+def stated_number(stated: Mapping[Any, Any], key: str, source: Source, *, above_zero: bool) -> float | None:
+    """The number that a `source` states as `key` in `stated`, `above_zero` or of any sign; None without one."""
     value = stated.get(key)
     if value is None:
         return None
@@ -167,13 +144,7 @@ def orbit_of(record: Record) -> dict[str, NDArray[np.float64]]:
 
 
 def refuse_blurred_times(record: Record) -> None:
-    """Refuse to write times of a `record` of which neighbours are one number.
-
-    Raises
-    ------
-    InputError
-        The record starts so late that its times cannot be told apart.
-    """
+    """Refuse to write times of a `record` of which neighbours are one number."""
     if np.spacing(np.abs(record.times).max()) * record.sample_rate > 0.01:
         raise input_error(
             "record",
@@ -182,3 +153,70 @@ def refuse_blurred_times(record: Record) -> None:
             f"starts at {record.start:.6g} s with steps of {1.0 / record.sample_rate:.3g} s",
             "Write it as .npz, or count its time from a nearer start.",
         )
+
+
+_TIME_NAME = re.compile(
+    r"(?:elapsed |relative )?(t|times?|time ?stamps?|zeit|temps|tiempo)(?:[ _.-](\w+))?", re.IGNORECASE
+)
+_OTHER_UNITS = {
+    "-",
+    "%",
+    "V",
+    "mV",
+    "uV",
+    "A",
+    "mA",
+    "Pa",
+    "kPa",
+    "MPa",
+    "bar",
+    "Nm",
+    "N.m",
+    "N m",
+    "Hz",
+    "rpm",
+    "RPM",
+    "°",
+}
+
+
+def name_and_unit(cell: str) -> tuple[str, str | None]:
+    """The name and the unit in a `cell`: «x [m]», or «x (m)» where m is a unit and no remark; None without a unit."""
+    match = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", cell)
+    if match:
+        return match[1], match[2].strip()
+    match = re.fullmatch(r"(.*?)\s*\(([^()]*)\)", cell)
+    if match and _is_unit(match[2].strip()):
+        return match[1], match[2].strip()
+    return cell, None
+
+
+def _is_unit(text: str) -> bool:
+    return text in _OTHER_UNITS or text in SECONDS or (text != "" and Channel(name="x", unit=text).quantity != "other")
+
+
+def find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[int | None, float]:
+    """The first column of a `source` that is a time, and its unit in seconds; of `parts`, a name and a unit each.
+
+    A time by its name, or the very first column by its unit.
+    """
+    for column, (name, unit) in enumerate(parts):
+        known = SECONDS.get(unit or "")
+        if column == 0 and known is not None:
+            return column, known
+        if name.lower() in SECONDS and len(name) > 1 and unit is None:  # a column headed «ms»
+            return column, SECONDS[name.lower()]
+        match = _TIME_NAME.fullmatch(name)
+        if match is None or (match[2] is not None and match[2].lower() not in SECONDS):
+            continue
+        if unit in (None, "", "-"):
+            return column, SECONDS.get((match[2] or "s").lower(), 1.0)
+        if known is not None:
+            return column, known
+        if len(match[1]) > 1:
+            raise source.error(
+                "have its times in one of s, ms, us, ns, min, h",
+                f"has column {column + 1}, {name!r}, in {unit!r}",
+                "Export the times as numbers in seconds.",
+            )
+    return None, 1.0

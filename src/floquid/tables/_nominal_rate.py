@@ -205,11 +205,6 @@ def printed(text: str) -> Printed:
     """The finite number that `text` spells, with E or with Fortran's D before its exponent.
 
     Nine digits or more that are those of a number in single precision are no finer than that.
-
-    Raises
-    ------
-    ValueError
-        `text` spells no finite number.
     """
     word = text.strip()
     if "_" in word or not word.isascii():

@@ -57,13 +57,7 @@ class Table:
 
 
 def check_table(table: Table, source: Source) -> None:
-    """Refuse a `table` of a `source` that no record can be made of, whatever its times are.
-
-    Raises
-    ------
-    InputError
-        It holds no sample or an infinite one, or states a rate or a period that is not positive.
-    """
+    """Refuse a `table` of a `source` that no record can be made of, whatever its times are."""
     if table.values.shape[1] == 0:
         raise source.error("hold samples", "holds none", "Export the samples too.")
     bad = np.argwhere(np.isinf(table.values))
@@ -86,22 +80,7 @@ def record_of(
 ) -> Record:
     """The record that a `table` of a `source` describes.
 
-    Parameters
-    ----------
-    table, source
-        What was read, and where it is from.
-    rate
-        The sampling rate [Hz], which takes precedence over what the table says.
-    period, origin
-        The period and the time of phase zero [s], which take precedence, too.
-    step
-        How the table was had, in a sentence.
-
-    Raises
-    ------
-    InputError
-        The table says no rate and none is given, its times are not those of evenly spaced samples, or a number is not
-        possible.
+    `rate` [Hz], `period` and `origin` [s] come before what it states; `step` says in a sentence how it was had.
     """
     if rate is not None:
         rate = positive(rate, "rate", source.of, unit="Hz", remedy="Pass the number of samples a second.")
@@ -150,13 +129,7 @@ def _clock(table: Table, source: Source, period: float | None, origin: float) ->
 
 
 def settle_axis(table: Table, source: Source, rate: float | None) -> TimeAxis | None:
-    """The time axis of a `table` of a `source` by the `rate` given [Hz], the rate stated, or the times; None without.
-
-    Raises
-    ------
-    InputError
-        The times are not those of evenly spaced samples, or contradict the rate that is stated.
-    """
+    """The time axis of a `table` of a `source`: the `rate` given [Hz], the rate stated, or the times; or None."""
     stated, who = table.sample_rate, "the file" if table.kind == "a file" else "it"
     if rate is not None:
         was = "" if stated in (None, rate) else f"; {who} states {stated:.12g} Hz"

@@ -39,7 +39,8 @@ _COARSE = 0.25
 _FARTHEST, _SHORTEST = 1e13, 1e-15
 """Bounds on a time and on a step [s]; beyond them the numbers are not times, and their squares overflow."""
 
-_RESAMPLE = "Resample onto even times first, or pass `rate` (`--rate`) [Hz] to ignore the times."
+_IGNORE = "pass `rate` (`--rate`) [Hz] to ignore the times."
+_RESAMPLE = f"Resample onto even times first, or {_IGNORE}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,12 +95,6 @@ def repair(column: TimeColumn, source: Source) -> TimeAxis:
     The times t_n are fitted by t_0 + k_n h with whole numbers k_n, least squares over the whole column. All k_n = n if
     that leaves residuals within the rounding of the column; otherwise steps of a whole number of h are gaps. Where the
     rounding is about as long as a step, a gap and a rounding look alike: see `_whole_steps`.
-
-    Raises
-    ------
-    InputError
-        Times are missing, infinite, decreasing or repeated; the steps are uneven beyond the rounding; a gap is not a
-        whole number of steps or would more than double the record.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # refused below
         times = column.values.astype(np.float64, copy=False)
@@ -137,7 +132,7 @@ def _check_order(times: NDArray[np.float64], label: str, source: Source) -> None
         raise source.error(
             "have a finite time for every sample",
             f"has {bad.size} in `{label}` that are not, the first of them {times[bad[0]]:g} at sample {bad[0] + 1}",
-            "Leave such rows out, or pass `rate` (`--rate`) [Hz] to ignore the times.",
+            f"Leave such rows out, or {_IGNORE}",
         )
     if np.abs(times).max() > _FARTHEST or 0.0 < times[-1] - times[0] < _SHORTEST * len(times):
         raise source.error(
@@ -146,23 +141,16 @@ def _check_order(times: NDArray[np.float64], label: str, source: Source) -> None
             "Write the unit of the times in brackets, as in `time [ms]`.",
         )
     steps = np.diff(times)
-    wrong = np.flatnonzero(steps <= 0)
-    if not wrong.size:
+    back, repeated = np.flatnonzero(steps < 0), np.flatnonzero(steps == 0)
+    if not back.size and not repeated.size:
         return
-    at = int(wrong[0])
+    at = int(back[0] if back.size else repeated[0])
     where = f"{times[at + 1]:.12g} s after {times[at]:.12g} s at sample {at + 2}"
-    if (steps < 0).any():
-        at = int(np.flatnonzero(steps < 0)[0])
-        where = f"{times[at + 1]:.12g} s after {times[at]:.12g} s at sample {at + 2}"
-        raise source.error(
-            "have times that increase", f"goes back in `{label}`: {where}", "Sort the rows, or cut the file there."
-        )
-    raise source.error(
-        "have times that increase",
-        f"repeats a time in `{label}` {wrong.size} times, first {where}",
-        "Export the times with more digits or leave the doubled rows out, or pass `rate` (`--rate`) [Hz] to ignore the "
-        "times.",
-    )
+    got, remedy = f"goes back in `{label}`: {where}", "Sort the rows, or cut the file there."
+    if not back.size:
+        got = f"repeats a time in `{label}` {repeated.size} times, first {where}"
+        remedy = f"Export the times with more digits, leave the doubled rows out, or {_IGNORE}"
+    raise source.error("have times that increase", got, remedy)
 
 
 def _is_even(line: LineFit, rounded: Rounding) -> bool:

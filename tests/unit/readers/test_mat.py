@@ -404,9 +404,9 @@ def npz_bytes():
 
 
 FILES = {
-    "text": (b"time,x\n0,1\n1,2\n" * 20, "is text", ".csv"),
-    "short text": (b"time,x\n", "is text", ".csv"),
-    "an archive": (npz_bytes(), "is a file of NumPy", ".npz"),
+    "text": (b"time,x\n0,1\n1,2\n" * 20, "is not one", "Copy it again"),
+    "short text": (b"time,x\n", "is not one", "Copy it again"),
+    "an archive": (npz_bytes(), "is not one", "Copy it again"),
     "the head alone, cut": (b"MATLAB 5.0 MAT-file", "cut short", "Copy it again"),
     "version 7.3, cut": (b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM" + bytes(300), "cut short", "Copy it again"),
     "version 4": (struct.pack("<5i", 0, 2, 40, 0, 2) + b"x\0" + VALUES.tobytes(), "version 4", "'-v7'"),

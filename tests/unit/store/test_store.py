@@ -395,11 +395,11 @@ def test_a_failure_while_packing_leaves_what_was_there(full, bare, tmp_path, mon
         save(bare, path)
     before = path.read_bytes() if exists else None
 
-    def fail(group, channels):
+    def fail(group, record):
         raise error("midway")
 
     with monkeypatch.context() as patch:
-        patch.setattr(_save, "put_channels", fail)
+        patch.setattr(_save, "_put_record", fail)
         with pytest.raises(error, match="midway"):
             save(full, path)
     assert (path.read_bytes() if path.exists() else None) == before

@@ -9,8 +9,8 @@ numbers with commas; a number that did not fit its format is a row of asterisks,
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, final
 
@@ -21,7 +21,6 @@ from floquid._checks import Rebuilt, input_error
 from floquid.errors import InputError
 from floquid.io import readable_file
 
-_MOST_BYTES = 1 << 29
 _AGAIN = "Let OpenFAST write the file again, or copy it again in full."
 _NUMBER = re.compile(r"([+-]?(?:\d{1,40}\.?\d{0,40}|\.\d{1,40}))(?:[EeDdQq]([+-]?\d{1,4})|([+-]\d{2,4}))?")
 _BLOCK = re.compile(r"\s*([A-Za-z_]\w*)\s*:\s*(\d{1,9})\s*x\s*(\d{1,9})\s*", re.IGNORECASE)
@@ -53,16 +52,11 @@ class LinSignals:
 
     def without(self, index: int) -> LinSignals:
         """All of them but the one at `index`."""
-
-        def rest(values: tuple[Any, ...]) -> tuple[Any, ...]:
-            return values[:index] + values[index + 1 :]
-
-        return LinSignals(
-            names=rest(self.names),
-            units=rest(self.units),
-            rotating=None if self.rotating is None else rest(self.rotating),
-            derivative_orders=None if self.derivative_orders is None else rest(self.derivative_orders),
-        )
+        kept: dict[str, tuple[Any, ...] | None] = {}
+        for field in fields(self):
+            values = getattr(self, field.name)
+            kept[field.name] = None if values is None else values[:index] + values[index + 1 :]
+        return replace(self, **kept)
 
 
 @final
@@ -146,8 +140,8 @@ def read_lin(path: object, *, of: str = "floquet.read_lin", argument: str = "pat
     Raises
     ------
     InputError
-        There is no such file, it is no linearisation file, is larger than half a gigabyte, ends early, or has a line
-        that is not what is due there. The message names the file and the line.
+        There is no such file, it is no linearisation file, ends early, or has a line that is not what is due there.
+        The message names the file and the line.
     """
     text = _open(path, of, argument)
     header = _header(text)
@@ -155,8 +149,6 @@ def read_lin(path: object, *, of: str = "floquet.read_lin", argument: str = "pat
     states, state_values = _table(text, "order of continuous states:", sizes["continuous states"])
     n_rates = sizes["continuous states"] if text.starting("order of continuous state derivatives:") is not None else 0
     _, state_rates = _table(text, "order of continuous state derivatives:", n_rates)
-    inputs, _ = _table(text, "order of inputs:", sizes["inputs"])
-    outputs, _ = _table(text, "order of outputs:", sizes["outputs"])
     matrices = _matrices(text, *sizes.values())
     return LinFile(
         path=text.file,
@@ -166,14 +158,11 @@ def read_lin(path: object, *, of: str = "floquet.read_lin", argument: str = "pat
         azimuth=_quantity(text, header, "azimuth", "rad"),
         wind_speed=_quantity(text, header, "wind speed", "m/s"),
         states=states,
-        inputs=inputs,
-        outputs=outputs,
+        inputs=_table(text, "order of inputs:", sizes["inputs"])[0],
+        outputs=_table(text, "order of outputs:", sizes["outputs"])[0],
         state_values=state_values,
         state_rates=state_rates if n_rates else None,
-        A=matrices.get("A"),
-        B=matrices.get("B"),
-        C=matrices.get("C"),
-        D=matrices.get("D"),
+        **{name: matrices.get(name) for name in "ABCD"},
     )
 
 
@@ -192,14 +181,12 @@ def _open(path: object, of: str, argument: str) -> _Text:
     file = readable_file(path, of=of, argument=argument)
     must = "name linearisation files of OpenFAST"
     try:
-        with file.open("rb") as stream:
-            content = stream.read(_MOST_BYTES + 1)
+        content = file.read_bytes()
     except OSError as error:
         got = f"{file} cannot be read ({error.strerror or error})"
         raise input_error(argument, of, must, got, "Check the disk and its permissions.") from None
-    if len(content) > _MOST_BYTES or b"\0" in content:
-        got = "is larger than half a gigabyte" if len(content) > _MOST_BYTES else "is not a text (it holds NUL bytes)"
-        raise input_error(argument, of, must, f"{file} {got}", "Name `.lin` files.")
+    if b"\0" in content:
+        raise input_error(argument, of, must, f"{file} is not a text (it holds NUL bytes)", "Name `.lin` files.")
     try:
         decoded = content.decode("utf-8")
     except UnicodeDecodeError:
@@ -342,35 +329,26 @@ def _is_numeric(line: str) -> bool:
 
 
 def _block(text: _Text, name: str, start: int, rows: int, columns: int) -> NDArray[np.float64]:
-    """The matrix whose rows are the lines from `start` on."""
+    """The matrix whose rows are the lines from `start` on; a fault is named by its row and column."""
     if start + rows == len(text.lines):
         raise text.error(start + rows - 1, f"ends without a line end, maybe inside a number of {name}")
     lines = text.lines[start : start + rows]
     if len(lines) == rows and all(line.strip() for line in lines):
-        try:
+        with suppress(ValueError):  # a number as only Fortran writes it, or a fault, which the slow way finds
             values = np.loadtxt(lines, dtype=np.float64, comments=None, ndmin=2)
-        except ValueError:  # a number as only Fortran writes it, or a fault, which the slow way finds
-            values = np.empty((0, 0))
-        if values.shape == (rows, columns) and np.isfinite(values).all():
-            return values
-    return _block_by_rows(text, name, start, (rows, columns), lines)
-
-
-def _block_by_rows(
-    text: _Text, name: str, start: int, shape: tuple[int, int], lines: Sequence[str]
-) -> NDArray[np.float64]:
-    """The same, word by word, so that a fault is named by its row and column."""
-    out = []
-    for row in range(shape[0]):
+            if values.shape == (rows, columns) and np.isfinite(values).all():
+                return values
+    out = np.empty((len(lines), columns))
+    for row in range(rows):
         words = lines[row].split() if row < len(lines) else []
-        if len(words) != shape[1]:
-            got = f"has {len(words)} numbers, where row {row + 1} of {name} has {shape[1]}"
+        if len(words) != columns:
+            got = f"has {len(words)} numbers, where row {row + 1} of {name} has {columns}"
             raise text.error(min(start + row, len(text.lines) - 1), got)
-        values = [number(word) for word in words]
-        for column, value in enumerate(values):
+        for column, word in enumerate(words):
+            value = number(word)
             if value is None or not np.isfinite(value):
-                got = f"has {words[column][:40]!r} in row {row + 1}, column {column + 1} of {name}, which is no number"
+                got = f"has {word[:40]!r} in row {row + 1}, column {column + 1} of {name}, which is no number"
                 remedy = "Asterisks are numbers too wide for the format: give `OutFmt` of the FAST input more digits."
-                raise text.error(start + row, got, remedy if "*" in words[column] else _AGAIN)
-        out.append(values)
-    return np.array(out, dtype=np.float64)
+                raise text.error(start + row, got, remedy if "*" in word else _AGAIN)
+            out[row, column] = value
+    return out

@@ -196,48 +196,35 @@ class OpenFastLinearisation(Rebuilt):
         return np.arange(-count, count + 1), _coefficients(self.azimuths, values, count)
 
     def resolution(self) -> AzimuthResolution:
-        """The resolution of A(ψ) by the azimuths.
+        """The sizes of the harmonics of A(ψ), and whether the azimuths resolve them.
 
-        What lies above (azimuths - 1)/2 harmonics is folded onto lower ones, unseen, and A(ψ) looks the smoother for
-        it: three azimuths see the third harmonic as constant. So the harmonics must reach the passage of the blades,
-        and have died out before they end. The decisive check is another: the exponents of `every_other()` must be
-        near those of all azimuths.
-
-        Returns
-        -------
-        AzimuthResolution
-            The sizes of the harmonics, and the verdict.
+        What lies above (azimuths - 1)/2 harmonics is folded onto lower ones, unseen. So the harmonics must reach the
+        passage of the blades, and have died out before they end. The decisive check is another: the exponents of
+        `every_other()` must be near those of all azimuths.
         """
         scale = balanced_units(np.abs(self.A).mean(axis=2))
         balanced = self.A * (scale[None, :, None] / scale[:, None, None])
         count = _most_harmonics(self.azimuths)
         coefficients = _coefficients(self.azimuths, balanced, count)
-        left = balanced - _values(self.azimuths, coefficients)
+        left = balanced - (coefficients @ _design(self.azimuths, count).T).real
         whole = float(np.linalg.norm(balanced)) or 1.0
         weights = np.sqrt(np.where(np.arange(count + 1), 2.0, 1.0) * self.azimuths.size)
         sizes = np.linalg.norm(coefficients[:, :, count:], axis=(0, 1)) * weights / whole
         highest = np.arange(count + 1) > 2.0 * count / 3.0
         tail = float(np.hypot(np.linalg.norm(sizes[highest]), np.linalg.norm(left) / whole))
-        off = _off_even(self.azimuths)
-        blades = self.n_blades or 3
+        spacing = 2.0 * np.pi / self.azimuths.size
+        off = float(np.ptp(self.azimuths - spacing * np.arange(self.azimuths.size)) / (2.0 * spacing))
         return AzimuthResolution(
             harmonics=np.arange(count + 1),
             sizes=sizes,
             tail=tail,
             equally_spaced=off <= _EVEN,
-            resolved=bool(tail <= _TAIL and count >= blades),
-            reasons=(*_spacing_words(self.azimuths, off, count), *_tail_words(tail, count), *_blade_words(self, count)),
+            resolved=bool(tail <= _TAIL and count >= (self.n_blades or 3)),
+            reasons=_reasons(self, off, tail, count),
         )
 
     def every_other(self) -> OpenFastLinearisation:
-        """The same at every other azimuth.
-
-        Where its exponents are near those of all azimuths, these are enough.
-
-        Returns
-        -------
-        OpenFastLinearisation
-            The azimuths 0, 2, 4, ....
+        """The same at the azimuths 0, 2, 4, .... Where its exponents are near those of all azimuths, these are enough.
 
         Raises
         ------
@@ -281,48 +268,28 @@ def _coefficients(azimuths: NDArray[np.float64], values: NDArray[np.float64], co
     return 0.5 * (found + found[:, :, ::-1].conj())  # the values are real: conjugates to the last bit
 
 
-def _values(azimuths: NDArray[np.float64], coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
-    return (coefficients @ _design(azimuths, coefficients.shape[2] // 2).T).real
-
-
-def _off_even(azimuths: NDArray[np.float64]) -> float:
-    """How far the azimuths are from equal spacing at most, as a part of the spacing."""
-    spacing = 2.0 * np.pi / azimuths.size
-    shift = azimuths - spacing * np.arange(azimuths.size)
-    return float((shift.max() - shift.min()) / (2.0 * spacing))
-
-
-def _spacing_words(azimuths: NDArray[np.float64], off: float, count: int) -> tuple[str, ...]:
-    n = azimuths.size
-    if off <= _EVEN:
-        first = f"The {n} azimuths are equally spaced and tell harmonics up to {count} per revolution apart."
-    else:
-        gap = np.degrees(np.diff(azimuths, append=azimuths[0] + 2.0 * np.pi).max())
-        first = (
-            f"The {n} azimuths are not equally spaced (off by up to {off:.2g} of the spacing, largest gap {gap:.4g} "
-            f"degrees). Harmonics up to {count} per revolution are fitted to them as they are."
-        )
-    return (first,)
-
-
-def _tail_words(tail: float, count: int) -> tuple[str, ...]:
-    if not count:
-        return ("Not one harmonic can be told from the mean.",)
-    above = int(2 * count / 3) + 1
-    which = f"Harmonic {count}" if above == count else f"Harmonics {above} to {count}"
-    found = f"{which} and what no harmonic fits are {tail:.2g} of the whole of A"
-    if tail <= _TAIL:
-        return (f"{found}: the harmonics die out.",)
-    return (f"{found}, above {_TAIL:g}: the harmonics do not die out. Linearise at more azimuths.",)
-
-
-def _blade_words(model: OpenFastLinearisation, count: int) -> tuple[str, ...]:
-    blades = model.n_blades or 3
-    if count >= blades:
-        return ()
-    named = f"The {blades} blades pass" if model.n_blades else f"A rotor of {blades} blades (none is named) passes"
+def _reasons(model: OpenFastLinearisation, off: float, tail: float, count: int) -> tuple[str, ...]:
     n = model.azimuths.size
-    folded = blades % n == 0 and _off_even(model.azimuths) <= _EVEN
-    onto = f": what happens {blades} times per revolution falls onto the mean" if folded else ""
-    need = 2 * blades + 1
-    return (f"{named} {blades} times per revolution, which {n} azimuths do not see{onto}. Use at least {need}.",)
+    words = [f"The {n} azimuths are equally spaced and tell harmonics up to {count} per revolution apart."]
+    if off > _EVEN:
+        gap = np.degrees(np.diff(model.azimuths, append=model.azimuths[0] + 2.0 * np.pi).max())
+        spread = f"off by up to {off:.2g} of the spacing, largest gap {gap:.4g} degrees"
+        fitted = f"Harmonics up to {count} per revolution are fitted to them as they are."
+        words = [f"The {n} azimuths are not equally spaced ({spread}). {fitted}"]
+    if count:
+        above = int(2 * count / 3) + 1
+        which = f"Harmonic {count}" if above == count else f"Harmonics {above} to {count}"
+        end = ": the harmonics die out."
+        if tail > _TAIL:
+            end = f", above {_TAIL:g}: the harmonics do not die out. Linearise at more azimuths."
+        words.append(f"{which} and what no harmonic fits are {tail:.2g} of the whole of A{end}")
+    else:
+        words.append("Not one harmonic can be told from the mean.")
+    blades = model.n_blades or 3
+    if count < blades:
+        named = f"The {blades} blades pass" if model.n_blades else f"A rotor of {blades} blades (none is named) passes"
+        folded = blades % n == 0 and off <= _EVEN
+        onto = f": what happens {blades} times per revolution falls onto the mean" if folded else ""
+        least = f"Use at least {2 * blades + 1}."
+        words.append(f"{named} {blades} times per revolution, which {n} azimuths do not see{onto}. {least}")
+    return tuple(words)

@@ -192,7 +192,8 @@ def _refuse_twice(files: list[LinFile]) -> None:
 
 def _assembled(files: list[LinFile], azimuth: AzimuthRole) -> OpenFastLinearisation:
     """The model of files that are known to belong together, in the order of their azimuths."""
-    stacks = {name: _stack([getattr(file, name) for file in files]) for name in "ABCD"}
+    held = [name for name in "ABCD" if getattr(files[0], name) is not None]
+    stacks = {name: np.stack([getattr(file, name) for file in files], axis=-1) for name in held}
     states, points, aside = files[0].states, np.stack([file.state_values for file in files], axis=-1), ()
     angles = np.array([_folded(file) for file in files])
     speed = float(np.mean([file.rotor_speed for file in files if file.rotor_speed is not None]))
@@ -204,22 +205,20 @@ def _assembled(files: list[LinFile], azimuth: AzimuthRole) -> OpenFastLinearisat
         if azimuth == "phase":
             rates = _rates(files, index)
             speed = 1.0 / mean_over_revolution(angles, 1.0 / rates[index])
-            for name in "AB":
-                stacks[name] = _at_equal_azimuth(stacks[name], rates, index, speed)
-        for name, axes in {"A": (0, 1), "B": (0,), "C": (1,)}.items():
-            for axis in axes:
-                value = stacks[name]
-                stacks[name] = None if value is None else np.delete(value, index, axis=axis)
+            for name in {"A", "B"} & stacks.keys():
+                turning = rates[index]  # deviations at equal azimuth, and time counted at the mean speed
+                rows = stacks[name] - (rates / turning)[:, None, :] * stacks[name][index]
+                stacks[name] = rows * (speed / turning)
+        for name, axis in (("A", 0), ("A", 1), ("B", 0), ("C", 1)):
+            if name in stacks:
+                stacks[name] = np.delete(stacks[name], index, axis=axis)
         aside, states, points = (states.names[index],), states.without(index), np.delete(points, index, axis=0)
-    if stacks["A"] is None or not states.names:
+    if not states.names:
         raise _refused(files[0], "has no state but the azimuth", "Linearise with other degrees of freedom, too.")
     return OpenFastLinearisation(
         azimuths=angles,
         rotor_speed=speed,
-        A=stacks["A"],
-        B=stacks["B"],
-        C=stacks["C"],
-        D=stacks["D"],
+        **stacks,
         states=states,
         inputs=files[0].inputs,
         outputs=files[0].outputs,
@@ -227,12 +226,6 @@ def _assembled(files: list[LinFile], azimuth: AzimuthRole) -> OpenFastLinearisat
         set_aside=aside,
         description=files[0].description,
     )
-
-
-def _stack(matrices: list[NDArray[np.float64] | None]) -> NDArray[np.float64] | None:
-    """The matrices of all files (rows, columns, azimuths)."""
-    held = [matrix for matrix in matrices if matrix is not None]
-    return np.stack(held, axis=-1) if held else None
 
 
 def _rates(files: list[LinFile], index: int) -> NDArray[np.float64]:
@@ -246,13 +239,3 @@ def _rates(files: list[LinFile], index: int) -> NDArray[np.float64]:
             got = f"states a rotor speed of {stated:g} rad/s and a generator at {turning:g}"
             raise _refused(file, got, 'Use files of an undisturbed orbit, or pass `azimuth="drop"`.')
     return np.stack([file.state_rates for file in files if file.state_rates is not None], axis=-1)
-
-
-def _at_equal_azimuth(
-    rows: NDArray[np.float64] | None, rates: NDArray[np.float64], index: int, speed: float
-) -> NDArray[np.float64] | None:
-    """Rows of A or B (n, columns, azimuths) for deviations at equal azimuth, and time counted at the mean speed."""
-    if rows is None:
-        return None
-    turning = rates[index]
-    return (rows - (rates / turning)[:, None, :] * rows[index]) * (speed / turning)

@@ -12,11 +12,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Record
+from floquid.core import Channel, Record
 from floquid.io import Source
-from floquid.readers.columns._csv_header import Header, find_delimiter, parse_header, split_cells
-from floquid.readers.columns._stated import RECORD_LINE, stated_line, stated_text
-from floquid.tables import Table, TimeColumn, refuse_blurred_times, rows_of
+from floquid.readers.columns._stated import RECORD_LINE, Stated, stated_line, stated_text
+from floquid.tables import (
+    Table,
+    TimeColumn,
+    check_distinct,
+    find_time,
+    make_channel,
+    name_and_unit,
+    number_in,
+    refuse_blurred_times,
+    rows_of,
+)
 
 _BLOCK = 1 << 16
 _BLANK = ' \t,;"\n'
@@ -44,13 +53,7 @@ class _Body:
 
 
 def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a text file.
-
-    Raises
-    ------
-    InputError
-        The file is not text in UTF-8, has no header or no samples, a row is ragged, a cell is not a number.
-    """
+    """The table in a text file."""
     _refuse_other_than_text(source)
     comments, (top, head) = _head(source)
     stated = stated_line(source, comments)
@@ -60,8 +63,12 @@ def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     chosen = rows_of(source, header.channels, channels)
     use_time = header.time_column is not None and not ignore_time
     columns = [header.columns[index] for index in chosen] + ([header.time_column] if use_time else [])
-    if not use_time:
-        _refuse_blank_rows(source, body)
+    if not use_time:  # a blank line may be a missing sample, and skipping it would move all that follow
+        for number, line in _lines(body.path, body.first, body.last):
+            if not line.strip():
+                must = "have no blank line between its rows when the times are not read"
+                remedy = "Write `nan` for a missing sample, or delete the line."
+                raise source.error(must, f"has one at line {number}", remedy)
     values = _numbers(source, header, body, [column for column in columns if column is not None])
     time = None
     if use_time and header.time_column is not None:
@@ -143,17 +150,6 @@ def _is_skipped(line: str) -> bool:
     return not line.strip() or line.lstrip().startswith("#")
 
 
-def _refuse_blank_rows(source: Source, body: _Body) -> None:
-    """Without times a blank line may be a missing sample, and skipping it would move all that follow."""
-    for number, line in _lines(body.path, body.first, body.last):
-        if not line.strip():
-            raise source.error(
-                "have no blank line between its rows when the times are not read",
-                f"has one at line {number}",
-                "Write `nan` for a missing sample, or delete the line.",
-            )
-
-
 def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]) -> NDArray[np.float64]:
     """The numbers of the chosen columns (columns, rows): in one go, or cell by cell if something is odd."""
     values = np.empty((len(columns), body.count))
@@ -183,17 +179,8 @@ def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]
 
 
 def _number(source: Source, cell: str, line: int, column: str) -> float:
-    try:
-        if "_" in cell or not cell.isascii():  # Python reads 1_000 and foreign digits, no other tool does
-            raise ValueError(cell)
-        number = float(cell) if cell else np.nan
-    except ValueError:
-        raise source.error(
-            "have a number in every cell",
-            f"has {cell[:40]!r} in line {line}, column {column!r}",
-            "Mend that cell (empty or `nan` for a missing sample), or read the other columns with `channels` "
-            "(`--channels`); times must be numbers, too.",
-        ) from None
+    more = ", or read the other columns with `channels` (`--channels`); times must be numbers, too."
+    number = number_in(source, cell, line, column, more=more)
     if np.isinf(number):
         raise source.error(
             "have finite numbers",
@@ -204,13 +191,7 @@ def _number(source: Source, cell: str, line: int, column: str) -> float:
 
 
 def save_csv(record: Record, path: Path) -> None:
-    """Write `record` so that every number is read back as it is.
-
-    Raises
-    ------
-    InputError
-        The record starts so late that its times cannot be told apart.
-    """
+    """Write `record` so that every number is read back as it is."""
     refuse_blurred_times(record)
     times = record.times
     head = io.StringIO()
@@ -221,3 +202,74 @@ def save_csv(record: Record, path: Path) -> None:
             part = slice(first, first + _BLOCK)
             block = np.vstack([times[part], record.values[:, part]]).T.tolist()
             stream.writelines(",".join(map(repr, row)) + "\n" for row in block)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Header:
+    """The columns of a table: `channels` at `columns`, the time at `time_column` in units of `time_scale` seconds."""
+
+    cells: tuple[str, ...]
+    channels: tuple[Channel, ...]
+    columns: tuple[int, ...]
+    time_column: int | None = None
+    time_scale: float = 1.0
+
+
+def split_cells(line: str, delimiter: str) -> list[str]:
+    """The cells of one line, stripped."""
+    if '"' in line:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+    return [cell.strip() for cell in line.split(delimiter)]
+
+
+def find_delimiter(header: str, first_row: str) -> str:
+    """The delimiter that gives the header and the first row the same number of cells, at least two; else a comma."""
+    counts = {
+        delimiter: len(split_cells(header, delimiter))
+        for delimiter in ",;\t"
+        if len(split_cells(header, delimiter)) == len(split_cells(first_row, delimiter))
+    }
+    best = max(counts, key=lambda delimiter: counts[delimiter], default=",")
+    if counts.get(best, 0) >= 2:
+        return best
+    return max(",;\t", key=lambda delimiter: len(split_cells(header, delimiter)))
+
+
+def parse_header(source: Source, cells: Sequence[str], line: int, stated: Stated) -> Header:
+    """The columns that the header names; one that our comment line describes is taken from there."""
+    if all(_is_number(cell) for cell in cells):
+        raise source.error(
+            "begin with a header row that names the columns",
+            f"begins with numbers (line {line})",
+            "Write a first line such as `time [s],x [m],y [m]`.",
+        )
+    parts = [name_and_unit(cell) for cell in cells]
+    time_column, scale = find_time(source, parts)
+    columns = tuple(column for column in range(len(cells)) if column != time_column)
+    if not columns:
+        raise source.error(
+            "have a column for each channel", f"has the time alone (line {line})", "Export the channels too."
+        )
+    own = {channel.label: channel for channel in stated.channels}
+    channels = []
+    for column in columns:
+        name, unit = parts[column]
+        if not name:
+            raise source.error(
+                "name every column in its header",
+                f"has no name for column {column + 1} (line {line})",
+                "Name it, or delete it.",
+            )
+        channels.append(own.get(cells[column]) or make_channel(source, name=name, unit=unit or "-"))
+    check_distinct(source, [channel.name for channel in channels])
+    return Header(
+        cells=tuple(cells), channels=tuple(channels), columns=columns, time_column=time_column, time_scale=scale
+    )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return cell == ""
+    return True

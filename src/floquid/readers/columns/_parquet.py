@@ -35,13 +35,7 @@ _INDEX = "__index_level_"
 
 
 def load_parquet(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a Parquet file; a null is a missing sample.
-
-    Raises
-    ------
-    InputError
-        pyarrow is not installed; the file is damaged, holds no column of numbers, or declares what it cannot hold.
-    """
+    """The table in a Parquet file; a null is a missing sample."""
     parquet = load_package("pyarrow.parquet", source.of, extra="parquet")
     again = source.taken_apart("Parquet file", "Copy or write it again.")
     with again, source.path.open("rb") as stream:
@@ -129,13 +123,7 @@ def _column(file: Any, name: str) -> NDArray[Any]:
 
 
 def save_parquet(record: Record, path: Path) -> None:
-    """Write `record` with a column of times, so that every number is read back as it is.
-
-    Raises
-    ------
-    InputError
-        pyarrow is not installed, or the record starts so late that its times cannot be told apart.
-    """
+    """Write `record` with a column of times, so that every number is read back as it is."""
     parquet = load_package("pyarrow.parquet", "write", extra="parquet")
     import pyarrow as pa
 

@@ -55,13 +55,7 @@ def stated_text(record: Record, *, ascii_only: bool = True) -> str:
 
 
 def stated_in(source: Source, text: str | bytes | None, place: str, remedy: str) -> Stated:
-    """What our own line at `place` of a file states; nothing where there is none.
-
-    Raises
-    ------
-    InputError
-        It is there and is not as we write it.
-    """
+    """What our own line at `place` of a file states; nothing where there is none."""
     if text is None:
         return Stated()
     try:
@@ -78,13 +72,7 @@ def stated_in(source: Source, text: str | bytes | None, place: str, remedy: str)
 
 
 def stated_line(source: Source, lines: Sequence[str]) -> Stated:
-    """What our own line among those of a text states; nothing where there is none.
-
-    Raises
-    ------
-    InputError
-        It is there and is not as we write it.
-    """
+    """What our own line among those of a text states; nothing where there is none."""
     text = next((line.removeprefix(RECORD_LINE) for line in lines if line.startswith(RECORD_LINE)), None)
     remedy = "Delete that line: the table can be read without it."
     return stated_in(source, text, f"the line `{RECORD_LINE.strip()}`", remedy)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from floquid.errors import InputError
 from floquid.io import Source
-from floquid.readers.uff._header import FunctionHeader
-from floquid.readers.uff._ids import OwnLines
+from floquid.readers.uff._channels import OwnLines
+from floquid.readers.uff._datasets import FunctionHeader
 from floquid.tables import SECONDS, Printed, nominal_rate_of_step
 
 _TIME_KINDS = (0, 1, 17)
@@ -41,14 +41,7 @@ def shared_axis(
     *,
     ignore_time: bool,
 ) -> Axis:
-    """The axis of all functions named.
-
-    Raises
-    ------
-    InputError
-        Two functions differ in step, start or length; the abscissa is not a time; the step is not positive; our own ID
-        line contradicts the header. With `ignore_time` the latter two do not matter.
-    """
+    """The axis of all functions named."""
     _check_alike(source, headers, own, names)
     header, name = headers[0], names[0]
     scale = SECONDS.get(header.abscissa.unit.strip("[]()- ").lower() or "s")
@@ -60,7 +53,10 @@ def shared_axis(
             "Export the time histories, in seconds; or pass `rate` (`--rate`) [Hz] if only the unit's name is unknown.",
         )
     scale = scale or 1.0
-    start, step = (_scaled(number, scale) for number in (header.start, header.step))
+    start, step = (
+        replace(number, value=number.value * scale, quantum=number.quantum * scale)
+        for number in (header.start, header.step)
+    )
     if not header.is_even:
         note = ("The times in the file were ignored.",) if ignore_time else ()
         return Axis(sample_rate=None, rate_note=None, start=0.0, scale=scale, notes=note)
@@ -81,10 +77,6 @@ def shared_axis(
         )
     rate, note = _rate_of(step, header.n_points)
     return Axis(sample_rate=rate, rate_note=note, start=start.value, scale=scale, notes=_start_notes(start, step))
-
-
-def _scaled(number: Printed, scale: float) -> Printed:
-    return replace(number, value=number.value * scale, quantum=number.quantum * scale)
 
 
 def _agree(stated: OwnLines, start: Printed, step: Printed) -> bool:
@@ -151,14 +143,8 @@ def _stated(own: OwnLines) -> str:
 
 
 def _facts(header: FunctionHeader) -> str:
-    points = f"{header.n_points} points"
-    if not header.is_even:
-        return f"{points} at uneven times{_unit(header)}"
-    return f"{points} of {header.step.value!r} from {header.start.value!r}{_unit(header)}"
-
-
-def _unit(header: FunctionHeader) -> str:
-    return f" {header.abscissa.unit}" if header.abscissa.unit else ""
+    steps = f"of {header.step.value!r} from {header.start.value!r}" if header.is_even else "at uneven times"
+    return f"{header.n_points} points {steps} {header.abscissa.unit}".rstrip()
 
 
 def _differ(source: Source, names: Sequence[str], facts: Sequence[str], one: int, other: int) -> InputError:

@@ -1,14 +1,139 @@
-"""The channels of the functions in a universal file: distinct names, quantities and units from their headers."""
+"""The ID lines of a function in a universal file, as floquid writes them.
+
+The format keeps six digits of a step, and has no place for a period or for the words of a channel. It has five lines of
+free text, which other programs show and keep:
+
+    1   the name of the channel, or 80 letters of it
+    2   floquid rate=2533.333333333334 Hz start=-0.25 s
+    3   NONE (elsewhere the date)
+    4   floquid period=0.015789473684210523 s origin=0.001 s, or NONE
+    5   floquid {"quantity": "pulse", "unit": "V", "location": "disc", "direction": "+x"}
+
+Line 5 is JSON in ASCII; it has a "name" where line 1 is not the whole of it, and may be longer than the 80 columns that
+other programs read.
+"""
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import get_args
 
-from floquid.core import Channel, Quantity
+import numpy as np
+
+from floquid.core import Channel, ConstantPeriod, Quantity, Record
 from floquid.errors import InputError
 from floquid.io import Source
-from floquid.readers.uff._header import DIRECTIONS, FunctionHeader, Point
-from floquid.readers.uff._ids import OwnLines
+from floquid.readers.uff._datasets import DIRECTIONS, FunctionHeader, Point
+
+KINDS: dict[str, int] = {
+    "strain": 3,
+    "displacement": 8,
+    "velocity": 11,
+    "acceleration": 12,
+    "force": 13,
+    "angle": 1,
+    "pulse": 0,
+    "other": 0,
+}
+"""The specific data type of an ordinate, by what is measured; 1 is "general", 0 "unknown"."""
+
+_COLUMNS, _LABEL = 80, 20
+_RATE = re.compile(r"floquid rate=(\S+) Hz start=(\S+) s")
+_CLOCK = re.compile(r"floquid period=(\S+) s origin=(\S+) s")
+_WORDS = "floquid {"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnLines:
+    """What ID lines of ours state: numbers in Hz and s, and the `words` of the channel, as far as they could be read.
+
+    `doubt` says in a sentence why they could not, or is empty.
+    """
+
+    sample_rate: float
+    start: float
+    period: float | None = None
+    origin: float | None = None
+    words: dict[str, str] = field(default_factory=dict)
+    doubt: str = ""
+
+
+def id_lines(record: Record, channel: Channel) -> tuple[str, ...]:
+    """The five ID lines of a channel."""
+    line = " ".join(channel.name.split())[:_COLUMNS].strip()
+    words = {} if line == channel.name != "NONE" else {"name": channel.name}
+    words |= {"quantity": str(channel.quantity), "unit": channel.unit}
+    words |= {key: getattr(channel, key) for key in ("location", "direction") if getattr(channel, key)}
+    clock = record.clock
+    return (
+        line,
+        f"floquid rate={record.sample_rate!r} Hz start={record.start!r} s",
+        "NONE",
+        f"floquid period={clock.period!r} s origin={clock.origin!r} s" if isinstance(clock, ConstantPeriod) else "NONE",
+        f"floquid {json.dumps(words)}",
+    )
+
+
+def unit_label(unit: str) -> str:
+    """A unit in the 20 columns of an axis, or "NONE"."""
+    return "NONE" if unit == "-" else " ".join(unit.split())[:_LABEL].strip()
+
+
+def own_lines(source: Source, header: FunctionHeader) -> OwnLines | None:
+    """What the ID lines state if floquid wrote them, else None."""
+    rate = _RATE.fullmatch(header.ids[1])
+    if rate is None:
+        return None
+    clock = _CLOCK.fullmatch(header.ids[3])
+    where = f"the function that begins at byte {header.first}"
+    try:
+        numbers = [float(text) for text in rate.groups()] + [float(text) for text in (clock.groups() if clock else ())]
+        steps = [numbers[0], *numbers[2:3]]
+        if not np.isfinite(numbers).all() or min(steps) <= 0.0 or (clock and _is_far(numbers[3], numbers[2])):
+            raise ValueError(numbers)
+    except ValueError:
+        raise source.error(
+            "have ID lines 2 and 4 as floquid wrote them",
+            f"has {header.ids[1]!r} and {header.ids[3]!r} in {where}",
+            "Mend them, or let line 2 be `NONE`: the function can be read without it.",
+        ) from None
+    words, doubt = _words(header)
+    return OwnLines(
+        sample_rate=numbers[0],
+        start=numbers[1],
+        period=numbers[2] if clock else None,
+        origin=numbers[3] if clock else None,
+        words=words,
+        doubt=doubt,
+    )
+
+
+def _is_far(origin: float, period: float) -> bool:
+    """As `ConstantPeriod` has it: so far off that phases are rounded away."""
+    return bool(np.spacing(abs(origin)) > 1e-3 * period)
+
+
+def _words(header: FunctionHeader) -> tuple[dict[str, str], str]:
+    """The words of line 5 and "", or none and the reason why they are not used."""
+    name, line = header.ids[0], header.ids[4]
+    if not line.startswith(_WORDS):
+        return {}, ""
+    try:
+        words = json.loads(line.removeprefix("floquid "))
+        if not all(isinstance(word, str) for word in words.values()) or words["quantity"] not in get_args(Quantity):
+            raise ValueError(line)
+        Channel(**({"name": name} | words))
+    except (ValueError, TypeError, KeyError, RecursionError):  # an `InputError` of `Channel` is a ValueError
+        return {}, f"ID line 5 of {name!r} is not as floquid wrote it, and is passed over."
+    axis = (header.ordinate.kind, header.ordinate.unit or "NONE")
+    if (KINDS[words["quantity"]], unit_label(words["unit"])) != axis:
+        stated = f"{words['quantity']} in {words['unit']!r}"
+        return {}, f"ID line 5 of {name!r} states {stated}, but its axis was changed since: the line is passed over."
+    return words, ""
+
 
 _QUANTITIES: dict[int, Quantity] = {
     2: "other",
@@ -109,20 +234,12 @@ def _unit_of(quantity: Quantity | None, point: Point, unit_system: int | None) -
 
 
 def check_names(source: Source, headers: Sequence[FunctionHeader], names: Sequence[str]) -> None:
-    """Refuse two functions that nothing tells apart.
-
-    Raises
-    ------
-    InputError
-        Two have one name.
-    """
+    """Refuse two functions that nothing tells apart."""
     first: dict[str, int] = {}
-    for row, name in enumerate(names):
-        if name in first:
-            one, other = headers[first[name]].first, headers[row].first
+    for header, name in zip(headers, names, strict=True):
+        if first.setdefault(name, header.first) != header.first:
             raise source.error(
                 "tell its time responses apart by node, direction, entity or ID line 1",
-                f"has {name!r} twice, at bytes {one} and {other}",
+                f"has {name!r} twice, at bytes {first[name]} and {header.first}",
                 "Export one run a file, or name the functions in their ID lines.",
             )
-        first[name] = row

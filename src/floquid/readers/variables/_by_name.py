@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from floquid._checks import describe
 from floquid.core import channels_named
 from floquid.io import Source
-from floquid.readers.variables._variables import Variable, VariableFile, numbers, printable, require_numbers
+from floquid.readers.variables._variables import VariableFile, numbers, printable, require_numbers
 from floquid.tables import SECONDS, Table, TimeColumn, make_channels
 
 _WORDS = ("units", "quantities", "locations", "directions")
@@ -22,13 +22,7 @@ KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period",
 
 
 def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a file that holds `values` and `channels`.
-
-    Raises
-    ------
-    InputError
-        A variable is not of its type and shape.
-    """
+    """The table in a file that holds `values` and `channels`."""
     held = file.variables
     names = _texts(source, file, "channels")
     values = _values(source, file, len(names))
@@ -72,13 +66,7 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
 
 
 def time_column(source: Source, file: VariableFile, path: str, n_samples: int) -> TimeColumn:
-    """The times at `path`, a row or a column of them.
-
-    Raises
-    ------
-    InputError
-        They are not numbers, not one a sample, or in a unit that is none of time.
-    """
+    """The times at `path`, a row or a column of them."""
     array = numbers(source, file, path)
     if array.size == max(array.shape, default=0):
         array = array.reshape(-1)
@@ -88,18 +76,20 @@ def time_column(source: Source, file: VariableFile, path: str, n_samples: int) -
             f"has shape {array.shape} there",
             "Save one time a sample [s].",
         )
+    unit = file.variables[path].unit
+    scale = SECONDS.get(unit) if unit not in ("", "-") else 1.0
+    if scale is None:
+        raise source.error(
+            "have its times in one of s, ms, us, ns, min, h",
+            f"has `{printable(path)}` in {unit!r}",
+            "Save the times as numbers in seconds, or pass `rate` (`--rate`) [Hz] to ignore them.",
+        )
     kept = array if array.dtype == np.float32 else array.astype(np.float64)
-    return TimeColumn(values=kept, scale=_scale(source, file.variables[path]), label=printable(path))
+    return TimeColumn(values=kept, scale=scale, label=printable(path))
 
 
 def scalar(source: Source, file: VariableFile, path: str) -> float | None:
-    """The number at `path` [Hz] if it is a `sample_rate`, else [s]; None if there is none.
-
-    Raises
-    ------
-    InputError
-        It is not one number, not a possible one, or in another unit.
-    """
+    """The number at `path` [Hz] if it is a `sample_rate`, else [s]; None if there is none."""
     variable = file.variables.get(path)
     if variable is None:
         return None
@@ -123,17 +113,6 @@ def scalar(source: Source, file: VariableFile, path: str) -> float | None:
             else "Mend it, or leave it out.",
         )
     return number
-
-
-def _scale(source: Source, variable: Variable) -> float:
-    scale = SECONDS.get(variable.unit) if variable.unit not in ("", "-") else 1.0
-    if scale is None:
-        raise source.error(
-            "have its times in one of s, ms, us, ns, min, h",
-            f"has `{printable(variable.path)}` in {variable.unit!r}",
-            "Save the times as numbers in seconds, or pass `rate` (`--rate`) [Hz] to ignore them.",
-        )
-    return scale
 
 
 def _orbit(source: Source, array: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:

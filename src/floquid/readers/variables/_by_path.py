@@ -46,13 +46,7 @@ class _Row:
 def table_of_variables(
     source: Source, file: VariableFile, *, channels: Sequence[str] | None, ignore_time: bool
 ) -> Table:
-    """The table in a file of variables: by our names if it has them, else by the paths in `channels`.
-
-    Raises
-    ------
-    InputError
-        It has neither our names nor the paths, or a variable is not of its type and shape.
-    """
+    """The table in a file of variables: by our names if it has them, else by the paths in `channels`."""
     by = table_by_name if {"values", "channels"} <= file.variables.keys() else _table_by_path
     return by(source, file, channels=channels, ignore_time=ignore_time)
 
@@ -106,7 +100,8 @@ def _parse(source: Source, file: VariableFile, word: object) -> _Row:
         turned = match["turned"] or ""
         unbracketed = f"{match['path']}{turned}"
         for path, is_turned, its_row in ((text, False, None), (unbracketed, False, row), (match["path"], True, row)):
-            variable = _find(file, path)
+            path = path.strip("/")
+            variable = file.variables.get(path) or file.variables.get(path.replace(".", "/"))
             if variable is not None and (turned or not is_turned):
                 return _Row(name=text, variable=variable, turned=is_turned, row=its_row)
     raise input_error(
@@ -118,11 +113,6 @@ def _parse(source: Source, file: VariableFile, word: object) -> _Row:
     )
 
 
-def _find(file: VariableFile, path: str) -> Variable | None:
-    path = path.strip("/")
-    return file.variables.get(path) or file.variables.get(path.replace(".", "/"))
-
-
 def _rows(source: Source, beside: Mapping[str, list[Variable]], choice: _Row) -> Iterator[_Row]:
     """The channels that one word names: a vector, a row of a matrix, or all its rows."""
     variable = choice.variable
@@ -132,15 +122,17 @@ def _rows(source: Source, beside: Mapping[str, list[Variable]], choice: _Row) ->
         return
     shape = variable.shape[::-1] if choice.turned else variable.shape
     if len(shape) != 2 or variable.size < 2:
-        raise _refused(
-            source,
+        raise input_error(
+            "channels",
+            source.of,
             "name vectors of samples, or rows of matrices",
             f"has {choice.name!r}, which is {variable.words} in {source.path}",
             "Leave out the [ ] and the .T of a vector, and single numbers; save an array of more axes as matrices.",
         )
     if choice.row is not None and choice.row >= shape[0]:
-        raise _refused(
-            source,
+        raise input_error(
+            "channels",
+            source.of,
             f"name one of the rows 0 to {shape[0] - 1} (counted from 0)",
             f"has {choice.name!r} of {variable.words} in {source.path}",
             "Choose one of them.",
@@ -164,8 +156,9 @@ def _check_direction(
         return
     bare = choice.name if choice.row is None else choice.name[: choice.name.rindex("[")]
     other = bare.removesuffix(".T") if choice.turned else f"{bare}.T"
-    raise _refused(
-        source,
+    raise input_error(
+        "channels",
+        source.of,
         "name rows of samples",
         f"has {choice.name!r} in {source.path}, a row of {n_samples} samples among {n_rows}"
         + (f", and the times beside it are {n_rows}" if n_rows in lengths else ""),
@@ -183,13 +176,14 @@ def _check_rows(source: Source, rows: Sequence[_Row]) -> None:
                 must, got = "name each variable once", f"has {seen[key]!r} and {row.name!r}, which are one"
                 if row.name == seen[key]:
                     must, got = "name each channel once", f"has {row.name!r} twice"
-                raise _refused(source, must, f"{got} in {source.path}", "Leave one of them out.")
+                raise input_error("channels", source.of, must, f"{got} in {source.path}", "Leave one of them out.")
             seen[key] = row.name
     first = rows[0]
     for row in rows:
         if _length(row) != _length(first):
-            raise _refused(
-                source,
+            raise input_error(
+                "channels",
+                source.of,
                 "name channels of one length, sampled together",
                 f"has {first.name!r} of {_length(first)} samples and {row.name!r} of {_length(row)} in {source.path}",
                 "Choose channels of one measurement; resample first what was sampled at another rate.",
@@ -238,7 +232,9 @@ def _no_times(source: Source, time: Variable, named: Mapping[str, str], n_sample
     """Times that are there but cannot be those of the channels."""
     if time.path in named:
         got = f"has {named[time.path]!r}, which are the times by their name in {source.path}"
-        return _refused(source, "leave out the times", got, "If they are none, pass `rate` (`--rate`) [Hz], too.")
+        return input_error(
+            "channels", source.of, "leave out the times", got, "If they are none, pass `rate` (`--rate`) [Hz], too."
+        )
     return source.error(
         "have one time a sample beside its channels",
         f"has {time.size} in `{printable(time.path)}` for {n_samples} samples",
@@ -276,7 +272,3 @@ def _rate(source: Source, file: VariableFile, rows: Sequence[_Row], *, ignore_ti
             "Choose channels of one measurement, or pass `rate` (`--rate`) [Hz].",
         )
     return next(iter(found.values()), None)
-
-
-def _refused(source: Source, must: str, got: str, remedy: str) -> InputError:
-    return input_error("channels", source.of, must, got, remedy)

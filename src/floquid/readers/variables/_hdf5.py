@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Record
-from floquid.errors import InputError
 from floquid.io import Source, array_in, attribute, is_elsewhere, texts_in
 from floquid.readers.variables._by_path import table_of_variables
 from floquid.readers.variables._variables import HDF5, MATLAB, Dialect, Kind, Variable
@@ -28,39 +27,15 @@ _BLOCK = 1 << 16
 _MATLAB_S_OWN = ("#refs#", "#subsystem#")
 
 
-def is_hdf5(path: Path) -> bool:
-    """Whether a file has the mark of an HDF5 file where one must be."""
-    import h5py
-
-    return bool(h5py.is_hdf5(path))
-
-
 def load_hdf5(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in an HDF5 file, or a MATLAB file of version 7.3.
-
-    Raises
-    ------
-    InputError
-        The file is none, is damaged, has no datasets of our names and none are named, or one is not what it must be.
-    """
+    """The table in an HDF5 file, or a MATLAB file of version 7.3."""
     import h5py
 
-    if not is_hdf5(source.path):
-        raise _no_hdf5_file(source)
+    if not h5py.is_hdf5(source.path):
+        remedy = "Copy it again, or name it by its format."
+        raise source.error("be an HDF5 file", "is not one, or is damaged or cut short", remedy)
     with source.taken_apart("HDF5 file", "Copy or save it again."), h5py.File(source.path, "r") as opened:
         return table_of_variables(source, Hdf5File(opened), channels=channels, ignore_time=ignore_time)
-
-
-def _no_hdf5_file(source: Source) -> InputError:
-    with source.path.open("rb") as stream:
-        head = stream.read(128)
-    if head.startswith(b"MATLAB 5"):
-        return source.error("be an HDF5 file", "is a MATLAB file of an earlier version", "Name it .mat.")
-    if head.startswith(b"PK\x03\x04"):
-        return source.error("be an HDF5 file", "is a NumPy archive or a zip file", "Name it by its format, .npz.")
-    return source.error(
-        "be an HDF5 file", "is not one, or is damaged or cut short", "Copy it again, or name it by its format."
-    )
 
 
 class Hdf5File:

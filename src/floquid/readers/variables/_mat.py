@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import Record
-from floquid.errors import InputError
 from floquid.io import Source, letters, load_variables, mat_order
 from floquid.readers.variables._by_path import table_of_variables
-from floquid.readers.variables._hdf5 import is_hdf5, load_hdf5
+from floquid.readers.variables._hdf5 import load_hdf5
 from floquid.readers.variables._variables import MATLAB, Dialect, Kind, Variable
 from floquid.tables import Table, numbers_of, orbit_of, texts_of
 
@@ -28,17 +27,14 @@ _SAVE_AGAIN = "In MATLAB save it again, as in save('run.mat', 'values', 'sample_
 
 
 def load_mat(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a MATLAB file, of version 5 to 7, or 7.3; nothing in it is ever run or made an object of.
+    """The table in a MATLAB file, of version 5 to 7, or 7.3; nothing in it is ever run or made an object of."""
+    import h5py
 
-    Raises
-    ------
-    InputError
-        The file is none, is damaged, has no variables of our names and none are named, or one is not what it must be.
-    """
-    if is_hdf5(source.path):
+    if h5py.is_hdf5(source.path):
         return load_hdf5(source, channels=channels, ignore_time=ignore_time)
     if not mat_order(source.path):
-        raise _no_mat_file(source)
+        got = "is not one, or is damaged, cut short or of version 4"
+        raise source.error("be a MATLAB file of version 5 to 7.3", got, f"Copy it again. {_SAVE_AGAIN}")
     with source.taken_apart("MATLAB file", f"Copy it again. {_SAVE_AGAIN}"):
         file = _MatFile(load_variables(source.path))
         return table_of_variables(source, file, channels=channels, ignore_time=ignore_time)
@@ -90,32 +86,8 @@ def _variable(path: str, value: Any) -> Variable:
     return Variable(path=path, shape=array.shape, kind=by_letter.get(array.dtype.kind, "numbers"))
 
 
-def _no_mat_file(source: Source) -> InputError:
-    """What else the file may be, by its first bytes."""
-    with source.path.open("rb") as stream:
-        head = stream.read(128)
-    remedy = f"Copy it again. {_SAVE_AGAIN}"
-    if head.startswith(b"MATLAB "):
-        got = "is cut short or damaged"
-    elif head.startswith((b"PK\x03\x04", b"\x93NUMPY")):
-        got, remedy = "is a file of NumPy or a zip archive", "Name it by its format, .npz."
-    elif all(byte in b"\t\r\n" or 32 <= byte < 127 for byte in head):
-        got, remedy = "is text", "Name it by its format, as in .csv, if it is a table of numbers."
-    elif len(head) >= 20 and int.from_bytes(head[:4], "little") < 5000:
-        got, remedy = "seems to be of version 4 or not one at all", _SAVE_AGAIN
-    else:
-        got = "is not one, or is damaged"
-    return source.error("be a MATLAB file of version 5 to 7.3", got, remedy)
-
-
 def save_mat(record: Record, path: Path) -> None:
-    """Write `record` with every name that `load_mat` reads, as a file of version 7.
-
-    Raises
-    ------
-    InputError
-        `values` is larger than a variable can be in such a file.
-    """
+    """Write `record` with every name that `load_mat` reads, as a file of version 7."""
     import scipy.io
 
     if record.values.nbytes > _LARGEST:

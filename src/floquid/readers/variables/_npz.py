@@ -12,24 +12,23 @@ from numpy.typing import NDArray
 
 from floquid.core import Record
 from floquid.io import Source
-from floquid.readers.variables._by_name import KEYS
 from floquid.readers.variables._by_path import table_of_variables
 from floquid.readers.variables._variables import NUMPY, Dialect, Kind, Variable, printable
 from floquid.tables import Table, numbers_of, orbit_of, texts_of
 
-_KINDS: dict[str, Kind] = {"c": "complex numbers", "U": "text", "S": "text", "M": "dates", "m": "time spans"}
+_KINDS: dict[str, Kind] = {
+    "O": "Python objects",
+    "c": "complex numbers",
+    "U": "text",
+    "S": "text",
+    "M": "dates",
+    "m": "time spans",
+}
 _KINDS |= dict.fromkeys("biuf", "numbers")
 
 
 def load_npz(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a NumPy archive; nothing in it is ever unpickled.
-
-    Raises
-    ------
-    InputError
-        The file is not an archive, is damaged, has no arrays of our names and none are named, or one is not of its type
-        and shape.
-    """
+    """The table in a NumPy archive; nothing in it is ever unpickled."""
     return table_of_variables(source, _NpzFile(source), channels=channels, ignore_time=ignore_time)
 
 
@@ -65,20 +64,16 @@ def _arrays(source: Source) -> dict[str, NDArray[Any]]:
         raise source.error(must, got, f"Copy it again. {NUMPY.save}")
     again = source.taken_apart("NumPy archive", f"Copy it again. {NUMPY.save}")
     with again, source.path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-        return {key: _array(source, archive, key) for key in archive.files}
+        return {key: _array(archive, key) for key in archive.files}
 
 
-def _array(source: Source, archive: Any, key: str) -> NDArray[Any]:
+def _array(archive: Any, key: str) -> NDArray[Any]:
     try:
         return np.asarray(archive[key])
     except ValueError as error:
         if "Object arrays" not in str(error):
             raise
-    if key in KEYS:
-        must, got = f"hold plain numbers or text in `{key}`", "holds Python objects there, which are never unpickled"
-        remedy = f"Convert them first, as in np.asarray({key}, dtype=float) or dtype=str, and save it again."
-        raise source.error(must, got, remedy)
-    return np.empty(0, object)
+        return np.empty(0, object)
 
 
 def save_npz(record: Record, path: Path) -> None:

@@ -27,6 +27,7 @@ Kind = Literal[
     "records",
     "dates",
     "time spans",
+    "Python objects",
 ]
 
 REMEDIES: dict[Kind, str] = {
@@ -40,6 +41,7 @@ REMEDIES: dict[Kind, str] = {
     "data of another file": "Data in other files are not read: save one file that holds them.",
     "dates": "Save numbers, times in seconds, as np.asarray(x, dtype=float) makes them.",
     "time spans": "Save numbers, times in seconds, as np.asarray(x, dtype=float) makes them.",
+    "Python objects": "They are never unpickled: save them as np.asarray(x, dtype=float) or dtype=str makes them.",
     "scaled numbers": "They stand for others, by `scale_factor` and `add_offset`: save the values themselves.",
 }
 
@@ -139,25 +141,13 @@ class VariableFile(Protocol):
 
 
 def numbers(source: Source, file: VariableFile, path: str) -> NDArray[Any]:
-    """The array of the variable at `path`.
-
-    Raises
-    ------
-    InputError
-        It does not hold real numbers.
-    """
+    """The array of the variable at `path`."""
     require_numbers(source, file.variables[path])
     return file.numbers(path)
 
 
 def require_numbers(source: Source, variable: Variable) -> None:
-    """Refuse what is not real numbers, with what to do about it.
-
-    Raises
-    ------
-    InputError
-        The variable holds something else.
-    """
+    """Refuse what is not real numbers, with what to do about it."""
     if variable.kind != "numbers":
         raise source.error(
             f"hold real numbers in `{printable(variable.path)}`",
@@ -177,7 +167,9 @@ def listing(file: VariableFile) -> str:
 
 def example(file: VariableFile) -> str:
     """Paths such as the user may mean by `channels`: the largest variable, and the next ones of its shape."""
-    candidates = [one for one in file.variables.values() if (one.is_vector or one.is_matrix) and not _is_time(one)]
+    candidates = [
+        one for one in file.variables.values() if (one.is_vector or one.is_matrix) and one.name not in TIME_NAMES
+    ]
     if not candidates:
         return ""
     first = max(candidates, key=lambda one: one.size)
@@ -185,7 +177,3 @@ def example(file: VariableFile) -> str:
         return ",".join(printable(one.path) for one in candidates if one.shape == first.shape and one.is_vector)[:200]
     turned = ".T" if first.shape[0] > first.shape[1] else ""
     return ",".join(f"{printable(first.path)}{turned}[{row}]" for row in range(2))
-
-
-def _is_time(variable: Variable) -> bool:
-    return variable.name in TIME_NAMES

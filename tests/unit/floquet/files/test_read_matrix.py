@@ -346,7 +346,7 @@ def test_nothing_is_unpickled(tmp_path):
             return (pytest.fail, ("it was unpickled",))
 
     np.savez(tmp_path / "a.npz", A=np.array([Trap()], dtype=object), period=PERIOD)
-    with pytest.raises(InputError, match="is none, is damaged or cut short"):
+    with pytest.raises(InputError, match="is not one, or is damaged or cut short"):
         read_matrix(tmp_path / "a.npz")
 
 

@@ -357,13 +357,6 @@ def test_what_is_no_linearisation_is_refused(tmp_path, content, message):
         read_lin(tmp_path / "bad.lin")
 
 
-def test_a_file_beyond_the_limit_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("floquid.floquet.files._lin_file._MOST_BYTES", 1000)
-    (tmp_path / "large.lin").write_text(lin_text(**matrices()), encoding="utf-8")
-    with pytest.raises(InputError, match=r"large\.lin is larger than half a gigabyte"):
-        read_lin(tmp_path / "large.lin")
-
-
 def test_a_file_cut_anywhere_is_refused_or_lacks_what_was_cut(tmp_path):
     said = matrices()
     text = lin_text(**said)

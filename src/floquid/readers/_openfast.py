@@ -1,6 +1,6 @@
-"""Binary output of OpenFAST (.outb).
+"""Time series that OpenFAST writes: text (.out) and binary (.outb).
 
-All numbers are little-endian. The layout, by `ReadFASTbinary.m` of OpenFAST's MATLAB toolbox:
+In binary files all numbers are little-endian. The layout, by `ReadFASTbinary.m` of OpenFAST's MATLAB toolbox:
 
     int16        1 with a time for each sample, 2 without, 3 not packed, 4 as 2 with the length of names
     int16        the length L of names and units; of 4 alone, elsewhere it is 10
@@ -17,17 +17,147 @@ All numbers are little-endian. The layout, by `ReadFASTbinary.m` of OpenFAST's M
 
 from __future__ import annotations
 
+import re
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain, islice
+from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.core import Channel
 from floquid.io import Source
-from floquid.readers.openfast._common import channels_of
-from floquid.tables import Table, TimeColumn, rate_of_step, rows_of
+from floquid.readers._angles import is_shaft_angle
+from floquid.tables import Table, TimeColumn, make_channels, number_in, rate_of_step, rows_of
+
+_UNITS = {"": "-", "-": "-", "°": "deg"}
+
+
+def channels_of(
+    source: Source, labels: Sequence[str], units: Sequence[str]
+) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
+    """The channels of columns with these `labels` and `units`, and notes."""
+    plain = [_plain_unit(unit) for unit in units]
+    quantities = ["angle" if is_shaft_angle(*pair) else None for pair in zip(labels, plain, strict=True)]
+    channels = make_channels(source, labels, plain, quantity=quantities)
+    invalid = [label for label, unit in zip(labels, plain, strict=True) if unit == "INVALID"]
+    notes = (f"OpenFAST marks as invalid, and fills with zeros: {', '.join(invalid[:20])}.",) if invalid else ()
+    return channels, notes
+
+
+def _plain_unit(text: str) -> str:
+    """«(m/sec^2)» as m/s^2."""
+    unit = re.sub(r"\bsec\b", "s", text.strip().strip("()[]").strip())
+    return _UNITS.get(unit, unit)
+
+
+_MOST_WORDS = 60
+"""Lines above the names, at most."""
+
+_NO_E = re.compile(r"(\d)([-+]\d{3})\b")
+"""How Fortran prints an exponent of three digits: 1.0-101."""
+
+_FORTRAN = re.compile(r"(?<=[\d.])[Dd](?=[-+\d])")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Head:
+    """The names and the units; the numbers begin in line `first` (from 1)."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    first: int
+
+
+def load_out(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
+    """The table in a text output file of OpenFAST."""
+    head = _head(source)
+    named, notes = channels_of(source, head.names[1:], head.units[1:])
+    rows = rows_of(source, named, channels)
+    values, times = _numbers(source, head, rows)
+    if ignore_time:
+        notes += ("The times in the file were ignored.",)
+    return Table(
+        values=values,
+        time=None if ignore_time else TimeColumn(values=times, scale=1.0, label=head.names[0]),
+        channels=tuple(named[row] for row in rows),
+        notes=notes,
+    )
+
+
+def _lines(path: Path) -> Iterator[str]:
+    with path.open(encoding="utf-8", errors="replace") as stream:
+        yield from stream
+
+
+def _head(source: Source) -> _Head:
+    for at, line in enumerate(islice(_lines(source.path), _MOST_WORDS), 1):
+        if "\0" in line:
+            raise source.error("be text", "is binary", "A binary output of OpenFAST is called .outb.")
+        names = line.split()
+        if names and names[0].lower() == "time":
+            return _with_units(source, names, at)
+    raise source.error(
+        "have a line of names that begins with `Time`, as OpenFAST writes it",
+        f"has none among its first {_MOST_WORDS} lines",
+        "Name a text table of another program .csv, with a header row.",
+    )
+
+
+def _with_units(source: Source, names: Sequence[str], at: int) -> _Head:
+    units = next(islice(_lines(source.path), at, None), "").split()
+    has_units = bool(units) and units[0].startswith("(")
+    if has_units and len(units) != len(names):
+        got = f"has {len(names)} names and {len(units)} units (lines {at} and {at + 1})"
+        raise source.error(
+            "have a unit for each name", got, "Names and units have no blanks in them: mend those lines."
+        )
+    if len(names) < 2:
+        raise source.error("have a column for each channel", f"has the time alone (line {at})", "Export the channels.")
+    for name in names:
+        if not name.isprintable():
+            raise source.error("name its channels in plain letters", f"has {name!r} in line {at}", "Rename it.")
+    plain = tuple(units) if has_units else ("(-)",) * len(names)
+    return _Head(names=tuple(names), units=plain, first=at + 1 + has_units)
+
+
+def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The samples of the channels asked for (channels, samples), and the times (samples,)."""
+    body = (line for line in islice(_lines(source.path), head.first - 1, None) if line.strip())
+    first = next(body, None)
+    if first is None:
+        raise source.error("hold samples", "holds names and no rows", "Run OpenFAST to its end.")
+    try:
+        table = np.loadtxt(chain([first], body), comments=None, ndmin=2)
+        if table.shape[1] != len(head.names):
+            raise ValueError(table.shape)
+    except ValueError:  # something to be named, or a number as Fortran prints it
+        table = _by_cell(source, head)
+    values = np.empty((len(rows), len(table)))
+    for place, row in enumerate(rows):
+        values[place] = table[:, row + 1]
+    return values, table[:, 0].copy()
+
+
+def _by_cell(source: Source, head: _Head) -> NDArray[np.float64]:
+    found = []
+    more = "; stars are a number too long for `OutFmt`."
+    for number, line in enumerate(islice(_lines(source.path), head.first - 1, None), head.first):
+        cells = _NO_E.sub(r"\1E\2", _FORTRAN.sub("E", line)).split()
+        if not cells:
+            continue
+        if len(cells) != len(head.names):
+            raise source.error(
+                f"have {len(head.names)} numbers in every row, as it has names",
+                f"has {len(cells)} in line {number}",
+                "Mend that line, or leave it out: a run that was stopped may end in half a line.",
+            )
+        found.append([number_in(source, cell, number, head.names[at], more=more) for at, cell in enumerate(cells)])
+    return np.array(found)
+
 
 _WITH_TIME, _WITHOUT_TIME, _UNPACKED, _WITH_LENGTH = 1, 2, 3, 4
 _LETTERS = 10
@@ -36,7 +166,7 @@ _AGAIN = "Run OpenFAST again, or copy the file again."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Head:
+class _BinaryHead:
     """All that is before the samples, which begin at byte `start`.
 
     `first`, `second` are the first time and the step [s], or the scale and offset of the times.
@@ -54,15 +184,9 @@ class _Head:
 
 
 def load_outb(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a binary output file of OpenFAST.
-
-    Raises
-    ------
-    InputError
-        The file is not one, is damaged or cut short.
-    """
+    """The table in a binary output file of OpenFAST."""
     with source.path.open("rb") as stream:
-        head = _head(source, stream)
+        head = _binary_head(source, stream)
         named, notes = channels_of(source, head.names[1:], head.units[1:])
         rows = rows_of(source, named, channels)
         time = None
@@ -81,7 +205,7 @@ def load_outb(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     )
 
 
-def _head(source: Source, stream: BinaryIO) -> _Head:
+def _binary_head(source: Source, stream: BinaryIO) -> _BinaryHead:
     """The head, every length in it held against the size of the file before it is read."""
     size = stream.seek(0, 2)
     stream.seek(0)
@@ -113,7 +237,7 @@ def _head(source: Source, stream: BinaryIO) -> _Head:
         raise source.error("hold what it declares, and no more", f"{got}, in {size} bytes", _AGAIN)
     stream.seek(length, 1)
     words = _words(source, stream.read(texts), letters)
-    return _Head(
+    return _BinaryHead(
         kind=kind,
         n_samples=n_samples,
         first=first,
@@ -134,7 +258,7 @@ def _words(source: Source, data: bytes, letters: int) -> tuple[str, ...]:
     return words
 
 
-def _even(source: Source, head: _Head) -> tuple[float, float]:
+def _even(source: Source, head: _BinaryHead) -> tuple[float, float]:
     """The rate [Hz] and the start [s] of samples without times."""
     first, step = head.first, head.second
     if not np.isfinite([first, step]).all() or step <= 0.0 or not np.isfinite(1.0 / step):
@@ -143,7 +267,7 @@ def _even(source: Source, head: _Head) -> tuple[float, float]:
     return rate_of_step(step), first
 
 
-def _times(source: Source, stream: BinaryIO, head: _Head) -> TimeColumn | None:
+def _times(source: Source, stream: BinaryIO, head: _BinaryHead) -> TimeColumn | None:
     """The times, to the decimals that 32 bits leave of them."""
     raw = np.frombuffer(stream.read(4 * head.n_samples), "<i4")
     scale, offset = head.first, head.second
@@ -157,7 +281,7 @@ def _times(source: Source, stream: BinaryIO, head: _Head) -> TimeColumn | None:
     return TimeColumn(values=times, scale=1.0, label=head.names[0] or "Time")
 
 
-def _values(source: Source, stream: BinaryIO, head: _Head, rows: Sequence[int]) -> NDArray[np.float64]:
+def _values(source: Source, stream: BinaryIO, head: _BinaryHead, rows: Sequence[int]) -> NDArray[np.float64]:
     """The samples of the channels asked for (channels, samples)."""
     bad = [row for row in rows if not (np.isfinite([head.scales[row], head.offsets[row]]).all() and head.scales[row])]
     if bad:

@@ -1,0 +1,118 @@
+"""Datasets and groups of a result file, written and read by the table of `_layout`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+
+from floquid.core import Channel
+from floquid.store._layout import ABSENT, FLAGS, LAYOUT
+
+_DTYPES = {"b": np.int64, "i": np.int64, "u": np.int64, "f": np.float64, "c": np.complex128}
+
+
+def put_object(group: Any, thing: Any) -> None:
+    """Write the fields of `thing` that the layout of its type has."""
+    for name, place in LAYOUT[type(thing)].items():
+        value = getattr(thing, name)
+        if isinstance(place, str):
+            put(group, name, value, place)
+        elif place is Channel:
+            inner = group.create_group(name)
+            for word, axes in LAYOUT[Channel].items():
+                put(inner, word, tuple(getattr(channel, word) for channel in value), str(axes))
+        elif place is dict:
+            put_numbers(group.create_group(name), value)
+        elif value is not None:
+            put_object(group.create_group(name), value)
+
+
+def put_numbers(group: Any, numbers: Mapping[str, float]) -> None:
+    """Write numbers by their names, sorted as they come back: the same analysis gives the same bytes."""
+    for name in sorted(numbers):
+        put(group, name, float(numbers[name]))
+
+
+def put(group: Any, name: str, value: Any, place: str = "") -> None:
+    """Write one dataset at its `place`, "axes; unit". Arrays are compressed and carry checksums, so damage is seen."""
+    import h5py
+
+    axes, _, unit = place.partition("; ")
+    texts = value.name if isinstance(value, Enum) else value
+    if value is None:
+        dataset = group.create_dataset(name, data=h5py.Empty(np.float64))
+    elif isinstance(texts, str):
+        dataset = group.create_dataset(name, data=_storable(texts), dtype=h5py.string_dtype())
+    elif isinstance(value, tuple) and all(isinstance(text, str) for text in value):
+        data = np.array([_storable(text) for text in value], dtype=object)
+        dataset = group.create_dataset(name, data=data, dtype=h5py.string_dtype())
+    elif isinstance(value, (Integral, Real, tuple, np.ndarray, np.bool_)):
+        array = np.asarray(value)
+        array = array.astype(_DTYPES[array.dtype.kind], copy=False)
+        # Noise does not compress: more than the lowest level takes time and saves nothing.
+        packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
+        dataset = group.create_dataset(name, data=array, **(packed if array.ndim and array.size else {}))
+    else:
+        raise TypeError(f"{name} holds {value!r}: a result file has no form for that yet.")
+    if axes:
+        dataset.attrs["axes"] = axes
+    if unit:
+        dataset.attrs["unit"] = unit
+
+
+def _storable(text: str) -> str:
+    """`text` with what HDF5 cannot hold written as an escape: undecodable bytes of a file name, a NUL."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8").replace("\0", "\\x00")
+
+
+def get_fields(group: Any, kind: type) -> dict[str, Any]:
+    """The fields of an object of a `kind` that its layout has."""
+    found: dict[str, Any] = {}
+    for name, place in LAYOUT[kind].items():
+        if name in ABSENT and name not in group:
+            continue
+        if isinstance(place, str):
+            found[name] = get(group, name)
+        elif place is Channel:
+            found[name] = _channels(group[name])
+        elif place is dict:
+            found[name] = get_numbers(group[name])
+        else:
+            found[name] = get_object(group[name], place)
+    return found
+
+
+def get_object(group: Any, kind: Any) -> Any:
+    """An object of a `kind` whose layout has all of its fields."""
+    return kind(**get_fields(group, kind))
+
+
+def get_numbers(group: Any) -> dict[str, float]:
+    """Numbers by their names."""
+    return {str(name): get(group, name) for name in group}
+
+
+def _channels(group: Any) -> tuple[Channel, ...]:
+    columns = {word: get(group, word) for word in LAYOUT[Channel]}
+    return tuple(Channel(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
+
+
+def get(group: Any, name: str) -> Any:
+    """The content of one dataset: None, a number, a truth value, a text, a tuple of texts, or a read-only array."""
+    dataset = group[name]
+    if dataset.shape is None:
+        return None
+    if dataset.dtype.kind == "O":
+        texts = np.asarray(dataset.asstr()[()]).tolist()
+        return tuple(texts) if dataset.shape else texts
+    value = dataset[()]
+    if name in FLAGS:
+        value = value == 1
+    if not dataset.shape:
+        return value.item()
+    value.flags.writeable = False
+    return value
