@@ -171,5 +171,12 @@ def integer(
     return int(value)
 
 
+def index(value: object, argument: str, of: str, end: int) -> int:
+    """`value` as an index of something of which there are `end`."""
+    if (number := integer(value, argument, of, at_least=0)) >= end:
+        raise input_error(argument, of, f"be less than {end}", f"is {value}", "Counting starts at 0.")
+    return number
+
+
 def _in(unit: str) -> str:
     return f" [{unit}]" if unit else ""

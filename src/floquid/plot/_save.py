@@ -14,18 +14,15 @@ from floquid._checks import input_error
 from floquid.io import as_path, atomic_path
 from floquid.order import indicators as found_indicators
 from floquid.pipeline import Analysis
-from floquid.plot._composite import composite
 from floquid.plot._exponents import exponents
-from floquid.plot._indicators import indicators
+from floquid.plot._indicators import composite, indicators
+from floquid.plot._record import synthesis, time_record
 from floquid.plot._residues import coefficients, residues
 from floquid.plot._shapes import periodic_shapes
 from floquid.plot._spectra import spectra
-from floquid.plot._speed import speed
 from floquid.plot._style import style
-from floquid.plot._synchronisation import synchronisation
-from floquid.plot._synthesis import synthesis
+from floquid.plot._synchronisation import speed, synchronisation
 from floquid.plot._system_elements import system_elements
-from floquid.plot._time_record import time_record
 from floquid.views import upper_modes
 
 if TYPE_CHECKING:

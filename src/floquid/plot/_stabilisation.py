@@ -12,9 +12,20 @@ from floquid._checks import input_error, integer
 from floquid.lti import Outcome
 from floquid.order import OrderScan, Stability
 from floquid.pipeline import Analysis
-from floquid.plot._indicators import plain_decades, whole_numbers
-from floquid.plot._several import legend_of_all, several
-from floquid.plot._style import BLACK, BLUE, GREEN, GREY, SKY, VERMILION, new_figure, plain, style
+from floquid.plot._style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    SKY,
+    VERMILION,
+    drawing,
+    frequency_unit,
+    plain,
+    plain_decades,
+    several,
+    whole_numbers,
+)
 from floquid.views import envelope, families, record_spectrum, unfolded
 
 if TYPE_CHECKING:
@@ -73,11 +84,6 @@ def stabilisation(
     angular
         Frequencies in rad/s instead of Hz.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
     Raises
     ------
     InputError
@@ -90,10 +96,9 @@ def stabilisation(
         raise input_error("behind", of, 'be "cmif" or "composite"', f"is {behind!r}")
     integer(points, "points", of, at_least=2)
     orders = _chosen(chosen, named)
-    turn, unit = (2.0 * np.pi, "rad/s") if angular else (1.0, "Hz")
+    turn, unit = frequency_unit(angular=angular)
     sources = _sources(axis, analysis, named)
-    with style():
-        figure = new_figure(7.0, 4.4 if len(named) == 1 else 1.0 + 3.0 * len(named))
+    with drawing(4.4 if len(named) == 1 else 1.0 + 3.0 * len(named)) as figure:
         panels = figure.subplots(len(named), squeeze=False)[:, 0]
         for axes, (name, one) in zip(panels, named.items(), strict=True):
             source = sources.get(name)
@@ -113,7 +118,6 @@ def stabilisation(
                 axes.set_title(plain(name), loc="left")
         band = "" if sources else r" in the lifted band, 0 to $\omega$/2"
         panels[-1].set_xlabel(f"frequency{band} [{unit}]")
-        legend_of_all(figure)
     return figure
 
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from floquid._checks import input_error
 from floquid.floquet import Instability, StabilityMap
-from floquid.plot._several import legend_of_all
-from floquid.plot._style import BLACK, BLUE, ORANGE, PURPLE, VERMILION, label_values, new_figure, plain, style
+from floquid.plot._style import BLACK, BLUE, ORANGE, PURPLE, VERMILION, drawing, label_values, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,11 +34,6 @@ def stability_map(found: StabilityMap) -> Figure:
     found
         What `floquet.stability_map` found.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
     Raises
     ------
     InputError
@@ -48,15 +42,13 @@ def stability_map(found: StabilityMap) -> Figure:
     if not isinstance(found, StabilityMap):
         must, remedy = "be a StabilityMap", "Pass floquet.stability_map(...)."
         raise input_error("found", "stability_map", must, f"is {found!r:.60}", remedy)
-    with style():
-        figure = new_figure(7.0, 3.6 if len(found.names) == 1 else 5.0)
+    with drawing(3.6 if len(found.names) == 1 else 5.0) as figure:
         axes = figure.subplots()
         if len(found.names) == 1:
             _draw_growth(axes, found)
         else:
             _draw_region(axes, found)
         axes.set_xlabel(plain(found.names[0]))
-        legend_of_all(figure)
     return figure
 
 

@@ -10,17 +10,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
 from floquid.core import Channel
-from floquid.plot._several import LOOKS, degrees_a_period, entitled, label_angle, several
-from floquid.plot._style import BLACK, finish, label_values, new_figure, style
+from floquid.plot._style import (
+    BLACK,
+    INTERVAL,
+    LOOKS,
+    degrees_a_period,
+    drawing,
+    entitled,
+    keep_sizes,
+    label_angle,
+    label_values,
+    several,
+)
 from floquid.reconstruction import StateModel
 from floquid.views import element_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-INTERVAL = 1.96
-"""The standard deviations to each side within which 95 % of estimates lie."""
 
 
 def system_elements(
@@ -76,8 +83,7 @@ def system_elements(
     length = _period(first, of) if period is None else positive(period, "period", of, unit="s")
     known = None if truth is None else _truth(truth, n, of)
     degrees = degrees_a_period(periods_per_revolution, of) / length
-    with style():
-        figure = new_figure(7.0, 1.0 + 1.5 * len(chosen))
+    with drawing(1.0 + 1.5 * len(chosen)) as figure:
         panels = figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0]
         for axes, (i, j) in zip(panels, chosen, strict=True):
             if known is not None:
@@ -88,7 +94,7 @@ def system_elements(
             label_values(axes, f"A({i},{j})", element_unit(first, i - 1, j - 1, channels), largest)
         label_angle(panels[-1], periods_per_revolution, of)
         figure.align_ylabels(panels)
-        finish(figure)
+        keep_sizes(figure)
     return figure
 
 
@@ -105,15 +111,9 @@ def _draw_estimates(axes: Axes, named: dict[str, StateModel], i: int, j: int, de
             # The band goes on to the end of the period.
             order, times = np.append(order, order[0]), np.append(times, times[0] + period)
         middle, width = state.system[order, i, j], INTERVAL * state.system_std[order, i, j]
-        axes.fill_between(
-            times * degrees,
-            middle - width,
-            middle + width,
-            color=look.line["color"],
-            alpha=0.25,
-            linewidth=0.0,
-            label="95 % intervals" if name == bands[-1] else None,
-        )
+        band = {"color": look.line["color"], "alpha": 0.25, "linewidth": 0.0}
+        label = "95 % intervals" if name == bands[-1] else None
+        axes.fill_between(times * degrees, middle - width, middle + width, **band, label=label)
 
 
 def _default(n: int) -> list[tuple[int, int]]:
