@@ -12,8 +12,7 @@ from importlib.metadata import version
 from cyclopts import App, CycloptsError
 
 from floquid.cli._bootstrap import bootstrap
-from floquid.cli._convert import convert
-from floquid.cli._demo import demo
+from floquid.cli._demo import demo, simulate
 from floquid.cli._errors import (
     BAD_INPUT,
     DONE,
@@ -25,11 +24,9 @@ from floquid.cli._errors import (
     explained_usage,
 )
 from floquid.cli._floquet import floquet
-from floquid.cli._identify import identify
-from floquid.cli._info import info
-from floquid.cli._report import report
+from floquid.cli._identify import identify, report
+from floquid.cli._records import convert, info
 from floquid.cli._scan import scan
-from floquid.cli._simulate import simulate
 from floquid.cli._terminal import terminal
 
 app = App(
