@@ -30,6 +30,16 @@ class Rebuilt:
         return _rebuilt, (type(self), plain)
 
 
+class Sealed(Rebuilt):
+    """A result of ours: its arrays are right as they come, and are made read-only where they are."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        """Seal every array."""
+        _seal(tuple(getattr(self, field.name) for field in fields(cast("Any", self))))
+
+
 def _rebuilt(kind: type[Rebuilt], values: dict[str, Any]) -> Rebuilt:
     """An object of its fields as a pickle or a copy holds them: made for it alone, so no array need be copied again."""
     for value in values.values():

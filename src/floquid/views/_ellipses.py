@@ -63,19 +63,9 @@ def ellipse(
 
 
 def exponent_ellipses(model: PeriodicModel, level: float = 0.95) -> NDArray[np.complex128] | None:
-    """The regions of the exponents.
+    """The edges of the regions of the exponents of a `model` (modes, points) [1/s]; None without deviations.
 
-    Parameters
-    ----------
-    model
-        The model.
-    level
-        The probability that each region holds the true exponent.
-
-    Returns
-    -------
-    numpy.ndarray or None
-        The edge of each (modes, points) [1/s]; None without deviations.
+    Each region holds the true exponent with the probability `level`.
     """
     if model.covariance is None:
         return None
@@ -89,19 +79,8 @@ def multiplier_ellipses(model: PeriodicModel, level: float = 0.95) -> NDArray[np
 
     .. math:: \delta\mu = \mu\, (T\, \delta\lambda + \lambda\, \delta T)
 
-    with δT where the period was estimated.
-
-    Parameters
-    ----------
-    model
-        The model.
-    level
-        The probability that each region holds the true multiplier.
-
-    Returns
-    -------
-    numpy.ndarray or None
-        The edge of each (modes, points) [-]; None without deviations.
+    with δT where the period was estimated. Of a `model` there are the edges (modes, points) [-], None without
+    deviations; each region holds the true multiplier with the probability `level`.
     """
     if model.covariance is None:
         return None
