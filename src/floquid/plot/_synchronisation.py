@@ -132,11 +132,9 @@ def _verdict(found: Synchronisation) -> str:
     """What the slips say, in words."""
     if not np.isfinite(found.relative):
         return "The response does not tell its period: no mode with two harmonics that holds is seen in two stretches."
-    value, std = 1e6 * found.relative, 1e6 * found.relative_std
-    digits = max(0, 1 - int(np.floor(np.log10(std)))) if std > 0 else 3
-    off = abs(value) / std if std > 0 else 0.0
+    off = abs(found.relative) / found.relative_std if found.relative_std > 0 else 0.0
     verdict = "another period" if off > SIGNIFICANT else "no other period"
-    words = f"own period − period used: ({value:+.{digits}f} ± {std:.{digits}f}) · 10⁻⁶ of it, {verdict}"
+    words = f"own period − period used: ({found.parts_in_a_million()}) · 10⁻⁶ of it, {verdict}"
     if np.isfinite(found.misfit):
         words += f"\nscatter about the straight line, over that of the noise: {np.sqrt(found.misfit):.2g}"
     return words.replace("-", "−")

@@ -23,7 +23,7 @@ from floquid.plot._style import (
     several,
 )
 from floquid.reconstruction import StateModel
-from floquid.views import element_unit
+from floquid.views import closed_period, element_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -105,11 +105,7 @@ def _draw_estimates(axes: Axes, named: dict[str, StateModel], i: int, j: int, de
         axes.plot(state.times * degrees, state.system[:, i, j], **look.points, label=entitled(name, "estimated"))
         if state.system_std is None:
             continue
-        order = np.argsort(state.times)
-        times = state.times[order]
-        if times[-1] < times[0] + period:
-            # The band goes on to the end of the period.
-            order, times = np.append(order, order[0]), np.append(times, times[0] + period)
+        order, times = closed_period(state.times, period)
         middle, width = state.system[order, i, j], INTERVAL * state.system_std[order, i, j]
         band = {"color": look.line["color"], "alpha": 0.25, "linewidth": 0.0}
         label = "95 % intervals" if name == bands[-1] else None

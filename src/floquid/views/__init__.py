@@ -9,7 +9,7 @@ from floquid.views._families import Family, families, unfolded
 from floquid.views._modes import grows, is_real, upper_modes
 from floquid.views._names import element_unit, shortened
 from floquid.views._outcome import outcome_lines, verdict_line
-from floquid.views._shapes import ShapeCurves, shape_curves
+from floquid.views._shapes import ShapeCurves, closed_period, shape_curves
 from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
 from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis
@@ -23,6 +23,7 @@ __all__ = [
     "Spectrum",
     "Synchronisation",
     "Synthesis",
+    "closed_period",
     "element_unit",
     "ellipse",
     "envelope",

@@ -50,3 +50,15 @@ def shape_curves(model: PeriodicModel, mode: int, hit: int = 0, points: int = 91
         values=model.shapes(times)[mode, :, hit],
         std=None if std is None else std[0, :, hit],
     )
+
+
+def closed_period(times: NDArray[np.float64], period: float) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """The order of instants, and the instants in it: the first once more where they end within a period of it.
+
+    `times` (times,) and the `period` are in the same unit; both results are (times,) or one more.
+    """
+    order = np.argsort(times)
+    ordered = times[order]
+    if ordered[-1] < ordered[0] + period * (1.0 - 1e-9):
+        return np.append(order, order[0]), np.append(ordered, ordered[0] + period)
+    return order, ordered

@@ -94,6 +94,12 @@ class Synchronisation(Sealed):
         """Which stretches tell the slip (stretches,)."""
         return np.isfinite(self.slip)
 
+    def parts_in_a_million(self) -> str:
+        """The relative difference of the periods and its deviation, to the digits that the deviation warrants."""
+        value, std = 1e6 * self.relative, 1e6 * self.relative_std
+        digits = max(0, 1 - int(np.floor(np.log10(std)))) if std > 0 else 3
+        return f"{value:+.{digits}f} ± {std:.{digits}f}".replace("-", "−")
+
 
 def synchronisation(analysis: Analysis, hit: int = 0) -> Synchronisation:
     r"""How well a record keeps step with the period, or the tachometer, that it was identified with.
