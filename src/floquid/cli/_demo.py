@@ -40,8 +40,7 @@ from floquid.systems import SYSTEMS, JeffcottRotor, Run
 from floquid.testing import pair_exponents
 from floquid.views import with_error
 
-OUT_OF_STEP = 1.00371
-"""Samples a period over those asked for, in a run that is sampled out of step."""
+OUT_OF_STEP = 1.00371  # samples a period over those asked for, in a run that is sampled out of step
 
 PUBLISHED = {"X, Y": 0.013, "X_tt, Y_tt": 0.031}
 """The largest errors of A(t) that the paper states: 0.013 with the mass's displacements, 3.1 % with the turntable's."""

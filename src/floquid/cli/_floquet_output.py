@@ -38,8 +38,7 @@ SHARES = (
     "m: the strongest harmonics of the shape, and their part of its mean square; states: the strongest, and their part "
     "in the mode (participation factors, which no unit changes)"
 )
-AGREE = 1e-6
-"""Of max(|λ|, ω): by how much the two routes may differ, where both claim to be right."""
+AGREE = 1e-6  # of max(|λ|, ω): by how much the two routes may differ, where both claim to be right
 
 _HILL = 1e-10  # of max(|λ|, ω): to what `hill` settles unless told otherwise
 _SHORTER = {"First time derivative of ": "d/dt ", " bending-mode DOF": "", " DOF": ""}
@@ -55,10 +54,8 @@ class Examined:
     modes: FloquetModes
     stability: Stability
     hill: HillModes | None
-    difference: np.ndarray | None
-    """That of each exponent from Hill's method (modes,) [1/s]."""
-    unchecked: str
-    """Why there is none where it was asked for."""
+    difference: np.ndarray | None  # that of each exponent from Hill's method (modes,) [1/s]
+    unchecked: str  # why there is none where it was asked for
     halved: tuple[float, str] | None
     """The largest difference of the exponents of every other azimuth [1/s], or NaN and why not."""
 

@@ -33,18 +33,12 @@ from floquid.plot import FIGURES as DRAWN
 from floquid.readers import write
 from floquid.store import save
 
-FIGURES = tuple(f"{name}.png" for name in DRAWN)
-"""The figures that there may be: some need an A(t), or a tachometer."""
-
-RESULT = "result.h5"
-"""The file of an identification: figures beside it are of it."""
+FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be: some need an A(t), or a tachometer
+RESULT = "result.h5"  # the file of an identification: figures beside it are of it
 
 FILES = ("record.npz", RESULT, "summary.json", "settings.toml", "report.html")
-NAMES = (*FILES, *(f"figures/{name}" for name in FIGURES))
-"""What the files of a result are called in its folder."""
-
-LOCK = ".floquid-lock"
-"""Held while files take their names."""
+NAMES = (*FILES, *(f"figures/{name}" for name in FIGURES))  # what the files of a result are called in its folder
+LOCK = ".floquid-lock"  # held while files take their names
 
 READY, MOVING = ".floquid-ready", ".floquid-moving"
 
@@ -54,8 +48,7 @@ UNFINISHED = ".floquid-unfinished-"
 _OWNED = ".lock"
 """In an unfinished folder: held by the program that fills it, so that no other takes it for left behind."""
 
-WAIT = 60.0
-"""How long another program's moves are waited for [s]; they take milliseconds."""
+WAIT = 60.0  # how long another program's moves are waited for [s]; they take milliseconds
 
 
 @dataclass(frozen=True, slots=True)

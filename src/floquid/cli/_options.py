@@ -93,8 +93,7 @@ READING = {
 """What is said of records beside the settings."""
 
 RECORD = "Record"
-ORDER = (RECORD, "Model", "State matrix A(t)", "Checks")
-"""The groups of options, in the order of the help."""
+ORDER = (RECORD, "Model", "State matrix A(t)", "Checks")  # the groups of options, in the order of the help
 
 KINDS: dict[str, Any] = {"form": Form, "identifier": IdentifierName}
 

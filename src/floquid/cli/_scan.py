@@ -47,8 +47,7 @@ from floquid.pipeline import Prepared, Settings, lifted, prepare
 OF = "floquid scan"
 STAGES = 8
 
-HIGHEST = 10_000
-"""The highest order that is looked at in a list: what lies beyond is a slip of the keyboard."""
+HIGHEST = 10_000  # the highest order that is looked at in a list: what lies beyond is a slip of the keyboard
 
 FILES = ("scan.json", "figures/stabilisation.png", "figures/indicators.png")
 

@@ -28,8 +28,7 @@ IDENTIFIERS: dict[str, Callable[[float], AbstractIdentifier]] = {
 }
 """The algorithms by their names on the command line, given the probability at which noise may pass for a mode."""
 
-READING = ("rate", "origin", "identifier")
-"""The choices that are not settings as they stand."""
+READING = ("rate", "origin", "identifier")  # the choices that are not settings as they stand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,12 +36,9 @@ class Choices:
     """The settings of the identification, and how the files are read."""
 
     settings: Settings = field(default_factory=Settings)
-    rate: float | None = None
-    """The sampling rate [Hz], overriding what the files say; None for theirs."""
-    origin: float = 0.0
-    """The time of phase zero [s]."""
-    identifier: IdentifierName | None = None
-    """The algorithm that finds the poles; None for the usual one."""
+    rate: float | None = None  # the sampling rate [Hz], overriding what the files say; None for theirs
+    origin: float = 0.0  # the time of phase zero [s]
+    identifier: IdentifierName | None = None  # the algorithm that finds the poles; None for the usual one
 
     def resolved(self) -> Settings:
         """The settings with the algorithm that was named."""

@@ -40,11 +40,8 @@ NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does
 FAILS = "there are no standard deviations, since the model fails"
 NOISE = "White noise found, standard deviation"
 LEFT = "What the model leaves, noise and all, standard deviation"
-MOST_DONE = 5
-"""Sentences on what was done with the record that are printed without `--verbose`."""
-
-RARE = 0.01
-"""The probability of a structure's misfit below which it is told that chance seldom leaves as much."""
+MOST_DONE = 5  # sentences on what was done with the record that are printed without `--verbose`
+RARE = 0.01  # the probability of a structure's misfit below which it is told that chance seldom leaves as much
 
 
 def terminal(*, stderr: bool = False) -> Console:

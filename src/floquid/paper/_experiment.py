@@ -20,11 +20,8 @@ from floquid.reconstruction import reconstruct
 from floquid.systems import JeffcottRotor
 from floquid.testing import pair_exponents
 
-MASS, TURNTABLE = ("X", "Y"), ("X_tt", "Y_tt")
-"""The two choices of displacement states."""
-
-WINDOW = 3
-"""The largest |m| among which the four dominant coefficients are looked for when not among all."""
+MASS, TURNTABLE = ("X", "Y"), ("X_tt", "Y_tt")  # the two choices of displacement states
+WINDOW = 3  # the largest |m| among which the four dominant coefficients are looked for when not among all
 
 
 def dominant(model: PeriodicModel, count: int) -> PeriodicModel:

@@ -17,8 +17,7 @@ from floquid.reconstruction import StateModel, reconstruct
 if TYPE_CHECKING:
     from floquid.plot import Figure
 
-FIRST, SHOWN = 0, 22
-"""The indices of the 1st and the 23rd lifted response."""
+FIRST, SHOWN = 0, 22  # the indices of the 1st and the 23rd lifted response
 
 STANDS_OUT = 4.0
 """How many times its surroundings a peak must be. White noise does so on one line in a hundred thousand."""

@@ -22,15 +22,13 @@ PRINTED_BANDS = (("0.72", "0.755"), ("0.785", "0.825"), ("0.848", "0.92"))
 IDENTIFIED = ((-0.002051, 0.1302), (-0.002036, 0.2594))
 """The exponents that the paper identified, real and imaginary parts, as printed."""
 
-ANALYTICAL = (("-0.002000", "0.13034"), ("-0.002000", "0.25939"))
-"""The exponents that the paper computed, as printed."""
+ANALYTICAL = (("-0.002000", "0.13034"), ("-0.002000", "0.25939"))  # the exponents that the paper computed, as printed
 
 PARTS = (("real", "Re"), ("imag", "Im"))
 
 SCATTER = "Of a normal error the mean size is 0.8 deviations. The deviations are those of maximum likelihood."
 
-SHOWN = 22
-"""The index of the 23rd lifted response."""
+SHOWN = 22  # the index of the 23rd lifted response
 
 FINE = 1440
 """Instants of a period at which the extremes of the stiffness are looked for: every eighth of a degree of the shaft."""

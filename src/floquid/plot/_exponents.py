@@ -11,29 +11,22 @@ from floquid import views
 from floquid._checks import frozen_array, input_error
 from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, stability, upper_modes
-from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, SIZE, VERMILION, drawing
+from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION
+from floquid.plot._style import SIZE, drawing
 from floquid.views import exponent_ellipses, grows, multiplier_ellipses, with_error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_VAST = 300.0
-"""Ratio of decay rates, of frequencies or of multipliers from which the scale is logarithmic."""
-
-_DEEPEST = 12
-"""Decades of multipliers that are shown."""
-
-_FAMILY = 3
-"""Copies of an exponent that are drawn on either side of it."""
+_VAST = 300.0  # ratio of decay rates, of frequencies or of multipliers from which the scale is logarithmic
+_DEEPEST = 12  # decades of multipliers that are shown
+_FAMILY = 3  # copies of an exponent that are drawn on either side of it
 
 _NUMBERED = 12
 LEVEL = 0.95
-MOST, ACROSS = 12, 4
-"""Modes that are drawn close up, at most, and how many of them in a row."""
-
-WIDE = 6.0
-"""Deviations that a close-up shows on either side, at least."""
+MOST, ACROSS = 12, 4  # modes that are drawn close up, at most, and how many of them in a row
+WIDE = 6.0  # deviations that a close-up shows on either side, at least
 
 _RESTS = {"linestyle": "none", "marker": "D", "color": GREEN, "markersize": 5.0}
 _DECAYS = {"linestyle": "none", "marker": "o", "color": BLUE, "markersize": 5.5}

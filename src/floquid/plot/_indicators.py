@@ -11,22 +11,8 @@ from floquid._checks import integer
 from floquid.lti import WHITE, composites
 from floquid.order import Indicators
 from floquid.pipeline import Analysis
-from floquid.plot._style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    drawing,
-    frequency_unit,
-    keep_sizes,
-    plain,
-    plain_decades,
-    several,
-    whole_numbers,
-)
+from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
+from floquid.plot._style import drawing, frequency_unit, keep_sizes, plain, plain_decades, several, whole_numbers
 from floquid.views import envelope
 
 if TYPE_CHECKING:
@@ -36,8 +22,7 @@ if TYPE_CHECKING:
 LOOKS = ((BLUE, "-", 1.8), (ORANGE, "-", 1.2), (GREEN, (0, (4, 1.5)), 1.2), (PURPLE, (0, (1, 1)), 1.2))
 """Colour, dashes and width of the first curves; those further down lie on one another."""
 
-DEEP = 20
-"""How many singular values are shown beyond those above the noise."""
+DEEP = 20  # how many singular values are shown beyond those above the noise
 
 
 def indicators(found: Indicators | Mapping[str, Indicators], *, points: int = 4000, angular: bool = False) -> Figure:

@@ -10,19 +10,8 @@ from numpy.typing import NDArray
 from floquid._checks import index, input_error, integer
 from floquid.core import Cycles, channels_named
 from floquid.pipeline import Analysis
-from floquid.plot._style import (
-    BLACK,
-    BLUE,
-    GREY,
-    INTERVAL,
-    ORANGE,
-    VERMILION,
-    degrees_a_period,
-    drawing,
-    keep_sizes,
-    label_values,
-    plain,
-)
+from floquid.plot._colours import BLACK, BLUE, GREY, ORANGE, VERMILION
+from floquid.plot._style import INTERVAL, degrees_a_period, drawing, keep_sizes, label_values, plain
 from floquid.views import Synthesis, envelope, lifted_points
 from floquid.views import synthesis as synthesis_of
 
@@ -30,17 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INSET = (0.36, 0.58, 0.62, 0.33)
-"""Where the inset is: left, bottom, width and height as shares of the axes."""
-
-MOST_ANGLES = 3
-"""How many angles of the shaft the legend lists."""
-
-INSET_WITH_LABELS = 0.46
-"""The height below which the record must stay beside the inset, as a share of the axes."""
-
-STRETCHES = 40
-"""Stretches of the record in each of which the rms of what is left is drawn."""
+INSET = (0.36, 0.58, 0.62, 0.33)  # where the inset is: left, bottom, width and height as shares of the axes
+MOST_ANGLES = 3  # how many angles of the shaft the legend lists
+INSET_WITH_LABELS = 0.46  # the height below which the record must stay beside the inset, as a share of the axes
+STRETCHES = 40  # stretches of the record in each of which the rms of what is left is drawn
 
 _RING: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none"}
 _MODEL: dict[str, Any] = {"color": VERMILION, "linestyle": "-"}

@@ -46,8 +46,7 @@ FIGURES = (
 )
 """The names of the figures that `save_figures` may write."""
 
-MOST_CHANNELS = 6
-"""Channels of the figure of residues."""
+MOST_CHANNELS = 6  # channels of the figure of residues
 
 # What would make two files of one figure differ.
 _NO_DATE = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}

@@ -13,20 +13,8 @@ from floquid._checks import frozen_array, index, input_error
 from floquid.core import PeriodicModel, channels_named
 from floquid.floquet import FloquetModes, multiplier_is_real, stability, state_participation, upper_modes
 from floquid.periodic import participation
-from floquid.plot._style import (
-    BLUE,
-    GREEN,
-    GREY,
-    INTERVAL,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    drawing,
-    label_angle,
-    label_values,
-    plain,
-    plain_decades,
-)
+from floquid.plot._colours import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
+from floquid.plot._style import INTERVAL, drawing, label_angle, label_values, plain, plain_decades
 from floquid.views import shape_curves, with_error
 
 if TYPE_CHECKING:
@@ -38,17 +26,10 @@ Parts = Literal["polar", "cartesian"]
 _LOOKS = ((BLUE, "-"), (VERMILION, "--"), (GREEN, "-."), (ORANGE, ":"), (PURPLE, (0, (5, 1, 1, 1, 1, 1))))
 """Told apart by dashes as well as by colour."""
 
-_MODES, _MOST, _ROWS = 3, 6, 4
-"""Modes drawn by default, and at most; rows by default, at most."""
-
-_FAINT = 0.02
-"""Of a shape's largest value: below, its phase says nothing."""
-
-_SLIGHT = 1e-9
-"""Of a mode: a state with less of it has no part in it."""
-
-_LEAST = 1e-4
-"""The smallest share of a harmonic that has a bar."""
+_MODES, _MOST, _ROWS = 3, 6, 4  # modes drawn by default, and at most; rows by default, at most
+_FAINT = 0.02  # of a shape's largest value: below, its phase says nothing
+_SLIGHT = 1e-9  # of a mode: a state with less of it has no part in it
+_LEAST = 1e-4  # the smallest share of a harmonic that has a bar
 
 _POINTS = 361
 _SHORT = 30

@@ -11,22 +11,8 @@ from numpy.typing import NDArray
 from floquid._checks import index, input_error, integer, positive
 from floquid.core import channels_named
 from floquid.pipeline import Analysis
-from floquid.plot._style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SIZE,
-    SKY,
-    VERMILION,
-    columns_that_fit,
-    degrees_a_period,
-    drawing,
-    frequency_unit,
-    plain,
-)
+from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from floquid.plot._style import SIZE, columns_that_fit, degrees_a_period, drawing, frequency_unit, plain
 from floquid.views import Family, envelope, families, lifted_spectrum, record_spectrum, upper_modes
 
 if TYPE_CHECKING:
@@ -36,11 +22,8 @@ if TYPE_CHECKING:
 COLORS = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY)
 DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), "-.")
 
-BESIDE = 88
-"""Characters of a row of a legend that is as wide as the axes."""
-
-DEPTH = 0.1
-"""Where the axis of magnitudes ends, as a share of the lowest level of noise."""
+BESIDE = 88  # characters of a row of a legend that is as wide as the axes
+DEPTH = 0.1  # where the axis of magnitudes ends, as a share of the lowest level of noise
 
 
 def spectra(

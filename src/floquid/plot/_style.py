@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from floquid._checks import input_error, integer
+from floquid.plot._colours import BLUE, GREEN, PURPLE, VERMILION
 from floquid.views import shortened
 
 if TYPE_CHECKING:
@@ -19,26 +20,14 @@ if TYPE_CHECKING:
 
 Thing = TypeVar("Thing")
 
-# Okabe and Ito's palette.
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7",
-)  # fmt: skip
-GREY = "#999999"
-
-LONGEST = 38
-"""The longest text that fits beside or above the axes, in characters."""
-
-PLAIN_FROM, PLAIN_TO = 5e-3, 1e4
-"""Values of this size are written out."""
-
-SIZE = 9.0
-"""Of all text [pt]."""
+LONGEST = 38  # the longest text that fits beside or above the axes, in characters
+PLAIN_FROM, PLAIN_TO = 5e-3, 1e4  # values of this size are written out
+SIZE = 9.0  # of all text [pt]
 
 ACROSS, HANDLE = 100, 9
 """How many characters a row of a legend holds, and how many the space of a handle and the gaps about it take."""
 
-INTERVAL = 1.96
-"""The standard deviations to each side within which 95 % of estimates lie."""
+INTERVAL = 1.96  # the standard deviations to each side within which 95 % of estimates lie
 
 _LOOK = {
     "figure.constrained_layout.h_pad": 0.06,

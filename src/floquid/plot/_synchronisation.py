@@ -10,21 +10,8 @@ import numpy as np
 from floquid._checks import input_error
 from floquid.core import Record
 from floquid.pipeline import Analysis
-from floquid.plot._style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    INTERVAL,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    drawing,
-    keep_sizes,
-    label_values,
-    whole_numbers,
-)
+from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from floquid.plot._style import INTERVAL, drawing, keep_sizes, label_values, whole_numbers
 from floquid.sync import ShaftAngle
 from floquid.views import Synchronisation, upper_modes
 from floquid.views import synchronisation as synchronisation_of
@@ -33,23 +20,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDE = 6.0
-"""Times the narrowest interval beyond which a stretch does not set the scale."""
-
-SIGNIFICANT = 4.0
-"""Standard deviations from which on a difference of periods is one."""
+WIDE = 6.0  # times the narrowest interval beyond which a stretch does not set the scale
+SIGNIFICANT = 4.0  # standard deviations from which on a difference of periods is one
 
 LOOKS = ((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"), (ORANGE, "D"), (PURPLE, "v"), (SKY, "P"))
 """Told apart by form as well as by colour."""
 
-BAND = 2.0
-"""Standard deviations on either side."""
-
-POINTS = 1000
-"""Instants at which the speed is drawn."""
-
-ACROSS = 95
-"""Characters of a row of the title."""
+BAND = 2.0  # standard deviations on either side
+POINTS = 1000  # instants at which the speed is drawn
+ACROSS = 95  # characters of a row of the title
 
 
 def synchronisation(analysis: Analysis, *, hit: int = 0) -> Figure:

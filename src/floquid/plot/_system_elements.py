@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
 from floquid.core import Channel
+from floquid.plot._colours import BLACK
 from floquid.plot._style import (
-    BLACK,
     INTERVAL,
     LOOKS,
     degrees_a_period,

@@ -32,8 +32,7 @@ for (let k = 0; k < drawn.length; k++) drawn[k].data = columns[k][row];
 for (let k = 0; k < axes.length; k++) axes[k].axis_label = labels[k][row];
 """
 
-BAND = 1.959964
-"""Deviations on either side of an interval of 95 %."""
+BAND = 1.959964  # deviations on either side of an interval of 95 %
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,8 +37,7 @@ from floquid.reporting._stabilisation_figures import indicator_figures, stabilis
 from floquid.reporting._system_figures import Truth, element_figures
 from floquid.views import Synchronisation
 
-LONGEST = 60
-"""The longest name of a source that fits a heading, in characters."""
+LONGEST = 60  # the longest name of a source that fits a heading, in characters
 
 
 def page(case: Case, *, title: str | None, truth: Truth | None) -> str:

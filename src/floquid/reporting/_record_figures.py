@@ -26,17 +26,10 @@ from floquid.reporting._look import (
 from floquid.sync import ShaftAngle
 from floquid.views import Synchronisation, envelope, lifted_points, record_spectrum, synchronisation, synthesis
 
-CLOSE = 4
-"""Periods of the close-up."""
-
-MOST_RESPONSES = 16
-"""Channels times hits at hand on the page."""
-
-FAR = 4.0
-"""A stretch whose bar is longer than this times the median does not set the axis."""
-
-MOST_HITS = len(MARKERS)
-"""Hits that one figure can tell apart."""
+CLOSE = 4  # periods of the close-up
+MOST_RESPONSES = 16  # channels times hits at hand on the page
+FAR = 4.0  # a stretch whose bar is longer than this times the median does not set the axis
+MOST_HITS = len(MARKERS)  # hits that one figure can tell apart
 
 PARTS = ("record", "points", "left", "near", "spectrum", "noise")
 

@@ -21,8 +21,7 @@ from floquid.reporting._system_figures import Truth
 
 ENDINGS = (".html", ".htm")
 
-LARGE = 2e7
-"""Values of lifted responses from which on threads are worth it."""
+LARGE = 2e7  # values of lifted responses from which on threads are worth it
 
 
 def report(

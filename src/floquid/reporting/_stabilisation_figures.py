@@ -39,8 +39,7 @@ LEVELS = {
 
 FILLED = (Stability.NEW, Stability.SHAPE)
 
-NEAR = 0.01
-"""A pole of another order is one of a mode when it is this near to it, as a share of the fundamental."""
+NEAR = 0.01  # a pole of another order is one of a mode when it is this near to it, as a share of the fundamental
 
 CLICKED = """
 if (own.selected.indices.length === 0) return;
@@ -49,11 +48,8 @@ own.selected.indices = [];
 if (row >= 0) modes.selected.indices = [row];
 """
 
-MOST_CURVES = 4
-"""CMIF curves shown."""
-
-DEEP = 20
-"""Singular values shown below the noise."""
+MOST_CURVES = 4  # CMIF curves shown
+DEEP = 20  # singular values shown below the noise
 
 
 def stabilisation_figures(case: Case, source: ColumnDataSource) -> list[Figure]:

@@ -11,8 +11,7 @@ from floquid.reporting._chosen_figures import BAND
 from floquid.reporting._look import BLUE, VERMILION, Figure, legend_above, new_figure
 from floquid.views import closed_period, element_unit
 
-MOST = 12
-"""Elements shown; `summary.json` holds all."""
+MOST = 12  # elements shown; `summary.json` holds all
 
 Truth = tuple[NDArray[np.float64], NDArray[np.float64]]
 

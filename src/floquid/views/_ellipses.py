@@ -10,8 +10,7 @@ from floquid.core import PeriodicModel
 
 POINTS = 73
 
-SINGULAR = 1e-12
-"""The ratio of the variances across and along a region up to which it is a line."""
+SINGULAR = 1e-12  # the ratio of the variances across and along a region up to which it is a line
 
 
 def ellipse(

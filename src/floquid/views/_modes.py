@@ -9,8 +9,7 @@ from floquid._checks import index, input_error
 from floquid.core import PeriodicModel
 from floquid.pipeline import Analysis
 
-EVIDENT = 4.0
-"""Standard deviations from which on a growth is one."""
+EVIDENT = 4.0  # standard deviations from which on a growth is one
 
 
 def upper_modes(model: PeriodicModel) -> tuple[int, ...]:

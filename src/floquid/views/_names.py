@@ -7,11 +7,8 @@ from collections.abc import Sequence
 from floquid.core import Channel
 from floquid.reconstruction import StateModel
 
-VELOCITY = "d/dt "
-"""What the name of a state that is the derivative of another begins with."""
-
-LATER = "(t + "
-"""What comes between the name of a channel and the delay of a delayed state."""
+VELOCITY = "d/dt "  # what the name of a state that is the derivative of another begins with
+LATER = "(t + "  # what comes between the name of a channel and the delay of a delayed state
 
 _TIME_POWER = {"velocity": 1, "acceleration": 2}
 _POWERS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}

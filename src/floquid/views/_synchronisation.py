@@ -16,29 +16,17 @@ from floquid.views._families import families
 from floquid.views._modes import checked, is_real, upper_modes
 from floquid.views._synthesis import Response, response_of
 
-STRETCHES, FEWEST = 12, 4
-"""Stretches that a record is cut into at most, and cycles that each has at least."""
-
-ALIVE = 0.2
-"""The rms of the response in a cycle, over the noise, below which it tells nothing."""
-
-LARGEST = 2**13
-"""Samples of a stretch that are looked at, at most: those in its middle."""
-
-LINES = 6
-"""How many of the strongest lines have their own phase."""
-
-STEPS, AT_REST = 20, 1e-7
-"""Gauss-Newton steps at most, and the step [rad], of the deviation, below which it is at rest."""
+STRETCHES, FEWEST = 12, 4  # stretches that a record is cut into at most, and cycles that each has at least
+ALIVE = 0.2  # the rms of the response in a cycle, over the noise, below which it tells nothing
+LARGEST = 2**13  # samples of a stretch that are looked at, at most: those in its middle
+LINES = 6  # how many of the strongest lines have their own phase
+STEPS, AT_REST = 20, 1e-7  # Gauss-Newton steps at most, and the step [rad], of the deviation, below which it is at rest
 
 LONGEST = 0.5
 """The longest step of the slip [rad over the highest harmonic]: phases turn no further than the linear part holds."""
 
-TOLD = 0.5
-"""The deviation [rad] from which on a phase is not told."""
-
-TURNS = 1e-9
-"""Turns a period from which on a line turns at all."""
+TOLD = 0.5  # the deviation [rad] from which on a phase is not told
+TURNS = 1e-9  # turns a period from which on a line turns at all
 
 SEEN = 1e-9
 """The share of the slope's energy that no factor of a mode takes up, below which a stretch does not tell the slip."""
@@ -221,22 +209,14 @@ class Stretch:
     With harmonics of one multiplier that is real come their mirror images: its factor then stays real by itself.
     """
 
-    values: NDArray[np.float64]
-    """(channels, samples), zero where a sample is missing."""
-    there: NDArray[np.bool_]
-    """(channels, samples)."""
-    waves: NDArray[np.complex128]
-    """e^{λt + imθ} of each line, from the stretch's middle on (lines, samples)."""
-    sizes: NDArray[np.complex128]
-    """What each line has in each channel, in the middle, over the noise (lines, channels)."""
-    turns: NDArray[np.float64]
-    """How often each line turns in a period, beside what its mode turns (lines,)."""
-    places: NDArray[np.int64]
-    """Which factor each line has (lines,)."""
-    mirrored: NDArray[np.bool_]
-    """Which lines have a mirror image among the lines (lines,)."""
-    names: list[tuple[int, int]]
-    """The mode and the harmonic of each line."""
+    values: NDArray[np.float64]  # (channels, samples), zero where a sample is missing
+    there: NDArray[np.bool_]  # (channels, samples)
+    waves: NDArray[np.complex128]  # e^{λt + imθ} of each line, from the stretch's middle on (lines, samples)
+    sizes: NDArray[np.complex128]  # what each line has in each channel, in the middle, over the noise (lines, channels)
+    turns: NDArray[np.float64]  # how often each line turns in a period, beside what its mode turns (lines,)
+    places: NDArray[np.int64]  # which factor each line has (lines,)
+    mirrored: NDArray[np.bool_]  # which lines have a mirror image among the lines (lines,)
+    names: list[tuple[int, int]]  # the mode and the harmonic of each line
 
     @classmethod
     def of(
