@@ -16,7 +16,7 @@ from rich.table import Table
 
 from floquid._checks import input_error
 from floquid.cli._folder import ResultFolder, maybe_folder, result_file
-from floquid.cli._options import Debug, Format, OptionalWhole, OutputFolder, Place, Whole
+from floquid.cli._options import Debug, Format, OptionalWhole, OutputFolder, Saved, Seed, Whole
 from floquid.cli._terminal import counted, json_text, new_table, print_files, print_title, print_whole, terminal
 from floquid.pipeline import Analysis, Bootstrap, Spread
 from floquid.pipeline import bootstrap as bootstrap_analysis
@@ -37,10 +37,10 @@ LEGEND = (
 
 
 def bootstrap(
-    result: Place,
+    result: Saved,
     *,
     draws: Whole = 200,
-    seed: Whole = 0,
+    seed: Seed = 0,
     workers: OptionalWhole = None,
     whole: Annotated[bool, Parameter(negative=())] = False,
     out: OutputFolder = None,
@@ -51,12 +51,8 @@ def bootstrap(
 
     Parameters
     ----------
-    result
-        A result.h5 that `floquid identify --out DIR` wrote, or the folder that it is in.
     draws
         How many records are drawn, at least 20; of 200 a deviation is known to 5 %.
-    seed
-        The seed of the noise.
     workers
         How many processes share the draws; one for each processor when not given. The numbers do not depend on it.
     whole

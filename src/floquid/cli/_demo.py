@@ -16,7 +16,7 @@ from rich.table import Table
 from floquid._checks import input_error
 from floquid.cli._folder import NAMES, ResultFolder, result_folder, write_result
 from floquid.cli._identify import STAGES
-from floquid.cli._options import Debug, Flag, Format, NewRecordFile, Place, Whole
+from floquid.cli._options import Debug, Flag, Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
 from floquid.cli._settings import Choices
 from floquid.cli._terminal import (
     json_text,
@@ -64,10 +64,10 @@ def simulate(
     /,
     *,
     out: NewRecordFile = Path("record.npz"),
-    periods: Whole = 1024,
+    periods: Periods = 1024,
     samples_per_period: Whole = 50,
-    noise: float = 0.02,
-    seed: Whole = 0,
+    noise: Noise = 0.02,
+    seed: Seed = 0,
     impulse_deg: float = 45.0,
     as_measured: Annotated[bool, Parameter(negative=())] = False,
     debug: Debug = False,
@@ -80,14 +80,8 @@ def simulate(
         The system: jeffcott, the rotor of Allen's paper.
     out
         The file; its suffix chooses the format.
-    periods
-        The length of the record, in periods of the system.
     samples_per_period
         Samples a period.
-    noise
-        Standard deviation of white noise, as a share of the largest free response of each channel: 0.02 is 2 %.
-    seed
-        The seed of the noise.
     impulse_deg
         The direction of the blow at the start, from the X axis [deg].
     as_measured
@@ -128,9 +122,9 @@ def demo(
     /,
     *,
     out: Place = Path("floquid-demo"),
-    periods: Whole = 1024,
-    noise: float = 0.02,
-    seed: Whole = 0,
+    periods: Periods = 1024,
+    noise: Noise = 0.02,
+    seed: Seed = 0,
     paper: Annotated[bool, Flag] = False,
     draws: Whole = 10,
     format: Format = "text",  # noqa: A002
@@ -144,12 +138,6 @@ def demo(
         The system: jeffcott, a rotor on an anisotropic shaft in anisotropic bearings.
     out
         A folder for record.npz, result.h5, summary.json, settings.toml, figures/ and report.html.
-    periods
-        The length of the record, in periods of the system.
-    noise
-        Standard deviation of white noise, as a share of the largest free response of each channel: 0.02 is 2 %.
-    seed
-        The seed of the noise.
     paper
         Redraw the figures 2 to 8 of the paper, and hold every number of its section 3 against ours by both algorithms.
     draws

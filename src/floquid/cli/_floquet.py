@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from floquid._checks import input_error, positive
 from floquid.cli._floquet_output import AGREE, FILES, Examined, hill_claims, print_examined, save_modes, summary_text
 from floquid.cli._folder import ResultFolder, maybe_folder
-from floquid.cli._options import Debug, Format, OutputFolder, Place, period_of
+from floquid.cli._options import Debug, Format, Frequency, OutputFolder, Place, period_of
 from floquid.cli._terminal import progress
 from floquid.errors import IdentificationError, InputError
 from floquid.floquet import (
@@ -40,7 +40,7 @@ STAGES = 4
 def floquet(
     *files: Place,
     period: float | None = None,
-    frequency: float | None = None,
+    frequency: Frequency = None,
     interpolation: Literal["fourier", "cubic", "linear"] | None = None,
     tolerance: float = 1e-12,
     check: bool = True,
@@ -58,8 +58,6 @@ def floquet(
         `floquid identify --states`; or the .lin files of OpenFAST over one revolution, or their folder.
     period
         The period of A(t) [s], where the file does not state it.
-    frequency
-        The fundamental frequency [Hz], one over the period; instead of --period.
     interpolation
         What A(t) is between samples: fourier, the trigonometric polynomial through them; cubic, a spline; linear.
         When not given, fourier for samples at equal steps, cubic for others; of .lin files, the harmonics.

@@ -16,9 +16,9 @@ from floquid.cli._options import (
     Format,
     ModelOptions,
     OutputFolder,
-    Place,
     RecordFiles,
     RecordOptions,
+    Saved,
     SettingsFile,
     Verbose,
     given,
@@ -92,13 +92,11 @@ def identify(
         raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *reasons]))
 
 
-def report(result: Place, *, out: OutputFolder = None, title: str | None = None, debug: Debug = False) -> None:
+def report(result: Saved, *, out: OutputFolder = None, title: str | None = None, debug: Debug = False) -> None:
     """Write the report of a saved result: one HTML page that opens in any browser, without a network.
 
     Parameters
     ----------
-    result
-        A result.h5 that `floquid identify --out DIR` wrote, or the folder that it is in.
     out
         The page, ending in .html; report.html beside the result when not given.
     title

@@ -56,6 +56,15 @@ Debug = Annotated[bool, Flag, Parameter(group=OUTPUT, help="Show the traceback o
 Format = Annotated[Literal["text", "json"], Parameter(group=OUTPUT)]
 OutputFolder = Annotated[Path | None, Parameter(converter=_path, group=OUTPUT)]
 SettingsFile = OutputFolder
+_SAVED = "A result.h5 that `floquid identify --out DIR` wrote, or the folder that it is in."
+Saved = Annotated[Path, Parameter(converter=_path, help=_SAVED)]
+Periods = Annotated[int, Parameter(converter=whole_number, help="The length of the record, in periods of the system.")]
+Seed = Annotated[int, Parameter(converter=whole_number, help="The seed of the noise.")]
+_NOISE = "Standard deviation of white noise, as a share of the largest free response of each channel: 0.02 is 2 %."
+Noise = Annotated[float, Parameter(help=_NOISE)]
+Rate = Annotated[float | None, Parameter(help="The sampling rate [Hz], overriding what the file says.")]
+_FREQUENCY = "The fundamental frequency [Hz], one over the period; instead of --period."
+Frequency = Annotated[float | None, Parameter(help=_FREQUENCY)]
 
 
 def split(text: str) -> tuple[str, ...]:
@@ -86,7 +95,7 @@ CHECKS = ("validate",)
 MODEL = tuple(f.name for f in fields(Settings) if f.name not in (*RECORDS, *SYSTEM, *CHECKS))
 
 READING = {
-    "frequency": (float, "The fundamental frequency [Hz], one over the period; instead of --period."),
+    "frequency": (float, _FREQUENCY),
     "origin": (float, "The time of phase zero [s]; 0 if not given."),
     "rate": (float, "The sampling rate [Hz], overriding what the files say."),
 }

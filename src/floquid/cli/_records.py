@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.cli._folder import result_file
-from floquid.cli._options import Debug, NewRecordFile, RecordFile, period_of, split
+from floquid.cli._options import Debug, Frequency, NewRecordFile, Rate, RecordFile, period_of, split
 from floquid.cli._settings import Choices
 from floquid.cli._terminal import counted, new_table, progress, terminal
 from floquid.core import Record
@@ -76,7 +76,7 @@ def _likely(file: Path, rate: float | None) -> str:
     return f"\n  This file seems to have one: {option}" if option else ""
 
 
-def info(file: RecordFile, /, *, channels: str | None = None, rate: float | None = None, debug: Debug = False) -> None:
+def info(file: RecordFile, /, *, channels: str | None = None, rate: Rate = None, debug: Debug = False) -> None:
     """Show what is in a record file: channels, units, rate, candidates for the clock, and what to type next.
 
     Parameters
@@ -85,8 +85,6 @@ def info(file: RecordFile, /, *, channels: str | None = None, rate: float | None
         The record.
     channels
         The channels to show, comma-separated; all when not given.
-    rate
-        The sampling rate [Hz], overriding what the file says.
     """
     del debug
     found = describe_file(file, rate=rate, channels=None if channels is None else split(channels))
@@ -152,9 +150,9 @@ def convert(
     /,
     *,
     channels: str | None = None,
-    rate: float | None = None,
+    rate: Rate = None,
     period: float | None = None,
-    frequency: float | None = None,
+    frequency: Frequency = None,
     origin: float = 0.0,
     debug: Debug = False,
 ) -> None:
@@ -171,12 +169,8 @@ def convert(
         The file to write: its suffix chooses the format.
     channels
         The channels to keep, comma-separated, in that order; all when not given.
-    rate
-        The sampling rate [Hz], overriding what the file says.
     period
         The period of the system [s], to be kept with the record.
-    frequency
-        The fundamental frequency [Hz], one over the period; instead of --period.
     origin
         The time of phase zero [s].
     """

@@ -132,6 +132,9 @@ def reproduce(
 ) -> Reproduction:
     """Simulate the rotor of Allen 2009 as in its section 3, and identify it by AMI and by maximum likelihood.
 
+    Raises InputError where a number is out of its range. Raises IdentificationError where in some draw not the four
+    exponents of the rotor were found.
+
     Parameters
     ----------
     seed
@@ -149,13 +152,6 @@ def reproduce(
     -------
     Reproduction
         The analyses of the first draw, the truth, and the errors over all draws.
-
-    Raises
-    ------
-    InputError
-        A number is out of its range.
-    IdentificationError
-        In some draw not the four exponents of the rotor were found.
     """
     count = integer(draws, "draws", "reproduce", at_least=1)
     report("working out the truth")

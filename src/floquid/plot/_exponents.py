@@ -48,17 +48,15 @@ def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = 
     estimate it belongs to. Of a known A(t) whose exponents differ vastly, scales are logarithmic: multipliers then keep
     their angle, and rings tell their size.
 
+    Raises InputError where `modes` is something else, or the truth is no list of numbers or given for modes that are
+    known.
+
     Parameters
     ----------
     modes
         What `floquet.modes` found, or the model that `identify` found.
     truth
         The true exponents (exponents,) [1/s], of a model alone; on any branch, and of a conjugate pair one will do.
-
-    Raises
-    ------
-    InputError
-        `modes` is neither, or the truth is no list of numbers or given for modes that are known.
     """
     of = "exponents"
     if isinstance(modes, PeriodicModel):
@@ -167,7 +165,7 @@ def _draw_multipliers(axes: Axes, modes: FloquetModes) -> None:
     """The multipliers in the plane; of vastly different ones the logarithm of their size is the radius."""
     sizes = modes.exponents.real * modes.period / np.log(10.0)  # decades
     angles = np.exp(1j * modes.principal().imag * modes.period)
-    circle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 361))
+    turn = np.linspace(0.0, 2.0 * np.pi, 361)
     vast = float(sizes.min()) < -np.log10(_VAST) or float(sizes.max()) > 1.5
     decades = min(float(np.ceil(max(-float(sizes.min()), 1.0))), _DEEPEST)
     radii = np.maximum(1.0 + sizes / decades, 0.0) if vast else 10.0**sizes
@@ -177,7 +175,7 @@ def _draw_multipliers(axes: Axes, modes: FloquetModes) -> None:
         highest = int(np.ceil(max(float(sizes.max()), 0.0)))
         for power in [*range(-step, -int(decades), -step), *range(step, highest + 1, max(step, highest // 3 or 1))]:
             radius = 1.0 + power / decades
-            axes.plot(radius * circle.real, radius * circle.imag, color=GREY, linewidth=0.5)
+            axes.plot(radius * np.cos(turn), radius * np.sin(turn), color=GREY, linewidth=0.5)
             axes.text(0.0, radius, f"$10^{{{power}}}$", ha="center", va="bottom", color="#555555")
     _draw_circle(axes, float(radii.max()), cross=not vast)
     points = radii * angles
@@ -228,7 +226,7 @@ def _identified(model: PeriodicModel, truth: ArrayLike | None, of: str) -> Figur
         for region in [] if regions is None else regions:
             right.plot(region.real, region.imag, **_REGION, label="95 % region")
         if paired is not None:
-            mu = np.exp(paired * model.period)
+            mu = np.asarray(np.exp(paired * model.period), dtype=np.complex128)
             right.plot(mu.real, mu.imag, **_TRUE)
         for axes in (left, right):
             axes.tick_params(labelsize=SIZE)

@@ -32,6 +32,8 @@ def indicators(found: Indicators | Mapping[str, Indicators], *, points: int = 40
     composite its mean. A second CMIF that rises where the first does means a second mode. On the right, each value
     above the line is the trace of a pole.
 
+    Raises InputError where `found` is something else, or there are more of them than fit a figure.
+
     Parameters
     ----------
     found
@@ -40,11 +42,6 @@ def indicators(found: Indicators | Mapping[str, Indicators], *, points: int = 40
         The most points a curve is drawn with.
     angular
         Frequencies in rad/s instead of Hz.
-
-    Raises
-    ------
-    InputError
-        `found` is neither, or there are more of them than fit a figure.
     """
     of = "indicators"
     named = several(found, Indicators, "found", of)
@@ -102,6 +99,8 @@ def composite(analysis: Analysis | Mapping[str, Analysis], *, points: int = 4000
     noise. Where the difference lies on the level of white noise, the model has explained all there is. Marks show the
     frequencies of the modes, folded into the band.
 
+    Raises InputError where `analysis` is something else, or there are more of them than fit a figure.
+
     Parameters
     ----------
     analysis
@@ -110,11 +109,6 @@ def composite(analysis: Analysis | Mapping[str, Analysis], *, points: int = 4000
         The most points a curve is drawn with.
     angular
         Frequencies in rad/s instead of Hz.
-
-    Raises
-    ------
-    InputError
-        `analysis` is neither, or there are more of them than fit a figure.
     """
     named = several(analysis, Analysis, "analysis", "composite")
     turn, unit = frequency_unit(angular=angular)

@@ -42,6 +42,8 @@ def time_record(
 
     An inset shows the first cycles (Allen 2009, figure 2). A long record is drawn by its envelope.
 
+    Raises InputError where there is no such channel, phase or hit.
+
     Parameters
     ----------
     analysis
@@ -58,11 +60,6 @@ def time_record(
         The most points a curve is drawn with.
     periods_per_revolution
         Name the phase by the angles of the shaft, which turns once in this many periods; not given, by its number.
-
-    Raises
-    ------
-    InputError
-        There is no such channel, phase or hit.
     """
     of = "time_record"
     index(hit, "hit", of, len(analysis.cycles))
@@ -135,6 +132,8 @@ def synthesis(
     there is; the steps are its root mean square in stretches of the record. The record is the one identified from, as
     `views.synthesis` has it.
 
+    Raises InputError where there is no such channel or hit.
+
     Parameters
     ----------
     analysis
@@ -147,11 +146,6 @@ def synthesis(
         The number of cycles close up.
     points
         The most points a curve is drawn with.
-
-    Raises
-    ------
-    InputError
-        There is no such channel or hit.
     """
     of = "synthesis"
     if not isinstance(analysis, Analysis):

@@ -51,6 +51,9 @@ def residues(
     (Allen 2009, eqs. 9 and 11, figure 6.) λ is on the branch of the model's exponent: on another the same residues
     would turn once or more a period.
 
+    One row a channel, the real part on the left and the imaginary part on the right. Raises InputError where there is
+    no such mode, channel or hit.
+
     Parameters
     ----------
     analysis
@@ -64,16 +67,6 @@ def residues(
         Which of the hits, from 0.
     periods_per_revolution
         Draw against the angle of the shaft, which turns once in this many periods; not given, against the phase.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One row a channel, the real part on the left and the imaginary part on the right.
-
-    Raises
-    ------
-    InputError
-        There is no such mode, channel or hit.
     """
     of = "residues"
     named = several(analysis, Analysis, "analysis", of)
@@ -113,6 +106,9 @@ def coefficients(
     for those that the model keeps. The broken line is one standard deviation of a coefficient, where it is known; what
     lies at it is noise. Below, the real and the imaginary part of the residue, as `residues` draws them.
 
+    The coefficients above, the parts of the residue below. Raises InputError where there is no such mode, channel or
+    hit.
+
     Parameters
     ----------
     analysis
@@ -126,16 +122,6 @@ def coefficients(
         Which of the hits, from 0.
     periods_per_revolution
         Draw against the angle of the shaft, which turns once in this many periods; not given, against the phase.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The coefficients above, the parts of the residue below.
-
-    Raises
-    ------
-    InputError
-        There is no such mode, channel or hit.
     """
     of = "coefficients"
     named = several(analysis, Analysis, "analysis", of)

@@ -66,6 +66,9 @@ def save_figures(
     noise. `system_elements` needs an A(t), and `speed` a tachometer. A scan over orders is not in an analysis: for its
     figure there is `stabilisation`. Each file appears whole or not at all.
 
+    Returns the files written. Raises InputError where the folder does not exist or cannot be written to, a format is
+    unknown, or the truth does not fit.
+
     Parameters
     ----------
     analysis
@@ -78,16 +81,6 @@ def save_figures(
         "png", "svg" or "pdf", or several.
     dpi
         Dots an inch of PNG.
-
-    Returns
-    -------
-    tuple of pathlib.Path
-        The files written.
-
-    Raises
-    ------
-    InputError
-        The folder does not exist or cannot be written to, a format is unknown, or the truth does not fit.
     """
     of = "save_figures"
     place = as_path(folder, of=of, argument="folder")
@@ -151,6 +144,8 @@ def _strongest_channels(analysis: Analysis, mode: int, hit: int) -> list[int]:
 def save_figure(figure: Figure, path: str | PathLike[str], *, dpi: float = 150.0) -> Path:
     """Write one figure, whole or not at all; the same figure always gives the same file.
 
+    Returns the file written. Raises InputError where the ending is another, or the file cannot be written.
+
     Parameters
     ----------
     figure
@@ -159,16 +154,6 @@ def save_figure(figure: Figure, path: str | PathLike[str], *, dpi: float = 150.0
         The file, ending in .png, .svg or .pdf; it is replaced.
     dpi
         Dots an inch of PNG.
-
-    Returns
-    -------
-    pathlib.Path
-        The file written.
-
-    Raises
-    ------
-    InputError
-        The ending is another, or the file cannot be written.
     """
     of = "save_figure"
     place = as_path(path, of=of)

@@ -54,6 +54,9 @@ def periodic_shapes(
     of its zeroth harmonic is one, in the units of the states. The states drawn are those that take most part in the
     modes.
 
+    Raises InputError where `modes` is something else, there are not as many names as states, or a mode, channel or hit
+    is not there.
+
     Parameters
     ----------
     modes
@@ -73,11 +76,6 @@ def periodic_shapes(
         Of an identified model, what each channel counts for in the parts of the harmonics (channels, hits) [1/unit of
         the channel]: for the shares that tables give, `1/analysis.noise`. None: one over the largest coefficient of all
         channels of its unit, so that a channel counts by its size and not by how well it is known. All hits count.
-
-    Raises
-    ------
-    InputError
-        `modes` is neither, there are not as many names as states, or a mode, channel or hit is not there.
     """
     name = "periodic_shapes"
     if parts is not None and parts not in get_args(Parts):

@@ -48,6 +48,9 @@ def spectra(
     Dotted lines are the mean magnitude of the noise found in each channel. The whole periods of the record are
     transformed.
 
+    The record above, the families of its lines, and the lifted responses below. Raises InputError where there is no
+    such channel, phase or hit, or there are more of them than can be told apart.
+
     Parameters
     ----------
     analysis
@@ -67,16 +70,6 @@ def spectra(
         Name the phases by the angle of the shaft, which turns once in this many periods; not given, by their own.
     points
         The most points a curve is drawn with.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The record above, the families of its lines, and the lifted responses below.
-
-    Raises
-    ------
-    InputError
-        There is no such channel, phase or hit, or there are more of them than can be told apart.
     """
     of = "spectra"
     cycles = analysis.cycles

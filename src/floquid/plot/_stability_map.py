@@ -30,15 +30,12 @@ def stability_map(found: StabilityMap) -> Figure:
 
     Bands and regions say by colour and hatching how the system is unstable.
 
+    Raises InputError where `found` is not a StabilityMap.
+
     Parameters
     ----------
     found
         What `floquet.stability_map` found.
-
-    Raises
-    ------
-    InputError
-        `found` is not a StabilityMap.
     """
     if not isinstance(found, StabilityMap):
         must, remedy = "be a StabilityMap", "Pass floquet.stability_map(...)."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -40,17 +40,14 @@ def synchronisation(analysis: Analysis, *, hit: int = 0) -> Figure:
     model: harmonic m of a mode turns m times as far as the slip; where all lines of a mode turn together it is the
     exponent that is off, and not the period.
 
+    Raises InputError where there is no such hit.
+
     Parameters
     ----------
     analysis
         What `identify` found.
     hit
         Which of the hits, from 0.
-
-    Raises
-    ------
-    InputError
-        There is no such hit.
     """
     found = synchronisation_of(analysis, hit)
     with drawing(5.2) as figure:
@@ -122,6 +119,8 @@ def _verdict(found: Synchronisation) -> str:
 def speed(shaft: ShaftAngle, record: Record | None = None, *, rpm: bool = False) -> Figure:
     """The speed against time with its band, the residuals of the pulses, and the geometry of an encoder; the verdict.
 
+    Raises InputError where `shaft` is not a ShaftAngle, or `record` not a Record.
+
     Parameters
     ----------
     shaft
@@ -130,11 +129,6 @@ def speed(shaft: ShaftAngle, record: Record | None = None, *, rpm: bool = False)
         The record: what of it lies outside the evidence is drawn too, shaded.
     rpm
         The speed in revolutions a minute instead of Hz.
-
-    Raises
-    ------
-    InputError
-        `shaft` is not a ShaftAngle, or `record` not a Record.
     """
     if not isinstance(shaft, ShaftAngle):
         raise input_error("shaft", "speed", "be a ShaftAngle", f"is {shaft!r:.60}", "Pass sync.shaft_angle(record).")
@@ -188,7 +182,7 @@ def _draw_residuals(axes: Axes, shaft: ShaftAngle) -> None:
     axes.plot(shaft.times[kept], values[kept], linestyle="none", marker="o", markersize=2.0, color=BLUE)
     out = np.clip(values[~kept], -limit, limit)
     if len(out):
-        cross = {"linestyle": "none", "marker": "x", "color": VERMILION}
+        cross: dict[str, Any] = {"linestyle": "none", "marker": "x", "color": VERMILION}
         axes.plot(shaft.times[~kept], out, **cross, label="left out (at the rim: off scale)")
     axes.set_ylim(-1.05 * limit, 1.05 * limit)
     label_values(axes, name, unit, limit)

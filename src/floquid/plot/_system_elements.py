@@ -44,6 +44,9 @@ def system_elements(
     Bands are 1.96 standard deviations each way, where those are estimated: at each instant by itself, 95 % of such
     intervals hold the true value.
 
+    One panel an element. Raises InputError where an element is not in A, the truth does not fit, or the period is
+    needed and not given.
+
     Parameters
     ----------
     state
@@ -59,16 +62,6 @@ def system_elements(
         The channels of the record: with them, states in different units get the right unit on the axis.
     periods_per_revolution
         Draw against the angle of the shaft, which turns once in this many periods; not given, against the phase.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel an element.
-
-    Raises
-    ------
-    InputError
-        An element is not in A, the truth does not fit, or the period is needed and not given.
     """
     of = "system_elements"
     named = several(state, StateModel, "state", of)

@@ -38,6 +38,9 @@ def report(
     all), what was done to the record, the settings, and how to cite. Curves of more than 3000 points keep their
     envelope, and of many channels the eight strongest are drawn, so that the page stays under 6 MB.
 
+    Returns the file written. Raises InputError where `analysis` is none, the file does not end in .html or cannot be
+    written, or the truth does not fit.
+
     Parameters
     ----------
     analysis
@@ -50,16 +53,6 @@ def report(
         Instants after phase zero (times,) [s] and the true A at each (times, n, n), drawn beside the estimate.
     progress
         Called with what is about to be done, in words.
-
-    Returns
-    -------
-    pathlib.Path
-        The file written.
-
-    Raises
-    ------
-    InputError
-        `analysis` is none, the file does not end in .html or cannot be written, or the truth does not fit.
     """
     of = "report"
     if not isinstance(analysis, Analysis):
