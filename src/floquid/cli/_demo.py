@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -154,13 +154,15 @@ def demo(
         report("simulating")
         record = rotor.simulate(n_periods=periods, noise=noise, seed=seed)
         analysis = _identify(rotor, record, report)
-        comparison = _compare(rotor, analysis)
+        compared = _compared(rotor, analysis)
         _write(folder, rotor, record, analysis, report)
     if format == "json":
         sys.stdout.write(json_text(summary(analysis)))
         return
     print_analysis(analysis)
-    _print_comparison(comparison)
+    for title, table in compared.items():
+        print_title(terminal(), title)
+        terminal().print(table)
     print_folder(out, "record.npz")
 
 
@@ -211,52 +213,31 @@ def _identify(rotor: JeffcottRotor, record: Record, report: Callable[[str], None
     return validated(replace(analysis, settings=settings, state=state), report=report)
 
 
-@dataclass(frozen=True, slots=True)
-class _Comparison:
-    """Identified values beside the true ones: exponents (pairs,), and the largest error of A(t) by choice of states."""
-
-    truth: np.ndarray
-    estimate: np.ndarray
-    std: np.ndarray
-    system_errors: dict[str, float]
-
-
-def _compare(rotor: JeffcottRotor, analysis: Analysis) -> _Comparison:
-    """Hold an analysis of the rotor's record against the rotor.
+def _compared(rotor: JeffcottRotor, analysis: Analysis) -> dict[str, Table]:
+    """The analysis of the rotor's record held against the rotor: exponents, and the largest errors of A(t), by title.
 
     Exponents are paired by assignment, modulo iω; A(t) is rebuilt with the displacements of the mass as states, and
     with those of the turntable.
     """
-    model = analysis.model
-    truth = rotor.exponents()
-    upper = truth.imag > 0
+    model, truth, deviations = analysis.model, rotor.exponents(), analysis.model.exponent_std
+    assert deviations is not None
     pairs = pair_exponents(model.exponents, truth, model.period)
-    std = model.exponent_std
-    assert std is not None
-    errors: dict[str, float] = {}
-    for states, system in ((("X", "Y"), rotor.system), (("X_tt", "Y_tt"), rotor.turntable_system)):
-        found = reconstruct(model, states)
-        errors[", ".join(states)] = float(np.abs(found.system - system(found.times)).max())
-    return _Comparison(truth[upper], (truth + pairs.differences)[upper], std[pairs.permutation][upper], errors)
-
-
-def _print_comparison(comparison: _Comparison) -> None:
-    """The comparison as two tables."""
-    console = terminal()
-    print_title(console, "Principal Floquet exponents, against the truth")
-    table = new_table([], ["", "true", "identified", "error", "in deviations"])
-    rows = zip(comparison.truth, comparison.estimate, comparison.std, strict=True)
-    for number, (true, found, std) in enumerate(rows, start=1):
+    exponents = new_table([], ["", "true", "identified", "error", "in deviations"])
+    for number, r in enumerate(np.flatnonzero(truth.imag > 0), start=1):
+        three = truth[r] + pairs.differences[r], truth[r], deviations[pairs.permutation[r]]
         for part, name in (("real", "Re"), ("imag", "Im")):
-            value, exact, deviation = (getattr(x, part) for x in (found, true, std))
-            numbers = f"{value - exact:+.1e}", f"{(value - exact) / deviation:+.2f}"
-            table.add_row(f"{name} λ{number} [1/s]", f"{exact:.7f}", with_error(value, deviation), *numbers)
-    console.print(table)
-    print_title(console, "Largest error of A(t), over all elements and the period")
-    table = new_table(["states"], ["here", "in the paper"])
-    for states, error in comparison.system_errors.items():
-        table.add_row(states, f"{error:.4f}", f"{PUBLISHED[states]:.3f}")
-    console.print(table)
+            value, exact, std = (getattr(one, part) for one in three)
+            numbers = f"{value - exact:+.1e}", f"{(value - exact) / std:+.2f}"
+            exponents.add_row(f"{name} λ{number} [1/s]", f"{exact:.7f}", with_error(value, std), *numbers)
+    errors = new_table(["states"], ["here", "in the paper"])
+    for states, system in ((("X", "Y"), rotor.system), (("X_tt", "Y_tt"), rotor.turntable_system)):
+        found, name = reconstruct(model, states), ", ".join(states)
+        error = float(np.abs(found.system - system(found.times)).max())
+        errors.add_row(name, f"{error:.4f}", f"{PUBLISHED[name]:.3f}")
+    return {
+        "Principal Floquet exponents, against the truth": exponents,
+        "Largest error of A(t), over all elements and the period": errors,
+    }
 
 
 def _files_of_paper(figures: Sequence[PaperFigure], rows: Sequence[Number]) -> dict[str, Callable[[Path], object]]:
