@@ -30,16 +30,6 @@ class Rebuilt:
         return _rebuilt, (type(self), plain)
 
 
-class Sealed(Rebuilt):
-    """A result of ours: its arrays are right as they come, and are made read-only where they are."""
-
-    __slots__ = ()
-
-    def __post_init__(self) -> None:
-        """Seal every array."""
-        _seal(tuple(getattr(self, field.name) for field in fields(cast("Any", self))))
-
-
 def _rebuilt(kind: type[Rebuilt], values: dict[str, Any]) -> Rebuilt:
     """An object of its fields as a pickle or a copy holds them: made for it alone, so no array need be copied again."""
     for value in values.values():
@@ -56,6 +46,16 @@ def _seal(value: object) -> None:
             _seal(one)
     elif isinstance(value, dict):
         _seal(tuple(value.values()))
+
+
+class Sealed(Rebuilt):
+    """A result of ours: its arrays are right as they come, and are made read-only where they are."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        """Seal every array."""
+        _seal(tuple(getattr(self, field.name) for field in fields(cast("Any", self))))
 
 
 def input_error(argument: str, of: str, must: str, got: str, remedy: str = "") -> InputError:

@@ -18,15 +18,7 @@ from floquid.cli._folder import NAMES, ResultFolder, result_folder, write_result
 from floquid.cli._identify import STAGES
 from floquid.cli._options import Debug, Flag, Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
 from floquid.cli._settings import Choices
-from floquid.cli._terminal import (
-    json_text,
-    new_table,
-    print_analysis,
-    print_folder,
-    print_title,
-    progress,
-    terminal,
-)
+from floquid.cli._terminal import json_text, new_table, print_analysis, print_folder, print_title, progress, terminal
 from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.exports import summary

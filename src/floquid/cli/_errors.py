@@ -53,11 +53,7 @@ _OPTIONS = {
     "ConstantPeriod": {"period": "The period", "origin": "`--origin`"},
     "segment": {"period": "The period", "records": "The records"},
     "lift": {"cycles": "The records"},
-    "identify": {
-        "records": "The records",
-        "period": "The period",
-        **_alike("order", "harmonics", "states", "skip"),
-    },
+    "identify": {"records": "The records", "period": "The period", **_alike("order", "harmonics", "states", "skip")},
     "reconstruct": _alike("states", "form", "delay"),
     "refine": _alike("states", "structure"),
     "structure_of": {"text": "`--structure`"},

@@ -42,7 +42,7 @@ from floquid.lifting import Lifted
 from floquid.lti import ModalModel, Outcome
 from floquid.order import OrderScan, Stability
 from floquid.order import scan as scan_orders
-from floquid.pipeline import Prepared, Settings, lifted, prepare
+from floquid.pipeline import Prepared, Settings, blas_threads, lifted, prepare
 
 OF = "floquid scan"
 STAGES = 8
@@ -127,8 +127,6 @@ def _scanned(
     report: Callable[[str], None],
 ) -> Scanned:
     """The records prepared as `floquid identify` does, their lifted responses, and the scan of the orders."""
-    from threadpoolctl import threadpool_limits
-
     records, choices = read_records(files, choices, OF, report)
     chosen = choices.resolved()
     settings = Settings(**{name: getattr(chosen, name) for name in RECORDS})
@@ -138,9 +136,7 @@ def _scanned(
     if orders and orders[-1] >= samples:
         must, got = f"be less than the {samples} periods of the record", f"goes up to {orders[-1]}"
         raise input_error(option, OF, must, got, "Ask for lower orders, or record longer.")
-    # Thousands of small matrices: threads inside BLAS would wait for each other.
-    few = responses.responses.values.size < 2e7
-    with threadpool_limits(limits=1 if few else None, user_api="blas"):
+    with blas_threads([responses.responses]):
         found = scan_orders(responses.responses, chosen.identifier, orders, report=report)
     return Scanned(prepared=prepared, lifted=responses, found=found)
 

@@ -119,12 +119,7 @@ def _make_room(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float6
 
 
 def synthesis(
-    analysis: Analysis,
-    channel: str | None = None,
-    *,
-    hit: int = 0,
-    close_cycles: int = 4,
-    points: int = 4000,
+    analysis: Analysis, channel: str | None = None, *, hit: int = 0, close_cycles: int = 4, points: int = 4000
 ) -> Figure:
     """A channel of the record with the model's response over it: the first cycles, the whole record, what is left.
 

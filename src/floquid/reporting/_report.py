@@ -14,14 +14,12 @@ from floquid.errors import IdentificationError, InputError
 from floquid.io import as_path, atomic_path
 from floquid.order import OrderScan
 from floquid.order import scan as scan_orders
-from floquid.pipeline import Analysis
+from floquid.pipeline import Analysis, blas_threads
 from floquid.reporting._case import case_of
 from floquid.reporting._page import page
 from floquid.reporting._system_figures import Truth
 
 ENDINGS = (".html", ".htm")
-
-LARGE = 2e7  # values of lifted responses from which on threads are worth it
 
 
 def report(
@@ -76,13 +74,9 @@ def report(
 
 def _scan(analysis: Analysis) -> tuple[OrderScan | None, str]:
     """The poles of several orders, or why there are none: a record may be too short for them."""
-    from threadpoolctl import threadpool_limits
-
     responses = analysis.lifted.responses
-    # Thousands of small matrices: threads inside BLAS would wait for each other.
-    few = responses.values.size < LARGE
     try:
-        with threadpool_limits(limits=1 if few else None, user_api="blas"):
+        with blas_threads([responses]):
             return scan_orders(responses), ""
     except (InputError, IdentificationError) as error:
         return None, str(error)

@@ -46,9 +46,7 @@ def shape_curves(model: PeriodicModel, mode: int, hit: int = 0, points: int = 91
     times = turns * model.period
     std = model.shape_std(times, [mode])
     return ShapeCurves(
-        turns=turns,
-        values=model.shapes(times)[mode, :, hit],
-        std=None if std is None else std[0, :, hit],
+        turns=turns, values=model.shapes(times)[mode, :, hit], std=None if std is None else std[0, :, hit]
     )
 
 
