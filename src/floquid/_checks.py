@@ -140,6 +140,14 @@ def frozen_array(
     return array
 
 
+def timed_matrices(value: object, argument: str, of: str, n: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """A pair of instants (times,) and a matrix at each (times, n, n)."""
+    if not isinstance(value, tuple) or len(value) != 2:
+        raise input_error(argument, of, "be a pair (times, system)", f"is a {type(value).__name__}")
+    times = frozen_array(value[0], f"{argument}[0]", of, axes=("times",))
+    return times, frozen_array(value[1], f"{argument}[1]", of, axes=(len(times), n, n))
+
+
 def describe(value: object) -> str:
     """A short description of a wrong value for a message."""
     if isinstance(value, np.ndarray):

@@ -75,10 +75,10 @@ class Examined:
         """What may be wrong, in sentences."""
         words = list(self.file.warnings)
         if self.modes.defective:
-            groups = "; ".join(
-                ", ".join(f"{self.modes.exponents[r]:.6g}" for r in group) for group in self.modes.defective
-            )
-            words.append(f"These exponents share a shape, or nearly: {groups}. {_sentence(self.modes.outcome.value)}")
+            listed = ([f"{self.modes.exponents[r]:.6g}" for r in group] for group in self.modes.defective)
+            groups = "; ".join(", ".join(group) for group in listed)
+            why = self.modes.outcome.value
+            words.append(f"These exponents share a shape, or nearly: {groups}. {why[0].upper()}{why[1:]}.")
         if self.unchecked:
             words.append(f"Hill's method gave no second opinion: {self.unchecked}")
         elif self.hill is not None and self.difference is not None:
@@ -218,10 +218,6 @@ def _short(name: str) -> str:
     for long, short in _SHORTER.items():
         name = name.replace(long, short)
     return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
-
-
-def _sentence(words: str) -> str:
-    return f"{words[0].upper()}{words[1:]}."
 
 
 def summary_text(found: Examined) -> str:

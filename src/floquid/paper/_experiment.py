@@ -147,11 +147,6 @@ def reproduce(
         Standard deviation of the noise, as a share of the largest response of each channel; the paper's is 0.02.
     report
         Is told what is being done.
-
-    Returns
-    -------
-    Reproduction
-        The analyses of the first draw, the truth, and the errors over all draws.
     """
     count = integer(draws, "draws", "reproduce", at_least=1)
     report("working out the truth")

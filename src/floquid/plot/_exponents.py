@@ -132,8 +132,6 @@ def _kinds(modes: FloquetModes) -> tuple[tuple[NDArray[np.bool_], dict[str, Any]
 
 def _scale_exponents(axes: Axes, values: NDArray[np.complex128], turn: float, *, vast: bool) -> None:
     """Limits that hold the line of stability, and logarithmic scales of vastly different sizes."""
-    from matplotlib.ticker import MaxNLocator
-
     sizes = np.abs(values.real)
     largest = float(sizes.max())
     small = sizes[sizes > 1e-9 * max(largest, turn)]
@@ -144,13 +142,20 @@ def _scale_exponents(axes: Axes, values: NDArray[np.complex128], turn: float, *,
         axes.set_xlim(-3.0 * largest if values.real.min() < 0.0 else -threshold, None)
         axes.set_xlim(None, max(3.0 * float(values.real.max()), threshold))
     else:
-        low, high = min(float(values.real.min()), 0.0), max(float(values.real.max()), 0.0)
-        margin = 0.15 * (high - low) or 0.05 * turn
-        axes.set_xlim(low - margin, high + margin)
-        axes.xaxis.set_major_locator(MaxNLocator(5))
+        _limit_decay(axes, values, turn, share=0.15, ticks=5)
     if vast:
         axes.set_yscale("symlog", linthresh=turn)
         _few_decades(axes.yaxis, 10.0 ** np.ceil(np.log10(turn)), float(np.abs(values.imag).max()))
+
+
+def _limit_decay(axes: Axes, values: NDArray[np.complex128], turn: float, *, share: float, ticks: int) -> None:
+    """Limits that hold the exponents and the line of stability, with that share of their distance to each side."""
+    from matplotlib.ticker import MaxNLocator
+
+    low, high = min(float(values.real.min()), 0.0), max(float(values.real.max()), 0.0)
+    margin = share * (high - low) or 0.05 * turn
+    axes.set_xlim(low - margin, high + margin)
+    axes.xaxis.set_major_locator(MaxNLocator(ticks))
 
 
 def _few_decades(axis, threshold: float, largest: float) -> None:  # an Axis of matplotlib
@@ -275,17 +280,12 @@ def _draw_identified(axes: Axes, model: PeriodicModel, values: NDArray[np.comple
 
 def _draw_plane(axes: Axes, model: PeriodicModel, upper: list[int], truth: NDArray[np.complex128] | None) -> None:
     """The exponents, their copies, and the edges of the principal strip."""
-    from matplotlib.ticker import MaxNLocator
-
     values = model.exponents
     _draw_strip(axes, model, _columns(model, 1.2))
     _draw_identified(axes, model, values)
     if truth is not None:
         axes.plot(truth.real, truth.imag, **_TRUE, label="truth")
-    low, high = min(float(values.real.min()), 0.0), max(float(values.real.max()), 0.0)
-    margin = 0.18 * (high - low) or 0.05 * model.fundamental
-    axes.set_xlim(low - margin, high + margin)
-    axes.xaxis.set_major_locator(MaxNLocator(4))
+    _limit_decay(axes, values, model.fundamental, share=0.18, ticks=4)
     axes.xaxis.set_major_formatter(_tick)
     _number(axes, values[upper])
 

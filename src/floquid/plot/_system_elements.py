@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from floquid._checks import frozen_array, input_error, positive
+from floquid._checks import input_error, positive, timed_matrices
 from floquid.core import Channel
 from floquid.plot._colours import BLACK
 from floquid.plot._style import (
@@ -74,7 +74,7 @@ def system_elements(
     if not chosen:
         raise input_error("elements", of, "name at least one element", "is empty")
     length = _period(first, of) if period is None else positive(period, "period", of, unit="s")
-    known = None if truth is None else _truth(truth, n, of)
+    known = None if truth is None else timed_matrices(truth, "truth", of, n)
     degrees = degrees_a_period(periods_per_revolution, of) / length
     with drawing(1.0 + 1.5 * len(chosen)) as figure:
         panels = figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0]
@@ -129,10 +129,3 @@ def _period(state: StateModel, of: str) -> float:
             "Pass period=model.period.",
         )  # fmt: skip
     return float(steps.mean() * len(state.times))
-
-
-def _truth(truth: tuple[ArrayLike, ArrayLike], n: int, of: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    if not isinstance(truth, tuple) or len(truth) != 2:
-        raise input_error("truth", of, "be a pair (times, system)", f"is a {type(truth).__name__}")
-    times = frozen_array(truth[0], "truth[0]", of, axes=("times",))
-    return times, frozen_array(truth[1], "truth[1]", of, axes=(len(times), n, n))

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._checks import frozen_array, input_error
+from floquid._checks import input_error, timed_matrices
 from floquid.errors import IdentificationError, InputError
 from floquid.io import as_path, atomic_path
 from floquid.order import OrderScan
@@ -17,7 +16,6 @@ from floquid.order import scan as scan_orders
 from floquid.pipeline import Analysis, blas_threads
 from floquid.reporting._case import case_of
 from floquid.reporting._page import page
-from floquid.reporting._system_figures import Truth
 
 ENDINGS = (".html", ".htm")
 
@@ -59,7 +57,12 @@ def report(
     place = as_path(path, of=of)
     if place.suffix.lower() not in ENDINGS:
         raise input_error("path", of, "end in .html", f"is {place}", "The report is a web page.")
-    known = _truth(truth, analysis, of)
+    known = None
+    if truth is not None:
+        if analysis.state is None:
+            must, got = "come with an A(t) to hold it against", "the analysis has none"
+            raise input_error("truth", of, must, got, "Identify with `states`, or leave out the truth.")
+        known = timed_matrices(truth, "truth", of, len(analysis.state.states))
     if title is not None and not isinstance(title, str):
         raise input_error("title", of, "be a text", f"is a {type(title).__name__}")
     progress("scanning the order")
@@ -80,16 +83,3 @@ def _scan(analysis: Analysis) -> tuple[OrderScan | None, str]:
             return scan_orders(responses), ""
     except (InputError, IdentificationError) as error:
         return None, str(error)
-
-
-def _truth(truth: tuple[ArrayLike, ArrayLike] | None, analysis: Analysis, of: str) -> Truth | None:
-    if truth is None:
-        return None
-    if not isinstance(truth, tuple) or len(truth) != 2:
-        raise input_error("truth", of, "be a pair (times, system)", f"is a {type(truth).__name__}")
-    if analysis.state is None:
-        must, got = "come with an A(t) to hold it against", "the analysis has none"
-        raise input_error("truth", of, must, got, "Identify with `states`, or leave out the truth.")
-    n = len(analysis.state.states)
-    times = frozen_array(truth[0], "truth[0]", of, axes=("times",))
-    return times, np.asarray(frozen_array(truth[1], "truth[1]", of, axes=(len(times), n, n)))

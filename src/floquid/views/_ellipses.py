@@ -23,26 +23,9 @@ def ellipse(
     for an estimate of normal errors. Where a part has no error, the region is a line, and one normal number decides:
     to each side it is the quantile of (1 + p)/2 times the deviation.
 
-    Parameters
-    ----------
-    centre
-        The estimate.
-    covariance
-        C of its real and imaginary part (2, 2).
-    level
-        The probability p that the region holds the true value.
-    points
-        The number of points.
-
-    Returns
-    -------
-    numpy.ndarray
-        The edge, closed (points,).
-
-    Raises
-    ------
-    InputError
-        The covariance is none, or the level no probability.
+    `centre` is the estimate, `covariance` C of its real and imaginary part (2, 2), and `level` the probability p that
+    the region holds the true value. The edge is closed and has so many `points` (points,). Raises InputError where the
+    covariance is none, or the level no probability.
     """
     from scipy.special import ndtri
 
