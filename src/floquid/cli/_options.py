@@ -84,22 +84,20 @@ def period_of(period: float | None, frequency: float | None, of: str) -> float |
 NAMES = {"pulses_per_revolution": "pulses_per_rev", "periods_per_revolution": "periods_per_rev"}
 """Settings that have shorter names here."""
 
-RECORDS = (
+RECORDS = (  # the settings that say what records are taken for: those of every command that starts from records
     *("period", "tach", "azimuth", "estimate_period", "pulses_per_revolution", "periods_per_revolution"),
     *("channels", "orbit", "find_hits", "skip", "forced", "trust_period", "noise_floor"),
 )
-"""The settings that say what records are taken for: those of every command that starts from records."""
 
 SYSTEM = ("states", "form", "delay", "structure", "output_error", "system_times")
 CHECKS = ("validate",)
 MODEL = tuple(f.name for f in fields(Settings) if f.name not in (*RECORDS, *SYSTEM, *CHECKS))
 
-READING = {
+READING = {  # what is said of records beside the settings
     "frequency": (float, _FREQUENCY),
     "origin": (float, "The time of phase zero [s]; 0 if not given."),
     "rate": (float, "The sampling rate [Hz], overriding what the files say."),
 }
-"""What is said of records beside the settings."""
 
 RECORD = "Record"
 ORDER = (RECORD, "Model", "State matrix A(t)", "Checks")  # the groups of options, in the order of the help

@@ -44,7 +44,7 @@ _ELEMENTS = (
     ("k11_swing", "fluctuation of K11, of its least [%]", "about 20", ".1f", "From 0.5 to 0.6."),
 )
 
-_ERRORS = (
+_ERRORS = (  # key, section, what, printed
     ("three", "3.2", "largest error of A(t), 3 dominant", "0.013"),
     ("three_damping", "3.2", "  in the damping block, of c_f [%]", "almost 100"),
     ("turntable_three", "3.2", "  turntable's states, 3 dominant", "0.031"),
@@ -56,7 +56,6 @@ _ERRORS = (
     ("three_harmonics", "3.3", "largest error of A(t), m = -3…3", "0.062"),
     ("own", "3.3", "largest error of A(t), floquid's choice", ""),
 )
-"""Key, section, what, printed."""
 
 _NOTES = {
     "three": "Corrected is what is left without noise: the exact residues, cut as ours are. The paper's error is 1.3 % "

@@ -23,13 +23,12 @@ if TYPE_CHECKING:
 Behind = Literal["cmif", "composite"]
 Axis = Literal["folded", "unfolded"]
 
-MARKS: dict[Stability, tuple[str, dict[str, Any]]] = {
+MARKS: dict[Stability, tuple[str, dict[str, Any]]] = {  # told apart by form as well as by colour
     Stability.NEW: ("new", {"marker": ".", "color": GREY, "markersize": 3.0}),
     Stability.FREQUENCY: ("stable in frequency", {"marker": "+", "color": VERMILION, "markersize": 5.0}),
     Stability.DAMPING: ("and damping", {"marker": "s", "color": GREEN, "markersize": 4.0, "markerfacecolor": "none"}),
     Stability.SHAPE: ("and shape", {"marker": "o", "color": BLUE, "markersize": 4.0}),
 }
-"""Told apart by form as well as by colour."""
 
 CURVES = {"cmif": "largest CMIF / white noise [-]", "composite": "composite / noise [-]"}
 

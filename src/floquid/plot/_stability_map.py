@@ -15,12 +15,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LOOKS = {
+LOOKS = {  # told apart by their hatching as well as by colour
     Instability.DIVERGENCE: ("unstable: multiplier above 1", VERMILION, "///"),
     Instability.PERIOD_DOUBLING: ("unstable: multiplier below −1", ORANGE, "\\\\\\"),
     Instability.FLUTTER: ("unstable: a complex pair", PURPLE, "xxx"),
 }
-"""Told apart by their hatching as well as by colour."""
 
 _RASTER = 700
 

@@ -29,13 +29,12 @@ from floquid.views import envelope, families, unfolded
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
 
-LEVELS = {
+LEVELS = {  # told apart by form as well as by colour
     Stability.NEW: ("new", "circle", GREY, 3),
     Stability.FREQUENCY: ("stable in frequency", "cross", VERMILION, 8),
     Stability.DAMPING: ("and damping", "square", GREEN, 7),
     Stability.SHAPE: ("and shape", "circle", BLUE, 7),
 }
-"""Told apart by form as well as by colour."""
 
 FILLED = (Stability.NEW, Stability.SHAPE)
 

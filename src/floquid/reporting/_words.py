@@ -23,7 +23,7 @@ from floquid.views import (
     with_error,
 )
 
-CRITERIA = {
+CRITERIA = {  # what each number of the validation is, and its unit
     "fit": ("share of the response predicted in cycles left out", "%"),
     "held_out_error": ("error of that prediction over the noise, worst response", "-"),
     "held_out_stretch": ("the same over a stretch of the record", "-"),
@@ -38,7 +38,6 @@ CRITERIA = {
     "misfit": ("what the fit leaves over the level of its noise, worst response", "-"),
     "composition": ("largest relative difference of Φ(t + T), integrated, and Φ(t) Φ(T)", "-"),
 }
-"""What each number of the validation is, and its unit."""
 
 
 def verdict(analysis: Analysis) -> tuple[str, str]:
