@@ -49,19 +49,7 @@ app.command(simulate, usage="Usage: floquid simulate [SYSTEM] [OPTIONS]")
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command and return its exit code.
-
-    Parameters
-    ----------
-    arguments
-        The words after `floquid`.
-
-    Returns
-    -------
-    int
-        0 done, 1 identification failed or was refused, 2 usage or bad input, 3 validation criteria not met under
-        `--enforce`, 130 interrupted.
-    """
+    """Run one command, the words after `floquid` in `arguments`, and return its exit code (see `floquid.cli`)."""
     debug = "--debug" in arguments
     try:
         # What numpy warns of is either refused where the numbers are checked or harmless: it is nothing for a person.
