@@ -57,6 +57,16 @@ def _seal(value: object) -> None:
         _seal(tuple(value.values()))
 
 
+class Sealed(Rebuilt):
+    """A result of ours: its arrays are right as they come, and are made read-only where they are."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        """Seal every array."""
+        _seal(tuple(getattr(self, field.name) for field in fields(cast("Any", self))))
+
+
 def input_error(argument: str, of: str, must: str, got: str, remedy: str = "") -> InputError:
     """The message «Argument `a` of `f` must …, but …», with the way out on a line of its own."""
     message = f"Argument `{argument}` of `{of}` must {_short(must)}, but {_short(got)}."
@@ -139,6 +149,14 @@ def frozen_array(
     return array
 
 
+def timed_matrices(value: object, argument: str, of: str, n: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """A pair of instants (times,) and a matrix at each (times, n, n)."""
+    if not isinstance(value, tuple) or len(value) != 2:
+        raise input_error(argument, of, "be a pair (times, system)", f"is a {type(value).__name__}")
+    times = frozen_array(value[0], f"{argument}[0]", of, axes=("times",))
+    return times, frozen_array(value[1], f"{argument}[1]", of, axes=(len(times), n, n))
+
+
 def describe(value: object) -> str:
     """A short description of a wrong value for a message."""
     if isinstance(value, np.ndarray):
@@ -178,6 +196,13 @@ def integer(
     if at_most is not None and int(value) > at_most:
         raise input_error(argument, of, f"be an integer of at most {at_most}", f"is {describe(value)}", remedy)
     return int(value)
+
+
+def index(value: object, argument: str, of: str, end: int) -> int:
+    """`value` as an index of something of which there are `end`."""
+    if (number := integer(value, argument, of, at_least=0)) >= end:
+        raise input_error(argument, of, f"be less than {end}", f"is {value}", "Counting starts at 0.")
+    return number
 
 
 def _in(unit: str) -> str:

@@ -358,7 +358,7 @@ def test_a_mistake_of_ours_is_owned_up_to(here, capsys, monkeypatch):
         (KeyboardInterrupt(), 130, "Interrupted before the end"),
     ],
 )
-@pytest.mark.parametrize("stage", ["_identify.identify_records", "_output.save", "_folder.ResultFolder.publish"])
+@pytest.mark.parametrize("stage", ["_identify.identify_records", "_folder.save", "_folder.ResultFolder.publish"])
 def test_the_machine_gives_out(here, capsys, monkeypatch, stage, error, code, pattern):
     def broken(*_, **__):
         raise error

@@ -19,7 +19,7 @@ from tests.cli.conftest import EARLIER, ROTOR, ROTOR_PERIOD, after_stages, conte
 import floquid
 from floquid.cli import _terminal, run
 from floquid.cli._app import app
-from floquid.cli._setting_options import ModelOptions, RecordOptions
+from floquid.cli._options import ModelOptions, RecordOptions
 from floquid.plot import FIGURES
 from floquid.systems import JeffcottRotor
 from floquid.views import MODE_NOTES

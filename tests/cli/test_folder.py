@@ -25,8 +25,7 @@ WRITER = (
 import random, sys, time
 from dataclasses import replace
 from pathlib import Path
-from floquid.cli._folder import result_folder
-from floquid.cli._output import NAMES, write_result
+from floquid.cli._folder import NAMES, result_folder, write_result
 from floquid.pipeline import identify
 from floquid.systems import JeffcottRotor
 import filelock, h5py, tomli_w

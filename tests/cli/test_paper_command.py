@@ -74,7 +74,7 @@ def test_the_table_is_printed_whole(shown):
 
 
 def test_json_is_the_summary_alone_and_the_seed_counts(quick_pictures, here, monkeypatch):
-    monkeypatch.setattr("floquid.cli._paper.save_figure", lambda figure, path: path.write_bytes(b""))
+    monkeypatch.setattr("floquid.cli._demo.save_figure", lambda figure, path: path.write_bytes(b""))
     text = typed("demo --paper --periods 150 --draws 1 --seed 3 --format json --out one")
     assert text == (here / "one" / "summary.json").read_text()
     assert typed("demo --periods 150 --seed 3 --format json --out two") == text
@@ -118,7 +118,7 @@ def test_a_figure_that_cannot_be_written_leaves_the_earlier_result(here, capsys,
     def fail(figure, path):
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr("floquid.cli._paper.save_figure", fail)
+    monkeypatch.setattr("floquid.cli._demo.save_figure", fail)
     assert run(shlex.split("demo --paper --periods 100 --draws 1 --out out")) == 2
     assert "No space left" in capsys.readouterr().err
     assert contents(here / "out") == EARLIER

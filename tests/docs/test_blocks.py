@@ -123,7 +123,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(ROOT)) for path in PAGES])
 def test_page(path, folder, quick_pictures, monkeypatch):
-    monkeypatch.setattr("floquid.cli._paper.save_figure", lambda figure, path: path.write_bytes(b""))
+    monkeypatch.setattr("floquid.cli._demo.save_figure", lambda figure, path: path.write_bytes(b""))
     text = path.read_text(encoding="utf-8")
     for whole, smaller in SMALLER.items():
         assert path != PAGES[0] or f"$ {whole}\n" in text

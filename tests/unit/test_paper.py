@@ -14,8 +14,8 @@ import pytest
 from floquid import reconstruct
 from floquid.errors import IdentificationError, InputError
 from floquid.paper import Estimate, Number, figure_text, figures, numbers, page, reproduce, table
-from floquid.paper._seen import prominent
-from floquid.paper._truncation import dominant, lowest
+from floquid.paper._experiment import dominant, lowest
+from floquid.paper._figures import prominent
 from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close
 

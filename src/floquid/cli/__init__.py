@@ -15,13 +15,7 @@ __all__ = ["main", "run"]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and leave with its exit code.
-
-    Parameters
-    ----------
-    arguments
-        The words after `floquid`; those of the process when not given.
-    """
+    """Run the command line with `arguments`, by default those of the process, and leave with its exit code."""
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:  # a terminal that cannot show λ, or a file name that is no text, ends nothing

@@ -12,8 +12,7 @@ from importlib.metadata import version
 from cyclopts import App, CycloptsError
 
 from floquid.cli._bootstrap import bootstrap
-from floquid.cli._convert import convert
-from floquid.cli._demo import demo
+from floquid.cli._demo import demo, simulate
 from floquid.cli._errors import (
     BAD_INPUT,
     DONE,
@@ -25,11 +24,9 @@ from floquid.cli._errors import (
     explained_usage,
 )
 from floquid.cli._floquet import floquet
-from floquid.cli._identify import identify
-from floquid.cli._info import info
-from floquid.cli._report import report
+from floquid.cli._identify import identify, report
+from floquid.cli._records import convert, info
 from floquid.cli._scan import scan
-from floquid.cli._simulate import simulate
 from floquid.cli._terminal import terminal
 
 app = App(
@@ -52,19 +49,7 @@ app.command(simulate, usage="Usage: floquid simulate [SYSTEM] [OPTIONS]")
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command and return its exit code.
-
-    Parameters
-    ----------
-    arguments
-        The words after `floquid`.
-
-    Returns
-    -------
-    int
-        0 done, 1 identification failed or was refused, 2 usage or bad input, 3 validation criteria not met under
-        `--enforce`, 130 interrupted.
-    """
+    """Run one command, the words after `floquid` in `arguments`, and return its exit code (see `floquid.cli`)."""
     debug = "--debug" in arguments
     try:
         # What numpy warns of is either refused where the numbers are checked or harmless: it is nothing for a person.

@@ -4,34 +4,43 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from contextlib import nullcontext
+from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
+from numpy.typing import NDArray
+from rich.table import Table
 
 from floquid._checks import input_error
-from floquid.cli._bootstrap_output import FILES, bootstrap_text, print_bootstrap
-from floquid.cli._folder import ResultFolder, result_file, result_folder
-from floquid.cli._options import Debug, Format, OptionalWhole, OutputFolder, Place, Whole
-from floquid.cli._terminal import terminal
-from floquid.pipeline import Bootstrap
+from floquid.cli._folder import ResultFolder, maybe_folder, result_file
+from floquid.cli._options import Debug, Format, OptionalWhole, OutputFolder, Saved, Seed, Whole
+from floquid.cli._terminal import counted, json_text, new_table, print_files, print_title, print_whole, terminal
+from floquid.pipeline import Analysis, Bootstrap, Spread
 from floquid.pipeline import bootstrap as bootstrap_analysis
 from floquid.store import DrawFile, load
+from floquid.views import upper_modes
 
 OF = "floquid bootstrap"
 
 KEPT = ".floquid-draws.npz"
 """The draws of a run that was cut short: the next one goes on from them, and removes them in the end."""
 
+FILES = ("bootstrap.json", "bootstrap.npz")
+
+LEGEND = (
+    "said: the deviation that the fit gave; drawn: that of the draws; ratio: drawn over said; 95 %: what holds so many "
+    "of the draws"
+)
+
 
 def bootstrap(
-    result: Place,
+    result: Saved,
     *,
     draws: Whole = 200,
-    seed: Whole = 0,
+    seed: Seed = 0,
     workers: OptionalWhole = None,
     whole: Annotated[bool, Parameter(negative=())] = False,
     out: OutputFolder = None,
@@ -42,12 +51,8 @@ def bootstrap(
 
     Parameters
     ----------
-    result
-        A result.h5 that `floquid identify --out DIR` wrote, or the folder that it is in.
     draws
         How many records are drawn, at least 20; of 200 a deviation is known to 5 %.
-    seed
-        The seed of the noise.
     workers
         How many processes share the draws; one for each processor when not given. The numbers do not depend on it.
     whole
@@ -56,13 +61,13 @@ def bootstrap(
         A folder for bootstrap.json and bootstrap.npz, which holds every draw. A run that was cut short goes on there.
     format
         text prints tables; json prints bootstrap.json alone.
-    debug
-        Show the traceback of an error.
     """
     del debug
-    _check(draws, seed, workers)
+    for option, value, least in (("--draws", draws, 20), ("--seed", seed, 0), ("--workers", workers, 1)):
+        if value is not None and value < least:
+            raise input_error(option, OF, f"be at least {least}", f"is {value}")
     file = result_file(result)
-    with nullcontext() if out is None else result_folder(out, FILES) as folder:
+    with maybe_folder(out, FILES) as folder:
         key, analysis = _key(file, seed, whole=whole), load(file)
         while key != (now := _key(file, seed, whole=whole)):  # another program has put a new result there meanwhile
             key, analysis = now, load(file)
@@ -73,14 +78,14 @@ def bootstrap(
         found = bootstrap_analysis(
             analysis, draws=draws, seed=seed, workers=workers, whole=whole, kept=kept, progress=True
         )
-        text = bootstrap_text(found)
+        text = _text(found)
         if folder is not None:
             _write(folder, found, text)
             (folder.path / KEPT).unlink(missing_ok=True)
     if format == "json":
         sys.stdout.write(text)
         return
-    print_bootstrap(analysis, found, out)
+    _print(analysis, found, out)
 
 
 def _key(file: Path, seed: int, *, whole: bool) -> str:
@@ -89,17 +94,118 @@ def _key(file: Path, seed: int, *, whole: bool) -> str:
     return f"floquid {version('floquid')}, {content}, seed {seed}, {'whole' if whole else 'held'}"
 
 
-def _check(draws: int, seed: int, workers: int | None) -> None:
-    """Refuse numbers that cannot be, before anything is read."""
-    for option, value, least in (("--draws", draws, 20), ("--seed", seed, 0), ("--workers", workers, 1)):
-        if value is not None and value < least:
-            raise input_error(option, OF, f"be at least {least}", f"is {value}")
-
-
 def _write(folder: ResultFolder, found: Bootstrap, text: str) -> None:
     """Write the files into the folder, where they take their names together."""
-    (folder.unfinished / FILES[0]).write_text(text, encoding="utf-8")
+    folder.write(FILES[0], text)
     arrays: dict[str, Any] = {spread.name: spread.draws for spread in found.quantities}
     arrays["orders"] = found.orders
     np.savez_compressed(folder.unfinished / FILES[1], **arrays)  # plain arrays all
     folder.publish()
+
+
+def _print(analysis: Analysis, found: Bootstrap, out: Path | None) -> None:
+    """The modes, all elements together, the verdict, and where the draws are."""
+    console = terminal()
+    how = "identified from the beginning" if found.whole else "the same modes fitted anew"
+    console.print(f"{counted(found.n_draws, 'record')} drawn from the model, seed {found.seed}: {how}.")
+    if found.n_used < found.n_draws:
+        console.print(f"What follows is of {found.n_used} of them.")
+    print_title(console, "Modes")
+    print_whole(console, _modes(analysis, found))
+    console.print(f"{LEGEND}.", style="dim")
+    if found.holds is not None:
+        print_title(console, "Ratio over all elements")
+        print_whole(console, _quantities(found))
+    console.print()
+    for reason in found.reasons:
+        console.print(reason, style=None if found.holds is not False else "yellow")
+    print_files(out, FILES, "for bootstrap.json and every draw in bootstrap.npz")
+
+
+def _modes(analysis: Analysis, found: Bootstrap) -> Table:
+    """Exponent, frequency and damping of each pair, a number a row."""
+    table = new_table([""], ["", "estimate", "said", "drawn", "ratio", "95 %", ""])
+    rows = (
+        ("Re λ", found.exponents, np.real),
+        ("Im λ", found.exponents, np.imag),
+        ("f [Hz]", found.frequencies_hz, np.real),
+        ("ζ", found.damping_ratios, np.real),
+    )
+    for number, mode in enumerate(upper_modes(analysis.model), start=1):
+        for place, (name, spread, part) in enumerate(rows):
+            std, ratio = part(spread.std[mode]), spread.ratio
+            low, high = (part(end[mode]) for end in spread.interval())
+            digits = 8 if std <= 0 else int(np.clip(1 - np.floor(np.log10(std)), 0, 10))
+            table.add_row(
+                str(number) if place == 0 else "",
+                name,
+                f"{part(spread.estimate[mode]):.{digits}f}",
+                "-" if spread.asymptotic is None else f"{part(spread.asymptotic[mode]):.3g}",
+                f"{std:.3g}",
+                "-" if ratio is None or np.isnan(part(ratio[mode])) else f"{part(ratio[mode]):.3f}",
+                f"{low:.{digits}f}",
+                f"{high:.{digits}f}",
+            )
+    return table
+
+
+def _quantities(found: Bootstrap) -> Table:
+    """How the ratios of each quantity lie."""
+    table = new_table([""], ["number", "least", "median", "most", "not by chance"])
+    for spread in found.quantities:
+        ratios = spread.ratios()
+        if len(ratios):
+            numbers = (f"{value:.3f}" for value in (ratios.min(), np.median(ratios), ratios.max()))
+            table.add_row(spread.name, str(len(ratios)), *numbers, str(_doubtful(spread, found)))
+    return table
+
+
+def _doubtful(spread: Spread, found: Bootstrap) -> int:
+    """How many ratios of a quantity chance does not explain."""
+    return int(found.doubtful[spread.name].sum()) if spread.name in found.doubtful else 0
+
+
+def _text(found: Bootstrap) -> str:
+    """`bootstrap.json` as text: complex numbers are [real, imaginary]; what is not computed is null."""
+    content = {
+        "format": "floquid-bootstrap/1",
+        "draws": found.n_draws,
+        "used": found.n_used,
+        "failed": [{"reason": words, "number": number} for words, number in found.failure_counts],
+        "seed": found.seed,
+        "whole": found.whole,
+        "orders": {str(order): n for order, n in sorted(Counter(found.orders[found.orders > 0].tolist()).items())},
+        "ratio_std": found.exponents.sampling_error,
+        "holds": found.holds,
+        "reasons": list(found.reasons),
+        "quantities": {spread.name: _quantity(spread, found) for spread in found.quantities},
+    }
+    return json_text(content)
+
+
+def _quantity(spread: Spread, found: Bootstrap) -> dict[str, Any]:
+    low, high = spread.interval()
+    return {
+        "unit": spread.unit,
+        "estimate": _listed(spread.estimate),
+        "asymptotic_std": None if spread.asymptotic is None else _listed(spread.asymptotic),
+        "std": _listed(spread.std),
+        "bias": _listed(spread.bias),
+        "low": _listed(low),
+        "high": _listed(high),
+        "ratio": None if spread.ratio is None else _listed(spread.ratio),
+        "not_by_chance": _doubtful(spread, found),
+    }
+
+
+def _listed(values: NDArray) -> Any:
+    """Nested lists, complex numbers as pairs, and null for what is no number."""
+    if np.iscomplexobj(values):
+        values = np.stack([np.real(values), np.imag(values)], axis=-1)
+    return _without_nan(np.asarray(values, float).tolist())
+
+
+def _without_nan(values: Any) -> Any:
+    if isinstance(values, list):
+        return [_without_nan(value) for value in values]
+    return values if np.isfinite(values) else None

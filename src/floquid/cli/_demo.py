@@ -1,9 +1,11 @@
-"""`floquid demo`: simulate, identify, compare with the truth."""
+"""`floquid simulate`: a record of an example system; `floquid demo`: identify one, and compare with the truth."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,31 +14,99 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from floquid._checks import input_error
-from floquid.cli._folder import result_folder
+from floquid.cli._folder import NAMES, ResultFolder, result_folder, write_result
 from floquid.cli._identify import STAGES
-from floquid.cli._options import Debug, Format, Place, Whole
-from floquid.cli._output import NAMES, print_json, write_result
-from floquid.cli._progress import progress
+from floquid.cli._options import Debug, Flag, Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
 from floquid.cli._settings import Choices
-from floquid.cli._simulate import system_named
-from floquid.cli._terminal import print_analysis, print_folder, print_title, terminal
+from floquid.cli._terminal import json_text, new_table, print_analysis, print_folder, print_title, progress, terminal
 from floquid.core import Record
 from floquid.errors import IdentificationError
+from floquid.exports import summary
+from floquid.paper import Number, PaperFigure, figures, numbers, page, reproduce
 from floquid.pipeline import Analysis, validated
 from floquid.pipeline import identify as identify_records
-from floquid.reconstruction import StateModel, reconstruct
-from floquid.systems import JeffcottRotor
+from floquid.plot import save_figure
+from floquid.readers import write
+from floquid.reconstruction import reconstruct
+from floquid.systems import SYSTEMS, JeffcottRotor, Run
 from floquid.testing import pair_exponents
 from floquid.views import with_error
 
+OUT_OF_STEP = 1.00371  # samples a period over those asked for, in a run that is sampled out of step
+
 PUBLISHED = {"X, Y": 0.013, "X_tt, Y_tt": 0.031}
 """The largest errors of A(t) that the paper states: 0.013 with the mass's displacements, 3.1 % with the turntable's."""
-
 
 STATES = ("X", "Y")
 
 PAPER_FILES = ("paper.md", *(f"figures/paper_{number}.png" for number in range(2, 9)))
 """What --paper writes beside the usual files."""
+
+COLUMNS = ("printed", "corrected", "AMI", "max. likelihood")
+
+LEGEND = (
+    "corrected: the right value by the rotor's equations; of an error, what is left of it with exact residues. AMI and "
+    "max. likelihood are ours: (19) is one standard deviation in the last digits, and without one the value is that of "
+    "the first draw of the noise. All is without dimension: time is counted in 1/ω_n."
+)
+
+
+def simulate(
+    system: str = "jeffcott",
+    /,
+    *,
+    out: NewRecordFile = Path("record.npz"),
+    periods: Periods = 1024,
+    samples_per_period: Whole = 50,
+    noise: Noise = 0.02,
+    seed: Seed = 0,
+    impulse_deg: float = 45.0,
+    as_measured: Annotated[bool, Parameter(negative=())] = False,
+    debug: Debug = False,
+) -> None:
+    """Write the free response of an example system to a file.
+
+    Parameters
+    ----------
+    system
+        The system: jeffcott, the rotor of Allen's paper.
+    out
+        The file; its suffix chooses the format.
+    samples_per_period
+        Samples a period.
+    impulse_deg
+        The direction of the blow at the start, from the X axis [deg].
+    as_measured
+        As a test rig would see it: sampled out of step, the speed wandering by 0.2 %, an imbalance response five times
+        the free one, and a tachometer in the channel tach.
+    """
+    del debug
+    rotor = _system_named(system)
+    with progress(2) as report:
+        report(f"simulating {system}")
+        common = {"n_periods": periods, "noise": noise, "seed": seed, "impulse_deg": impulse_deg}
+        if as_measured:
+            record = Run(rotor=rotor, samples_per_period=samples_per_period * OUT_OF_STEP, **common).record()
+        else:
+            record = rotor.simulate(samples_per_period=samples_per_period, **common)
+        report("writing the record")
+        write(record, out)
+    console = terminal()
+    console.print(
+        f"Written to {out}: {record.n_channels} channels, {record.n_samples} samples at {record.sample_rate:.8g} Hz, "
+        f"period {rotor.period:.12g} s.",
+        soft_wrap=True,
+    )
+    clock = "--tach tach --periods-per-rev 2" if as_measured else f"--period {rotor.period!r}"
+    console.print(f"Identify it: floquid identify {shlex.quote(str(out))} {clock} --states X,Y", soft_wrap=True)
+
+
+def _system_named(name: str) -> JeffcottRotor:
+    """The example system of that name, with its parameters as published."""
+    if name not in SYSTEMS:
+        remedy = f"There is: {', '.join(SYSTEMS)}."
+        raise input_error("SYSTEM", "floquid", "be the name of an example system", f"is {name!r}", remedy)
+    return SYSTEMS[name]()
 
 
 def demo(
@@ -44,10 +114,10 @@ def demo(
     /,
     *,
     out: Place = Path("floquid-demo"),
-    periods: Whole = 1024,
-    noise: float = 0.02,
-    seed: Whole = 0,
-    paper: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    periods: Periods = 1024,
+    noise: Noise = 0.02,
+    seed: Seed = 0,
+    paper: Annotated[bool, Flag] = False,
     draws: Whole = 10,
     format: Format = "text",  # noqa: A002
     debug: Debug = False,
@@ -60,23 +130,15 @@ def demo(
         The system: jeffcott, a rotor on an anisotropic shaft in anisotropic bearings.
     out
         A folder for record.npz, result.h5, summary.json, settings.toml, figures/ and report.html.
-    periods
-        The length of the record, in periods of the system.
-    noise
-        Standard deviation of white noise, as a share of the largest free response of each channel: 0.02 is 2 %.
-    seed
-        The seed of the noise.
     paper
         Redraw the figures 2 to 8 of the paper, and hold every number of its section 3 against ours by both algorithms.
     draws
         With --paper: over how many draws of the noise, from `seed` on, errors are taken.
     format
         text prints tables; json prints summary.json alone.
-    debug
-        Show the traceback of an error.
     """
     del debug
-    rotor = system_named(system)
+    rotor = _system_named(system)
     if paper:
         _demo_of_paper(out, periods, noise, seed, draws, format)
         return
@@ -84,23 +146,20 @@ def demo(
         report("simulating")
         record = rotor.simulate(n_periods=periods, noise=noise, seed=seed)
         analysis = _identify(rotor, record, report)
-        comparison = compare(rotor, analysis)
-        dense = np.linspace(0.0, rotor.period, 361)
-        settings = Choices(settings=analysis.settings).text()
-        write_result(folder, analysis, settings, report, record=record, truth=(dense, rotor.system(dense)))
+        compared = _compared(rotor, analysis)
+        _write(folder, rotor, record, analysis, report)
     if format == "json":
-        print_json(analysis)
+        sys.stdout.write(json_text(summary(analysis)))
         return
     print_analysis(analysis)
-    print_comparison(comparison)
+    for title, table in compared.items():
+        print_title(terminal(), title)
+        terminal().print(table)
     print_folder(out, "record.npz")
 
 
 def _demo_of_paper(out: Path, periods: int, noise: float, seed: int, draws: int, format: str) -> None:  # noqa: A002
     """The paper's experiment by both algorithms; the result written is that of maximum likelihood."""
-    from floquid.cli._paper import files_of_paper, print_numbers
-    from floquid.paper import figures, numbers, reproduce
-
     if draws < 1:
         raise input_error("--draws", "floquid demo", "be at least 1", f"is {draws}")
     with result_folder(out, (*NAMES, *PAPER_FILES)) as folder, progress(draws + 8) as report:
@@ -108,17 +167,28 @@ def _demo_of_paper(out: Path, periods: int, noise: float, seed: int, draws: int,
         report("collecting the numbers")
         rows = numbers(done)
         report("drawing the figures of the paper")
-        files = files_of_paper(figures(done), rows)
-        analysis, rotor = done.maximum_likelihood, done.rotor
-        dense = np.linspace(0.0, rotor.period, 361)
-        settings, truth = Choices(settings=analysis.settings).text(), (dense, rotor.system(dense))
-        write_result(folder, analysis, settings, report, record=done.record, truth=truth, others=files)
+        files = _files_of_paper(figures(done), rows)
+        _write(folder, done.rotor, done.record, done.maximum_likelihood, report, files)
     if format == "json":
-        print_json(analysis)
+        sys.stdout.write(json_text(summary(done.maximum_likelihood)))
         return
-    print_numbers(rows)
+    _print_numbers(rows)
     terminal().print(f"The figures beside the paper's words, and this table: {out / 'paper.md'}", soft_wrap=True)
     print_folder(out, "record.npz", "paper.md")
+
+
+def _write(
+    folder: ResultFolder,
+    rotor: JeffcottRotor,
+    record: Record,
+    analysis: Analysis,
+    report: Callable[[str], None],
+    others: dict[str, Callable[[Path], object]] | None = None,
+) -> None:
+    """Write the result with its record and the truth; `others` are further files."""
+    dense = np.linspace(0.0, rotor.period, 361)
+    settings, truth = Choices(settings=analysis.settings).text(), (dense, rotor.system(dense))
+    write_result(folder, analysis, settings, report, record=record, truth=truth, others=others or {})
 
 
 def _identify(rotor: JeffcottRotor, record: Record, report: Callable[[str], None]) -> Analysis:
@@ -135,60 +205,70 @@ def _identify(rotor: JeffcottRotor, record: Record, report: Callable[[str], None
     return validated(replace(analysis, settings=settings, state=state), report=report)
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """Identified values beside the true ones: exponents (pairs,), and the largest error of A(t) by choice of states."""
-
-    truth: np.ndarray
-    estimate: np.ndarray
-    std: np.ndarray
-    system_errors: dict[str, float]
-
-
-def compare(rotor: JeffcottRotor, analysis: Analysis) -> Comparison:
-    """Hold an analysis of the rotor's record against the rotor.
+def _compared(rotor: JeffcottRotor, analysis: Analysis) -> dict[str, Table]:
+    """The analysis of the rotor's record held against the rotor: exponents, and the largest errors of A(t), by title.
 
     Exponents are paired by assignment, modulo iω; A(t) is rebuilt with the displacements of the mass as states, and
     with those of the turntable.
     """
-    model = analysis.model
-    truth = rotor.exponents()
-    upper = truth.imag > 0
+    model, truth, deviations = analysis.model, rotor.exponents(), analysis.model.exponent_std
+    assert deviations is not None
     pairs = pair_exponents(model.exponents, truth, model.period)
-    std = model.exponent_std
-    assert std is not None
-    errors: dict[str, float] = {}
+    exponents = new_table([], ["", "true", "identified", "error", "in deviations"])
+    for number, r in enumerate(np.flatnonzero(truth.imag > 0), start=1):
+        three = truth[r] + pairs.differences[r], truth[r], deviations[pairs.permutation[r]]
+        for part, name in (("real", "Re"), ("imag", "Im")):
+            value, exact, std = (getattr(one, part) for one in three)
+            numbers = f"{value - exact:+.1e}", f"{(value - exact) / std:+.2f}"
+            exponents.add_row(f"{name} λ{number} [1/s]", f"{exact:.7f}", with_error(value, std), *numbers)
+    errors = new_table(["states"], ["here", "in the paper"])
     for states, system in ((("X", "Y"), rotor.system), (("X_tt", "Y_tt"), rotor.turntable_system)):
-        found: StateModel = reconstruct(model, states)
-        errors[", ".join(states)] = float(np.abs(found.system - system(found.times)).max())
-    return Comparison(truth[upper], (truth + pairs.differences)[upper], std[pairs.permutation][upper], errors)
+        found, name = reconstruct(model, states), ", ".join(states)
+        error = float(np.abs(found.system - system(found.times)).max())
+        errors.add_row(name, f"{error:.4f}", f"{PUBLISHED[name]:.3f}")
+    return {
+        "Principal Floquet exponents, against the truth": exponents,
+        "Largest error of A(t), over all elements and the period": errors,
+    }
 
 
-def print_comparison(comparison: Comparison) -> None:
-    """The comparison as two tables."""
+def _files_of_paper(figures: Sequence[PaperFigure], rows: Sequence[Number]) -> dict[str, Callable[[Path], object]]:
+    """The files of the comparison by name, each with a function that writes it to a path."""
+
+    def picture(figure: PaperFigure) -> Callable[[Path], object]:
+        return lambda path: save_figure(figure.figure, path)
+
+    files = {_paper_name(figure): picture(figure) for figure in figures}
+    text = page(figures, rows, _paper_name)
+    return {"paper.md": lambda path: path.write_text(text, encoding="utf-8"), **files}
+
+
+def _paper_name(figure: PaperFigure) -> str:
+    return f"figures/paper_{figure.number}.png"
+
+
+def _print_numbers(rows: Sequence[Number]) -> None:
+    """The table of numbers, a part for each section of the paper, and the notes below."""
     console = terminal()
-    print_title(console, "Principal Floquet exponents, against the truth")
-    table = Table(box=None)
-    for name in ("", "true", "identified", "error", "in deviations"):
-        table.add_column(name, justify="right")
-    for number, (true, found, std) in enumerate(
-        zip(comparison.truth, comparison.estimate, comparison.std, strict=True), start=1
-    ):
-        for part in ("real", "imag"):
-            value, exact, deviation = (getattr(x, part) for x in (found, true, std))
-            label = f"{'Re' if part == 'real' else 'Im'} λ{number} [1/s]"
-            table.add_row(
-                label,
-                f"{exact:.7f}",
-                with_error(value, deviation),
-                f"{value - exact:+.1e}",
-                f"{(value - exact) / deviation:+.2f}",
-            )
-    console.print(table)
-    print_title(console, "Largest error of A(t), over all elements and the period")
-    table = Table(box=None)
-    for name in ("states", "here", "in the paper"):
-        table.add_column(name, justify="left" if name == "states" else "right")
-    for states, error in comparison.system_errors.items():
-        table.add_row(states, f"{error:.4f}", f"{PUBLISHED[states]:.3f}")
-    console.print(table)
+    notes = list(dict.fromkeys(number.note for number in rows if number.note))
+    # The parts of the table stand under one another.
+    widths = [max(len(number.cells[column]) for number in rows) for column in range(len(COLUMNS))]
+    longest = min(max(len(number.what) for number in rows) + 5, max(20, console.width - sum(widths) - 10))
+    for section in dict.fromkeys(number.section for number in rows):
+        print_title(console, f"Section {section} of the paper, and ours")
+        table = Table(box=None, pad_edge=False)
+        table.add_column("", min_width=longest)
+        for name, width in zip(COLUMNS, widths, strict=True):
+            table.add_column(name, justify="right", no_wrap=True, min_width=width)
+        for number in rows:
+            if number.section != section:
+                continue
+            mark = f" [{notes.index(number.note) + 1}]" if number.note else ""
+            table.add_row(number.what + mark, *number.cells)
+            for words, *ours in number.over_draws:
+                table.add_row(f"    {words}", "", "", *ours)
+        console.print(table)
+    console.print()
+    console.print(LEGEND, style="dim")
+    for place, note in enumerate(notes, start=1):
+        console.print(f"[{place}] {note}", style="dim")

@@ -18,35 +18,28 @@ class CriteriaNotMetError(Exception):
 
 _SUBJECT = re.compile(r"Argument `([^`]*)` of `([^`]*)` must ")
 
+
+def _alike(*names: str) -> dict[str, str]:
+    """Arguments whose options have the same names."""
+    return {name: f"`--{name.replace('_', '-')}`" for name in names}
+
+
 _OPTIONS = {
-    "read": {
-        "path": "`FILE`",
-        "rate": "`--rate`",
-        "channels": "`--channels`",
-        "origin": "`--origin`",
-        "period": "The period",
-    },
-    "floquet.read_matrix": {"paths": "`FILES`", "period": "`--period`", "interpolation": "`--interpolation`"},
+    "read": {"path": "`FILE`", "period": "The period", **_alike("rate", "channels", "origin")},
+    "floquet.read_matrix": {"paths": "`FILES`", **_alike("period", "interpolation")},
     "floquet.read_openfast": {"paths": "`FILES`"},
     "Settings": {
         "period": "The period",
-        **{
-            name: f"`--{name}`"
-            for name in (
-                *("channels", "order", "harmonics", "states", "form", "delay", "structure"),
-                *("tach", "azimuth", "forced", "skip"),
-            )
-        },
-        "output_error": "`--output-error`",
-        "estimate_period": "`--estimate-period`",
+        **_alike("channels", "order", "harmonics", "states", "form", "delay", "structure"),
+        **_alike("tach", "azimuth", "forced", "skip", "output_error", "estimate_period"),
         "pulses_per_revolution": "`--pulses-per-rev`",
         "periods_per_revolution": "`--periods-per-rev`",
     },
     "fit": {
         "records": "The records",
         "period": "The period",
-        "forced": "`--forced`",
         "clocks": "The clocks",
+        "forced": "`--forced`",
         "free_period": "`--estimate-period`",
     },
     "estimate_period": {"records": "The records"},
@@ -60,30 +53,23 @@ _OPTIONS = {
     "ConstantPeriod": {"period": "The period", "origin": "`--origin`"},
     "segment": {"period": "The period", "records": "The records"},
     "lift": {"cycles": "The records"},
-    "identify": {
-        "records": "The records",
-        "period": "The period",
-        **{name: f"`--{name}`" for name in ("order", "harmonics", "states", "skip")},
-    },
-    "reconstruct": {"states": "`--states`", "form": "`--form`", "delay": "`--delay`"},
-    "refine": {"states": "`--states`", "structure": "`--structure`"},
+    "identify": {"records": "The records", "period": "The period", **_alike("order", "harmonics", "states", "skip")},
+    "reconstruct": _alike("states", "form", "delay"),
+    "refine": _alike("states", "structure"),
     "structure_of": {"text": "`--structure`"},
     "Block": dict.fromkeys(("harmonics", "symmetry", "known"), "A block of `--structure`"),
     "SecondOrder": {name: f"The {name} block of `--structure`" for name in ("damping", "gyroscopic")},
-    "assemble": {"harmonics": "`--harmonics`"},
-    "describe_file": {"path": "`FILE`", "rate": "`--rate`", "channels": "`--channels`"},
+    "assemble": _alike("harmonics"),
+    "describe_file": {"path": "`FILE`", **_alike("rate", "channels")},
     "write": {"path": "`--out`", "record": "The record"},
     "save": {"path": "`--out`"},
     "export_modes": {"path": "`OUT`"},
     "load": {"path": "`RESULT`"},
-    "bootstrap": {"analysis": "`RESULT`", **{name: f"`--{name}`" for name in ("draws", "seed", "workers", "whole")}},
+    "bootstrap": {"analysis": "`RESULT`", **_alike("draws", "seed", "workers", "whole")},
     "save_figures": {"folder": "`--out`"},
     "JeffcottRotor.simulate": {
         "n_periods": "`--periods`",
-        "samples_per_period": "`--samples-per-period`",
-        "noise": "`--noise`",
-        "seed": "`--seed`",
-        "impulse_deg": "`--impulse-deg`",
+        **_alike("samples_per_period", "noise", "seed", "impulse_deg"),
     },
 }
 """What a person who typed a command calls the arguments of the library's callables, by callable and argument."""
@@ -96,10 +82,8 @@ def explained(error: BaseException) -> tuple[str, int]:
     if isinstance(error, IdentificationError):
         return str(error), FAILED
     if isinstance(error, MemoryError):
-        return (
-            "This needs more memory than there is: use a shorter record or fewer channels (`identify --channels`).",
-            FAILED,
-        )
+        words = "This needs more memory than there is: use a shorter record or fewer channels (`identify --channels`)."
+        return words, FAILED
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
         return f"{where}{error.strerror or error}.", BAD_INPUT

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Literal
 
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error, positive
 from floquid.cli._floquet_output import AGREE, FILES, Examined, hill_claims, print_examined, save_modes, summary_text
-from floquid.cli._folder import ResultFolder, result_folder
-from floquid.cli._options import Debug, Format, OutputFolder, Place
-from floquid.cli._progress import progress
+from floquid.cli._folder import ResultFolder, maybe_folder
+from floquid.cli._options import Debug, Format, Frequency, OutputFolder, Place, period_of
+from floquid.cli._terminal import progress
 from floquid.errors import IdentificationError, InputError
 from floquid.floquet import (
     AbstractPeriodicMatrix,
@@ -40,7 +40,7 @@ STAGES = 4
 def floquet(
     *files: Place,
     period: float | None = None,
-    frequency: float | None = None,
+    frequency: Frequency = None,
     interpolation: Literal["fourier", "cubic", "linear"] | None = None,
     tolerance: float = 1e-12,
     check: bool = True,
@@ -58,8 +58,6 @@ def floquet(
         `floquid identify --states`; or the .lin files of OpenFAST over one revolution, or their folder.
     period
         The period of A(t) [s], where the file does not state it.
-    frequency
-        The fundamental frequency [Hz], one over the period; instead of --period.
     interpolation
         What A(t) is between samples: fourier, the trigonometric polynomial through them; cubic, a spline; linear.
         When not given, fourier for samples at equal steps, cubic for others; of .lin files, the harmonics.
@@ -72,18 +70,15 @@ def floquet(
         A folder for summary.json, modes.npz, figures/exponents.png and figures/shapes.png.
     format
         text prints tables; json prints summary.json alone.
-    debug
-        Show the traceback of an error.
     """
     del debug
     _check_options(files, tolerance, out)
-    length = _period(period, frequency)
-    with (
-        nullcontext() if out is None else result_folder(out, FILES) as folder,
-        progress(STAGES + (2 if out else 0)) as report,
-    ):
+    length = period_of(period, frequency, OF)
+    if period is not None:
+        positive(period, "--period", OF, unit="s")
+    with maybe_folder(out, FILES) as folder, progress(STAGES + (2 if out else 0)) as report:
         report("reading")
-        found = examined(read_matrix(files, period=length, interpolation=interpolation), tolerance, check, report)
+        found = _examined(read_matrix(files, period=length, interpolation=interpolation), tolerance, check, report)
         text = summary_text(found)
         if folder is not None:
             _write(folder, found, text, report)
@@ -93,7 +88,7 @@ def floquet(
     print_examined(found, out)
 
 
-def examined(file: MatrixFile, tolerance: float, check: bool, report: Callable[[str], None]) -> Examined:
+def _examined(file: MatrixFile, tolerance: float, check: bool, report: Callable[[str], None]) -> Examined:
     """The modes of A(t), by two routes if wanted; the verdict; of a turbine, what half of its azimuths give."""
     report("integrating over the period")
     found = _modes(file.matrix, tolerance)
@@ -116,15 +111,8 @@ def examined(file: MatrixFile, tolerance: float, check: bool, report: Callable[[
     verdict = stability(found, tolerance=tolerance, errors=known)
     if difference is not None and known is not None:
         _refuse_disagreement(found, difference, verdict)
-    return Examined(
-        file=file,
-        modes=found,
-        stability=verdict,
-        hill=second,
-        difference=difference,
-        unchecked=unchecked,
-        halved=turned,
-    )
+    checks = {"hill": second, "difference": difference, "unchecked": unchecked, "halved": turned}
+    return Examined(file=file, modes=found, stability=verdict, **checks)
 
 
 def _refuse_disagreement(found: FloquetModes, difference: NDArray[np.float64], verdict: Stability) -> None:
@@ -150,11 +138,7 @@ def _modes(matrix: AbstractPeriodicMatrix, tolerance: float) -> FloquetModes:
 
 def _refusal(error: InputError) -> str:
     """What was said of the argument, as of A(t)."""
-    return (
-        str(error)
-        .replace("Argument `system` of `floquet.modes` must", "A(t) must")
-        .replace("Argument `system` of `floquet.hill` must", "A(t) must")
-    )
+    return re.sub(r"Argument `system` of `floquet\.(modes|hill)` must", "A(t) must", str(error))
 
 
 def _halved(model: OpenFastLinearisation, found: FloquetModes, tolerance: float) -> tuple[float, str]:
@@ -182,27 +166,16 @@ def _check_options(files: tuple[Path, ...], tolerance: float, out: Path | None) 
         raise input_error("--out", OF, must, f"{out} holds result.h5", "Choose another folder.")
 
 
-def _period(period: float | None, frequency: float | None) -> float | None:
-    """The period [s], whichever of the two was given."""
-    if period is not None and frequency is not None:
-        raise input_error("--frequency", OF, "not be given beside --period", "both are given", "Give one of them.")
-    if period is not None:
-        return positive(period, "--period", OF, unit="s")
-    if frequency is None:
-        return None
-    return positive(1.0 / positive(frequency, "--frequency", OF, unit="Hz"), "--frequency", OF, unit="Hz")
-
-
 def _write(folder: ResultFolder, found: Examined, text: str, report: Callable[[str], None]) -> None:
     """Write the files into the folder, where they take their names together."""
     from floquid import plot
 
     report("writing the result")
-    (folder.unfinished / "figures").mkdir()
-    (folder.unfinished / "summary.json").write_text(text, encoding="utf-8")
+    figures = folder.unfinished / "figures"
+    figures.mkdir()
+    folder.write("summary.json", text)
     save_modes(found, folder.unfinished / "modes.npz")
     report("drawing the figures")
-    plot.save_figure(plot.exponents(found.modes), folder.unfinished / "figures" / "exponents.png")
-    shapes = plot.periodic_shapes(found.modes, found.file.states)
-    plot.save_figure(shapes, folder.unfinished / "figures" / "shapes.png")
+    plot.save_figure(plot.exponents(found.modes), figures / "exponents.png")
+    plot.save_figure(plot.periodic_shapes(found.modes, found.file.states), figures / "shapes.png")
     folder.publish()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from floquid.cli._terminal import counted, print_title, print_whole, terminal
+from floquid.cli._terminal import counted, json_text, new_table, print_files, print_title, print_whole, terminal
 from floquid.floquet import (
     FloquetModes,
     HillModes,
@@ -39,8 +38,7 @@ SHARES = (
     "m: the strongest harmonics of the shape, and their part of its mean square; states: the strongest, and their part "
     "in the mode (participation factors, which no unit changes)"
 )
-AGREE = 1e-6
-"""Of max(|λ|, ω): by how much the two routes may differ, where both claim to be right."""
+AGREE = 1e-6  # of max(|λ|, ω): by how much the two routes may differ, where both claim to be right
 
 _HILL = 1e-10  # of max(|λ|, ω): to what `hill` settles unless told otherwise
 _SHORTER = {"First time derivative of ": "d/dt ", " bending-mode DOF": "", " DOF": ""}
@@ -50,19 +48,16 @@ _MOST_ROWS, _HARMONICS, _STATES, _LONGEST = 60, 3, 4, 60
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Examined:
-    """All that the command found.
-
-    `difference` is that of each exponent from Hill's method [1/s]; `unchecked` says why there is none where it was
-    asked for; `halved` is the largest difference of the exponents of every other azimuth, or NaN and why not.
-    """
+    """All that the command found."""
 
     file: MatrixFile
     modes: FloquetModes
     stability: Stability
     hill: HillModes | None
-    difference: np.ndarray | None
-    unchecked: str
+    difference: np.ndarray | None  # that of each exponent from Hill's method (modes,) [1/s]
+    unchecked: str  # why there is none where it was asked for
     halved: tuple[float, str] | None
+    """The largest difference of the exponents of every other azimuth [1/s], or NaN and why not."""
 
     @property
     def worst(self) -> float | None:
@@ -80,10 +75,10 @@ class Examined:
         """What may be wrong, in sentences."""
         words = list(self.file.warnings)
         if self.modes.defective:
-            groups = "; ".join(
-                ", ".join(f"{self.modes.exponents[r]:.6g}" for r in group) for group in self.modes.defective
-            )
-            words.append(f"These exponents share a shape, or nearly: {groups}. {_sentence(self.modes.outcome.value)}")
+            listed = ([f"{self.modes.exponents[r]:.6g}" for r in group] for group in self.modes.defective)
+            groups = "; ".join(", ".join(group) for group in listed)
+            why = self.modes.outcome.value
+            words.append(f"These exponents share a shape, or nearly: {groups}. {why[0].upper()}{why[1:]}.")
         if self.unchecked:
             words.append(f"Hill's method gave no second opinion: {self.unchecked}")
         elif self.hill is not None and self.difference is not None:
@@ -133,10 +128,7 @@ def print_examined(found: Examined, out: Path | None) -> None:
     _print_checks(console, found)
     for warning in found.warnings:
         console.print(f"Warning: {warning}", style="yellow")
-    if out is None:
-        console.print("Add --out DIR to keep the modes and the figures.", style="dim")
-    else:
-        console.print(f"Written to {out}/: {', '.join(FILES)}", soft_wrap=True)
+    print_files(out, FILES, "to keep the modes and the figures")
 
 
 def _print_checks(console: Console, found: Examined) -> None:
@@ -167,10 +159,7 @@ def _print_checks(console: Console, found: Examined) -> None:
 def _modes_table(found: Examined, shown: list[int]) -> Table:
     """The modes, a conjugate pair a row."""
     modes = found.modes
-    table = Table(box=None)
-    for name in ("", "Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded"):
-        table.add_column(name, justify="left" if name == "" else "right", no_wrap=True)
-    table.add_column("note", no_wrap=True)
+    table = new_table([""], ["Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded"], ["note"])
     sizes, folded = np.abs(modes.multipliers), np.abs(modes.principal().imag) / modes.fundamental
     for number, r in enumerate(shown, start=1):
         value, notes = modes.exponents[r], _notes(found, r)
@@ -206,10 +195,8 @@ def _notes(found: Examined, mode: int) -> list[str]:
 def _shapes_table(found: Examined, shown: list[int]) -> Table:
     """What each mode is made of."""
     modes, shares = found.modes, state_participation(found.modes)
-    table = Table(box=None)
-    table.add_column("", no_wrap=True)
-    table.add_column("m", no_wrap=True)
-    table.add_column("states")
+    table = new_table([""], [], ["m", "states"])
+    table.columns[1].no_wrap = True
     for number, r in enumerate(shown, start=1):
         harmonics = [
             f"{modes.harmonics[k]:+d}: {100 * modes.participation[r, k]:.3g}%".replace("+0", "0")
@@ -231,10 +218,6 @@ def _short(name: str) -> str:
     for long, short in _SHORTER.items():
         name = name.replace(long, short)
     return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
-
-
-def _sentence(words: str) -> str:
-    return f"{words[0].upper()}{words[1:]}."
 
 
 def summary_text(found: Examined) -> str:
@@ -264,7 +247,7 @@ def summary_text(found: Examined) -> str:
         "source": found.file.source,
         "warnings": list(found.warnings),
     }
-    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+    return json_text(content)
 
 
 def _azimuths(found: Examined) -> dict[str, Any]:
@@ -291,7 +274,8 @@ def _mode(modes: FloquetModes, r: int) -> dict[str, Any]:
         "exponent": _pair(modes.exponents[r]),
         "exponent_std": None,
         "principal": _pair(modes.principal()[r]),
-        "multiplier": _finite_pair(modes.multipliers[r]),
+        # One may be beyond what a number holds.
+        "multiplier": _pair(modes.multipliers[r]) if np.isfinite(modes.multipliers[r]) else None,
         "frequency_hz": float(modes.frequencies_hz[r]),
         "damping_ratio": float(modes.damping_ratios[r]),
         "harmonics": modes.harmonics[kept].tolist(),
@@ -303,20 +287,9 @@ def _pair(value: complex) -> list[float]:
     return [float(value.real), float(value.imag)]
 
 
-def _finite_pair(value: complex) -> list[float] | None:
-    """One, or null for a multiplier beyond what a number holds."""
-    return _pair(value) if np.isfinite(value) else None
-
-
 def save_modes(found: Examined, path: Path) -> None:
     """`modes.npz`: the modes as arrays."""
     modes = found.modes
     with path.open("wb") as stream:
-        np.savez(
-            stream,
-            exponents=modes.exponents,
-            coefficients=modes.coefficients,
-            harmonics=modes.harmonics,
-            period=modes.period,
-            states=np.array(found.file.states),
-        )
+        arrays = {name: getattr(modes, name) for name in ("exponents", "coefficients", "harmonics", "period")}
+        np.savez(stream, **arrays, states=np.array(found.file.states))

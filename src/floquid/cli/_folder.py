@@ -15,23 +15,30 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
 
 from floquid._checks import input_error
+from floquid.cli._terminal import json_text
+from floquid.core import Record
+from floquid.exports import summary
 from floquid.io import flush, flush_folder
+from floquid.pipeline import Analysis
 from floquid.plot import FIGURES as DRAWN
+from floquid.readers import write
+from floquid.store import save
 
-FIGURES = tuple(f"{name}.png" for name in DRAWN)
-"""The figures that there may be: some need an A(t), or a tachometer."""
+FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be: some need an A(t), or a tachometer
+RESULT = "result.h5"  # the file of an identification: figures beside it are of it
 
-RESULT = "result.h5"
-"""The file of an identification: figures beside it are of it."""
-
-LOCK = ".floquid-lock"
-"""Held while files take their names."""
+FILES = ("record.npz", RESULT, "summary.json", "settings.toml", "report.html")
+NAMES = (*FILES, *(f"figures/{name}" for name in FIGURES))  # what the files of a result are called in its folder
+LOCK = ".floquid-lock"  # held while files take their names
 
 READY, MOVING = ".floquid-ready", ".floquid-moving"
 
@@ -41,8 +48,7 @@ UNFINISHED = ".floquid-unfinished-"
 _OWNED = ".lock"
 """In an unfinished folder: held by the program that fills it, so that no other takes it for left behind."""
 
-WAIT = 60.0
-"""How long another program's moves are waited for [s]; they take milliseconds."""
+WAIT = 60.0  # how long another program's moves are waited for [s]; they take milliseconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +58,10 @@ class ResultFolder:
     path: Path
     unfinished: Path
     owned: ExitStack
+
+    def write(self, name: str, text: str) -> None:
+        """Write a text under a name in the hidden folder."""
+        (self.unfinished / name).write_text(text, encoding="utf-8")
 
     def publish(self) -> None:
         """Give all that is in the hidden folder its names, together."""
@@ -69,13 +79,7 @@ class ResultFolder:
 
 
 def settle(path: Path) -> None:
-    """Finish the moves that a killed program had begun in the folder `path`, if there are any.
-
-    Raises
-    ------
-    InputError
-        There are, and the folder cannot be written to.
-    """
+    """Finish the moves that a killed program had begun in the folder `path`, if there are any."""
     if not any((path / name).is_dir() for name in (READY, MOVING)):
         return
     try:
@@ -93,15 +97,17 @@ def result_file(path: Path) -> Path:
 
 
 @contextmanager
+def maybe_folder(path: Path | None, names: Sequence[str]) -> Iterator[ResultFolder | None]:
+    """The folder of `result_folder`, or none where none was asked for."""
+    with ExitStack() as held:
+        yield None if path is None else held.enter_context(result_folder(path, names))
+
+
+@contextmanager
 def result_folder(path: Path, names: Sequence[str]) -> Iterator[ResultFolder]:
     """The folder `path`, made if need be and tried before any long work; without a result it is left as it was.
 
-    `names` are those that files are to have in it.
-
-    Raises
-    ------
-    InputError
-        It cannot be made or written to, or something in it stands in the way of a result.
+    `names` are those that files are to have in it. Whatever stands in the way of a result is an InputError.
     """
     made: list[Path] = []
     unfinished: Path | None = None
@@ -213,3 +219,36 @@ def _words(error: OSError) -> str:
 def _unusable(path: Path, got: str) -> Exception:
     must = "be a folder that a result can be written to"
     return input_error("--out", "floquid", must, got, f"Choose another folder than {path}.")
+
+
+def write_result(
+    folder: ResultFolder,
+    analysis: Analysis,
+    settings: str,
+    report: Callable[[str], None],
+    *,
+    record: Record | None = None,
+    truth: tuple[np.ndarray, np.ndarray] | None = None,
+    others: Mapping[str, Callable[[Path], object]] = MappingProxyType({}),
+) -> None:
+    """Write the result, its summary, settings, figures and report into a folder, where they take their names together.
+
+    `others` are further files by their names in the folder, each with a function that writes it to a path.
+    """
+    from floquid.plot import save_figures
+    from floquid.reporting import report as write_report
+
+    place = folder.unfinished
+    report("writing the result")
+    if record is not None:
+        write(record, place / "record.npz")
+    save(analysis, place / RESULT)
+    folder.write("summary.json", json_text(summary(analysis)))
+    folder.write("settings.toml", settings)
+    report("drawing the figures")
+    (place / "figures").mkdir()
+    save_figures(analysis, place / "figures", truth=truth)
+    write_report(analysis, place / "report.html", truth=None if analysis.state is None else truth, progress=report)
+    for name, make in others.items():
+        make(place / name)
+    folder.publish()

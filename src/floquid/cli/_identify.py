@@ -1,24 +1,36 @@
-"""`floquid identify`: from files to exponents, shapes and A(t)."""
+"""`floquid identify`: from files to exponents, shapes and A(t); `floquid report`: the page of a saved result again."""
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+import sys
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
-from floquid.cli._folder import result_folder
-from floquid.cli._options import Debug, Format, OutputFolder, RecordFiles, SettingsFile, Verbose
-from floquid.cli._output import NAMES, print_json, write_result
-from floquid.cli._progress import progress
+from floquid.cli._folder import NAMES, maybe_folder, result_file, write_result
+from floquid.cli._options import (
+    Debug,
+    Flag,
+    Format,
+    ModelOptions,
+    OutputFolder,
+    RecordFiles,
+    RecordOptions,
+    Saved,
+    SettingsFile,
+    Verbose,
+    given,
+)
 from floquid.cli._records import check_files, read_records
-from floquid.cli._setting_options import ModelOptions, RecordOptions, given
-from floquid.cli._settings import Choices, load_choices
-from floquid.cli._terminal import print_analysis, print_folder
+from floquid.cli._settings import choices_of
+from floquid.cli._terminal import json_text, print_analysis, print_folder, progress, terminal
 from floquid.errors import IdentificationError
+from floquid.exports import summary
 from floquid.pipeline import identify as identify_records
+from floquid.reporting import report as write_report
+from floquid.store import load
 
 OF = "floquid identify"
 STAGES = 10
@@ -28,7 +40,7 @@ def identify(
     *files: RecordFiles,
     record: RecordOptions | None = None,
     model: ModelOptions | None = None,
-    enforce: Annotated[bool, Parameter(negative="", show_default=False, group="Checks")] = False,
+    enforce: Annotated[bool, Flag, Parameter(group="Checks")] = False,
     out: OutputFolder = None,
     format: Format = "text",  # noqa: A002
     settings: SettingsFile = None,
@@ -54,29 +66,22 @@ def identify(
         A settings.toml written by an earlier run; options given here come first.
     verbose
         Print the reasons too: the noise of each channel, why the order is what it is, what the columns are.
-    debug
-        Show the traceback of an error.
     """
     del debug
     check_files(files, OF)
-    choices = (Choices() if settings is None else load_choices(settings)).with_given(
-        **given(record, OF), **given(model, OF)
-    )
+    choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
     if enforce and not choices.settings.validate:
         must, got = "come with the checks of the model", "they are switched off"
-        raise input_error(
-            "--enforce", OF, must, got, "Leave out --no-validate, and `validate = false` in the settings."
-        )
-    with (
-        nullcontext() if out is None else result_folder(out, NAMES) as folder,
-        progress(STAGES + (5 if out else 0) + (3 if choices.settings.structure else 0)) as report,
-    ):
+        remedy = "Leave out --no-validate, and `validate = false` in the settings."
+        raise input_error("--enforce", OF, must, got, remedy)
+    stages = STAGES + (5 if out else 0) + (3 if choices.settings.structure else 0)
+    with maybe_folder(out, NAMES) as folder, progress(stages) as report:
         records, choices = read_records(files, choices, OF, report)
         analysis = identify_records(records, choices.resolved(), report=report)
         if folder is not None:
             write_result(folder, analysis, choices.text(), report)
     if format == "json":
-        print_json(analysis)
+        sys.stdout.write(json_text(summary(analysis)))
     else:
         print_analysis(analysis, verbose=verbose)
         print_folder(out)
@@ -85,3 +90,22 @@ def identify(
     if enforce and analysis.validation is not None and not analysis.validation.passed:
         reasons = analysis.validation.reasons or analysis.validation.unmet
         raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *reasons]))
+
+
+def report(result: Saved, *, out: OutputFolder = None, title: str | None = None, debug: Debug = False) -> None:
+    """Write the report of a saved result: one HTML page that opens in any browser, without a network.
+
+    Parameters
+    ----------
+    out
+        The page, ending in .html; report.html beside the result when not given.
+    title
+        The heading of the page; the names of the records when not given.
+    """
+    del debug
+    file = result_file(result)
+    page = file.parent / "report.html" if out is None else out
+    with progress(3) as stage:
+        stage("reading the result")
+        write_report(load(file), page, title=title, progress=stage)
+    terminal().print(f"Written: {page}", soft_wrap=True)

@@ -1,14 +1,23 @@
-"""The kinds of words that options take, stricter than the parser's own."""
+"""The kinds of words that options take, stricter than the parser's own, and the options that are fields of `Settings`.
+
+The names, words and kinds of the latter are written in `Settings`.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import fields, make_dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import Group, Parameter, Token
 
+from floquid._checks import input_error, positive
+from floquid.cli._settings import IdentifierName
+from floquid.pipeline import Settings
 from floquid.readers import SUFFIXES, WRITTEN
+from floquid.reconstruction import Form
 
 
 def whole_number(_type: Any, tokens: Sequence[Token]) -> int:
@@ -35,25 +44,122 @@ Whole = Annotated[int, Parameter(converter=whole_number)]
 OptionalWhole = Annotated[int | None, Parameter(converter=whole_number)]
 Place = Annotated[Path, Parameter(converter=_path)]
 RecordFile = Annotated[Path, Parameter(converter=_path, help=f"The record: {SUFFIXES}.")]
-RecordFiles = Annotated[
-    Path,
-    Parameter(
-        converter=_path,
-        help=f"Records of free responses: {SUFFIXES}. Several files are several hits on one system.",
-    ),
-]
+FREE = f"Records of free responses: {SUFFIXES}. Several files are several hits on one system."
+RecordFiles = Annotated[Path, Parameter(converter=_path, help=FREE)]
 NewRecordFile = Annotated[
     Path, Parameter(converter=_path, help=f"The file to write; its suffix chooses the format: {WRITTEN}.")
 ]
-OptionalPlace = Annotated[Path | None, Parameter(converter=_path)]
 OUTPUT = Group("Output", sort_key=9)
-Verbose = Annotated[bool, Parameter(negative="", show_default=False, group=OUTPUT)]
-Debug = Annotated[bool, Parameter(negative="", show_default=False, group=OUTPUT)]
+Flag = Parameter(negative="", show_default=False)
+Verbose = Annotated[bool, Flag, Parameter(group=OUTPUT)]
+Debug = Annotated[bool, Flag, Parameter(group=OUTPUT, help="Show the traceback of an error.")]
 Format = Annotated[Literal["text", "json"], Parameter(group=OUTPUT)]
 OutputFolder = Annotated[Path | None, Parameter(converter=_path, group=OUTPUT)]
-SettingsFile = Annotated[Path | None, Parameter(converter=_path, group=OUTPUT)]
+SettingsFile = OutputFolder
+_SAVED = "A result.h5 that `floquid identify --out DIR` wrote, or the folder that it is in."
+Saved = Annotated[Path, Parameter(converter=_path, help=_SAVED)]
+Periods = Annotated[int, Parameter(converter=whole_number, help="The length of the record, in periods of the system.")]
+Seed = Annotated[int, Parameter(converter=whole_number, help="The seed of the noise.")]
+_NOISE = "Standard deviation of white noise, as a share of the largest free response of each channel: 0.02 is 2 %."
+Noise = Annotated[float, Parameter(help=_NOISE)]
+Rate = Annotated[float | None, Parameter(help="The sampling rate [Hz], overriding what the file says.")]
+_FREQUENCY = "The fundamental frequency [Hz], one over the period; instead of --period."
+Frequency = Annotated[float | None, Parameter(help=_FREQUENCY)]
 
 
 def split(text: str) -> tuple[str, ...]:
     """A comma-separated list."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def period_of(period: float | None, frequency: float | None, of: str) -> float | None:
+    """The period [s], whichever of the two was given."""
+    if period is not None and frequency is not None:
+        raise input_error("--frequency", of, "not be given beside --period", "both are given", "Give one of them.")
+    if frequency is None:
+        return period
+    return positive(1.0 / positive(frequency, "--frequency", of, unit="Hz"), "period", "Settings", unit="s")
+
+
+NAMES = {"pulses_per_revolution": "pulses_per_rev", "periods_per_revolution": "periods_per_rev"}
+"""Settings that have shorter names here."""
+
+RECORDS = (  # the settings that say what records are taken for: those of every command that starts from records
+    *("period", "tach", "azimuth", "estimate_period", "pulses_per_revolution", "periods_per_revolution"),
+    *("channels", "orbit", "find_hits", "skip", "forced", "trust_period", "noise_floor"),
+)
+
+SYSTEM = ("states", "form", "delay", "structure", "output_error", "system_times")
+CHECKS = ("validate",)
+MODEL = tuple(f.name for f in fields(Settings) if f.name not in (*RECORDS, *SYSTEM, *CHECKS))
+
+READING = {  # what is said of records beside the settings
+    "frequency": (float, _FREQUENCY),
+    "origin": (float, "The time of phase zero [s]; 0 if not given."),
+    "rate": (float, "The sampling rate [Hz], overriding what the files say."),
+}
+
+RECORD = "Record"
+ORDER = (RECORD, "Model", "State matrix A(t)", "Checks")  # the groups of options, in the order of the help
+
+KINDS: dict[str, Any] = {"form": Form, "identifier": IdentifierName}
+
+
+def _words() -> dict[str, str]:
+    """The first sentence on each setting."""
+    found = re.findall(r"^    (\w+)\n((?: {8}.+\n)+)", str(Settings.__doc__), re.MULTILINE)
+    texts = {name: re.sub(r"\s+", " ", text.replace("`", "")).strip() for name, text in found}
+    return {name: re.split(r"(?<=\.)\s(?=[A-Z\"\d])", text)[0] for name, text in texts.items()}
+
+
+def _option(name: str, kind: Any, words: str, default: Any, group: Group) -> tuple[str, Any, None]:
+    """One option, None where it is not given."""
+    words += " Comma-separated." if default == () else ""
+    more: dict[str, Any] = {"help": words, "group": group}
+    if kind is int:
+        more["converter"] = whole_number
+    if kind is bool and default is False:
+        more["negative"] = ()
+    elif kind is not bool and default not in (None, (), "", 0.0):
+        more["help"] = f"{words} [default: {default:g}]" if kind in (int, float) else f"{words} [default: {default}]"
+    return NAMES.get(name, name), Annotated[kind | None, Parameter(**more)], None
+
+
+def _options(title: str, *groups: tuple[str, tuple[str, ...]]) -> type:
+    """A class of options, those of each group together."""
+    words, own = _words(), {f.name: f for f in fields(Settings)}
+    found = []
+    for label, names in groups:
+        group = Group(label, sort_key=ORDER.index(label))
+        for name in names:
+            kind = KINDS.get(
+                name, {"int": int, "float": float, "bool": bool}.get(str(own[name].type).split(" |")[0], str)
+            )
+            found.append(_option(name, kind, words.get(name, ""), own[name].default, group))
+        if label == RECORD:
+            found += [_option(name, kind, text, None, group) for name, (kind, text) in READING.items()]
+    made = make_dataclass(title, [(name, kind, default) for name, kind, default in found], frozen=True, kw_only=True)
+    made.__module__ = __name__
+    return Parameter(name="*")(made)
+
+
+def given(options: object, of: str) -> dict[str, Any]:
+    """The fields of `Choices` that were said, by name, with options of one of the classes here; `of` the command."""
+    if options is None:
+        return {}
+    long = {short: name for name, short in NAMES.items()}
+    said = {long.get(f.name, f.name): getattr(options, f.name) for f in fields(options)}  # type: ignore[arg-type]
+    if "frequency" in said:
+        said["period"] = period_of(said["period"], said.pop("frequency"), of)
+    for name in ("channels", "states"):
+        if said.get(name) is not None:
+            said[name] = split(said[name])
+    return {name: value for name, value in said.items() if value is not None}
+
+
+if TYPE_CHECKING:
+    RecordOptions: TypeAlias = Any
+    ModelOptions: TypeAlias = Any
+else:
+    RecordOptions = _options("RecordOptions", (RECORD, RECORDS))
+    ModelOptions = _options("ModelOptions", ("Model", MODEL), ("State matrix A(t)", SYSTEM), ("Checks", CHECKS))

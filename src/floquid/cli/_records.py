@@ -1,15 +1,32 @@
-"""The records that a command was given, as `identify` and `scan` read them."""
+"""Records as commands are given them; `floquid info`: what is in a file; `floquid convert`: to another format."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
-from floquid._checks import input_error, positive
-from floquid.cli._info import best_option
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.cli._folder import result_file
+from floquid.cli._options import Debug, Frequency, NewRecordFile, Rate, RecordFile, period_of, split
 from floquid.cli._settings import Choices
+from floquid.cli._terminal import counted, new_table, progress, terminal
 from floquid.core import Record
-from floquid.readers import describe_file, read
+from floquid.errors import InputError
+from floquid.exports import MODE_FORMATS, export_modes
+from floquid.io import attribute
+from floquid.readers import ClockCandidate, FileSummary, describe_file, read, write
+from floquid.store import load
+from floquid.views import upper_modes
+
+OF = "floquid convert"
+
+_OPTIONS = {"pulses": "--tach", "azimuth": "--azimuth"}
+"""The option of `identify` that takes a clock, by its kind; a period needs none."""
 
 
 def check_files(files: Sequence[Path], of: str) -> None:
@@ -21,23 +38,10 @@ def check_files(files: Sequence[Path], of: str) -> None:
     for file in files:
         place = file.resolve()
         if place in seen:
-            raise input_error(
-                "FILES",
-                of,
-                "name each record once",
-                f"{seen[place]} is given twice" if file == seen[place] else f"{seen[place]} and {file} are one file",
-                "A record counted twice would halve its variance, and nothing more would be known.",
-            )
+            got = f"{seen[place]} is given twice" if file == seen[place] else f"{seen[place]} and {file} are one file"
+            remedy = "A record counted twice would halve its variance, and nothing more would be known."
+            raise input_error("FILES", of, "name each record once", got, remedy)
         seen[place] = file
-
-
-def period_of(period: float | None, frequency: float | None, of: str) -> float | None:
-    """The period [s], whichever of the two was given."""
-    if period is not None and frequency is not None:
-        raise input_error("--frequency", of, "not be given beside --period", "both are given", "Give one of them.")
-    if frequency is None:
-        return period
-    return positive(1.0 / positive(frequency, "--frequency", of, unit="Hz"), "period", "Settings", unit="s")
 
 
 def read_records(
@@ -49,13 +53,7 @@ def read_records(
     named = (*chosen.channels, *(name for name in signals if name not in chosen.channels)) if chosen.channels else None
     for file in files:
         report(f"reading {file.name}")
-        record = read(
-            file,
-            period=chosen.period,
-            rate=choices.rate,
-            channels=named,
-            origin=choices.origin,
-        )
+        record = read(file, period=chosen.period, rate=choices.rate, channels=named, origin=choices.origin)
         if record.clock is None and not signals and not chosen.estimate_period:
             raise input_error(
                 "--period",
@@ -74,5 +72,192 @@ def read_records(
 
 def _likely(file: Path, rate: float | None) -> str:
     """The option for the clock that the file seems to hold, in a sentence; empty if there is none."""
-    option = best_option(describe_file(file, rate=rate).clock_candidates)
+    option = _best_option(describe_file(file, rate=rate).clock_candidates)
     return f"\n  This file seems to have one: {option}" if option else ""
+
+
+def info(file: RecordFile, /, *, channels: str | None = None, rate: Rate = None, debug: Debug = False) -> None:
+    """Show what is in a record file: channels, units, rate, candidates for the clock, and what to type next.
+
+    Parameters
+    ----------
+    file
+        The record.
+    channels
+        The channels to show, comma-separated; all when not given.
+    """
+    del debug
+    found = describe_file(file, rate=rate, channels=None if channels is None else split(channels))
+    _print_summary(found)
+    given = "" if channels is None else f" --channels {shlex.quote(channels)}"
+    given += "" if rate is None else f" --rate {rate:.17g}"
+    terminal().print(_next_command(found, given), soft_wrap=True)
+
+
+def _print_summary(found: FileSummary) -> None:
+    """Print what is in a file."""
+    console = terminal()
+    rate = "rate unknown" if found.sample_rate is None else f"{found.sample_rate:.10g} Hz"
+    length = "" if found.duration is None else f", {found.duration:.6g} s"
+    console.print(
+        f"{found.path}: {found.format}, {counted(len(found.channels), 'channel')}, "
+        f"{counted(found.n_samples, 'sample')}, {rate}{length}",
+        soft_wrap=True,
+    )
+    table = new_table(["channel", "quantity", "unit"], ["min", "max", "std", "missing"])
+    for c in found.channels:
+        numbers = [("-" if value is None else f"{value:.4g}") for value in (c.minimum, c.maximum, c.std)]
+        table.add_row(c.name, str(c.quantity), c.unit, *numbers, str(c.n_missing) if c.n_missing else "-")
+    console.print(table)
+    for note in found.notes:
+        console.print(f"Note: {note}")
+    for candidate in found.clock_candidates:
+        option = _option_of(candidate)
+        console.print(f"Clock candidate: {candidate.name}: {candidate.why}{f' ({option})' if option else ''}")
+    if found.period is not None:
+        console.print(f"The file states a period of {found.period:.12g} s.")
+    elif not found.clock_candidates:
+        console.print("No candidate for a clock: give the period with --period or --frequency.", style="dim")
+
+
+def _option_of(candidate: ClockCandidate) -> str:
+    """The option of `identify` that takes this clock, as it is typed."""
+    option = _OPTIONS.get(candidate.kind)
+    return f"{option} {shlex.quote(candidate.name)}" if option else ""
+
+
+def _best_option(candidates: tuple[ClockCandidate, ...]) -> str | None:
+    """The option for the likeliest clock, empty where the file states a period; None if there is no clock."""
+    usable = [candidate for candidate in candidates if candidate.kind != "speed"]
+    usable.sort(key=lambda c: (c.kind != "period", not c.is_sure, c.kind != "azimuth"))
+    return _option_of(usable[0]) if usable else None
+
+
+def _next_command(found: FileSummary, given: str) -> str:
+    """The command to type after this one; `given` are the options that were typed."""
+    path = shlex.quote(found.path)
+    if found.sample_rate is None:
+        return f"Next, with the true rate: floquid info {path}{given} --rate 1000"
+    best = _best_option(found.clock_candidates)
+    if best is None:
+        return f"Next, with the true period: floquid identify {path}{given} --period 0.02"
+    return f"Next: floquid identify {path}{given}{f' {best}' if best else ''}"
+
+
+def convert(
+    file: RecordFile,
+    out: NewRecordFile,
+    /,
+    *,
+    channels: str | None = None,
+    rate: Rate = None,
+    period: float | None = None,
+    frequency: Frequency = None,
+    origin: float = 0.0,
+    debug: Debug = False,
+) -> None:
+    """Write a record in another format, and say what that format could not hold; or the modes of a result.
+
+    Of a result.h5, or of the folder that it is in, the modes are written for other programs: OUT ends in .uff, .unv,
+    .mat, .csv or .json then, and there are no options.
+
+    Parameters
+    ----------
+    file
+        The record, or the result.
+    out
+        The file to write: its suffix chooses the format.
+    channels
+        The channels to keep, comma-separated, in that order; all when not given.
+    period
+        The period of the system [s], to be kept with the record.
+    origin
+        The time of phase zero [s].
+    """
+    del debug
+    _refuse_same(file, out)
+    if file.is_dir() or _is_result(file):
+        options = {"channels": channels, "rate": rate, "period": period, "frequency": frequency}
+        _convert_modes(file, out, options | {"origin": origin or None})
+        return
+    with progress(3) as report:
+        report(f"reading {file.name}")
+        named = None if channels is None else split(channels)
+        record = read(file, rate=rate, period=period_of(period, frequency, OF), channels=named, origin=origin)
+        report(f"writing {out.name}")
+        _write(record, out)
+        report("reading it back")
+        lost = differences(record, read(out))
+    console = terminal()
+    console.print(
+        f"Written to {out}: {counted(record.n_channels, 'channel')}, {counted(record.n_samples, 'sample')} at "
+        f"{record.sample_rate:.10g} Hz.",
+        soft_wrap=True,
+    )
+    for words in lost:
+        console.print(f"Not kept: {words}.", soft_wrap=True)
+
+
+def _refuse_same(file: Path, out: Path) -> None:
+    with suppress(OSError):
+        if out.resolve() == file.resolve() or out.samefile(file):
+            got = f"{out} is the file that is read"
+            raise input_error("OUT", OF, "be another file", got, "Give the new file a name of its own.")
+
+
+def _is_result(file: Path) -> bool:
+    """Whether it is a file that `identify` wrote."""
+    import h5py
+
+    if file.suffix.lower() not in (".h5", ".hdf5"):
+        return False
+    try:
+        with h5py.File(file, "r") as stored:
+            return attribute(stored, "format") == "floquid-result"
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError):
+        return False  # whatever it is, the reader will say what is wrong with it
+
+
+def _write(record: Record, out: Path) -> None:
+    try:
+        write(record, out)
+    except InputError as error:  # the path of `write` is an option elsewhere, and OUT here
+        raise InputError(str(error).replace("`path` of `write`", f"`OUT` of `{OF}`")) from None
+
+
+def differences(record: Record, found: Record) -> list[str]:
+    """In words, what of `record` is not in `found`, which was read from the file that it was written to."""
+    pairs = {
+        "every sample as it was": _same(record.values, found.values),
+        f"the rate of {record.sample_rate!r} Hz": record.sample_rate == found.sample_rate,
+        f"the start at {record.start!r} s": record.start == found.start,
+        "the words on the channels (names, units, places)": record.channels == found.channels,
+        "the clock": record.clock == found.clock,
+        "the orbit": _same(record.orbit, found.orbit),
+    }
+    return [words for words, kept in pairs.items() if not kept]
+
+
+def _same(one: NDArray[np.float64] | None, other: NDArray[np.float64] | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return np.array_equal(one, other, equal_nan=True)
+
+
+def _convert_modes(result: Path, out: Path, options: Mapping[str, object]) -> None:
+    """Write the modes of a result, a file or the folder that it is in; `options` are those of records."""
+    given = [name for name, value in options.items() if value is not None]
+    if given:
+        got, remedy = f"{result} is a result of `floquid identify`", "Leave the option out: modes have all of it."
+        raise input_error(f"--{given[0]}", OF, "come with a record", got, remedy)
+    if out.suffix.lower() not in MODE_FORMATS:
+        remedy = f"Use one of {', '.join(MODE_FORMATS)}."
+        raise input_error("OUT", OF, "have a suffix that modes can be written to", f"is {out}", remedy)
+    with progress(2) as report:
+        report("reading the result")
+        analysis = load(result_file(result))
+        report(f"writing {out.name}")
+        export_modes(analysis, out)
+    model = analysis.model
+    modes, harmonics = counted(len(upper_modes(model)), "mode"), counted(len(model.harmonics), "harmonic")
+    terminal().print(f"Written to {out}: {modes}, of {harmonics}.", soft_wrap=True)

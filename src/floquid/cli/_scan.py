@@ -4,26 +4,69 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
 
 from floquid._checks import input_error
-from floquid.cli._folder import ResultFolder, result_folder
-from floquid.cli._options import Debug, Format, OptionalWhole, OutputFolder, RecordFiles, SettingsFile, split
-from floquid.cli._progress import progress
+from floquid.cli._folder import ResultFolder, maybe_folder
+from floquid.cli._options import (
+    RECORDS,
+    Debug,
+    Format,
+    OptionalWhole,
+    OutputFolder,
+    RecordFiles,
+    RecordOptions,
+    SettingsFile,
+    given,
+    split,
+)
 from floquid.cli._records import check_files, read_records
-from floquid.cli._scan_output import FILES, Scanned, print_scan, scan_text
-from floquid.cli._setting_options import RECORDS, RecordOptions, given
-from floquid.cli._settings import Choices, IdentifierName, load_choices
-from floquid.order import OrderScan
+from floquid.cli._settings import Choices, IdentifierName, choices_of
+from floquid.cli._terminal import (
+    counted,
+    json_text,
+    new_table,
+    print_files,
+    print_title,
+    print_whitening,
+    progress,
+    terminal,
+)
+from floquid.lifting import Lifted
+from floquid.lti import ModalModel, Outcome
+from floquid.order import OrderScan, Stability
 from floquid.order import scan as scan_orders
-from floquid.pipeline import Settings, lifted, prepare
+from floquid.pipeline import Prepared, Settings, blas_threads, lifted, prepare
 
 OF = "floquid scan"
 STAGES = 8
 
-HIGHEST = 10_000
-"""The highest order that is looked at in a list: what lies beyond is a slip of the keyboard."""
+HIGHEST = 10_000  # the highest order that is looked at in a list: what lies beyond is a slip of the keyboard
+
+FILES = ("scan.json", "figures/stabilisation.png", "figures/indicators.png")
+
+LEGEND = (
+    "stable: poles that agree with one of the order before in frequency, damping and shape; left: share of the sum of "
+    "squares that the poles do not explain; misfit: the same over what white noise of the size found would "
+    "leave, 1 for a right model; ΔAIC, ΔBIC: two criteria that weigh misfit against the number of parameters, above "
+    "their lowest value (*). "
+    "True poles stay stable from some order on, and there the misfit comes to rest near 1."
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scanned:
+    """What a scan gives: the records as used, their lifted responses, and the models over the orders."""
+
+    prepared: Prepared
+    lifted: Lifted
+    found: OrderScan
 
 
 def scan(
@@ -59,28 +102,21 @@ def scan(
         text prints a table; json prints scan.json alone.
     settings
         A settings.toml written by `floquid identify`; options given here come first.
-    debug
-        Show the traceback of an error.
     """
     del debug
     check_files(files, OF)
     listed = _orders(orders, most)
-    choices = (Choices() if settings is None else load_choices(settings)).with_given(
-        **given(record, OF),
-        identifier=identifier,
-    )
-    with (
-        nullcontext() if out is None else result_folder(out, FILES) as folder,
-        progress(STAGES + len(files) + (2 if out else 0)) as report,
-    ):
+    choices = choices_of(settings).with_given(**given(record, OF), identifier=identifier)
+    stages = STAGES + len(files) + (2 if out else 0)
+    with maybe_folder(out, FILES) as folder, progress(stages) as report:
         scanned = _scanned(files, choices, listed, "--most" if orders is None else "--orders", report)
-        text = scan_text(scanned, choices)
+        text = _scan_text(scanned, choices)
         if folder is not None:
             _write(folder, scanned.found, text, report)
     if format == "json":
         sys.stdout.write(text)
         return
-    print_scan(scanned, choices.identifier or "era", out)
+    _print_scan(scanned, choices.identifier or "era", out)
 
 
 def _scanned(
@@ -91,8 +127,6 @@ def _scanned(
     report: Callable[[str], None],
 ) -> Scanned:
     """The records prepared as `floquid identify` does, their lifted responses, and the scan of the orders."""
-    from threadpoolctl import threadpool_limits
-
     records, choices = read_records(files, choices, OF, report)
     chosen = choices.resolved()
     settings = Settings(**{name: getattr(chosen, name) for name in RECORDS})
@@ -102,9 +136,7 @@ def _scanned(
     if orders and orders[-1] >= samples:
         must, got = f"be less than the {samples} periods of the record", f"goes up to {orders[-1]}"
         raise input_error(option, OF, must, got, "Ask for lower orders, or record longer.")
-    # Thousands of small matrices: threads inside BLAS would wait for each other.
-    few = responses.responses.values.size < 2e7
-    with threadpool_limits(limits=1 if few else None, user_api="blas"):
+    with blas_threads([responses.responses]):
         found = scan_orders(responses.responses, chosen.identifier, orders, report=report)
     return Scanned(prepared=prepared, lifted=responses, found=found)
 
@@ -143,8 +175,112 @@ def _write(folder: ResultFolder, found: OrderScan, text: str, report: Callable[[
 
     report("writing the scan")
     (folder.unfinished / "figures").mkdir()
-    (folder.unfinished / "scan.json").write_text(text, encoding="utf-8")
+    folder.write("scan.json", text)
     report("drawing the figures")
     save_figure(stabilisation(found), folder.unfinished / "figures" / "stabilisation.png")
     save_figure(indicators(found.indicators), folder.unfinished / "figures" / "indicators.png")
     folder.publish()
+
+
+def _print_scan(scanned: Scanned, identifier: str, out: Path | None) -> None:
+    """The record, the table of orders, and where the figures are."""
+    console, lifted, found = terminal(), scanned.lifted, scanned.found
+    cycles = ", ".join(str(length) for length in lifted.responses.lengths)
+    console.print(
+        f"{counted(lifted.n_hits, 'record')}, {counted(lifted.n_channels, 'channel')}; period {lifted.period:.8g} s: "
+        f"{counted(lifted.n_phases, 'sample')} a period, {cycles} periods"
+        f"{'' if lifted.whitening is None else ' after a filter that takes one'}."
+    )
+    for step in lifted.provenance.steps:
+        console.print(f"  {step}", style="dim")
+    for sentence in scanned.prepared.findings:
+        console.print(f"  {sentence}")
+    for fault in scanned.prepared.faults:
+        console.print(f"Warning: {fault}", style="yellow")
+    print_whitening(console, lifted)
+    print_title(console, f"Orders by {identifier.upper()}, conjugate poles counted one by one")
+    console.print(_table(found))
+    console.print(LEGEND, style="dim")
+    seen = found.indicators
+    last = f"{counted(seen.n_above, 'singular value')} of the responses above white noise"
+    console.print(f"{last}: at least so many poles, if the noise is white.")
+    print_files(out, FILES, "for the stabilisation diagram, the mode indicators and scan.json")
+
+
+def _table(found: OrderScan) -> Table:
+    """An order a row."""
+    table = new_table([], ["order", "stable", "left [%]", "misfit", "ΔAIC", "ΔBIC"], ["note"])
+    criteria = found.criteria
+    aic, bic = _above_least(criteria.aic), _above_least(criteria.bic)
+    for number, (order, model) in enumerate(zip(found.orders, found.models, strict=True)):
+        reached = model.outcome is Outcome.SUCCESS
+        table.add_row(
+            str(order),
+            str(found.n_stable[number]) if reached else "-",
+            f"{100 * criteria.left[number]:.4g}",
+            f"{criteria.misfit[number]:.5g}",
+            aic[number],
+            bic[number],
+            "" if reached else f"not reached: {counted(model.order, 'pole')}",
+        )
+    return table
+
+
+def _above_least(values: NDArray[np.float64]) -> list[str]:
+    """Each value above the least, which has a star."""
+    above = values - values.min()
+    return [f"{value:.4g}" if value else "0 *" for value in above]
+
+
+def _scan_text(scanned: Scanned, choices: Choices) -> str:
+    """`scan.json` as text."""
+    lifted, found = scanned.lifted, scanned.found
+    criteria, seen, tolerances = found.criteria, found.indicators, found.tolerances
+    content = {
+        "format": "floquid-scan/1",
+        "period": lifted.period,
+        "n_cycles": [int(length) for length in lifted.responses.lengths],
+        "n_phases": lifted.n_phases,
+        "noise_whitening": None if lifted.whitening is None else lifted.whitening.tolist(),
+        "channels": [channel.name for channel in lifted.channels],
+        "synchronisation": list(scanned.prepared.findings),
+        "warnings": list(scanned.prepared.faults),
+        "identifier": choices.identifier or "era",
+        "tolerances": {name: getattr(tolerances, name) for name in ("frequency", "damping", "decay", "shape")},
+        "orders": [
+            {
+                "order": order,
+                "reached": model.outcome is Outcome.SUCCESS,
+                "outcome": model.outcome.name,
+                "n_stable": int(found.n_stable[number]),
+                **{name: _number(getattr(criteria, name)[number]) for name in ("cost", "left", "misfit", "aic", "bic")},
+                "poles": _poles(model, found.stable[number]),
+            }
+            for number, (order, model) in enumerate(zip(found.orders, found.models, strict=True))
+        ],
+        "indicators": {
+            "singular_values": [_number(value) for value in seen.singular_values[: 2 * max(found.orders)]],
+            "noise_edge": seen.noise_edge,
+            "n_above": seen.n_above,
+            "delays": seen.delays,
+        },
+    }
+    return json_text(content)
+
+
+def _poles(model: ModalModel, levels: NDArray[np.int64]) -> list[dict[str, Any]]:
+    """Every pole of a model: its multiplier, principal pole [1/s], folded frequency [Hz] and stability."""
+    return [
+        {
+            "multiplier": [float(mu.real), float(mu.imag)],
+            "pole": [_number(pole.real), _number(pole.imag)],
+            "frequency_hz": float(abs(np.angle(mu)) / (2.0 * np.pi * model.dt)),
+            "stability": Stability(int(level)).name.lower(),
+        }
+        for mu, pole, level in zip(model.multipliers, model.poles, levels, strict=True)
+    ]
+
+
+def _number(value: float) -> float | None:
+    """A number, or null for what JSON cannot hold."""
+    return float(value) if np.isfinite(value) else None

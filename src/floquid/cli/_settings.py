@@ -28,30 +28,17 @@ IDENTIFIERS: dict[str, Callable[[float], AbstractIdentifier]] = {
 }
 """The algorithms by their names on the command line, given the probability at which noise may pass for a mode."""
 
-READING = ("rate", "origin", "identifier")
-"""The choices that are not settings as they stand."""
+READING = ("rate", "origin", "identifier")  # the choices that are not settings as they stand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choices:
-    """The settings of the identification, and how the files are read.
-
-    Parameters
-    ----------
-    settings
-        The options of `floquid.identify`.
-    rate
-        The sampling rate [Hz], overriding what the files say; None for theirs.
-    origin
-        The time of phase zero [s].
-    identifier
-        The name of the algorithm that finds the poles, one of `IDENTIFIERS`; None for the usual one.
-    """
+    """The settings of the identification, and how the files are read."""
 
     settings: Settings = field(default_factory=Settings)
-    rate: float | None = None
-    origin: float = 0.0
-    identifier: IdentifierName | None = None
+    rate: float | None = None  # the sampling rate [Hz], overriding what the files say; None for theirs
+    origin: float = 0.0  # the time of phase zero [s]
+    identifier: IdentifierName | None = None  # the algorithm that finds the poles; None for the usual one
 
     def resolved(self) -> Settings:
         """The settings with the algorithm that was named."""
@@ -75,14 +62,13 @@ class Choices:
         return tomli_w.dumps({name: value for name, value in lists.items() if value is not None})
 
 
-def load_choices(file: Path) -> Choices:
-    """The choices of a TOML file.
+def choices_of(file: Path | None) -> Choices:
+    """The choices of a TOML file, or the usual ones where there is no file."""
+    return Choices() if file is None else load_choices(file)
 
-    Raises
-    ------
-    InputError
-        The file cannot be read, or holds what is not a setting.
-    """
+
+def load_choices(file: Path) -> Choices:
+    """The choices of a TOML file; an InputError where it cannot be read, or holds what is not a setting."""
     import tomllib
 
     of = "floquid identify"

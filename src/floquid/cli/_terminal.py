@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +14,7 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 
+from floquid._bar import lines
 from floquid.lifting import Lifted
 from floquid.periodic import participation
 from floquid.pipeline import Analysis
@@ -35,16 +40,38 @@ NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does
 FAILS = "there are no standard deviations, since the model fails"
 NOISE = "White noise found, standard deviation"
 LEFT = "What the model leaves, noise and all, standard deviation"
-MOST_DONE = 5
-"""Sentences on what was done with the record that are printed without `--verbose`."""
-
-RARE = 0.01
-"""The probability of a structure's misfit below which it is told that chance seldom leaves as much."""
+MOST_DONE = 5  # sentences on what was done with the record that are printed without `--verbose`
+RARE = 0.01  # the probability of a structure's misfit below which it is told that chance seldom leaves as much
 
 
 def terminal(*, stderr: bool = False) -> Console:
     """A console that prints names and units as they are: brackets are no markup, colons no emoji."""
     return Console(stderr=stderr, markup=False, emoji=False, highlight=False)
+
+
+def new_table(left: Sequence[str], right: Sequence[str], after: Sequence[str] = ()) -> Table:
+    """A table of columns of words, of numbers, and of words again."""
+    table = Table(box=None)
+    for name in left:
+        table.add_column(name)
+    for name in right:
+        table.add_column(name, justify="right", no_wrap=True)
+    for name in after:
+        table.add_column(name)
+    return table
+
+
+def json_text(content: Any) -> str:
+    """What a program reads."""
+    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+
+
+def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
+    """Where the files are, or how to keep what there is."""
+    if folder is None:
+        terminal().print(f"Add --out DIR {kept}.", style="dim")
+    else:
+        terminal().print(f"Written to {folder}/: {', '.join(names)}", soft_wrap=True)
 
 
 def print_analysis(analysis: Analysis, *, verbose: bool = False) -> None:
@@ -103,7 +130,7 @@ def _print_reasons(console: Console, analysis: Analysis) -> None:
 def print_folder(folder: Path | None, *others: str) -> None:
     """Where the result is, or how to keep it."""
     if folder is None:
-        terminal().print("Add --out DIR to keep the result, the figures and a report for the browser.", style="dim")
+        print_files(None, (), "to keep the result, the figures and a report for the browser")
         return
     names = ", ".join([*others, "result.h5", "summary.json", "settings.toml", "figures/"])
     terminal().print(f"Written to {folder}/: open report.html in a browser.", soft_wrap=True)
@@ -146,11 +173,7 @@ def _noise_table(analysis: Analysis) -> Table:
     peaks = np.array([np.abs(hit.values).max(axis=(1, 2)) for hit in analysis.cycles]).T
     several = noise.shape[1]
     titles = {1: ["noise"], 2: ["hit 1", "hit 2"]}.get(several, [f"least of {several} hits", "most"])
-    table = Table(box=None)
-    table.add_column("channel")
-    for title in titles:
-        table.add_column(title, justify="right")
-        table.add_column("of the peak", justify="right")
+    table = new_table(["channel"], [name for title in titles for name in (title, "of the peak")])
     for channel, own, peak in zip(analysis.model.channels, noise, peaks, strict=True):
         shown = range(several) if several <= 2 else (int(np.argmin(own / peak)), int(np.argmax(own / peak)))
         unit = f" {channel.unit}" if channel.unit != "-" else ""
@@ -172,12 +195,9 @@ def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
     """The table of modes, a conjugate pair a row, if wanted with the deviations of what is derived from exponents."""
     model, std = analysis.model, analysis.model.exponent_std
     frequency, damping = model.frequency_std_hz, model.damping_ratio_std
-    table = Table(box=None)
-    for name in ("", "Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded", "m"):
-        table.add_column(name, justify="left" if name == "" else "right", no_wrap=True)
     notes = [" ".join(mode_notes(analysis, r)) for r in upper_modes(model)]
-    if any(notes) or not derived:
-        table.add_column("note")
+    numbers = ("Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded", "m")
+    table = new_table([""], numbers, ["note"] if any(notes) or not derived else [])
     for number, r in enumerate(upper_modes(model), start=1):
         error = std[r] if std is not None else complex(np.nan, np.nan)
         value, real = model.exponents[r], is_real(model, r)
@@ -210,12 +230,9 @@ def print_state(console: Console, analysis: Analysis) -> None:
     second = analysis.settings.form == "second-order"
     half = len(state.states) // 2 if second else 0
     print_title(console, f"A(t) [{'1/s², 1/s' if second else '1/s'}]: smallest … largest over the period")
-    table = Table(box=None)
-    table.add_column("")
     # The names of delayed states are long; the sentence below has them in order.
     names = [str(k) for k in range(1, len(state.states) + 1)] if analysis.settings.form == "delayed" else state.states
-    for name in names:
-        table.add_column(name, justify="right", no_wrap=True)
+    table = new_table([""], names)
     low, high = state.system.min(axis=0), state.system.max(axis=0)
     blocks = (slice(0, half), slice(half, None))[0 if second else 1 :]
     for i in range(half, len(state.states)):
@@ -252,9 +269,7 @@ def print_structure(console: Console, found: Refinement) -> None:
     )
     table = _parameters_table(found)
     if _width(console, table) > console.width:
-        table = Table(box=None)
-        table.add_column("")
-        table.add_column("value", justify="right", no_wrap=True)
+        table = new_table([""], ["value"])
         for name, value, std in zip(found.names, found.parameters, found.std, strict=True):
             table.add_row(name, with_error(value, std))
     print_whole(console, table)
@@ -272,9 +287,7 @@ def _parameters_table(found: Refinement) -> Table:
         element, _, part = name.partition(" ")
         rows.setdefault(element, {})[part or "mean"] = with_error(value, std)
     parts = list(dict.fromkeys(part for cells in rows.values() for part in cells))
-    table = Table(box=None)
-    for name in ("", *parts):
-        table.add_column(name, justify="right" if name else "left", no_wrap=True)
+    table = new_table([""], parts)
     for element, cells in rows.items():
         table.add_row(element, *(cells.get(part, "") for part in parts))
     return table
@@ -309,3 +322,31 @@ def print_whole(console: Console, table: Table) -> None:
 def counted(number: int | str, word: str) -> str:
     """A number of things: 1 record, 2 records."""
     return f"{number} {word}" + ("" if str(number) == "1" else "s")
+
+
+@contextmanager
+def progress(stages: int) -> Iterator[Callable[[str], None]]:
+    """A bar of `stages` steps; each call says what is being done. Without a terminal, a stage is a line on stderr."""
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lines()
+        return
+    columns = (
+        SpinnerColumn(),
+        BarColumn(bar_width=24),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}", markup=False),
+    )
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("starting", total=stages)
+        last = ""
+
+        def report(words: str) -> None:
+            nonlocal last
+            stage = words.split(":", maxsplit=1)[0]
+            bar.update(task, description=words, advance=0 if stage == last else 1)
+            last = stage
+
+        yield report

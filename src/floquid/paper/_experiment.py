@@ -9,11 +9,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import integer
+from floquid._checks import input_error, integer
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.lti import AMI, AbstractIdentifier
-from floquid.paper._truncation import dominant, lowest
 from floquid.paper._truth import exact_model
 from floquid.periodic import assemble
 from floquid.pipeline import Analysis, Settings, identify, validated
@@ -21,11 +20,47 @@ from floquid.reconstruction import reconstruct
 from floquid.systems import JeffcottRotor
 from floquid.testing import pair_exponents
 
-MASS, TURNTABLE = ("X", "Y"), ("X_tt", "Y_tt")
-"""The two choices of displacement states."""
+MASS, TURNTABLE = ("X", "Y"), ("X_tt", "Y_tt")  # the two choices of displacement states
+WINDOW = 3  # the largest |m| among which the four dominant coefficients are looked for when not among all
 
-WINDOW = 3
-"""The largest |m| among which the four dominant coefficients are looked for when not among all."""
+
+def dominant(model: PeriodicModel, count: int) -> PeriodicModel:
+    """The model with the largest coefficients of each residue alone (Allen 2009, section 3.2).
+
+    Each mode, channel and hit has its own choice. Modes must come in conjugate pairs: a coefficient of one is kept when
+    its mirror image is kept in the other. The others, and their deviations, are zero.
+    """
+    of = "dominant"
+    if integer(count, "count", of, at_least=1) > len(model.harmonics):
+        raise input_error("count", of, f"be at most the {len(model.harmonics)} harmonics", f"is {count}")
+    if not np.array_equal(model.harmonics, -model.harmonics[::-1]):
+        got = f"are {model.harmonics[0]} to {model.harmonics[-1]}"
+        remedy = "Keep as many on each side."
+        raise input_error("model", of, "have harmonics symmetric about zero", f"they {got}", remedy)
+    size = np.abs(model.coefficients)
+    # Where two are equal, conjugates must not choose differently.
+    lower = model.exponents.imag < 0
+    size = np.where(lower[:, None, None, None], size[..., ::-1], size)
+    largest = np.argsort(-size, axis=-1, kind="stable")[..., :count]
+    kept = np.zeros(size.shape, bool)
+    np.put_along_axis(kept, largest, values=True, axis=-1)
+    return _masked(model, np.where(lower[:, None, None, None], kept[..., ::-1], kept))
+
+
+def lowest(model: PeriodicModel, most: int) -> PeriodicModel:
+    """The model with the harmonics -most … most of each mode alone."""
+    kept = np.abs(model.harmonics) <= integer(most, "most", "lowest", at_least=0)
+    return _masked(model, np.broadcast_to(kept, model.coefficients.shape))
+
+
+def _masked(model: PeriodicModel, kept: np.ndarray) -> PeriodicModel:
+    std = model.coefficient_std
+    return replace(
+        model,
+        coefficients=np.where(kept, model.coefficients, 0.0),
+        coefficient_std=None if std is None else np.where(kept, std, 0.0),
+    )
+
 
 Cut = Callable[[PeriodicModel], PeriodicModel]
 
@@ -97,6 +132,9 @@ def reproduce(
 ) -> Reproduction:
     """Simulate the rotor of Allen 2009 as in its section 3, and identify it by AMI and by maximum likelihood.
 
+    Raises InputError where a number is out of its range. Raises IdentificationError where in some draw not the four
+    exponents of the rotor were found.
+
     Parameters
     ----------
     seed
@@ -109,18 +147,6 @@ def reproduce(
         Standard deviation of the noise, as a share of the largest response of each channel; the paper's is 0.02.
     report
         Is told what is being done.
-
-    Returns
-    -------
-    Reproduction
-        The analyses of the first draw, the truth, and the errors over all draws.
-
-    Raises
-    ------
-    InputError
-        A number is out of its range.
-    IdentificationError
-        In some draw not the four exponents of the rotor were found.
     """
     count = integer(draws, "draws", "reproduce", at_least=1)
     report("working out the truth")
@@ -146,14 +172,8 @@ def reproduce(
         )
         first = first or (record, found[0], found[1])
     assert first is not None
-    return Reproduction(
-        rotor=rotor,
-        record=first[0],
-        ami=first[1],
-        maximum_likelihood=first[2],
-        exact=exact,
-        draws=tuple(done),
-    )
+    record, ami, ml = first
+    return Reproduction(rotor=rotor, record=record, ami=ami, maximum_likelihood=ml, exact=exact, draws=tuple(done))
 
 
 def _identify(record: Record, identifier: AbstractIdentifier | None, name: str) -> Analysis:

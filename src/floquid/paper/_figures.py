@@ -6,19 +6,25 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from floquid import plot
 from floquid.lti import WHITE, composites
 from floquid.paper._experiment import CUTS, MASS, TURNTABLE, Reproduction, uncut
-from floquid.paper._seen import coefficients_of, prominent, residue_of, strongest
 from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel, reconstruct
 
 if TYPE_CHECKING:
     from floquid.plot import Figure
 
-FIRST, SHOWN = 0, 22
-"""The indices of the 1st and the 23rd lifted response."""
+FIRST, SHOWN = 0, 22  # the indices of the 1st and the 23rd lifted response
+
+STANDS_OUT = 4.0
+"""How many times its surroundings a peak must be. White noise does so on one line in a hundred thousand."""
+
+TOP, NEAR, AROUND = 0.004, 0.012, 0.06
+"""A peak is the largest line within the first of these of a frequency; its surroundings are the lines between the
+second and the third [fundamentals]."""
 
 ELEMENTS = ((3, 1), (3, 2), (3, 3))
 
@@ -54,18 +60,7 @@ class PaperFigure:
 
 
 def figures(reproduction: Reproduction) -> tuple[PaperFigure, ...]:
-    """Figures 2 to 8 of Allen 2009.
-
-    Parameters
-    ----------
-    reproduction
-        What `reproduce` gave.
-
-    Returns
-    -------
-    tuple of PaperFigure
-        In the paper's order.
-    """
+    """Figures 2 to 8 of Allen 2009 from a `reproduction`, in the paper's order."""
     mode = _first_mode(reproduction.ami)
     return (
         _record(reproduction),
@@ -90,7 +85,7 @@ def _first_mode(analysis: Analysis) -> int:
 
 
 def _record(done: Reproduction) -> PaperFigure:
-    true, folded = strongest(done.maximum_likelihood, 0, None), strongest(done.maximum_likelihood, 0, FIRST)
+    true, folded = _strongest(done.maximum_likelihood, 0, None), _strongest(done.maximum_likelihood, 0, FIRST)
     fundamental = done.exact.fundamental
     return PaperFigure(
         number=2,
@@ -170,7 +165,7 @@ def _residues(done: Reproduction, mode: int) -> PaperFigure:
     exponent = done.ami.model.exponents[mode]
     parts, constants, others = [], [], []
     for row, channel in enumerate(done.ami.model.channels):
-        constant, varying, scatter, predicted = residue_of(done.ami, mode, row)
+        constant, varying, scatter, predicted = _residue_of(done.ami, mode, row)
         parts.append(f"{channel.name} {constant:.3f}, {varying:.3f} and {scatter:.4f} (from the noise {predicted:.4f})")
         (constants if constant > varying else others).append(channel.name)
     return PaperFigure(
@@ -199,7 +194,7 @@ def _and(names: list[str]) -> str:
 def _coefficients(done: Reproduction, mode: int) -> PaperFigure:
     words = []
     for name, analysis in _named(done).items():
-        kept, smallest, dropped = coefficients_of(analysis, mode, 0)
+        kept, smallest, dropped = _coefficients_of(analysis, mode, 0)
         words.append(
             f"by {name} {kept} are kept, the smallest {smallest:.0f} deviations high, and the largest of the others is "
             f"{dropped:.1f} deviations"
@@ -242,3 +237,59 @@ def _system(done: Reproduction) -> PaperFigure:
             states, ELEMENTS, (times, done.rotor.system(times)), period=done.rotor.period, periods_per_revolution=2
         ),
     )
+
+
+def _lines(analysis: Analysis, row: int, phase: int | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Frequencies [rad/s] and magnitudes of a channel's periods, or of its lifted response at a phase (lines,)."""
+    cycles = analysis.cycles[0]
+    values = cycles.values[row].T.ravel() if phase is None else cycles.values[row, phase]
+    step = analysis.lifted.period / (cycles.n_phases if phase is None else 1)
+    frequencies = 2.0 * np.pi * np.arange(len(values) // 2 + 1) / (len(values) * step)
+    return np.asarray(frequencies, dtype=np.float64), np.asarray(np.abs(np.fft.rfft(values)), dtype=np.float64)
+
+
+def _strongest(analysis: Analysis, row: int, phase: int | None) -> float:
+    """The frequency of the highest line of a channel, or of its lifted response at a phase [rad/s]."""
+    frequencies, magnitudes = _lines(analysis, row, phase)
+    return float(frequencies[np.argmax(magnitudes)])
+
+
+def prominent(analysis: Analysis, row: int, phase: int | None, candidates: NDArray[np.float64]) -> dict[float, float]:
+    """Those of the candidates [rad/s] that stand out, with their heights over the median of their surroundings."""
+    frequencies, magnitudes = _lines(analysis, row, phase)
+    found = {}
+    for candidate in candidates:
+        away = np.abs(frequencies - candidate) / analysis.model.fundamental
+        top = away <= max(TOP, away.min())
+        around = magnitudes[(away > NEAR) & (away < AROUND)]
+        height = float(magnitudes[top].max() / np.median(around)) if len(around) else 0.0
+        if height >= STANDS_OUT:
+            found[float(candidate)] = height
+    return found
+
+
+def _residue_of(analysis: Analysis, mode: int, row: int) -> tuple[float, float, float, float]:
+    """Of a residue: its constant, the rest of its smooth part, the scatter about that, and what the noise gives."""
+    model, whole = analysis.model, uncut(analysis)
+    assert whole.coefficient_std is not None
+    own, kept = model.coefficients[mode, row, 0], model.harmonics
+    dropped = ~np.isin(whole.harmonics, kept[own != 0])
+    rest = whole.coefficients[mode, row, 0, dropped]
+    std = np.abs(whole.coefficient_std[mode, row, 0, dropped])
+    return (
+        float(np.abs(own[kept == 0]).sum()),
+        float(np.linalg.norm(own[kept != 0])),
+        float(np.linalg.norm(rest)),
+        float(np.linalg.norm(std)),
+    )
+
+
+def _coefficients_of(analysis: Analysis, mode: int, row: int) -> tuple[int, float, float]:
+    """How many coefficients of a residue are kept, the smallest of them and the largest of the others [deviations]."""
+    model, whole = analysis.model, uncut(analysis)
+    assert whole.coefficient_std is not None
+    size = np.abs(whole.coefficients[mode, row, 0])
+    std = np.abs(whole.coefficient_std[mode, row, 0])
+    heights = np.divide(size, std, out=np.zeros_like(size), where=std > 0)
+    kept = np.isin(whole.harmonics, model.harmonics[model.coefficients[mode, row, 0] != 0])
+    return int(kept.sum()), float(heights[kept].min()), float(heights[~kept].max())

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from floquid.views import with_error
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
@@ -99,7 +101,4 @@ class Number:
 def estimate_text(estimate: Estimate, form: str) -> str:
     """A value, with its deviation in units of the last digit where it has one: -0.0020003(19)."""
     std = estimate.std
-    if std is None or not 0.0 < std < np.inf:
-        return format(estimate.value, form)
-    digits = max(0, 1 - int(np.floor(np.log10(std))))
-    return f"{estimate.value:.{digits}f}({round(std * 10**digits)})"
+    return format(estimate.value, form) if std is None or not 0.0 < std < np.inf else with_error(estimate.value, std)

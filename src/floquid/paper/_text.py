@@ -25,18 +25,7 @@ INTRODUCTION = (
 
 
 def table(rows: Sequence[Number]) -> str:
-    """The numbers as a table in Markdown, with their notes below.
-
-    Parameters
-    ----------
-    rows
-        The numbers, in order.
-
-    Returns
-    -------
-    str
-        The table, a heading a section of the paper.
-    """
+    """The numbers in `rows` as tables in Markdown, one a section of the paper, with their notes below."""
     lines: list[str] = []
     notes: list[str] = []
     section = None
@@ -60,37 +49,14 @@ def _row(cells: Sequence[str]) -> str:
 
 
 def figure_text(figure: PaperFigure) -> str:
-    """A figure's heading, what the paper says of it and what is to be seen in ours, as Markdown.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-
-    Returns
-    -------
-    str
-        A heading and two paragraphs; the picture belongs between them.
-    """
+    """A heading of the `figure`, what the paper says of it and what is to be seen in ours, as Markdown."""
     return f"## Figure {figure.number}: {figure.title}\n\n> {figure.statement} ({figure.source})\n\n{figure.seen}\n"
 
 
 def page(figures: Sequence[PaperFigure], rows: Sequence[Number], path: Callable[[PaperFigure], str]) -> str:
-    """The whole comparison as a page of Markdown: each figure beside the paper's words, then the table.
+    """The whole comparison as a page of Markdown: the `figures`, each beside the paper's words, then the `rows`.
 
-    Parameters
-    ----------
-    figures
-        The figures.
-    rows
-        The numbers.
-    path
-        Where the picture of a figure is, as seen from the page.
-
-    Returns
-    -------
-    str
-        The page.
+    `path` says where the picture of a figure is, as seen from the page.
     """
     parts = ["# The application of Allen's paper, redrawn and recomputed\n", f"{INTRODUCTION}\n"]
     for figure in figures:

@@ -17,8 +17,7 @@ PHASES = 128
 SLOWEST, FASTEST, STEP = 0.68, 0.96, 0.01
 """The speeds searched for instability, in steps smaller than the bands and the gaps between them."""
 
-EDGE = 1e-6
-"""To how much of a speed the edges of the bands are found."""
+EDGE = 1e-6  # to how much of a speed the edges of the bands are found
 
 
 def exact_model(rotor: JeffcottRotor, impulse_deg: float = 45.0) -> PeriodicModel:

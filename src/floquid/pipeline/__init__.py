@@ -14,6 +14,7 @@ from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
 from floquid.pipeline._lifted import lifted
 from floquid.pipeline._prepare import Prepared, prepare
+from floquid.pipeline._prepare import blas_threads as blas_threads
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._validated import validated
 from floquid.pipeline.bootstrap import AbstractDraws, Bootstrap, Draw, Spread, bootstrap

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, replace
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.errors import IdentificationError
+from floquid.lti import TimeResponses
 from floquid.periodic import estimate_period
 from floquid.pipeline._before import faults_of, hits_of, later, missing_of, responses_of, without_orbit
 from floquid.pipeline._refuse import refuse_copies, refuse_period, refuse_short, refuse_unlike, refuse_unusable
@@ -122,7 +123,7 @@ def settings_of(settings: Settings | None, options: dict[str, object], of: str) 
     return replace(settings or Settings(), **options)  # type: ignore[arg-type]
 
 
-def blas_threads(records: Sequence[Record]) -> AbstractContextManager[object]:
+def blas_threads(records: Sequence[Record | TimeResponses]) -> AbstractContextManager[object]:
     """Linear algebra in one thread, unless the records are large.
 
     The matrices are many and small: threads inside BLAS would wait for each other, on a busy machine for seconds.

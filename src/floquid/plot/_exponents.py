@@ -1,4 +1,4 @@
-"""Floquet exponents with their families, and multipliers about the unit circle: those of a known A(t)."""
+"""Floquet exponents with their families, and multipliers about the unit circle: of a known A(t), and identified."""
 
 from __future__ import annotations
 
@@ -7,31 +7,33 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import input_error
+from floquid import views
+from floquid._checks import frozen_array, input_error
 from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, stability, upper_modes
-from floquid.plot._identified_exponents import identified_exponents
-from floquid.plot._several import legend_of_all
-from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, style
+from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION
+from floquid.plot._style import SIZE, drawing
+from floquid.views import exponent_ellipses, grows, multiplier_ellipses, with_error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_VAST = 300.0
-"""Ratio of decay rates, of frequencies or of multipliers from which the scale is logarithmic."""
-
-_DEEPEST = 12
-"""Decades of multipliers that are shown."""
-
-_FAMILY = 3
-"""Copies of an exponent that are drawn on either side of it."""
+_VAST = 300.0  # ratio of decay rates, of frequencies or of multipliers from which the scale is logarithmic
+_DEEPEST = 12  # decades of multipliers that are shown
+_FAMILY = 3  # copies of an exponent that are drawn on either side of it
 
 _NUMBERED = 12
+LEVEL = 0.95
+MOST, ACROSS = 12, 4  # modes that are drawn close up, at most, and how many of them in a row
+WIDE = 6.0  # deviations that a close-up shows on either side, at least
+
 _RESTS = {"linestyle": "none", "marker": "D", "color": GREEN, "markersize": 5.0}
 _DECAYS = {"linestyle": "none", "marker": "o", "color": BLUE, "markersize": 5.5}
 _GROWS = {"linestyle": "none", "marker": "^", "color": VERMILION, "markersize": 6.5}
-_COPIES = {"linestyle": "none", "marker": ".", "color": GREY, "markersize": 4.0, "alpha": 0.8}
+_COPIES = {"linestyle": "none", "marker": ".", "color": GREY, "markersize": 4.0}
+_TRUE = {"linestyle": "none", "marker": "x", "color": BLACK, "markersize": 6.5, "markeredgewidth": 1.2}
+_REGION = {"color": GREEN, "linewidth": 1.1}
 
 
 def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = None) -> Figure:
@@ -46,63 +48,76 @@ def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = 
     estimate it belongs to. Of a known A(t) whose exponents differ vastly, scales are logarithmic: multipliers then keep
     their angle, and rings tell their size.
 
+    Raises InputError where `modes` is something else, or the truth is no list of numbers or given for modes that are
+    known.
+
     Parameters
     ----------
     modes
         What `floquet.modes` found, or the model that `identify` found.
     truth
         The true exponents (exponents,) [1/s], of a model alone; on any branch, and of a conjugate pair one will do.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
-    Raises
-    ------
-    InputError
-        `modes` is neither, or the truth is no list of numbers or given for modes that are known.
     """
     of = "exponents"
     if isinstance(modes, PeriodicModel):
-        return identified_exponents(modes, truth, of)
+        return _identified(modes, truth, of)
     if truth is not None:
         must, got = "be given for an identified model alone", f"is {truth!r:.60}"
         raise input_error("truth", of, must, got, "Leave it out: the exponents of a known A(t) are the truth.")
     if not isinstance(modes, FloquetModes):
         must, remedy = "be a FloquetModes or a PeriodicModel", "Pass floquet.modes(A, period) or analysis.model."
         raise input_error("modes", of, must, f"is {modes!r:.60}", remedy)
-    with style():
-        figure = new_figure(7.0, 3.9)
+    with drawing(3.9) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1, 1))
         _draw_exponents(left, modes)
         _draw_multipliers(right, modes)
-        legend_of_all(figure)
     return figure
+
+
+def _columns(modes: FloquetModes | PeriodicModel, beyond: float) -> NDArray[np.complex128]:
+    """The copies of all exponents up to so many fundamentals beyond the highest of them."""
+    turn = modes.fundamental
+    reach = np.abs(modes.exponents.imag).max(initial=0.0) + beyond * turn
+    last = int(np.ceil(reach / turn)) + 1
+    copies = (modes.principal()[:, None] + 1j * turn * np.arange(-last, last + 1)).ravel()
+    return copies[np.abs(copies.imag) <= reach]
+
+
+def _draw_strip(axes: Axes, modes: FloquetModes | PeriodicModel, copies: NDArray[np.complex128]) -> None:
+    """The line of stability, the edges of the principal strip, and the copies of the exponents."""
+    axes.axvline(0.0, color=BLACK, linewidth=0.9)
+    for edge in (-0.5, 0.5):
+        label = "edges of the strip, ±ω/2"
+        axes.axhline(edge * modes.fundamental, color=ORANGE, linestyle="--", linewidth=0.9, label=label)
+    axes.plot(copies.real, copies.imag, **_COPIES, label=r"copies, $\lambda + im\omega$")
+    axes.set(xlabel=r"Re $\lambda$ [1/s]", ylabel=r"Im $\lambda$ [rad/s]")
+
+
+def _draw_circle(axes: Axes, largest: float, *, cross: bool = True) -> None:
+    """The unit circle, in limits that hold multipliers of size `largest`."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 361)
+    axes.plot(np.cos(turn), np.sin(turn), color=BLACK, linewidth=0.9, label="unit circle")
+    reach = 1.15 * max(1.0, largest)
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    if cross:
+        axes.axhline(0.0, color=GREY, linewidth=0.5)
+        axes.axvline(0.0, color=GREY, linewidth=0.5)
+        axes.set(xlabel=r"Re $\mu$ [-]", ylabel=r"Im $\mu$ [-]")
 
 
 def _draw_exponents(axes: Axes, modes: FloquetModes) -> None:
     """The representatives, their copies, the strip and the line of stability."""
     values, turn = modes.exponents, modes.fundamental
-    copies = (values[:, None] + 1j * turn * np.delete(np.arange(-_FAMILY, _FAMILY + 1), _FAMILY)).ravel()
     vast = np.abs(values.imag).max() > _VAST * turn
-    if not vast:  # whole columns, as far as the representatives reach
-        reach = np.abs(values.imag).max() + 1.5 * turn
-        last = int(np.ceil(reach / turn)) + 1
-        copies = (modes.principal()[:, None] + 1j * turn * np.arange(-last, last + 1)).ravel()
-        copies = copies[np.abs(copies.imag) <= reach]
-    axes.axvline(0.0, color=BLACK, linewidth=0.9)
-    for edge in (-0.5, 0.5):
-        axes.axhline(edge * turn, color=ORANGE, linestyle="--", linewidth=0.9, label="edges of the strip, ±ω/2")
-    axes.plot(copies.real, copies.imag, **_COPIES, label=r"copies, $\lambda + im\omega$")
+    turns = np.delete(np.arange(-_FAMILY, _FAMILY + 1), _FAMILY)
+    _draw_strip(axes, modes, (values[:, None] + 1j * turn * turns).ravel() if vast else _columns(modes, 1.5))
     for chosen, look, label in _kinds(modes):
         if chosen.any():
             axes.plot(values.real[chosen], values.imag[chosen], **look, label=label)
     _scale_exponents(axes, values, turn, vast=bool(vast))
     upper = upper_modes(modes)
     if len(upper) <= _NUMBERED:
-        _number(axes, [(float(values[r].real), float(values[r].imag)) for r in upper])
-    axes.set(xlabel=r"Re $\lambda$ [1/s]", ylabel=r"Im $\lambda$ [rad/s]")
+        _number(axes, values[upper])
 
 
 def _kinds(modes: FloquetModes) -> tuple[tuple[NDArray[np.bool_], dict[str, Any], str], ...]:
@@ -117,8 +132,6 @@ def _kinds(modes: FloquetModes) -> tuple[tuple[NDArray[np.bool_], dict[str, Any]
 
 def _scale_exponents(axes: Axes, values: NDArray[np.complex128], turn: float, *, vast: bool) -> None:
     """Limits that hold the line of stability, and logarithmic scales of vastly different sizes."""
-    from matplotlib.ticker import MaxNLocator
-
     sizes = np.abs(values.real)
     largest = float(sizes.max())
     small = sizes[sizes > 1e-9 * max(largest, turn)]
@@ -129,13 +142,20 @@ def _scale_exponents(axes: Axes, values: NDArray[np.complex128], turn: float, *,
         axes.set_xlim(-3.0 * largest if values.real.min() < 0.0 else -threshold, None)
         axes.set_xlim(None, max(3.0 * float(values.real.max()), threshold))
     else:
-        low, high = min(float(values.real.min()), 0.0), max(float(values.real.max()), 0.0)
-        margin = 0.15 * (high - low) or 0.05 * turn
-        axes.set_xlim(low - margin, high + margin)
-        axes.xaxis.set_major_locator(MaxNLocator(5))
+        _limit_decay(axes, values, turn, share=0.15, ticks=5)
     if vast:
         axes.set_yscale("symlog", linthresh=turn)
         _few_decades(axes.yaxis, 10.0 ** np.ceil(np.log10(turn)), float(np.abs(values.imag).max()))
+
+
+def _limit_decay(axes: Axes, values: NDArray[np.complex128], turn: float, *, share: float, ticks: int) -> None:
+    """Limits that hold the exponents and the line of stability, with that share of their distance to each side."""
+    from matplotlib.ticker import MaxNLocator
+
+    low, high = min(float(values.real.min()), 0.0), max(float(values.real.max()), 0.0)
+    margin = share * (high - low) or 0.05 * turn
+    axes.set_xlim(low - margin, high + margin)
+    axes.xaxis.set_major_locator(MaxNLocator(ticks))
 
 
 def _few_decades(axis, threshold: float, largest: float) -> None:  # an Axis of matplotlib
@@ -151,7 +171,6 @@ def _draw_multipliers(axes: Axes, modes: FloquetModes) -> None:
     sizes = modes.exponents.real * modes.period / np.log(10.0)  # decades
     angles = np.exp(1j * modes.principal().imag * modes.period)
     turn = np.linspace(0.0, 2.0 * np.pi, 361)
-    circle = np.cos(turn), np.sin(turn)
     vast = float(sizes.min()) < -np.log10(_VAST) or float(sizes.max()) > 1.5
     decades = min(float(np.ceil(max(-float(sizes.min()), 1.0))), _DEEPEST)
     radii = np.maximum(1.0 + sizes / decades, 0.0) if vast else 10.0**sizes
@@ -161,40 +180,151 @@ def _draw_multipliers(axes: Axes, modes: FloquetModes) -> None:
         highest = int(np.ceil(max(float(sizes.max()), 0.0)))
         for power in [*range(-step, -int(decades), -step), *range(step, highest + 1, max(step, highest // 3 or 1))]:
             radius = 1.0 + power / decades
-            axes.plot(radius * circle[0], radius * circle[1], color=GREY, linewidth=0.5)
+            axes.plot(radius * np.cos(turn), radius * np.sin(turn), color=GREY, linewidth=0.5)
             axes.text(0.0, radius, f"$10^{{{power}}}$", ha="center", va="bottom", color="#555555")
-    axes.plot(*circle, color=BLACK, linewidth=0.9, label="unit circle")
+    _draw_circle(axes, float(radii.max()), cross=not vast)
     points = radii * angles
     for chosen, look, _ in _kinds(modes):
         axes.plot(points[chosen & inside].real, points[chosen & inside].imag, **look)
     if not inside.all():
         axes.plot([0.0], [0.0], **{**_DECAYS, "markerfacecolor": "none"}, label=f"below $10^{{-{int(decades)}}}$")
-    reach = 1.15 * max(1.0, float(radii.max()))
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     if vast:
         axes.set(xticks=[], yticks=[], xlabel=r"$\mu$: angle, and log$_{10}|\mu|$ as radius [-]")
         axes.grid(visible=False)
-    else:
-        axes.axhline(0.0, color=GREY, linewidth=0.5)
-        axes.axvline(0.0, color=GREY, linewidth=0.5)
-        axes.set(xlabel=r"Re $\mu$ [-]", ylabel=r"Im $\mu$ [-]")
 
 
-def _number(axes: Axes, places: list[tuple[float, float]]) -> None:
-    """Numbers from 1 beside the points; those of points that coincide on one line."""
-    shown = np.array([axes.transData.transform(place) for place in places])
+def _number(axes: Axes, values: NDArray[np.complex128]) -> None:
+    """The numbers of the modes beside their marks; those of marks that all but coincide on one line."""
+    shown = axes.transData.transform(np.column_stack([values.real, values.imag]))
     done: set[int] = set()
-    for k, place in enumerate(places):
+    middle = axes.transAxes.transform((0.5, 0.5))[0]
+    for k, value in enumerate(values):
+        near = [j for j in range(k, len(values)) if j not in done and np.abs(shown[j] - shown[k]).max() < 11.0]
         if k in done:
             continue
-        near = [j for j in range(k, len(places)) if j not in done and np.abs(shown[j] - shown[k]).max() < 12.0]
         done |= set(near)
-        # Towards the middle, so that it stays inside.
-        side = 1.0 if shown[k, 0] < axes.transAxes.transform((0.5, 0.5))[0] else -1.0
+        side = 1.0 if shown[k, 0] < middle else -1.0
         axes.annotate(
             ", ".join(str(j + 1) for j in near),
-            place,
-            xytext=(6.0 * side, 4.0),
+            (value.real, value.imag),
+            xytext=(6.0 * side, 3.0),
             textcoords="offset points",
             ha="left" if side > 0.0 else "right",
+            bbox={"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
         )
+
+
+def _identified(model: PeriodicModel, truth: ArrayLike | None, of: str) -> Figure:
+    """The exponents and the multipliers of a model, and each exponent close up with the region of its errors."""
+    known = None if truth is None else frozen_array(truth, "truth", of, axes=("exponents",), dtype=np.complex128)
+    upper, edges = list(views.upper_modes(model)), exponent_ellipses(model, LEVEL)
+    close = upper[:MOST] if edges is not None else []
+    rows = -(-len(close) // ACROSS)
+    paired = None if known is None else _truth_of(model, known)
+    with drawing(3.6 + 1.75 * rows) as figure:
+        grid = figure.add_gridspec(1 + rows, 2 * ACROSS, height_ratios=(3.2, *[1.55] * rows))
+        left, right = figure.add_subplot(grid[0, :ACROSS]), figure.add_subplot(grid[0, ACROSS:])
+        _draw_plane(left, model, upper, paired)
+        _draw_circle(right, float(np.abs(model.multipliers).max(initial=0.0)))
+        _draw_identified(right, model, model.multipliers)
+        regions = multiplier_ellipses(model, LEVEL)
+        for region in [] if regions is None else regions:
+            right.plot(region.real, region.imag, **_REGION, label="95 % region")
+        if paired is not None:
+            mu = np.asarray(np.exp(paired * model.period), dtype=np.complex128)
+            right.plot(mu.real, mu.imag, **_TRUE)
+        for axes in (left, right):
+            axes.tick_params(labelsize=SIZE)
+        for number, mode in enumerate(close):
+            row, column = divmod(number, ACROSS)
+            axes = figure.add_subplot(grid[1 + row, 2 * column : 2 * column + 2])
+            assert edges is not None
+            _draw_close(axes, model, mode, number + 1, edges[mode], paired)
+            if row == rows - 1:
+                axes.set_xlabel(r"Re $\lambda$ − est. [1/s]", fontsize=8.0)
+            if column == 0:
+                axes.set_ylabel("Im $\\lambda$ − est.\n[rad/s]", fontsize=8.0)
+    return figure
+
+
+def _truth_of(model: PeriodicModel, truth: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """The true exponent of each mode, moved by whole multiples of iω to its branch (modes,); NaN where there is none.
+
+    Paired so that the differences together are least; of a pair, one may be given.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    turn = model.fundamental
+    mirrored = truth.conj()
+    alone = np.abs(_moved(np.subtract.outer(mirrored, truth), turn)).min(axis=1, initial=np.inf) > 1e-9 * turn
+    every = np.concatenate([truth, mirrored[alone]])
+    off = _moved(np.subtract.outer(every, model.exponents).T, turn)
+    own, other = linear_sum_assignment(np.abs(off))
+    found = np.full(model.order, np.nan + 0j)
+    found[own] = model.exponents[own] + off[own, other]
+    return found
+
+
+def _moved(values: NDArray[np.complex128], turn: float) -> NDArray[np.complex128]:
+    """Differences of exponents, moved by whole multiples of iω next to zero."""
+    return values - 1j * turn * np.round(values.imag / turn)
+
+
+def _draw_identified(axes: Axes, model: PeriodicModel, values: NDArray[np.complex128]) -> None:
+    """What was found of each mode (modes,), those that grow apart."""
+    growing = np.array([grows(model, mode) for mode in range(model.order)], bool)
+    axes.plot(values.real[~growing], values.imag[~growing], **_DECAYS, label="identified")
+    if growing.any():
+        axes.plot(values.real[growing], values.imag[growing], **_GROWS, label="identified, grows")
+
+
+def _draw_plane(axes: Axes, model: PeriodicModel, upper: list[int], truth: NDArray[np.complex128] | None) -> None:
+    """The exponents, their copies, and the edges of the principal strip."""
+    values = model.exponents
+    _draw_strip(axes, model, _columns(model, 1.2))
+    _draw_identified(axes, model, values)
+    if truth is not None:
+        axes.plot(truth.real, truth.imag, **_TRUE, label="truth")
+    _limit_decay(axes, values, model.fundamental, share=0.18, ticks=4)
+    axes.xaxis.set_major_formatter(_tick)
+    _number(axes, values[upper])
+
+
+def _draw_close(
+    axes: Axes,
+    model: PeriodicModel,
+    mode: int,
+    number: int,
+    edge: NDArray[np.complex128],
+    truth: NDArray[np.complex128] | None,
+) -> None:
+    """One exponent close up: its region, and the truth where it is known, off the estimate."""
+    from matplotlib.ticker import MaxNLocator
+
+    std, value = model.exponent_std, model.exponents[mode]
+    assert std is not None
+    off = edge - value
+    wide = complex(float(std[mode].real), float(std[mode].imag))
+    wide = complex(wide.real or wide.imag or 1e-12, wide.imag or wide.real or 1e-12)
+    reach = np.array([0.75 * WIDE * wide.real, 0.75 * WIDE * wide.imag])
+    axes.plot(off.real, off.imag, **_REGION, label="95 % region")
+    axes.plot([0.0], [0.0], **(_GROWS if grows(model, mode) else _DECAYS))
+    if truth is not None and np.isfinite(truth[mode]):
+        away = truth[mode] - value
+        axes.plot([away.real], [away.imag], **_TRUE)
+        reach = np.maximum(reach, 1.3 * np.abs([away.real, away.imag]))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(2, symmetric=True))
+        axis.set_major_formatter(_tick)
+    axes.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
+    real, imag = with_error(value.real, std[mode].real), with_error(abs(value.imag), std[mode].imag)
+    sign = "+" if value.imag >= 0.0 else "-"
+    axes.set_title(f"mode {number}:  {real}\n{sign} {imag} i".replace("-", "−"), fontsize=8.0)
+    axes.tick_params(labelsize=7.0)
+
+
+def _tick(value: float, _: float) -> str:
+    """A number at a tick, such as 2e−5."""
+    if abs(value) < 1e-300:
+        return "0"
+    return f"{value:.3g}".replace("e-0", "e-").replace("-", "−")

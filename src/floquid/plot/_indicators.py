@@ -1,4 +1,4 @@
-"""Mode indicator functions and singular values: how many modes there seem to be before any is fitted."""
+"""What is seen before any model, and what a model explains: mode indicators, singular values and composites."""
 
 from __future__ import annotations
 
@@ -8,33 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from floquid._checks import integer
-from floquid.lti import WHITE
+from floquid.lti import WHITE, composites
 from floquid.order import Indicators
-from floquid.plot._several import legend_of_all, several
-from floquid.plot._style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    new_figure,
-    plain,
-    style,
-)
+from floquid.pipeline import Analysis
+from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
+from floquid.plot._style import drawing, frequency_unit, keep_sizes, plain, plain_decades, several, whole_numbers
 from floquid.views import envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 LOOKS = ((BLUE, "-", 1.8), (ORANGE, "-", 1.2), (GREEN, (0, (4, 1.5)), 1.2), (PURPLE, (0, (1, 1)), 1.2))
 """Colour, dashes and width of the first curves; those further down lie on one another."""
 
-DEEP = 20
-"""How many singular values are shown beyond those above the noise."""
+DEEP = 20  # how many singular values are shown beyond those above the noise
 
 
 def indicators(found: Indicators | Mapping[str, Indicators], *, points: int = 4000, angular: bool = False) -> Figure:
@@ -44,6 +32,8 @@ def indicators(found: Indicators | Mapping[str, Indicators], *, points: int = 40
     composite its mean. A second CMIF that rises where the first does means a second mode. On the right, each value
     above the line is the trace of a pole.
 
+    Raises InputError where `found` is something else, or there are more of them than fit a figure.
+
     Parameters
     ----------
     found
@@ -52,23 +42,12 @@ def indicators(found: Indicators | Mapping[str, Indicators], *, points: int = 40
         The most points a curve is drawn with.
     angular
         Frequencies in rad/s instead of Hz.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
-    Raises
-    ------
-    InputError
-        `found` is neither, or there are more of them than fit a figure.
     """
     of = "indicators"
     named = several(found, Indicators, "found", of)
     integer(points, "points", of, at_least=2)
-    turn, unit = (2.0 * np.pi, "rad/s") if angular else (1.0, "Hz")
-    with style():
-        figure = new_figure(7.0, 3.8 if len(named) == 1 else 0.8 + 2.8 * len(named))
+    turn, unit = frequency_unit(angular=angular)
+    with drawing(3.8 if len(named) == 1 else 0.8 + 2.8 * len(named)) as figure:
         panels = figure.subplots(len(named), 2, squeeze=False, width_ratios=(3, 2))
         for (left, right), (name, one) in zip(panels, named.items(), strict=True):
             _draw_curves(left, one, points, turn)
@@ -77,7 +56,6 @@ def indicators(found: Indicators | Mapping[str, Indicators], *, points: int = 40
                 left.set_title(plain(name), loc="left")
         panels[-1, 0].set_xlabel(rf"lifted band, 0 to $\omega$/2 [{unit}]")
         panels[-1, 1].set_xlabel("number")
-        legend_of_all(figure)
     return figure
 
 
@@ -114,19 +92,54 @@ def _draw_values(axes: Axes, found: Indicators) -> None:
     axes.text(0.97, 0.96, f"{found.n_above} above the noise", transform=axes.transAxes, ha="right", va="top")
 
 
-def whole_numbers(axis: Axis) -> None:
-    """Put ticks at whole numbers alone."""
-    from matplotlib.ticker import MaxNLocator
+def composite(analysis: Analysis | Mapping[str, Analysis], *, points: int = 4000, angular: bool = False) -> Figure:
+    """Composites of the data, of the model and of their difference, over the band 0 to ω/2 of the lifted responses.
 
-    axis.set_major_locator(MaxNLocator(integer=True))
+    A composite is the mean magnitude of the spectra of all lifted responses, each over the standard deviation of its
+    noise. Where the difference lies on the level of white noise, the model has explained all there is. Marks show the
+    frequencies of the modes, folded into the band.
+
+    Raises InputError where `analysis` is something else, or there are more of them than fit a figure.
+
+    Parameters
+    ----------
+    analysis
+        What `identify` found, or several analyses by name: then one panel each.
+    points
+        The most points a curve is drawn with.
+    angular
+        Frequencies in rad/s instead of Hz.
+    """
+    named = several(analysis, Analysis, "analysis", "composite")
+    turn, unit = frequency_unit(angular=angular)
+    with drawing(4.0 if len(named) == 1 else 1.0 + 2.6 * len(named)) as figure:
+        panels = figure.subplots(len(named), sharex=True, squeeze=False)[:, 0]
+        for axes, (name, one) in zip(panels, named.items(), strict=True):
+            _draw_composites(axes, one, points, turn)
+            filtered = "" if one.lifted.whitening is None else ",\nafter the whitening filter"
+            axes.set_ylabel(f"mean magnitude / noise [-]{filtered}")
+            if name:
+                axes.set_title(plain(name), loc="left")
+        panels[-1].set_xlabel(rf"frequency in the lifted band, 0 to $\omega$/2 [{unit}]")
+        keep_sizes(figure)
+    return figure
 
 
-def plain_decades(axes: Axes) -> None:
-    """Write 1, 2, 5, 10 … on a logarithmic axis of a few decades; of many, the powers of ten."""
-    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
-
-    low, high = axes.get_ylim()
-    few = high < 1e3 * max(low, 1e-300)
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=12))
-    axes.yaxis.set_major_formatter((lambda value, _: f"{value:g}") if few else LogFormatterSciNotation())
-    axes.yaxis.set_minor_formatter(NullFormatter())
+def _draw_composites(axes: Axes, analysis: Analysis, points: int, turn: float) -> None:
+    """The composites of one analysis, the level of white noise, and its modes, at `turn` times frequencies in Hz."""
+    found = analysis.modal.composites or composites(analysis.lifted.responses, analysis.modal)
+    scale = turn / (2.0 * np.pi * analysis.lifted.period)
+    curves = {
+        "data": (found.data, {"color": BLUE, "linewidth": 2.2}),
+        "model": (found.model, {"color": ORANGE, "linewidth": 1.0}),
+        "data − model": (found.difference, {"color": VERMILION, "linewidth": 0.8}),
+    }
+    for name, (values, look) in curves.items():
+        axes.plot(*envelope(found.angles * scale, values, points), **look, label=name)
+    axes.axhline(WHITE, color=BLACK, linestyle="--", linewidth=0.9, label="white noise alone")
+    for number, angle in enumerate(np.unique(np.abs(np.angle(analysis.modal.multipliers)))):
+        label = "modes, folded" if number == 0 else None
+        axes.axvline(angle * scale, color=GREY, linestyle=(0, (2, 2)), linewidth=0.8, label=label, zorder=1)
+    axes.set(yscale="log", xlim=(0.0, np.pi * scale))
+    # The model may fall to nothing far from its modes, and would flatten all the rest.
+    axes.set_ylim(bottom=0.5 * min(WHITE, float(found.difference[found.difference > 0].min(initial=WHITE))))

@@ -9,11 +9,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error, integer
+from floquid._checks import index, input_error
 from floquid.core import channels_named
 from floquid.pipeline import Analysis
-from floquid.plot._several import LOOKS, degrees_a_period, entitled, label_angle, legend_of_all, several
-from floquid.plot._style import GREY, SIZE, label_values, new_figure, plain, style
+from floquid.plot._colours import GREY
+from floquid.plot._style import (
+    LOOKS,
+    degrees_a_period,
+    drawing,
+    entitled,
+    keep_sizes,
+    label_angle,
+    label_values,
+    plain,
+    several,
+)
 from floquid.views import expansion, identified_residue
 
 SHORT, LINE = 10, 18
@@ -41,6 +51,9 @@ def residues(
     (Allen 2009, eqs. 9 and 11, figure 6.) λ is on the branch of the model's exponent: on another the same residues
     would turn once or more a period.
 
+    One row a channel, the real part on the left and the imaginary part on the right. Raises InputError where there is
+    no such mode, channel or hit.
+
     Parameters
     ----------
     analysis
@@ -54,16 +67,6 @@ def residues(
         Which of the hits, from 0.
     periods_per_revolution
         Draw against the angle of the shaft, which turns once in this many periods; not given, against the phase.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One row a channel, the real part on the left and the imaginary part on the right.
-
-    Raises
-    ------
-    InputError
-        There is no such mode, channel or hit.
     """
     of = "residues"
     named = several(analysis, Analysis, "analysis", of)
@@ -73,18 +76,17 @@ def residues(
         rows = channels_named(shown, channels, argument="channels", of=of)
     if not rows:
         raise input_error("channels", of, "name at least one channel", "is empty")
-    modes = chosen_modes(named, mode, hit, of)
-    with style():
-        figure = new_figure(7.0, 1.1 + 1.45 * len(rows))
+    modes = _chosen_modes(named, mode, hit, of)
+    with drawing(1.1 + 1.45 * len(rows)) as figure:
         panels = figure.subplots(len(rows), 2, sharex=True, squeeze=False)
         for pair, row in zip(panels, rows, strict=True):
-            draw_residue(pair, named, modes, row, hit, degrees_a_period(periods_per_revolution, of))
+            _draw_residue(pair, named, modes, row, hit, degrees_a_period(periods_per_revolution, of))
         for axes, part in zip(panels[0], ("real part", "imaginary part"), strict=True):
             axes.set_title(part)
         for axes in panels[-1]:
             label_angle(axes, periods_per_revolution, of, steps=4)
         figure.align_ylabels(panels[:, 0])
-        _finish(figure)
+        keep_sizes(figure)
     return figure
 
 
@@ -104,6 +106,9 @@ def coefficients(
     for those that the model keeps. The broken line is one standard deviation of a coefficient, where it is known; what
     lies at it is noise. Below, the real and the imaginary part of the residue, as `residues` draws them.
 
+    The coefficients above, the parts of the residue below. Raises InputError where there is no such mode, channel or
+    hit.
+
     Parameters
     ----------
     analysis
@@ -117,24 +122,13 @@ def coefficients(
         Which of the hits, from 0.
     periods_per_revolution
         Draw against the angle of the shaft, which turns once in this many periods; not given, against the phase.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The coefficients above, the parts of the residue below.
-
-    Raises
-    ------
-    InputError
-        There is no such mode, channel or hit.
     """
     of = "coefficients"
     named = several(analysis, Analysis, "analysis", of)
     shown = next(iter(named.values())).model.channels
     row = 0 if channel is None else channels_named(shown, [channel], argument="channel", of=of)[0]
-    modes = chosen_modes(named, mode, hit, of)
-    with style():
-        figure = new_figure(7.0, 5.4)
+    modes = _chosen_modes(named, mode, hit, of)
+    with drawing(5.4) as figure:
         grid = figure.add_gridspec(2, 2, height_ratios=(1.25, 1.0))
         axes = figure.add_subplot(grid[0, :])
         deviations = []
@@ -143,43 +137,27 @@ def coefficients(
             kept = found.kept
             axes.plot(found.harmonics, found.magnitudes, **look.points, label=entitled(name, "identified"))
             if kept.any():
-                color, width = look.line["color"], 2.0 * look.line["linewidth"]
-                axes.vlines(
-                    found.harmonics[kept],
-                    0.0,
-                    found.magnitudes[kept],
-                    color=color,
-                    linewidth=width,
-                    label=entitled(name, "harmonics kept"),
-                )
+                stems = {"color": look.line["color"], "linewidth": 2.0 * look.line["linewidth"]}
+                words = entitled(name, "harmonics kept")
+                axes.vlines(found.harmonics[kept], 0.0, found.magnitudes[kept], **stems, label=words)
             deviations += [] if found.std is None else [(found.harmonics, found.std)]
         for harmonics, std in deviations:
             axes.plot(harmonics, std, color=GREY, linestyle="--", label="one standard deviation")
         _log_axis(axes, f"|B| of {plain(shown[row].name)} [{plain(shown[row].unit)}]")
         panels = [figure.add_subplot(grid[1, column]) for column in (0, 1)]
-        draw_residue(panels, named, modes, row, hit, degrees_a_period(periods_per_revolution, of))
+        _draw_residue(panels, named, modes, row, hit, degrees_a_period(periods_per_revolution, of))
         for one, part in zip(panels, ("real part", "imaginary part"), strict=True):
             one.set_title(part)
             label_angle(one, periods_per_revolution, of, steps=4)
-        _finish(figure)
+        keep_sizes(figure)
     return figure
 
 
-def chosen_modes(named: dict[str, Analysis], mode: int, hit: int, of: str) -> dict[str, int]:
-    """The index of the mode in each analysis: that of the first, and those nearest to it.
-
-    Raises
-    ------
-    InputError
-        There is no such mode or hit, or the analyses are not of the same channels.
-    """
+def _chosen_modes(named: dict[str, Analysis], mode: int, hit: int, of: str) -> dict[str, int]:
+    """The index of the mode in each analysis: that of the first, and those nearest to it."""
     first = next(iter(named.values())).model
-    for value, end, argument in (
-        (mode, first.order, "mode"),
-        (hit, min(a.model.n_hits for a in named.values()), "hit"),
-    ):
-        if integer(value, argument, of, at_least=0) >= end:
-            raise input_error(argument, of, f"be less than {end}", f"is {value}", "Counting starts at 0.")
+    index(mode, "mode", of, first.order)
+    index(hit, "hit", of, min(one.model.n_hits for one in named.values()))
     names = [channel.name for channel in first.channels]
     modes = {}
     for name, analysis in named.items():
@@ -189,7 +167,7 @@ def chosen_modes(named: dict[str, Analysis], mode: int, hit: int, of: str) -> di
     return modes
 
 
-def draw_residue(
+def _draw_residue(
     panels: Sequence[Axes] | NDArray[np.object_],
     named: dict[str, Analysis],
     modes: dict[str, int],
@@ -224,9 +202,3 @@ def _log_axis(axes: Axes, name: str) -> None:
     axes.set(yscale="log", xlabel=r"harmonic $m$ of the residue", ylabel=name)
     axes.set_ylim(bottom=0.6 * smallest)
     axes.margins(x=0.02)
-
-
-def _finish(figure: Figure) -> None:
-    for axes in figure.axes:
-        axes.tick_params(labelsize=SIZE)
-    legend_of_all(figure)

@@ -14,18 +14,15 @@ from floquid._checks import input_error
 from floquid.io import as_path, atomic_path
 from floquid.order import indicators as found_indicators
 from floquid.pipeline import Analysis
-from floquid.plot._composite import composite
 from floquid.plot._exponents import exponents
-from floquid.plot._indicators import indicators
+from floquid.plot._indicators import composite, indicators
+from floquid.plot._record import synthesis, time_record
 from floquid.plot._residues import coefficients, residues
 from floquid.plot._shapes import periodic_shapes
 from floquid.plot._spectra import spectra
-from floquid.plot._speed import speed
 from floquid.plot._style import style
-from floquid.plot._synchronisation import synchronisation
-from floquid.plot._synthesis import synthesis
+from floquid.plot._synchronisation import speed, synchronisation
 from floquid.plot._system_elements import system_elements
-from floquid.plot._time_record import time_record
 from floquid.views import upper_modes
 
 if TYPE_CHECKING:
@@ -49,8 +46,7 @@ FIGURES = (
 )
 """The names of the figures that `save_figures` may write."""
 
-MOST_CHANNELS = 6
-"""Channels of the figure of residues."""
+MOST_CHANNELS = 6  # channels of the figure of residues
 
 # What would make two files of one figure differ.
 _NO_DATE = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
@@ -70,6 +66,9 @@ def save_figures(
     noise. `system_elements` needs an A(t), and `speed` a tachometer. A scan over orders is not in an analysis: for its
     figure there is `stabilisation`. Each file appears whole or not at all.
 
+    Returns the files written. Raises InputError where the folder does not exist or cannot be written to, a format is
+    unknown, or the truth does not fit.
+
     Parameters
     ----------
     analysis
@@ -82,16 +81,6 @@ def save_figures(
         "png", "svg" or "pdf", or several.
     dpi
         Dots an inch of PNG.
-
-    Returns
-    -------
-    tuple of pathlib.Path
-        The files written.
-
-    Raises
-    ------
-    InputError
-        The folder does not exist or cannot be written to, a format is unknown, or the truth does not fit.
     """
     of = "save_figures"
     place = as_path(folder, of=of, argument="folder")
@@ -155,6 +144,8 @@ def _strongest_channels(analysis: Analysis, mode: int, hit: int) -> list[int]:
 def save_figure(figure: Figure, path: str | PathLike[str], *, dpi: float = 150.0) -> Path:
     """Write one figure, whole or not at all; the same figure always gives the same file.
 
+    Returns the file written. Raises InputError where the ending is another, or the file cannot be written.
+
     Parameters
     ----------
     figure
@@ -163,16 +154,6 @@ def save_figure(figure: Figure, path: str | PathLike[str], *, dpi: float = 150.0
         The file, ending in .png, .svg or .pdf; it is replaced.
     dpi
         Dots an inch of PNG.
-
-    Returns
-    -------
-    pathlib.Path
-        The file written.
-
-    Raises
-    ------
-    InputError
-        The ending is another, or the file cannot be written.
     """
     of = "save_figure"
     place = as_path(path, of=of)

@@ -1,4 +1,4 @@
-"""Periodic mode shapes over the period, and their harmonics."""
+"""Periodic mode shapes over the period, and their harmonics: of a known A(t), and identified with bands of errors."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import input_error
-from floquid.core import PeriodicModel
+from floquid import views
+from floquid._checks import frozen_array, index, input_error
+from floquid.core import PeriodicModel, channels_named
 from floquid.floquet import FloquetModes, multiplier_is_real, stability, state_participation, upper_modes
-from floquid.plot._identified_shapes import identified_shapes
-from floquid.plot._indicators import plain_decades
-from floquid.plot._several import label_angle, legend_of_all
-from floquid.plot._style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, new_figure, plain, style
+from floquid.periodic import participation
+from floquid.plot._colours import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
+from floquid.plot._style import INTERVAL, drawing, label_angle, label_values, plain, plain_decades
+from floquid.views import shape_curves, with_error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,15 +26,10 @@ Parts = Literal["polar", "cartesian"]
 _LOOKS = ((BLUE, "-"), (VERMILION, "--"), (GREEN, "-."), (ORANGE, ":"), (PURPLE, (0, (5, 1, 1, 1, 1, 1))))
 """Told apart by dashes as well as by colour."""
 
-_MODES, _MOST = 3, 6
-_FAINT = 0.02
-"""Of a shape's largest value: below, its phase says nothing."""
-
-_SLIGHT = 1e-9
-"""Of a mode: a state with less of it has no part in it."""
-
-_LEAST = 1e-4
-"""Of the mean square: the smallest bar."""
+_MODES, _MOST, _ROWS = 3, 6, 4  # modes drawn by default, and at most; rows by default, at most
+_FAINT = 0.02  # of a shape's largest value: below, its phase says nothing
+_SLIGHT = 1e-9  # of a mode: a state with less of it has no part in it
+_LEAST = 1e-4  # the smallest share of a harmonic that has a bar
 
 _POINTS = 361
 _SHORT = 30
@@ -58,6 +54,9 @@ def periodic_shapes(
     of its zeroth harmonic is one, in the units of the states. The states drawn are those that take most part in the
     modes.
 
+    Raises InputError where `modes` is something else, there are not as many names as states, or a mode, channel or hit
+    is not there.
+
     Parameters
     ----------
     modes
@@ -77,38 +76,29 @@ def periodic_shapes(
         Of an identified model, what each channel counts for in the parts of the harmonics (channels, hits) [1/unit of
         the channel]: for the shares that tables give, `1/analysis.noise`. None: one over the largest coefficient of all
         channels of its unit, so that a channel counts by its size and not by how well it is known. All hits count.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
-    Raises
-    ------
-    InputError
-        `modes` is neither, there are not as many names as states, or a mode, channel or hit is not there.
     """
     name = "periodic_shapes"
     if parts is not None and parts not in get_args(Parts):
         raise input_error("parts", name, 'be "polar" or "cartesian"', f"is {parts!r}")
     if isinstance(modes, PeriodicModel):
-        return identified_shapes(modes, states, of, hit, weights=weights, polar=parts == "polar", name=name)
+        return _identified(modes, states, of, hit, weights=weights, polar=parts == "polar", name=name)
     if not isinstance(modes, FloquetModes):
         must, remedy = "be a FloquetModes or a PeriodicModel", "Pass floquet.modes(A, period) or analysis.model."
         raise input_error("modes", name, must, f"is {modes!r:.60}", remedy)
-    parts = parts or "polar"
+    polar = parts != "cartesian"
     names = _names(modes, states, name)
-    rows = _rows(modes, of, name)
+    chosen = sorted(_asked(modes, of, name) or upper_modes(modes), key=lambda r: -modes.exponents[r].real)
+    rows = chosen if of is not None else chosen[:_MODES]
     shares = state_participation(modes)
-    strongest = _strongest(shares[rows])
-    with style():
-        figure = new_figure(7.0, 1.3 + 1.75 * len(rows))
+    # The states of the largest shares in any of the modes, in their own order.
+    strongest = sorted(np.argsort(-shares[rows].max(axis=0), kind="stable")[: len(_LOOKS)].tolist())
+    with drawing(1.3 + 1.75 * len(rows)) as figure:
         panels = figure.subplots(len(rows), 3, squeeze=False, width_ratios=(3, 3, 2.2))
         for row, (r, three) in enumerate(zip(rows, panels, strict=True)):
-            taking_part = {names[k]: k for k in strongest if shares[r, k] > _SLIGHT}
-            looks = {names[k]: look for k, look in zip(strongest, _LOOKS, strict=False)}
-            _draw_shape(three, modes, r, taking_part, looks, parts)
-            _draw_harmonics(three[2], modes, r)
+            looks = {k: look for k, look in zip(strongest, _LOOKS, strict=False) if shares[r, k] > _SLIGHT}
+            _draw_shape(three, modes, r, names, looks, polar=polar)
+            _draw_harmonics(three[2], modes.harmonics, modes.participation[r])
+            plain_decades(three[2])
             three[0].set_title(_title(modes, r), loc="left")
             for axes in three[:2]:
                 label_angle(axes, None, name, steps=4)
@@ -116,8 +106,18 @@ def periodic_shapes(
                     axes.set_xlabel("")
         panels[-1, 2].set_xlabel("harmonic $m$")
         figure.align_ylabels(panels[:, 0])
-        legend_of_all(figure)
     return figure
+
+
+def _asked(modes: FloquetModes | PeriodicModel, of: Sequence[int] | None, name: str) -> list[int]:
+    """The modes that were asked for; none where none were."""
+    if of is None:
+        return []
+    chosen = [int(r) for r in of if isinstance(r, (int, np.integer)) and 0 <= r < modes.order]
+    if len(chosen) != len(of) or not 1 <= len(chosen) <= _MOST:
+        must = f"list one to {_MOST} indices from 0 to {modes.order - 1}"
+        raise input_error("of", name, must, f"is {list(of)!r:.60}")
+    return chosen
 
 
 def _names(modes: FloquetModes, states: Sequence[str] | None, of: str) -> list[str]:
@@ -132,25 +132,6 @@ def _names(modes: FloquetModes, states: Sequence[str] | None, of: str) -> list[s
     return [f"{k + 1}: {name}" if short.count(name) > 1 else name for k, name in enumerate(short)]
 
 
-def _rows(modes: FloquetModes, of: Sequence[int] | None, name: str) -> list[int]:
-    """The modes that are drawn, by falling growth."""
-    if of is None:
-        chosen = upper_modes(modes)
-    else:
-        chosen = [int(r) for r in of if isinstance(r, (int, np.integer)) and 0 <= r < modes.order]
-        if len(chosen) != len(of) or not 1 <= len(chosen) <= _MOST:
-            must = f"list one to {_MOST} indices from 0 to {modes.order - 1}"
-            raise input_error("of", name, must, f"is {list(of)!r:.60}")
-    ordered = sorted(chosen, key=lambda r: -modes.exponents[r].real)
-    return ordered if of is not None else ordered[:_MODES]
-
-
-def _strongest(shares: NDArray[np.float64]) -> list[int]:
-    """The states of the largest shares in any of the modes, in their own order."""
-    order = np.argsort(-shares.max(axis=0), kind="stable")
-    return sorted(order[: len(_LOOKS)].tolist())
-
-
 def _title(modes: FloquetModes, mode: int) -> str:
     value = complex(modes.exponents[mode])
     if abs(value.real) <= stability(modes).margins[mode]:
@@ -163,36 +144,22 @@ def _title(modes: FloquetModes, mode: int) -> str:
 
 
 def _draw_shape(
-    panels: Sequence[Axes],
-    modes: FloquetModes,
-    mode: int,
-    states: dict[str, int],
-    looks: dict[str, tuple[str, Any]],
-    parts: Parts,
+    panels: Sequence[Axes], modes: FloquetModes, mode: int, names: list[str], looks: dict[int, Any], *, polar: bool
 ) -> None:
-    """The two parts of the shape over the period."""
-    times = np.linspace(0.0, modes.period, _POINTS)
-    shape = modes.shapes(times)[mode]
-    phase = np.linspace(0.0, 360.0, _POINTS)
-    for name, k in states.items():
-        color, dashes = looks[name]
-        look = {"color": color, "linestyle": dashes, "linewidth": 1.3}
-        if parts == "cartesian":
-            curves = shape[k].real, shape[k].imag
-        else:
-            size = np.abs(shape[k])
-            angle = np.degrees(np.unwrap(np.angle(shape[k])))
-            angle -= 360.0 * np.round(angle.mean() / 360.0)
-            curves = size, np.where(size > _FAINT * size.max(), angle, np.nan)
-        for axes, curve in zip(panels[:2], curves, strict=True):
-            axes.plot(phase, curve, **look, label=plain(name))
+    """The two parts of the shape over the period, in each of the states that have a look."""
+    shape = modes.shapes(np.linspace(0.0, modes.period, _POINTS))[mode]
+    for k, (color, dashes) in looks.items():
+        parts, _ = _polar(shape[k], None) if polar else ((shape[k].real, shape[k].imag), None)
+        for axes, curve in zip(panels[:2], parts, strict=True):
+            phase = np.linspace(0.0, 360.0, _POINTS)
+            axes.plot(phase, curve, color=color, linestyle=dashes, linewidth=1.3, label=plain(names[k]))
     unit = "[unit of state]"
-    words = (f"$|p|$ {unit}", r"$\angle p$ [deg]") if parts == "polar" else (f"Re $p$ {unit}", f"Im $p$ {unit}")
+    words = (f"$|p|$ {unit}", r"$\angle p$ [deg]") if polar else (f"Re $p$ {unit}", f"Im $p$ {unit}")
     for axes, label in zip(panels[:2], words, strict=True):
         axes.set_ylabel(label)
         axes.margins(y=0.12)
         axes.ticklabel_format(axis="y", useOffset=False)
-    if parts == "polar":
+    if polar:
         panels[0].set_ylim(bottom=0.0)
         _whole_turns(panels[1])
 
@@ -211,15 +178,144 @@ def _whole_turns(axes: Axes) -> None:
     )
 
 
-def _draw_harmonics(axes: Axes, modes: FloquetModes, mode: int) -> None:
-    """The part of each harmonic in the shape's mean square."""
+def _draw_harmonics(axes: Axes, harmonics: NDArray[np.int64], shares: NDArray[np.float64]) -> None:
+    """The part of each harmonic in the mean square of a shape."""
     from matplotlib.ticker import MaxNLocator
 
-    shares = modes.participation[mode]
-    kept = np.flatnonzero(shares >= _LEAST)
-    low, high = int(modes.harmonics[kept[0]]) - 1, int(modes.harmonics[kept[-1]]) + 1
-    inside = (modes.harmonics >= low) & (modes.harmonics <= high) & (shares >= _LEAST)
-    axes.bar(modes.harmonics[inside], shares[inside], color=GREY, edgecolor=BLUE, linewidth=0.8, width=0.7)
-    axes.set(yscale="log", xlim=(low - 0.4, high + 0.4), ylim=(_LEAST, 2.0), ylabel="part [-]")
-    plain_decades(axes)
+    shown = shares >= _LEAST
+    axes.bar(harmonics[shown], shares[shown], color=GREY, edgecolor=BLUE, linewidth=0.8, width=0.7)
+    axes.set(yscale="log", ylim=(_LEAST, 2.0), ylabel="part [-]")
+    if shown.any():
+        axes.set_xlim(int(harmonics[shown].min()) - 1.4, int(harmonics[shown].max()) + 1.4)
     axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
+
+
+def _identified(
+    model: PeriodicModel,
+    channels: Sequence[str] | None,
+    modes: Sequence[int] | None,
+    hit: int,
+    *,
+    weights: ArrayLike | None,
+    polar: bool,
+    name: str,
+) -> Figure:
+    """The shapes of a model: a row for each mode and unit, and the parts of the harmonics."""
+    index(hit, "hit", name, model.n_hits)
+    listed = _asked(model, modes, name) or _strongest(model)
+    axes = (len(model.channels), model.n_hits)
+    weighted = _by_unit(model) if weights is None else frozen_array(weights, "weights", name, axes=axes)
+    rows = list(range(len(model.channels)))
+    if channels is not None:
+        rows = channels_named(model.channels, channels, argument="states", of=name)
+    looks = _looks(model, rows, listed, hit)
+    units = list(dict.fromkeys(model.channels[row].unit for row in looks))
+    with drawing(0.9 + 1.75 * len(listed) * len(units) + 0.1 * len(listed)) as figure:
+        panels = figure.subplots(len(listed) * len(units), 3, squeeze=False, width_ratios=(3, 3, 2.2))
+        for place, mode in enumerate(listed):
+            for number, unit in enumerate(units):
+                three = panels[place * len(units) + number]
+                own = {row: look for row, look in looks.items() if model.channels[row].unit == unit}
+                _draw_identified(three[:2], model, mode, hit, own, unit, polar=polar)
+                if number:
+                    three[2].set_axis_off()
+            first = panels[place * len(units)]
+            _draw_harmonics(first[2], *participation(model, mode, weighted))
+            first[0].set_title(_title_with_errors(model, mode), loc="left")
+        for line, three in enumerate(panels):
+            for axes in three[:2]:
+                label_angle(axes, None, name, steps=4)
+                if line < len(panels) - 1:
+                    axes.set_xlabel("")
+                    axes.tick_params(labelbottom=False)
+        panels[(len(listed) - 1) * len(units), 2].set_xlabel("harmonic $m$")
+        figure.align_ylabels(panels[:, 0])
+        figure.align_ylabels(panels[:, 1])
+    return figure
+
+
+def _strongest(model: PeriodicModel) -> list[int]:
+    """The strongest modes, in the order of the model."""
+    energy = np.sum(np.abs(model.coefficients) ** 2, axis=(2, 3))
+    share = np.sum(energy / np.maximum(energy.max(axis=0), 1e-300), axis=1)
+    units = len({channel.unit for channel in model.channels})
+    upper = sorted(views.upper_modes(model), key=lambda r: -share[r])
+    return sorted(upper[: max(1, min(_MODES, _ROWS // units))])
+
+
+def _looks(model: PeriodicModel, rows: list[int], modes: list[int], hit: int) -> dict[int, tuple[str, Any]]:
+    """How each channel drawn is drawn: of each unit the strongest, as many as can be told apart."""
+    sizes = np.sqrt(np.sum(np.abs(model.coefficients[modes][:, :, hit]) ** 2, axis=2)).max(axis=0)
+    looks: dict[int, tuple[str, Any]] = {}
+    for unit in dict.fromkeys(model.channels[row].unit for row in rows):
+        own = sorted((row for row in rows if model.channels[row].unit == unit), key=lambda row: -sizes[row])
+        looks |= {row: _LOOKS[k] for k, row in enumerate(sorted(own[: len(_LOOKS)]))}
+    return looks
+
+
+def _title_with_errors(model: PeriodicModel, mode: int) -> str:
+    """The number of the mode and its exponent with the deviations."""
+    value, std, upper = model.exponents[mode], model.exponent_std, views.upper_modes(model)
+    spread = complex(np.nan, np.nan) if std is None else complex(std[mode])
+    number = f"mode {upper.index(mode) + 1}" if mode in upper else f"index {mode}"
+    sign = "+" if value.imag >= 0.0 else "-"
+    words = f"{with_error(value.real, spread.real)} {sign} {with_error(abs(value.imag), spread.imag)} i"
+    return rf"{number}: $\lambda$ = {words} 1/s".replace("-", "−")
+
+
+def _draw_identified(
+    panels: Sequence[Axes] | NDArray[np.object_],
+    model: PeriodicModel,
+    mode: int,
+    hit: int,
+    looks: dict[int, tuple[str, Any]],
+    unit: str,
+    *,
+    polar: bool,
+) -> None:
+    """The two parts of the shape in the channels of one unit, with their bands."""
+    curves = shape_curves(model, mode, hit, 181)
+    phase, largest = 360.0 * curves.turns, 0.0
+    for row, (color, dashes) in looks.items():
+        value = curves.values[row]
+        std = None if curves.std is None else curves.std[row]
+        if polar:
+            parts, bands = _polar(value, std)
+        else:
+            parts, bands = (value.real, value.imag), (None, None) if std is None else (std.real, std.imag)
+        largest = max(largest, float(np.nanmax(np.abs(parts[0]))), 0.0 if polar else float(np.nanmax(np.abs(parts[1]))))
+        for axes, part, band in zip(panels, parts, bands, strict=True):
+            axes.plot(phase, part, color=color, linestyle=dashes, linewidth=1.3, label=plain(model.channels[row].name))
+            if band is not None:
+                edge = {"color": color, "alpha": 0.25, "linewidth": 0.0}
+                axes.fill_between(phase, part - INTERVAL * band, part + INTERVAL * band, **edge)
+    if curves.std is not None:
+        panels[0].fill_between([], [], [], color=GREY, alpha=0.4, linewidth=0.0, label="95 % intervals")
+    for axes, name in zip(panels, ("size", "") if polar else ("Re", "Im"), strict=True):
+        axes.margins(y=0.12)
+        if name:
+            label_values(axes, name, unit, largest)
+    if polar:
+        panels[0].set_ylim(bottom=0.0)
+        panels[1].set_ylabel("phase [deg]")
+
+
+def _polar(value: NDArray[np.complex128], std: NDArray[np.complex128] | None) -> tuple[Any, Any]:
+    """Size and phase; their errors are those of a circle with the larger of the two deviations."""
+    size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
+    angle = angle - 360.0 * np.round(angle.mean() / 360.0)
+    seen = size > _FAINT * max(float(size.max()), 1e-300)
+    parts = size, np.where(seen, angle, np.nan)
+    if std is None:
+        return parts, (None, None)
+    spread = np.maximum(std.real, std.imag)
+    return parts, (spread, np.degrees(np.divide(spread, size, out=np.full_like(size, np.nan), where=seen)))
+
+
+def _by_unit(model: PeriodicModel) -> NDArray[np.float64]:
+    """One over the largest coefficient of each unit (channels, hits): units cannot be added as they are."""
+    largest = np.abs(model.coefficients).max(axis=(0, 2, 3), initial=0.0)
+    units = np.array([channel.unit for channel in model.channels])
+    sizes = np.array([largest[units == unit].max() for unit in units])
+    weights = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
+    return np.repeat(weights[:, None], model.n_hits, axis=1)

@@ -8,24 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error, integer, positive
+from floquid._checks import index, input_error, integer, positive
 from floquid.core import channels_named
 from floquid.pipeline import Analysis
-from floquid.plot._several import columns_that_fit, degrees_a_period
-from floquid.plot._style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SIZE,
-    SKY,
-    VERMILION,
-    new_figure,
-    plain,
-    style,
-)
+from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from floquid.plot._style import SIZE, columns_that_fit, degrees_a_period, drawing, frequency_unit, plain
 from floquid.views import Family, envelope, families, lifted_spectrum, record_spectrum, upper_modes
 
 if TYPE_CHECKING:
@@ -35,11 +22,8 @@ if TYPE_CHECKING:
 COLORS = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY)
 DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), "-.")
 
-BESIDE = 88
-"""Characters of a row of a legend that is as wide as the axes."""
-
-DEPTH = 0.1
-"""Where the axis of magnitudes ends, as a share of the lowest level of noise."""
+BESIDE = 88  # characters of a row of a legend that is as wide as the axes
+DEPTH = 0.1  # where the axis of magnitudes ends, as a share of the lowest level of noise
 
 
 def spectra(
@@ -64,6 +48,9 @@ def spectra(
     Dotted lines are the mean magnitude of the noise found in each channel. The whole periods of the record are
     transformed.
 
+    The record above, the families of its lines, and the lifted responses below. Raises InputError where there is no
+    such channel, phase or hit, or there are more of them than can be told apart.
+
     Parameters
     ----------
     analysis
@@ -83,21 +70,10 @@ def spectra(
         Name the phases by the angle of the shaft, which turns once in this many periods; not given, by their own.
     points
         The most points a curve is drawn with.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The record above, the families of its lines, and the lifted responses below.
-
-    Raises
-    ------
-    InputError
-        There is no such channel, phase or hit, or there are more of them than can be told apart.
     """
     of = "spectra"
     cycles = analysis.cycles
-    if integer(hit, "hit", of, at_least=0) >= len(cycles):
-        raise input_error("hit", of, f"be less than {len(cycles)}", f"is {hit}", "Counting starts at 0.")
+    index(hit, "hit", of, len(cycles))
     listed = cycles[hit].channels
     rows = list(range(min(2, len(listed))))
     if channels is not None:
@@ -106,7 +82,7 @@ def spectra(
     if not 1 <= len(rows) <= len(COLORS):
         raise input_error("channels", of, f"name one to {len(COLORS)} channels", f"names {len(rows)}", "Choose some.")
     integer(points, "points", of, at_least=2)
-    turn, unit = (2.0 * np.pi, "rad/s") if angular else (1.0, "Hz")
+    turn, unit = frequency_unit(angular=angular)
     scale = turn / (2.0 * np.pi)
     shown = _shown(analysis, rows)
     marks = np.concatenate([family.omega for family in shown] or [np.zeros(0)]) * scale
@@ -116,10 +92,8 @@ def spectra(
     degrees = degrees_a_period(periods_per_revolution, of)
     first, step = cycles[hit].first_phase, 1.0 / cycles[hit].n_phases
     angles = {phase: f"{(first + phase * step) % 1.0 * degrees:.4g}°" for phase in chosen}
-    with style():
-        # The strip of the families has no more room than it needs.
-        strip = 0.5 + 0.17 * max(len(shown), 1)
-        figure = new_figure(7.0, 5.8 + strip)
+    strip = 0.5 + 0.17 * max(len(shown), 1)  # that of the families has no more room than it needs
+    with drawing(5.8 + strip, legend=False) as figure:
         grid = figure.add_gridspec(3, 1, height_ratios=(2.5, strip, 2.5))
         panels = [figure.add_subplot(grid[row]) for row in (0, 2)]
         below = figure.add_subplot(grid[1], sharex=panels[0])
@@ -240,9 +214,8 @@ def _shown(analysis: Analysis, rows: Sequence[int]) -> list[Family]:
     shown = []
     for family in families(analysis):
         own = np.isin(family.harmonics, analysis.model.harmonics[kept[family.mode]])
-        part = Family(
-            mode=family.mode, harmonics=family.harmonics[own], omega=family.omega[own], share=family.share[own]
-        )
+        lines = {name: getattr(family, name)[own] for name in ("harmonics", "omega", "share")}
+        part = Family(mode=family.mode, **lines)
         shown += [part] if own.any() else []
     return shown
 

@@ -12,9 +12,8 @@ from floquid._checks import input_error, integer
 from floquid.lti import Outcome
 from floquid.order import OrderScan, Stability
 from floquid.pipeline import Analysis
-from floquid.plot._indicators import plain_decades, whole_numbers
-from floquid.plot._several import legend_of_all, several
-from floquid.plot._style import BLACK, BLUE, GREEN, GREY, SKY, VERMILION, new_figure, plain, style
+from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
+from floquid.plot._style import drawing, frequency_unit, plain, plain_decades, several, whole_numbers
 from floquid.views import envelope, families, record_spectrum, unfolded
 
 if TYPE_CHECKING:
@@ -24,13 +23,12 @@ if TYPE_CHECKING:
 Behind = Literal["cmif", "composite"]
 Axis = Literal["folded", "unfolded"]
 
-MARKS: dict[Stability, tuple[str, dict[str, Any]]] = {
+MARKS: dict[Stability, tuple[str, dict[str, Any]]] = {  # told apart by form as well as by colour
     Stability.NEW: ("new", {"marker": ".", "color": GREY, "markersize": 3.0}),
     Stability.FREQUENCY: ("stable in frequency", {"marker": "+", "color": VERMILION, "markersize": 5.0}),
     Stability.DAMPING: ("and damping", {"marker": "s", "color": GREEN, "markersize": 4.0, "markerfacecolor": "none"}),
     Stability.SHAPE: ("and shape", {"marker": "o", "color": BLUE, "markersize": 4.0}),
 }
-"""Told apart by form as well as by colour."""
 
 CURVES = {"cmif": "largest CMIF / white noise [-]", "composite": "composite / noise [-]"}
 
@@ -56,6 +54,9 @@ def stabilisation(
     they scatter up to half of the sampling rate, most of them beyond the end of the axis, half a fundamental above the
     highest line of the analysis.
 
+    Raises InputError where `scan` is something else, there are more of them than fit a figure, an option is not
+    possible, or the analysis is missing or of other responses.
+
     Parameters
     ----------
     scan
@@ -72,17 +73,6 @@ def stabilisation(
         The most points a curve is drawn with.
     angular
         Frequencies in rad/s instead of Hz.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
-    Raises
-    ------
-    InputError
-        `scan` is neither, there are more of them than fit a figure, an option is not possible, or the analysis is
-        missing or of other responses.
     """
     of = "stabilisation"
     named = several(scan, OrderScan, "scan", of)
@@ -90,30 +80,28 @@ def stabilisation(
         raise input_error("behind", of, 'be "cmif" or "composite"', f"is {behind!r}")
     integer(points, "points", of, at_least=2)
     orders = _chosen(chosen, named)
-    turn, unit = (2.0 * np.pi, "rad/s") if angular else (1.0, "Hz")
+    turn, unit = frequency_unit(angular=angular)
     sources = _sources(axis, analysis, named)
-    with style():
-        figure = new_figure(7.0, 4.4 if len(named) == 1 else 1.0 + 3.0 * len(named))
+    with drawing(4.4 if len(named) == 1 else 1.0 + 3.0 * len(named)) as figure:
         panels = figure.subplots(len(named), squeeze=False)[:, 0]
         for axes, (name, one) in zip(panels, named.items(), strict=True):
             source = sources.get(name)
             if source is None:
-                _draw_curve(axes, one, behind, points, turn)
+                _draw_indicator(axes, one, behind, points, turn)
                 end = np.pi / one.indicators.dt
-                _draw_poles(axes, _folded(one), one, turn, end)
             else:
                 _draw_spectrum(axes, source, points, turn)
                 # Half a fundamental beyond the highest line: past it there are poles of noise alone.
                 highest = max(line for family in families(source) for line in family.omega)
                 end = highest + np.pi / source.lifted.period
-                _draw_poles(axes, _unfolded(one, source), one, turn, end)
+            _draw_poles(axes, _poles(one, source), one, turn, end)
+            if source is not None:
                 _draw_folds(axes, source, turn, end)
             _finish(axes, one, orders.get(name), turn * end / (2.0 * np.pi))
             if name:
                 axes.set_title(plain(name), loc="left")
         band = "" if sources else r" in the lifted band, 0 to $\omega$/2"
         panels[-1].set_xlabel(f"frequency{band} [{unit}]")
-        legend_of_all(figure)
     return figure
 
 
@@ -149,24 +137,16 @@ def _sources(
     return found
 
 
-Poles = tuple[NDArray[np.float64], ...]
-"""The frequency of each pole of each order [rad/s]; NaN for those that are not drawn."""
-
-
-def _folded(scan: OrderScan) -> Poles:
-    """The poles above the real axis."""
+def _poles(scan: OrderScan, analysis: Analysis | None) -> list[NDArray[np.float64]]:
+    """The frequency of each pole of each order above the real axis [rad/s], with an analysis on its branch."""
     angles = [np.angle(model.multipliers) for model in scan.models]
-    return tuple(np.where(own >= 0, own, np.nan) / scan.indicators.dt for own in angles)
+    found = [own / scan.indicators.dt for own in angles]
+    if analysis is not None:
+        found = [np.abs(exponents.imag) for exponents in unfolded(scan, analysis)]
+    return [np.where(angle >= 0, own, np.nan) for angle, own in zip(angles, found, strict=True)]
 
 
-def _unfolded(scan: OrderScan, analysis: Analysis) -> Poles:
-    """The same poles on their branches."""
-    found = unfolded(scan, analysis)
-    upper = [np.angle(model.multipliers) >= 0 for model in scan.models]
-    return tuple(np.where(own, np.abs(lam.imag), np.nan) for own, lam in zip(upper, found, strict=True))
-
-
-def _draw_poles(axes: Axes, poles: Poles, scan: OrderScan, turn: float, end: float) -> None:
+def _draw_poles(axes: Axes, poles: list[NDArray[np.float64]], scan: OrderScan, turn: float, end: float) -> None:
     """The poles up to `end` [rad/s], a form for each level of stability, at `turn` times frequencies in Hz."""
     found: dict[Stability, list[tuple[float, int]]] = {level: [] for level in Stability}
     for order, model, levels, own in zip(scan.orders, scan.models, scan.stable, poles, strict=True):
@@ -192,16 +172,33 @@ def _finish(axes: Axes, scan: OrderScan, chosen: int | None, end: float) -> None
 
 
 def _draw_spectrum(axes: Axes, analysis: Analysis, points: int, turn: float) -> None:
-    """The mean of the record's spectra over the noise, of the longest hit, drawn below the poles."""
+    """The mean of the record's spectra over the noise, of the longest hit."""
     hit = int(np.argmax([cycles.n_cycles for cycles in analysis.cycles]))
     found = [record_spectrum(analysis, row, hit) for row in range(len(analysis.lifted.channels))]
     mean = np.mean([one.values / one.noise for one in found], axis=0)
+    look = {"linewidth": 1.0, "label": "spectrum of the record"}
+    curve = envelope(found[0].omega * turn / (2.0 * np.pi), mean, points)
+    _draw_behind(axes, curve, look, "spectrum of the record / noise [-]", bottom=0.5)
+
+
+def _draw_indicator(axes: Axes, scan: OrderScan, behind: Behind, points: int, turn: float) -> None:
+    """The largest mode indicator function or the composite."""
+    found = scan.indicators
+    values, label = (found.cmif[:, 0], "CMIF") if behind == "cmif" else (found.composite, "composite")
+    curve = envelope(found.angles * turn / (2.0 * np.pi * found.dt), values, points)
+    _draw_behind(axes, curve, {"linewidth": 1.2, "label": label}, CURVES[behind])
+
+
+def _draw_behind(axes: Axes, curve: Any, look: dict[str, Any], name: str, bottom: float | None = None) -> None:
+    """A curve on an axis of its own to the right, drawn below the poles."""
     other = axes.twinx()
-    x = found[0].omega * turn / (2.0 * np.pi)
-    other.plot(*envelope(x, mean, points), color=SKY, linewidth=1.0, label="spectrum of the record")
-    other.set(yscale="log", ylabel="spectrum of the record / noise [-]")
-    other.set_ylim(bottom=0.5)
-    _put_behind(axes, other)
+    other.plot(*curve, color=SKY, **look)
+    other.set(yscale="log", ylabel=name)
+    other.set_ylim(bottom=bottom)
+    plain_decades(other)
+    other.grid(visible=False)
+    axes.set_zorder(other.get_zorder() + 1)
+    axes.patch.set_visible(False)
 
 
 def _draw_folds(axes: Axes, analysis: Analysis, turn: float, end: float) -> None:
@@ -209,27 +206,5 @@ def _draw_folds(axes: Axes, analysis: Analysis, turn: float, end: float) -> None
     half = np.pi / analysis.lifted.period
     for number in range(1, int(end / half * (1.0 - 1e-9)) + 1):
         label = r"multiples of $\omega$/2" if number == 1 else None
-        axes.axvline(
-            number * half * turn / (2.0 * np.pi), color=GREY, linestyle=":", linewidth=0.9, zorder=1, label=label
-        )
-
-
-def _draw_curve(axes: Axes, scan: OrderScan, behind: Behind, points: int, turn: float) -> None:
-    """The indicator on an axis of its own to the right, drawn below the poles."""
-    found = scan.indicators
-    values = found.cmif[:, 0] if behind == "cmif" else found.composite
-    other = axes.twinx()
-    x = found.angles * turn / (2.0 * np.pi * found.dt)
-    other.plot(
-        *envelope(x, values, points), color=SKY, linewidth=1.2, label="CMIF" if behind == "cmif" else "composite"
-    )
-    other.set(yscale="log", ylabel=CURVES[behind])
-    _put_behind(axes, other)
-
-
-def _put_behind(axes: Axes, other: Axes) -> None:
-    """Draw the axes to the right below the poles."""
-    plain_decades(other)
-    other.grid(visible=False)
-    axes.set_zorder(other.get_zorder() + 1)
-    axes.patch.set_visible(False)
+        x = number * half * turn / (2.0 * np.pi)
+        axes.axvline(x, color=GREY, linestyle=":", linewidth=0.9, zorder=1, label=label)

@@ -8,19 +8,18 @@ import numpy as np
 
 from floquid._checks import input_error
 from floquid.floquet import Instability, StabilityMap
-from floquid.plot._several import legend_of_all
-from floquid.plot._style import BLACK, BLUE, ORANGE, PURPLE, VERMILION, label_values, new_figure, plain, style
+from floquid.plot._colours import BLACK, BLUE, ORANGE, PURPLE, VERMILION
+from floquid.plot._style import drawing, label_values, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LOOKS = {
+LOOKS = {  # told apart by their hatching as well as by colour
     Instability.DIVERGENCE: ("unstable: multiplier above 1", VERMILION, "///"),
     Instability.PERIOD_DOUBLING: ("unstable: multiplier below −1", ORANGE, "\\\\\\"),
     Instability.FLUTTER: ("unstable: a complex pair", PURPLE, "xxx"),
 }
-"""Told apart by their hatching as well as by colour."""
 
 _RASTER = 700
 
@@ -30,33 +29,23 @@ def stability_map(found: StabilityMap) -> Figure:
 
     Bands and regions say by colour and hatching how the system is unstable.
 
+    Raises InputError where `found` is not a StabilityMap.
+
     Parameters
     ----------
     found
         What `floquet.stability_map` found.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
-    Raises
-    ------
-    InputError
-        `found` is not a StabilityMap.
     """
     if not isinstance(found, StabilityMap):
         must, remedy = "be a StabilityMap", "Pass floquet.stability_map(...)."
         raise input_error("found", "stability_map", must, f"is {found!r:.60}", remedy)
-    with style():
-        figure = new_figure(7.0, 3.6 if len(found.names) == 1 else 5.0)
+    with drawing(3.6 if len(found.names) == 1 else 5.0) as figure:
         axes = figure.subplots()
         if len(found.names) == 1:
             _draw_growth(axes, found)
         else:
             _draw_region(axes, found)
         axes.set_xlabel(plain(found.names[0]))
-        legend_of_all(figure)
     return figure
 
 

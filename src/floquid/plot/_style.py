@@ -1,33 +1,33 @@
-"""One look for all figures: readable in print, in grey and by the colour-blind."""
+"""One look for all figures: readable in print, in grey and by the colour-blind; their axes and legends."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from floquid._checks import input_error, integer
+from floquid.plot._colours import BLUE, GREEN, PURPLE, VERMILION
 from floquid.views import shortened
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette.
-BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
-)  # fmt: skip
-GREY = "#999999"
+Thing = TypeVar("Thing")
 
-LONGEST = 38
-"""The longest text that fits beside or above the axes, in characters."""
+LONGEST = 38  # the longest text that fits beside or above the axes, in characters
+PLAIN_FROM, PLAIN_TO = 5e-3, 1e4  # values of this size are written out
+SIZE = 9.0  # of all text [pt]
 
-PLAIN_FROM, PLAIN_TO = 5e-3, 1e4
-"""Values of this size are written out."""
+ACROSS, HANDLE = 100, 9
+"""How many characters a row of a legend holds, and how many the space of a handle and the gaps about it take."""
 
-SIZE = 9.0
-"""Of all text [pt]."""
+INTERVAL = 1.96  # the standard deviations to each side within which 95 % of estimates lie
 
 _LOOK = {
     "figure.constrained_layout.h_pad": 0.06,
@@ -49,6 +49,31 @@ _LOOK = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How the points and the line of one of several results are drawn: a dot sits inside a ring where two agree."""
+
+    points: dict[str, Any]
+    line: dict[str, Any]
+
+
+_RING = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markersize": 5.0, "markeredgewidth": 0.9}
+_DOT = {"linestyle": "none", "marker": "o", "markersize": 2.8, "markeredgewidth": 0.0}
+_CROSS = {"linestyle": "none", "marker": "x", "markersize": 5.0, "markeredgewidth": 0.8}
+_PLUS = {"linestyle": "none", "marker": "+", "markersize": 7.0, "markeredgewidth": 0.8}
+
+LOOKS = tuple(
+    Look({**points, "color": color}, {"color": color, "linestyle": dashes, "linewidth": width})
+    for points, color, dashes, width in (
+        (_RING, BLUE, "-", 1.4),
+        (_DOT, VERMILION, "--", 0.9),
+        (_CROSS, GREEN, "-.", 0.9),
+        (_PLUS, PURPLE, ":", 1.2),
+    )
+)
+"""Told apart by form as well as by colour."""
+
+
 @contextmanager
 def style() -> Iterator[None]:
     """The defaults of matplotlib with floquid's look over them, until the block ends."""
@@ -58,19 +83,65 @@ def style() -> Iterator[None]:
         yield
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of that size [in], belonging to no window and no global list."""
+@contextmanager
+def drawing(height: float, *, legend: bool = True) -> Iterator[Figure]:
+    """An empty figure of that height [in] to draw in, belonging to no window and no global list.
+
+    In the end it gets the legend of all its axes, each entry once, above them, in as few rows as its width allows.
+    """
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    with style():
+        figure = Figure(figsize=(7.0, height), layout="constrained")
+        yield figure
+        entries: dict[str, Any] = {}
+        for axes in figure.axes:
+            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+                entries.setdefault(label, handle)
+        if legend:
+            columns = columns_that_fit(list(entries))
+            figure.legend(list(entries.values()), list(entries), loc="outside upper center", ncols=columns)
 
 
-def finish(figure: Figure) -> None:
-    """Give the figure the legend of its first axes, in a row of its own above them, where it covers nothing."""
+def keep_sizes(figure: Figure) -> None:
+    """Fix the size of the text at the ticks, or their number would depend on the reader's own settings."""
     for axes in figure.axes:
-        axes.tick_params(labelsize=SIZE)  # or else the number of ticks depends on the reader's own settings
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+        axes.tick_params(labelsize=SIZE)
+
+
+def columns_that_fit(labels: list[str], across: int = ACROSS) -> int:
+    """In how many columns a legend fits a width of so many characters, in as few rows as it can."""
+    rows = 1
+    while rows < len(labels) and _characters(labels, -(-len(labels) // rows)) > across:
+        rows += 1
+    return -(-len(labels) // rows)
+
+
+def _characters(labels: list[str], columns: int) -> int:
+    """The width of a legend in characters: it is filled column by column, the first ones longer by one if need be."""
+    each, longer = divmod(len(labels), columns)
+    ends = np.cumsum([each + (column < longer) for column in range(columns)])
+    return sum(HANDLE + max(map(len, labels[end - each - (k < longer) : end])) for k, end in enumerate(ends))
+
+
+def several(things: Thing | Mapping[str, Thing], kind: type[Thing], argument: str, of: str) -> dict[str, Thing]:
+    """One thing under an empty name, or the things by name; an InputError unless there are as many as `LOOKS`."""
+    if isinstance(things, kind):
+        return {"": things}
+    if (
+        not isinstance(things, Mapping)
+        or not 1 <= len(things) <= len(LOOKS)
+        or not all(isinstance(thing, kind) for thing in things.values())
+    ):
+        word = kind.__name__
+        must = f"be {'an' if word[0] in 'AEIO' else 'a'} {word}, or up to {len(LOOKS)} of them by name"
+        raise input_error(argument, of, must, f"is {things!r:.60}", f'Pass e.g. {{"one": {word.lower()}}}.')
+    return {str(name): thing for name, thing in things.items()}
+
+
+def entitled(name: str, words: str) -> str:
+    """An entry of a legend: the words, and whose they are."""
+    return f"{plain(name)}, {words}" if name else words
 
 
 def plain(text: str) -> str:
@@ -80,6 +151,26 @@ def plain(text: str) -> str:
     """
     hidden = "\u200b" if text.startswith("_") else ""
     return hidden + shortened(text, LONGEST).replace("$", r"\$")
+
+
+def frequency_unit(*, angular: bool) -> tuple[float, str]:
+    """How many of its units a cycle a second is, and the unit of a frequency."""
+    return (2.0 * np.pi, "rad/s") if angular else (1.0, "Hz")
+
+
+def degrees_a_period(periods_per_revolution: int | None, of: str) -> float:
+    """How far the phase, or the shaft, turns in a period [deg]."""
+    if periods_per_revolution is None:
+        return 360.0
+    return 360.0 / integer(periods_per_revolution, "periods_per_revolution", of, at_least=1)
+
+
+def label_angle(axes: Axes, periods_per_revolution: int | None, of: str, steps: int = 8) -> None:
+    """Label the lower axis of `axes`, with so many steps: the phase of the period, or the angle of the shaft."""
+    end = degrees_a_period(periods_per_revolution, of)
+    name = "phase of the period" if periods_per_revolution is None else "shaft angle"
+    axes.set(xlabel=f"{name} [deg]", xlim=(-end / 60.0, end * 61.0 / 60.0), xticks=np.linspace(0.0, end, steps + 1))
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
 
 
 def label_values(axes: Axes, name: str, unit: str, largest: float) -> None:
@@ -97,3 +188,21 @@ def label_values(axes: Axes, name: str, unit: str, largest: float) -> None:
     factor = f"$10^{{{power}}}$" if power else ""
     words = " ".join(part for part in (factor, plain(unit) if not power or unit != "-" else "") if part)
     axes.set_ylabel(f"{plain(name)} [{words}]" if name else "")
+
+
+def whole_numbers(axis: Axis) -> None:
+    """Put ticks at whole numbers alone."""
+    from matplotlib.ticker import MaxNLocator
+
+    axis.set_major_locator(MaxNLocator(integer=True))
+
+
+def plain_decades(axes: Axes) -> None:
+    """Write 1, 2, 5, 10 … on a logarithmic axis of a few decades; of many, the powers of ten."""
+    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
+
+    low, high = axes.get_ylim()
+    few = high < 1e3 * max(low, 1e-300)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=12))
+    axes.yaxis.set_major_formatter((lambda value, _: f"{value:g}") if few else LogFormatterSciNotation())
+    axes.yaxis.set_minor_formatter(NullFormatter())

@@ -1,15 +1,18 @@
-"""How well a record keeps step with its period or its tachometer."""
+"""How well a record keeps step with its period or its tachometer, and the speed that the tachometer tells."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import textwrap
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from floquid._checks import input_error, integer
+from floquid._checks import input_error
+from floquid.core import Record
 from floquid.pipeline import Analysis
-from floquid.plot._several import legend_of_all
-from floquid.plot._style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SIZE, SKY, VERMILION, new_figure, style
+from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from floquid.plot._style import INTERVAL, drawing, keep_sizes, label_values, whole_numbers
+from floquid.sync import ShaftAngle
 from floquid.views import Synchronisation, upper_modes
 from floquid.views import synchronisation as synchronisation_of
 
@@ -17,17 +20,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INTERVAL = 1.96
-"""The standard deviations to each side within which 95 % of estimates lie."""
-
-WIDE = 6.0
-"""Times the narrowest interval beyond which a stretch does not set the scale."""
-
-SIGNIFICANT = 4.0
-"""Standard deviations from which on a difference of periods is one."""
+WIDE = 6.0  # times the narrowest interval beyond which a stretch does not set the scale
+SIGNIFICANT = 4.0  # standard deviations from which on a difference of periods is one
 
 LOOKS = ((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"), (ORANGE, "D"), (PURPLE, "v"), (SKY, "P"))
 """Told apart by form as well as by colour."""
+
+BAND = 2.0  # standard deviations on either side
+POINTS = 1000  # instants at which the speed is drawn
+ACROSS = 95  # characters of a row of the title
 
 
 def synchronisation(analysis: Analysis, *, hit: int = 0) -> Figure:
@@ -39,31 +40,17 @@ def synchronisation(analysis: Analysis, *, hit: int = 0) -> Figure:
     model: harmonic m of a mode turns m times as far as the slip; where all lines of a mode turn together it is the
     exponent that is off, and not the period.
 
+    Raises InputError where there is no such hit.
+
     Parameters
     ----------
     analysis
         What `identify` found.
     hit
         Which of the hits, from 0.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
-    Raises
-    ------
-    InputError
-        There is no such hit.
     """
-    of = "synchronisation"
-    if not isinstance(analysis, Analysis):
-        raise input_error("analysis", of, "be an Analysis", f"is {analysis!r:.60}", "Pass what `identify` gives.")
-    if integer(hit, "hit", of, at_least=0) >= analysis.model.n_hits:
-        raise input_error("hit", of, f"be less than {analysis.model.n_hits}", f"is {hit}", "Counting starts at 0.")
     found = synchronisation_of(analysis, hit)
-    with style():
-        figure = new_figure(7.0, 5.2)
+    with drawing(5.2) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True)
         _draw_slip(upper, found)
         _draw_phases(lower, found, upper_modes(analysis.model))
@@ -72,10 +59,8 @@ def synchronisation(analysis: Analysis, *, hit: int = 0) -> Figure:
         lower.set_xlabel("time [s]")
         upper.set_ylabel("response ahead\n[deg of the period]")
         lower.set_ylabel("ahead of the model\n[deg of the line]")
-        for axes in (upper, lower):
-            axes.tick_params(labelsize=SIZE)
+        keep_sizes(figure)
         figure.align_ylabels([upper, lower])
-        legend_of_all(figure)
     return figure
 
 
@@ -103,11 +88,7 @@ def _draw_phases(axes: Axes, found: Synchronisation, upper: tuple[int, ...]) -> 
         x = found.times[told] + apart * 0.09 * (number - 0.5 * (len(found.modes) - 1))
         color, marker = LOOKS[number]
         look = {"linestyle": "none", "marker": marker, "markersize": 3.5, "color": color, "linewidth": 0.8}
-        words = (
-            f"mode {upper.index(int(mode)) + 1}, $m$ = {int(m):+d}"
-            if m
-            else f"mode {upper.index(int(mode)) + 1}, $m$ = 0"
-        )
+        words = f"mode {upper.index(int(mode)) + 1}, $m$ = {int(m):+d}".replace("+0", "0")
         axes.errorbar(x, phase, width, **look, label=words.replace("-", "−"))
         every.append(phase)
         bars.append(width)
@@ -127,11 +108,94 @@ def _verdict(found: Synchronisation) -> str:
     """What the slips say, in words."""
     if not np.isfinite(found.relative):
         return "The response does not tell its period: no mode with two harmonics that holds is seen in two stretches."
-    value, std = 1e6 * found.relative, 1e6 * found.relative_std
-    digits = max(0, 1 - int(np.floor(np.log10(std)))) if std > 0 else 3
-    off = abs(value) / std if std > 0 else 0.0
+    off = abs(found.relative) / found.relative_std if found.relative_std > 0 else 0.0
     verdict = "another period" if off > SIGNIFICANT else "no other period"
-    words = f"own period − period used: ({value:+.{digits}f} ± {std:.{digits}f}) · 10⁻⁶ of it, {verdict}"
+    words = f"own period − period used: ({found.parts_in_a_million()}) · 10⁻⁶ of it, {verdict}"
     if np.isfinite(found.misfit):
         words += f"\nscatter about the straight line, over that of the noise: {np.sqrt(found.misfit):.2g}"
     return words.replace("-", "−")
+
+
+def speed(shaft: ShaftAngle, record: Record | None = None, *, rpm: bool = False) -> Figure:
+    """The speed against time with its band, the residuals of the pulses, and the geometry of an encoder; the verdict.
+
+    Raises InputError where `shaft` is not a ShaftAngle, or `record` not a Record.
+
+    Parameters
+    ----------
+    shaft
+        What `sync.shaft_angle` found.
+    record
+        The record: what of it lies outside the evidence is drawn too, shaded.
+    rpm
+        The speed in revolutions a minute instead of Hz.
+    """
+    if not isinstance(shaft, ShaftAngle):
+        raise input_error("shaft", "speed", "be a ShaftAngle", f"is {shaft!r:.60}", "Pass sync.shaft_angle(record).")
+    if record is not None and not isinstance(record, Record):
+        raise input_error("record", "speed", "be a Record or None", f"is {record!r:.60}")
+    begin, end = shaft.first, shaft.last
+    if record is not None:
+        begin, end = min(begin, record.start), max(end, float(record.times[-1]))
+    rows = 2 if shaft.geometry is None else 3
+    with drawing(0.8 + 1.7 * rows) as figure:
+        panels = figure.subplots(rows, 1)
+        _draw_speed(panels[0], shaft, begin, end, rpm=rpm)
+        _draw_residuals(panels[1], shaft)
+        panels[0].sharex(panels[1])
+        margin = 0.02 * (end - begin)
+        panels[1].set(xlim=(begin - margin, end + margin), xlabel="time [s]")
+        if shaft.geometry is not None:
+            _draw_geometry(panels[2], shaft)
+        for axes in panels[:2]:
+            for low, high in ((begin - margin, shaft.first), (shaft.last, end + margin)):
+                axes.axvspan(low, high, color=GREY, alpha=0.15, linewidth=0.0)
+        panels[0].set_title("\n".join(textwrap.wrap(shaft.reasons[0], ACROSS)), loc="left")
+    return figure
+
+
+def _draw_speed(axes: Axes, shaft: ShaftAngle, begin: float, end: float, *, rpm: bool) -> None:
+    """The speed with its band; the mean."""
+    factor, unit = (60.0, "rpm") if rpm else (1.0, "Hz")
+    factor /= 2.0 * np.pi
+    times = np.linspace(begin, end, POINTS)
+    curve, width = factor * shaft.speed(times), BAND * factor * shaft.speed_std(times)
+    band = {"color": BLUE, "alpha": 0.25, "linewidth": 0.0}
+    axes.fill_between(times, curve - width, curve + width, **band, label=f"± {BAND:g} std")
+    axes.plot(times, curve, color=BLUE, label="speed")
+    axes.axhline(factor * shaft.mean_speed, color=BLACK, linestyle="--", linewidth=0.9, label="mean")
+    label_values(axes, "speed", unit, float(curve.max()))
+    axes.tick_params(labelbottom=False)
+
+
+def _draw_residuals(axes: Axes, shaft: ShaftAngle) -> None:
+    """What each pulse lies off the fit, as a time or as an angle; those left out, apart."""
+    if shaft.jitter_unit == "s":
+        values, unit, name = -1e6 * shaft.residuals / shaft.mean_speed, "µs", "pulse − fit"  # ahead in angle is early
+        std = 1e6 * shaft.jitter
+    else:
+        values, unit, name = np.degrees(shaft.residuals), "deg", "azimuth − fit"
+        std = float(np.degrees(shaft.jitter))
+    kept = shaft.kept
+    limit = 1.15 * max(float(np.abs(values[kept]).max()), 3.0 * std)
+    axes.axhspan(-BAND * std, BAND * std, color=BLUE, alpha=0.12, linewidth=0.0)
+    axes.plot(shaft.times[kept], values[kept], linestyle="none", marker="o", markersize=2.0, color=BLUE)
+    out = np.clip(values[~kept], -limit, limit)
+    if len(out):
+        cross: dict[str, Any] = {"linestyle": "none", "marker": "x", "color": VERMILION}
+        axes.plot(shaft.times[~kept], out, **cross, label="left out (at the rim: off scale)")
+    axes.set_ylim(-1.05 * limit, 1.05 * limit)
+    label_values(axes, name, unit, limit)
+
+
+def _draw_geometry(axes: Axes, shaft: ShaftAngle) -> None:
+    """How far each line is ahead of even spacing."""
+    assert shaft.geometry is not None
+    assert shaft.geometry_std is not None
+    values, deviations = np.degrees(shaft.geometry), np.degrees(shaft.geometry_std)
+    numbers = np.arange(len(values))
+    axes.errorbar(numbers, values, BAND * deviations, linestyle="none", marker="o", markersize=3.0, color=ORANGE)
+    axes.axhline(0.0, color=BLACK, linewidth=0.7)
+    axes.set_xlabel("line of the encoder")
+    whole_numbers(axes.xaxis)
+    label_values(axes, "ahead of even", "deg", float(np.nanmax(np.abs(values))))

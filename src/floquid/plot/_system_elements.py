@@ -6,21 +6,28 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from floquid._checks import frozen_array, input_error, positive
+from floquid._checks import input_error, positive, timed_matrices
 from floquid.core import Channel
-from floquid.plot._several import LOOKS, degrees_a_period, entitled, label_angle, several
-from floquid.plot._style import BLACK, finish, label_values, new_figure, style
+from floquid.plot._colours import BLACK
+from floquid.plot._style import (
+    INTERVAL,
+    LOOKS,
+    degrees_a_period,
+    drawing,
+    entitled,
+    keep_sizes,
+    label_angle,
+    label_values,
+    several,
+)
 from floquid.reconstruction import StateModel
-from floquid.views import element_unit
+from floquid.views import closed_period, element_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-INTERVAL = 1.96
-"""The standard deviations to each side within which 95 % of estimates lie."""
 
 
 def system_elements(
@@ -37,6 +44,9 @@ def system_elements(
     Bands are 1.96 standard deviations each way, where those are estimated: at each instant by itself, 95 % of such
     intervals hold the true value.
 
+    One panel an element. Raises InputError where an element is not in A, the truth does not fit, or the period is
+    needed and not given.
+
     Parameters
     ----------
     state
@@ -52,16 +62,6 @@ def system_elements(
         The channels of the record: with them, states in different units get the right unit on the axis.
     periods_per_revolution
         Draw against the angle of the shaft, which turns once in this many periods; not given, against the phase.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel an element.
-
-    Raises
-    ------
-    InputError
-        An element is not in A, the truth does not fit, or the period is needed and not given.
     """
     of = "system_elements"
     named = several(state, StateModel, "state", of)
@@ -74,10 +74,9 @@ def system_elements(
     if not chosen:
         raise input_error("elements", of, "name at least one element", "is empty")
     length = _period(first, of) if period is None else positive(period, "period", of, unit="s")
-    known = None if truth is None else _truth(truth, n, of)
+    known = None if truth is None else timed_matrices(truth, "truth", of, n)
     degrees = degrees_a_period(periods_per_revolution, of) / length
-    with style():
-        figure = new_figure(7.0, 1.0 + 1.5 * len(chosen))
+    with drawing(1.0 + 1.5 * len(chosen)) as figure:
         panels = figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0]
         for axes, (i, j) in zip(panels, chosen, strict=True):
             if known is not None:
@@ -88,7 +87,7 @@ def system_elements(
             label_values(axes, f"A({i},{j})", element_unit(first, i - 1, j - 1, channels), largest)
         label_angle(panels[-1], periods_per_revolution, of)
         figure.align_ylabels(panels)
-        finish(figure)
+        keep_sizes(figure)
     return figure
 
 
@@ -99,21 +98,11 @@ def _draw_estimates(axes: Axes, named: dict[str, StateModel], i: int, j: int, de
         axes.plot(state.times * degrees, state.system[:, i, j], **look.points, label=entitled(name, "estimated"))
         if state.system_std is None:
             continue
-        order = np.argsort(state.times)
-        times = state.times[order]
-        if times[-1] < times[0] + period:
-            # The band goes on to the end of the period.
-            order, times = np.append(order, order[0]), np.append(times, times[0] + period)
+        order, times = closed_period(state.times, period)
         middle, width = state.system[order, i, j], INTERVAL * state.system_std[order, i, j]
-        axes.fill_between(
-            times * degrees,
-            middle - width,
-            middle + width,
-            color=look.line["color"],
-            alpha=0.25,
-            linewidth=0.0,
-            label="95 % intervals" if name == bands[-1] else None,
-        )
+        band = {"color": look.line["color"], "alpha": 0.25, "linewidth": 0.0}
+        label = "95 % intervals" if name == bands[-1] else None
+        axes.fill_between(times * degrees, middle - width, middle + width, **band, label=label)
 
 
 def _default(n: int) -> list[tuple[int, int]]:
@@ -140,10 +129,3 @@ def _period(state: StateModel, of: str) -> float:
             "Pass period=model.period.",
         )  # fmt: skip
     return float(steps.mean() * len(state.times))
-
-
-def _truth(truth: tuple[ArrayLike, ArrayLike], n: int, of: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    if not isinstance(truth, tuple) or len(truth) != 2:
-        raise input_error("truth", of, "be a pair (times, system)", f"is a {type(truth).__name__}")
-    times = frozen_array(truth[0], "truth[0]", of, axes=("times",))
-    return times, frozen_array(truth[1], "truth[1]", of, axes=(len(times), n, n))

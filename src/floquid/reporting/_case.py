@@ -10,14 +10,9 @@ from floquid.order import OrderScan
 from floquid.pipeline import Analysis
 from floquid.views import shortened, upper_modes
 
-MOST_CHANNELS = 8
-"""Channels that one figure can tell apart; the result file holds all."""
-
-LONGEST = 28
-"""Characters of a name in a legend."""
-
-POINTS = 3000
-"""The most points of a curve: a long record keeps its envelope."""
+MOST_CHANNELS = 8  # channels that one figure can tell apart; the result file holds all
+LONGEST = 28  # characters of a name in a legend
+POINTS = 3000  # the most points of a curve: a long record keeps its envelope
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,16 +20,11 @@ class Case:
     """An analysis and what of it is shown."""
 
     analysis: Analysis
-    scan: OrderScan | None
-    """The poles of several orders; None where there are none."""
-    why: str
-    """Why there are none."""
-    modes: tuple[int, ...]
-    """One mode of each pair."""
-    channels: tuple[int, ...]
-    """The strongest channels, in their own order."""
-    hits: tuple[int, ...]
-    """The hit in which each of `modes` is strongest."""
+    scan: OrderScan | None  # the poles of several orders; None where there are none
+    why: str  # why there are none
+    modes: tuple[int, ...]  # one mode of each pair
+    channels: tuple[int, ...]  # the strongest channels, in their own order
+    hits: tuple[int, ...]  # the hit in which each of `modes` is strongest
 
     @property
     def turn(self) -> float:

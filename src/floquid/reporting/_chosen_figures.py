@@ -1,4 +1,4 @@
-"""The mode chosen: its periodic shape and its Fourier coefficients, with the rows of every other mode at hand."""
+"""The mode chosen on the whole page: its shape and its coefficients, the rows of all others at hand, and the change."""
 
 from __future__ import annotations
 
@@ -8,23 +8,31 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from floquid.reporting._case import Case
-from floquid.reporting._look import (
-    BLACK,
-    CURVES,
-    DASHES,
-    MARKERS,
-    Figure,
-    hover,
-    legend_above,
-    new_figure,
-)
+from floquid.reporting._look import BLACK, CURVES, DASHES, MARKERS, Figure, hover, legend_above, new_figure
 from floquid.views import families, shape_curves
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
 
-BAND = 1.959964
-"""Deviations on either side of an interval of 95 %."""
+CHOOSE = """
+if (modes.selected.indices.length !== 1) {
+    // One mode is always chosen: a click beside all marks changes nothing, one on several takes the first.
+    modes.selected.indices = [modes.selected.indices.length ? modes.selected.indices[0] : last.get_column("row")[0]];
+    return;
+}
+const row = modes.selected.indices[0];
+last.data = {row: [row]};
+for (let k = 0; k < drawn.length; k++) drawn[k].data = columns[k][row];
+document.dispatchEvent(new CustomEvent("floquid:mode", {detail: row}));
+"""
+
+RESPONSE = """
+const row = response.get_column("row")[0];
+for (let k = 0; k < drawn.length; k++) drawn[k].data = columns[k][row];
+for (let k = 0; k < axes.length; k++) axes[k].axis_label = labels[k][row];
+"""
+
+BAND = 1.959964  # deviations on either side of an interval of 95 %
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +69,9 @@ def _shape(case: Case, row: int) -> dict[str, Any]:
     curves = shape_curves(case.analysis.model, case.modes[row], hit=case.hits[row])
     columns: dict[str, Any] = {"turns": curves.turns}
     for number, channel in enumerate(case.channels):
-        for part, values, std in (
-            ("real", curves.values.real, None if curves.std is None else curves.std.real),
-            ("imag", curves.values.imag, None if curves.std is None else curves.std.imag),
-        ):
-            own = values[channel]
-            width = np.zeros(len(own)) if std is None else BAND * std[channel]
+        for part in ("real", "imag"):
+            own = getattr(curves.values[channel], part)
+            width = 0.0 if curves.std is None else BAND * getattr(curves.std[channel], part)
             columns[f"{part}{number}"] = own.astype(np.float32)
             columns[f"{part}{number}_low"] = (own - width).astype(np.float32)
             columns[f"{part}{number}_high"] = (own + width).astype(np.float32)
@@ -115,9 +120,9 @@ def shape_figures(case: Case, chosen: Chosen) -> list[Figure]:
                 colour, dash = CURVES[number], DASHES[number]
                 if bands:
                     made.varea(
-                    x="turns", y1=f"{part}{number}_low", y2=f"{part}{number}_high", source=chosen.drawn,
-                    fill_color=colour, fill_alpha=0.25, legend_label=case.labels()[number],
-                )  # fmt: skip
+                        x="turns", y1=f"{part}{number}_low", y2=f"{part}{number}_high", source=chosen.drawn,
+                        fill_color=colour, fill_alpha=0.25, legend_label=case.labels()[number],
+                    )  # fmt: skip
                 made.line(
                     "turns", f"{part}{number}", source=chosen.drawn, line_color=colour, line_dash=dash, line_width=2,
                     legend_label=case.labels()[number],
@@ -150,3 +155,26 @@ def coefficients_figure(case: Case, chosen: Chosen) -> Figure:
     made.x_range.min_interval = 3
     legend_above(made)
     return made
+
+
+def link_modes(modes: ColumnDataSource, chosen: list[Chosen]) -> None:
+    """Let the row selected in `modes` decide what the figures of the mode show."""
+    from bokeh.models import ColumnDataSource, CustomJS
+
+    last = ColumnDataSource({"row": [0]})
+    modes.selected.js_on_change("indices", CustomJS(args=_args(chosen, modes=modes, last=last), code=CHOOSE))
+
+
+def link_responses(chosen: list[Chosen], axes: list[Any], labels: list[list[str]]) -> ColumnDataSource:
+    """A source whose one number says which response the figures of the record show, and how their axes are labelled."""
+    from bokeh.models import ColumnDataSource, CustomJS
+
+    response = ColumnDataSource({"row": [0]}, name="response")
+    response.js_on_change(
+        "data", CustomJS(args=_args(chosen, response=response, axes=axes, labels=labels), code=RESPONSE)
+    )
+    return response
+
+
+def _args(chosen: list[Chosen], **others: Any) -> dict[str, Any]:
+    return {"drawn": [one.drawn for one in chosen], "columns": [list(one.modes) for one in chosen], **others}

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-Figure = Any
-"""A bokeh figure: its own types do not know what its properties become."""
+Figure = Any  # a bokeh figure: its own types do not know what its properties become
 
 # Okabe and Ito's palette, from dark to light.
 BLACK, BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = (

@@ -8,16 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.reporting._case import Case
-from floquid.reporting._look import (
-    BLACK,
-    GREY,
-    HEIGHT,
-    VERMILION,
-    Figure,
-    hover,
-    legend_above,
-    new_figure,
-)
+from floquid.reporting._look import BLACK, GREY, HEIGHT, VERMILION, Figure, hover, legend_above, new_figure
 from floquid.views import exponent_ellipses, multiplier_ellipses
 
 if TYPE_CHECKING:
@@ -43,14 +34,6 @@ def mode_source(case: Case) -> ColumnDataSource:
     return ColumnDataSource(data, name="modes", selected=Selection(indices=[0] if at else []))
 
 
-TOOLTIP = [
-    ("mode", "@number"),
-    ("Im λ/2π", "@frequency{%.7g} Hz"),
-    ("Re λ", "@decay{%.4g} 1/s"),
-    ("ζ", "@damping{%.4g} %"),
-]
-
-
 def _modes(made: Figure, source: ColumnDataSource, x: str, y: str) -> None:
     """The modes as numbered marks; the one chosen is filled."""
     from bokeh.models import LabelSet, TapTool
@@ -61,7 +44,8 @@ def _modes(made: Figure, source: ColumnDataSource, x: str, y: str) -> None:
     )  # fmt: skip
     made.add_layout(LabelSet(x=x, y=y, text="number", source=source, x_offset=7, y_offset=4, text_font_size="12px"))
     made.add_tools(TapTool(renderers=[marks]))
-    hover(made, TOOLTIP, [marks])
+    tips = [("mode", "@number"), ("Im λ/2π", "@frequency{%.7g} Hz"), ("Re λ", "@decay{%.4g} 1/s")]
+    hover(made, [*tips, ("ζ", "@damping{%.4g} %")], [marks])
 
 
 def _ellipses(made: Figure, curves: NDArray[np.complex128] | None, turn: float = 1.0) -> None:

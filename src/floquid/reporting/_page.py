@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
@@ -13,10 +12,11 @@ from floquid.reporting._chosen_figures import (
     coefficient_source,
     coefficients_figure,
     family_source,
+    link_modes,
+    link_responses,
     shape_figures,
     shape_source,
 )
-from floquid.reporting._linking import link_modes, link_responses
 from floquid.reporting._look import Figure
 from floquid.reporting._modes_figures import exponents_figure, mode_source, multipliers_figure
 from floquid.reporting._record_figures import (
@@ -26,26 +26,18 @@ from floquid.reporting._record_figures import (
     response_name,
     response_sources,
     responses,
+    slip_words,
+    slips,
     spectrum_figure,
     spectrum_label,
+    speed_figure,
+    synchronisation_figure,
 )
 from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
-from floquid.reporting._synchronisation_figure import slip_words, slips, speed_figure, synchronisation_figure
 from floquid.reporting._system_figures import Truth, element_figures
 from floquid.views import Synchronisation
 
-LONGEST = 60
-"""The longest name of a source that fits a heading, in characters."""
-
-
-@dataclass(frozen=True, slots=True)
-class Drawn:
-    """A figure's place on the page."""
-
-    name: str
-    """Of the element that it is drawn in."""
-    words: str
-    """What it shows, for those who do not see it."""
+LONGEST = 60  # the longest name of a source that fits a heading, in characters
 
 
 def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
@@ -59,7 +51,7 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
     figures = _figures(case, found, truth)
     models = {f"{place}-{number}": made for place, group in figures.items() for number, made in enumerate(group)}
     drawn = {
-        place: [Drawn(f"{place}-{number}", _described(made)) for number, made in enumerate(group)]
+        place: [{"name": f"{place}-{number}", "words": _described(made)} for number, made in enumerate(group)]
         for place, group in figures.items()
     }
     environment = Environment(

@@ -6,23 +6,18 @@ from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._checks import frozen_array, input_error
+from floquid._checks import input_error, timed_matrices
 from floquid.errors import IdentificationError, InputError
 from floquid.io import as_path, atomic_path
 from floquid.order import OrderScan
 from floquid.order import scan as scan_orders
-from floquid.pipeline import Analysis
+from floquid.pipeline import Analysis, blas_threads
 from floquid.reporting._case import case_of
 from floquid.reporting._page import page
-from floquid.reporting._system_figures import Truth
 
 ENDINGS = (".html", ".htm")
-
-LARGE = 2e7
-"""Values of lifted responses from which on threads are worth it."""
 
 
 def report(
@@ -39,6 +34,9 @@ def report(
     all), what was done to the record, the settings, and how to cite. Curves of more than 3000 points keep their
     envelope, and of many channels the eight strongest are drawn, so that the page stays under 6 MB.
 
+    Returns the file written. Raises InputError where `analysis` is none, the file does not end in .html or cannot be
+    written, or the truth does not fit.
+
     Parameters
     ----------
     analysis
@@ -51,16 +49,6 @@ def report(
         Instants after phase zero (times,) [s] and the true A at each (times, n, n), drawn beside the estimate.
     progress
         Called with what is about to be done, in words.
-
-    Returns
-    -------
-    pathlib.Path
-        The file written.
-
-    Raises
-    ------
-    InputError
-        `analysis` is none, the file does not end in .html or cannot be written, or the truth does not fit.
     """
     of = "report"
     if not isinstance(analysis, Analysis):
@@ -69,7 +57,12 @@ def report(
     place = as_path(path, of=of)
     if place.suffix.lower() not in ENDINGS:
         raise input_error("path", of, "end in .html", f"is {place}", "The report is a web page.")
-    known = _truth(truth, analysis, of)
+    known = None
+    if truth is not None:
+        if analysis.state is None:
+            must, got = "come with an A(t) to hold it against", "the analysis has none"
+            raise input_error("truth", of, must, got, "Identify with `states`, or leave out the truth.")
+        known = timed_matrices(truth, "truth", of, len(analysis.state.states))
     if title is not None and not isinstance(title, str):
         raise input_error("title", of, "be a text", f"is a {type(title).__name__}")
     progress("scanning the order")
@@ -84,26 +77,9 @@ def report(
 
 def _scan(analysis: Analysis) -> tuple[OrderScan | None, str]:
     """The poles of several orders, or why there are none: a record may be too short for them."""
-    from threadpoolctl import threadpool_limits
-
     responses = analysis.lifted.responses
-    # Thousands of small matrices: threads inside BLAS would wait for each other.
-    few = responses.values.size < LARGE
     try:
-        with threadpool_limits(limits=1 if few else None, user_api="blas"):
+        with blas_threads([responses]):
             return scan_orders(responses), ""
     except (InputError, IdentificationError) as error:
         return None, str(error)
-
-
-def _truth(truth: tuple[ArrayLike, ArrayLike] | None, analysis: Analysis, of: str) -> Truth | None:
-    if truth is None:
-        return None
-    if not isinstance(truth, tuple) or len(truth) != 2:
-        raise input_error("truth", of, "be a pair (times, system)", f"is a {type(truth).__name__}")
-    if analysis.state is None:
-        must, got = "come with an A(t) to hold it against", "the analysis has none"
-        raise input_error("truth", of, must, got, "Identify with `states`, or leave out the truth.")
-    n = len(analysis.state.states)
-    times = frozen_array(truth[0], "truth[0]", of, axes=("times",))
-    return times, np.asarray(frozen_array(truth[1], "truth[1]", of, axes=(len(times), n, n)))

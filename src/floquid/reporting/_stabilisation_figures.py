@@ -29,18 +29,16 @@ from floquid.views import envelope, families, unfolded
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
 
-LEVELS = {
+LEVELS = {  # told apart by form as well as by colour
     Stability.NEW: ("new", "circle", GREY, 3),
     Stability.FREQUENCY: ("stable in frequency", "cross", VERMILION, 8),
     Stability.DAMPING: ("and damping", "square", GREEN, 7),
     Stability.SHAPE: ("and shape", "circle", BLUE, 7),
 }
-"""Told apart by form as well as by colour."""
 
 FILLED = (Stability.NEW, Stability.SHAPE)
 
-NEAR = 0.01
-"""A pole of another order is one of a mode when it is this near to it, as a share of the fundamental."""
+NEAR = 0.01  # a pole of another order is one of a mode when it is this near to it, as a share of the fundamental
 
 CLICKED = """
 if (own.selected.indices.length === 0) return;
@@ -49,11 +47,8 @@ own.selected.indices = [];
 if (row >= 0) modes.selected.indices = [row];
 """
 
-MOST_CURVES = 4
-"""CMIF curves shown."""
-
-DEEP = 20
-"""Singular values shown below the noise."""
+MOST_CURVES = 4  # CMIF curves shown
+DEEP = 20  # singular values shown below the noise
 
 
 def stabilisation_figures(case: Case, source: ColumnDataSource) -> list[Figure]:

@@ -9,10 +9,9 @@ from floquid.core import PeriodicModel
 from floquid.reconstruction import StateModel
 from floquid.reporting._chosen_figures import BAND
 from floquid.reporting._look import BLUE, VERMILION, Figure, legend_above, new_figure
-from floquid.views import element_unit
+from floquid.views import closed_period, element_unit
 
-MOST = 12
-"""Elements shown; `summary.json` holds all."""
+MOST = 12  # elements shown; `summary.json` holds all
 
 Truth = tuple[NDArray[np.float64], NDArray[np.float64]]
 
@@ -51,7 +50,8 @@ def _element_figure(state: StateModel, model: PeriodicModel, place: tuple[int, i
     label = f"{element_name(i, j)} [{element_unit(state, i, j, model.channels)}]"
     made = new_figure("phase [periods]", label, name=f"system-{i}-{j}", height=240)
     made.title.text = element_name(i, j)
-    order, turns = _closed(state.times / model.period)
+    order, times = closed_period(state.times, model.period)
+    turns = times / model.period
     values = state.system[order, i, j]
     if state.system_std is not None:
         width = BAND * state.system_std[order, i, j]
@@ -67,12 +67,3 @@ def _element_figure(state: StateModel, model: PeriodicModel, place: tuple[int, i
         )  # fmt: skip
     legend_above(made)
     return made
-
-
-def _closed(turns: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """The order of the instants [periods], the first once more where they end within a period of it."""
-    order = np.argsort(turns)
-    turns = turns[order]
-    if turns[-1] < turns[0] + 1.0 - 1e-9:
-        return np.append(order, order[0]), np.append(turns, turns[0] + 1.0)
-    return order, turns

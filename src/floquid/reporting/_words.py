@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from floquid.views import (
     with_error,
 )
 
-CRITERIA = {
+CRITERIA = {  # what each number of the validation is, and its unit
     "fit": ("share of the response predicted in cycles left out", "%"),
     "held_out_error": ("error of that prediction over the noise, worst response", "-"),
     "held_out_stretch": ("the same over a stretch of the record", "-"),
@@ -37,34 +38,6 @@ CRITERIA = {
     "misfit": ("what the fit leaves over the level of its noise, worst response", "-"),
     "composition": ("largest relative difference of Φ(t + T), integrated, and Φ(t) Φ(T)", "-"),
 }
-"""What each number of the validation is, and its unit."""
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A check: what was measured, its limit, and whether it keeps to it."""
-
-    what: str
-    value: str
-    limit: str
-    met: bool
-
-
-@dataclass(frozen=True, slots=True)
-class ModeRow:
-    """A row of the table of modes, in words."""
-
-    number: int
-    decay: str
-    frequency: str
-    hertz: str
-    damping: str
-    multiplier: str
-    folded: str
-    harmonics: str
-    notes: str
-    name: str
-    """How the mode is called on its button, for those who hear the page."""
 
 
 def verdict(analysis: Analysis) -> tuple[str, str]:
@@ -92,8 +65,8 @@ def under_verdict(analysis: Analysis) -> str:
     return "Do not use the numbers below before this is mended:"
 
 
-def checks(analysis: Analysis) -> list[Row]:
-    """The numbers of the validation with their limits."""
+def checks(analysis: Analysis) -> list[SimpleNamespace]:
+    """The checks of the validation: what was measured, its value and limit, and whether it was met."""
     found = analysis.validation
     if found is None:
         return []
@@ -104,11 +77,12 @@ def checks(analysis: Analysis) -> list[Row]:
         factor, sign = (100.0, " %") if unit == "%" else (1.0, "")
         bound = f"{'at least' if criterion.at_least else 'at most'} {factor * criterion.limit:.4g}{sign}"
         told = "not computed" if value is None else f"{factor * value:.4g}{sign}"
-        rows.append(Row(what, told, bound, value is not None and criterion.met(value)))
+        met = value is not None and criterion.met(value)
+        rows.append(SimpleNamespace(what=what, value=told, limit=bound, met=met))
     return rows
 
 
-def mode_rows(case: Case) -> list[ModeRow]:
+def mode_rows(case: Case) -> list[SimpleNamespace]:
     """The table of modes, a conjugate pair a row."""
     analysis, model = case.analysis, case.analysis.model
     std = model.exponent_std
@@ -118,29 +92,27 @@ def mode_rows(case: Case) -> list[ModeRow]:
     for number, mode in enumerate(case.modes, start=1):
         own = complex(np.nan, np.nan) if std is None else std[mode]
         value = model.exponents[mode]
-        kept, _ = participation(model, mode, 1.0 / case.analysis.noise)
-        f_std = np.nan if hertz is None else float(hertz[mode])
-        d_std = np.nan if damping is None else 100.0 * float(damping[mode])
-        ratio = 100.0 * float(model.damping_ratios[mode])
-        frequency = with_error(float(model.frequencies_hz[mode]), f_std)
+        kept, _ = participation(model, mode, 1.0 / analysis.noise)
+        ratio = with_error(100.0 * model.damping_ratios[mode], np.nan if damping is None else 100.0 * damping[mode])
+        frequency = with_error(model.frequencies_hz[mode], np.nan if hertz is None else hertz[mode])
         rows.append(
-            ModeRow(
+            SimpleNamespace(
                 number=number,
                 decay=minus(with_error(value.real, own.real)),
                 frequency=("" if is_real(model, mode) else "±") + with_error(abs(value.imag), own.imag),
                 hertz=frequency,
-                damping=minus(with_error(ratio, d_std)),
+                damping=minus(ratio),
                 multiplier=f"{abs(model.multipliers[mode]):.4f}",
                 folded=f"{principal[mode]:.4f}",
                 harmonics=minus(f"{kept[0]} … {kept[-1]}" if len(kept) > 1 else "".join(str(m) for m in kept)),
                 notes=" ".join(mode_notes(analysis, mode)),
-                name=f"mode {number}, {frequency} Hz",
+                name=f"mode {number}, {frequency} Hz",  # for those who hear the page
             )
         )
     return rows
 
 
-def meanings(rows: list[ModeRow]) -> list[str]:
+def meanings(rows: list[SimpleNamespace]) -> list[str]:
     """What the words in the notes of the table mean."""
     used = {word for row in rows for word in row.notes.split()}
     return [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]
@@ -157,13 +129,16 @@ def summary_line(case: Case) -> str:
     counts = [str(cycles.n_cycles) for cycles in analysis.cycles]
     hits = " and ".join([", ".join(counts[:-1]), counts[-1]] if len(counts) > 1 else counts)
     first = analysis.records[0]
-    records = "1 record" if len(analysis.records) == 1 else f"{len(analysis.records)} records"
-    modes = "1 mode" if len(case.modes) == 1 else f"{len(case.modes)} modes"
-    channels = "1 channel" if len(model.channels) == 1 else f"{len(model.channels)} channels"
+    records, modes = _counted(len(analysis.records), "record"), _counted(len(case.modes), "mode")
+    channels = _counted(len(model.channels), "channel")
     return (
         f"{modes} (order {model.order}) found in {records} of {channels}, {hits} periods of {period_words(analysis)} s "
         f"(ω/2π = {1.0 / model.period:.6g} Hz), {first.sample_rate * model.period:.4g} samples a period."
     )
+
+
+def _counted(number: int, word: str) -> str:
+    return f"{number} {word}{'s' * (number != 1)}"
 
 
 def evidence(analysis: Analysis) -> list[tuple[str, list[str]]]:

@@ -4,19 +4,15 @@ Nothing here draws, and no plotting library is loaded.
 """
 
 from floquid.views._ellipses import ellipse, exponent_ellipses, multiplier_ellipses
-from floquid.views._envelope import envelope
 from floquid.views._expansion import Expansion, expansion, identified_residue
-from floquid.views._families import Family, families
+from floquid.views._families import Family, families, unfolded
 from floquid.views._modes import grows, is_real, upper_modes
-from floquid.views._names import shortened
-from floquid.views._noise import raw_noise
+from floquid.views._names import element_unit, shortened
 from floquid.views._outcome import outcome_lines, verdict_line
-from floquid.views._shapes import ShapeCurves, shape_curves
-from floquid.views._spectra import Spectrum, lifted_spectrum, record_spectrum
+from floquid.views._shapes import ShapeCurves, closed_period, shape_curves
+from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
 from floquid.views._synchronisation import Synchronisation, synchronisation
-from floquid.views._synthesis import Synthesis, lifted_points, synthesis
-from floquid.views._unfolded import unfolded
-from floquid.views._units import element_unit
+from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis
 from floquid.views._words import MODE_NOTES, mode_notes, passed_words, period_words, whitening_words, with_error
 
 __all__ = [
@@ -27,6 +23,7 @@ __all__ = [
     "Spectrum",
     "Synchronisation",
     "Synthesis",
+    "closed_period",
     "element_unit",
     "ellipse",
     "envelope",

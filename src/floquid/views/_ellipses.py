@@ -10,8 +10,7 @@ from floquid.core import PeriodicModel
 
 POINTS = 73
 
-SINGULAR = 1e-12
-"""The ratio of the variances across and along a region up to which it is a line."""
+SINGULAR = 1e-12  # the ratio of the variances across and along a region up to which it is a line
 
 
 def ellipse(
@@ -24,26 +23,9 @@ def ellipse(
     for an estimate of normal errors. Where a part has no error, the region is a line, and one normal number decides:
     to each side it is the quantile of (1 + p)/2 times the deviation.
 
-    Parameters
-    ----------
-    centre
-        The estimate.
-    covariance
-        C of its real and imaginary part (2, 2).
-    level
-        The probability p that the region holds the true value.
-    points
-        The number of points.
-
-    Returns
-    -------
-    numpy.ndarray
-        The edge, closed (points,).
-
-    Raises
-    ------
-    InputError
-        The covariance is none, or the level no probability.
+    `centre` is the estimate, `covariance` C of its real and imaginary part (2, 2), and `level` the probability p that
+    the region holds the true value. The edge is closed and has so many `points` (points,). Raises InputError where the
+    covariance is none, or the level no probability.
     """
     from scipy.special import ndtri
 
@@ -63,19 +45,9 @@ def ellipse(
 
 
 def exponent_ellipses(model: PeriodicModel, level: float = 0.95) -> NDArray[np.complex128] | None:
-    """The regions of the exponents.
+    """The edges of the regions of the exponents of a `model` (modes, points) [1/s]; None without deviations.
 
-    Parameters
-    ----------
-    model
-        The model.
-    level
-        The probability that each region holds the true exponent.
-
-    Returns
-    -------
-    numpy.ndarray or None
-        The edge of each (modes, points) [1/s]; None without deviations.
+    Each region holds the true exponent with the probability `level`.
     """
     if model.covariance is None:
         return None
@@ -89,19 +61,8 @@ def multiplier_ellipses(model: PeriodicModel, level: float = 0.95) -> NDArray[np
 
     .. math:: \delta\mu = \mu\, (T\, \delta\lambda + \lambda\, \delta T)
 
-    with δT where the period was estimated.
-
-    Parameters
-    ----------
-    model
-        The model.
-    level
-        The probability that each region holds the true multiplier.
-
-    Returns
-    -------
-    numpy.ndarray or None
-        The edge of each (modes, points) [-]; None without deviations.
+    with δT where the period was estimated. Of a `model` there are the edges (modes, points) [-], None without
+    deviations; each region holds the true multiplier with the probability `level`.
     """
     if model.covariance is None:
         return None

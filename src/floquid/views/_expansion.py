@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array
+from floquid._checks import Sealed, index
 from floquid.core import PeriodicModel
 from floquid.lti import ModalModel
 from floquid.periodic import assemble
 from floquid.pipeline import Analysis
-from floquid.views._modes import below, checked, frozen, paired
+from floquid.views._modes import checked, paired
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Expansion(Rebuilt):
+class Expansion(Sealed):
     """The coefficients of a residue, of as many harmonics as a period has samples.
 
     Parameters
@@ -27,8 +27,7 @@ class Expansion(Rebuilt):
         The coefficients of the residue as identified, phase by phase (harmonics,) [unit of the channel].
     std
         The deviation of each, kept or not: the floor of noise, the root of the sum of the squares of those of the real
-        and the imaginary part (harmonics,) [unit of the channel]; NaN where it is not
-        known. None without deviations.
+        and the imaginary part (harmonics,) [unit of the channel]; NaN where it is not known. None without deviations.
     kept
         Whether the model keeps it (harmonics,).
     """
@@ -37,15 +36,6 @@ class Expansion(Rebuilt):
     values: NDArray[np.complex128]
     std: NDArray[np.float64] | None
     kept: NDArray[np.bool_]
-
-    def __post_init__(self) -> None:
-        of, put = "Expansion", object.__setattr__
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
-        lines = len(self.harmonics)
-        put(self, "values", frozen_array(self.values, "values", of, axes=(lines,), dtype=np.complex128))
-        if self.std is not None:
-            put(self, "std", frozen_array(self.std, "std", of, axes=(lines,), missing=True))
-        put(self, "kept", frozen(np.array(self.kept, bool)))
 
     @property
     def magnitudes(self) -> NDArray[np.float64]:
@@ -58,24 +48,8 @@ def expansion(analysis: Analysis, mode: int, channel: int, hit: int = 0) -> Expa
 
     .. math:: B_m = \frac1P \sum_k R_k\, e^{-im\omega t_k}
 
-    (Allen 2009, eq. 11, figure 7.)
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    mode, channel, hit
-        Which, from 0.
-
-    Returns
-    -------
-    Expansion
-        Every coefficient, with its deviation and whether it is kept.
-
-    Raises
-    ------
-    InputError
-        There is no such mode, channel or hit.
+    (Allen 2009, eq. 11, figure 7.) Of what `identify` found (`analysis`), for a `mode`, a `channel` and a `hit` counted
+    from 0. Raises InputError where there is no such mode, channel or hit.
     """
     checked(analysis, "expansion", channel=channel, hit=hit)
     model, phases = analysis.model, analysis.lifted.n_phases
@@ -99,27 +73,13 @@ def identified_residue(analysis: Analysis, mode: int, channel: int, hit: int = 0
     (Allen 2009, eq. 9.) λ is on the branch of the model's exponent. Of whitened responses the filter's gain is taken
     off each of the P harmonics.
 
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    mode, channel, hit
-        Which, from 0.
-
-    Returns
-    -------
-    numpy.ndarray
-        The residue (phases,) [unit of the channel].
-
-    Raises
-    ------
-    InputError
-        There is no such mode, channel or hit.
+    It is (phases,) [unit of the channel], of what `identify` found (`analysis`), for a `mode`, a `channel` and a `hit`
+    counted from 0. Raises InputError where there is no such mode, channel or hit.
     """
     of = "identified_residue"
     checked(analysis, of, channel=channel, hit=hit)
     model, modal, lifted = analysis.model, analysis.modal, analysis.lifted
-    below(mode, model.order, "mode", of)
+    index(mode, "mode", of, model.order)
     own = int(paired(model.multipliers, modal.multipliers)[mode])
     delayed = lifted.by_channel(modal.residues[own])[channel, :, hit]
     passed = lifted.phase_times + analysis.cycles[hit].first_cycle * model.period

@@ -1,4 +1,4 @@
-"""Spectra of the record and of its lifted responses."""
+"""Spectra of the record and of its lifted responses; long curves with few points that look the same."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array
+from floquid._checks import Sealed, index
 from floquid.lti import WHITE
 from floquid.pipeline import Analysis
-from floquid.views._modes import below, checked
+from floquid.views._modes import checked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spectrum(Rebuilt):
+class Spectrum(Sealed):
     """The magnitudes of a transform, with those that noise alone would have.
 
     Parameters
@@ -31,11 +31,6 @@ class Spectrum(Rebuilt):
     values: NDArray[np.float64]
     noise: NDArray[np.float64]
 
-    def __post_init__(self) -> None:
-        lines = len(self.omega)
-        for name, axes in (("omega", ("lines",)), ("values", (lines,)), ("noise", (lines,))):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), name, "Spectrum", axes=axes))
-
 
 def record_spectrum(analysis: Analysis, channel: int, hit: int = 0) -> Spectrum:
     r"""The transform of the whole periods of a channel, as they were cut from the record.
@@ -44,22 +39,8 @@ def record_spectrum(analysis: Analysis, channel: int, hit: int = 0) -> Spectrum:
 
     (Allen 2009, figure 3.)
 
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    channel, hit
-        Which, from 0.
-
-    Returns
-    -------
-    Spectrum
-        Up to half of the sampling rate.
-
-    Raises
-    ------
-    InputError
-        There is no such channel or hit.
+    Of what `identify` found (`analysis`), for a `channel` and a `hit` counted from 0, up to half of the sampling rate.
+    Raises InputError where there is no such channel or hit.
     """
     checked(analysis, "record_spectrum", channel=channel, hit=hit)
     cycles = analysis.cycles[hit]
@@ -74,27 +55,13 @@ def lifted_spectrum(analysis: Analysis, channel: int, phase: int, hit: int = 0) 
 
     (Allen 2009, figure 4.)
 
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    channel, phase, hit
-        Which, from 0.
-
-    Returns
-    -------
-    Spectrum
-        Up to half of the fundamental.
-
-    Raises
-    ------
-    InputError
-        There is no such channel, phase or hit.
+    Of what `identify` found (`analysis`), for a `channel`, a `phase` and a `hit` counted from 0, up to half of the
+    fundamental. Raises InputError where there is no such channel, phase or hit.
     """
     of = "lifted_spectrum"
     checked(analysis, of, channel=channel, hit=hit)
     cycles = analysis.cycles[hit]
-    below(phase, cycles.n_phases, "phase", of)
+    index(phase, "phase", of, cycles.n_phases)
     values = cycles.values[channel, phase]
     return _spectrum(analysis, channel, hit, values, analysis.lifted.period, cycles.n_phases)
 
@@ -109,3 +76,28 @@ def _spectrum(
     turns = 1j * (omega + 2.0 * np.pi * np.arange(folds)[:, None] / step)
     colour = np.sqrt(np.mean(np.abs(analysis.lifted.gain(turns)[channel]) ** -2.0, axis=0))
     return Spectrum(omega=omega, values=magnitudes, noise=white * colour)
+
+
+def envelope(
+    x: NDArray[np.float64], y: NDArray[np.float64], points: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A curve with at most `points` points that looks the same: of each stretch, its smallest and largest value.
+
+    The points kept are points of the curve, in their order, and no extreme is lost. A short curve is kept whole.
+    A gap (NaN) stays one where a whole stretch is missing.
+
+    `x` (samples,) ascends over `y` (samples,); of both what is kept is returned, `points` or fewer, 2 or more.
+    """
+    if len(x) <= points:
+        return x, y
+    stretches = max(points // 2, 1)
+    size = -(-len(x) // stretches)
+    padded = np.full(-(-len(x) // size) * size, y[-1])
+    padded[: len(y)] = y
+    blocks = padded.reshape(-1, size)
+    missing = np.isnan(blocks)
+    lowest, highest = np.where(missing, np.inf, blocks), np.where(missing, -np.inf, blocks)
+    inside = np.stack([lowest.argmin(axis=1), highest.argmax(axis=1)])
+    kept = np.sort((inside + np.arange(len(blocks)) * size).ravel())
+    kept = np.unique(np.minimum(kept, len(x) - 1))
+    return x[kept], y[kept]

@@ -8,29 +8,32 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array
+from floquid._checks import Sealed
+from floquid.core import PeriodicModel
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
 from floquid.views._families import families
-from floquid.views._modes import checked
-from floquid.views._stretch import Stretch
+from floquid.views._modes import checked, is_real, upper_modes
 from floquid.views._synthesis import Response, response_of
 
-STRETCHES, FEWEST = 12, 4
-"""Stretches that a record is cut into at most, and cycles that each has at least."""
+STRETCHES, FEWEST = 12, 4  # stretches that a record is cut into at most, and cycles that each has at least
+ALIVE = 0.2  # the rms of the response in a cycle, over the noise, below which it tells nothing
+LARGEST = 2**13  # samples of a stretch that are looked at, at most: those in its middle
+LINES = 6  # how many of the strongest lines have their own phase
+STEPS, AT_REST = 20, 1e-7  # Gauss-Newton steps at most, and the step [rad], of the deviation, below which it is at rest
 
-ALIVE = 0.2
-"""The rms of the response in a cycle, over the noise, below which it tells nothing."""
+LONGEST = 0.5
+"""The longest step of the slip [rad over the highest harmonic]: phases turn no further than the linear part holds."""
 
-LARGEST = 2**13
-"""Samples of a stretch that are looked at, at most: those in its middle."""
+TOLD = 0.5  # the deviation [rad] from which on a phase is not told
+TURNS = 1e-9  # turns a period from which on a line turns at all
 
-LINES = 6
-"""How many of the strongest lines have their own phase."""
+SEEN = 1e-9
+"""The share of the slope's energy that no factor of a mode takes up, below which a stretch does not tell the slip."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Synchronisation(Rebuilt):
+class Synchronisation(Sealed):
     r"""By how much the response is ahead of the phase that the clock gives it, in stretches of the record.
 
     Parameters
@@ -74,21 +77,16 @@ class Synchronisation(Rebuilt):
     phases: NDArray[np.float64]
     phases_std: NDArray[np.float64]
 
-    def __post_init__(self) -> None:
-        of, put = "Synchronisation", object.__setattr__
-        put(self, "times", frozen_array(self.times, "times", of, axes=("stretches",)))
-        for name in ("cycles", "slip", "slip_std"):
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=(len(self.times),), missing=True))
-        put(self, "modes", frozen_array(self.modes, "modes", of, axes=("lines",), dtype=np.int64))
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=(len(self.modes),), dtype=np.int64))
-        for name in ("phases", "phases_std"):
-            axes = (len(self.modes), len(self.times))
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, missing=True))
-
     @property
     def told(self) -> NDArray[np.bool_]:
         """Which stretches tell the slip (stretches,)."""
         return np.isfinite(self.slip)
+
+    def parts_in_a_million(self) -> str:
+        """The relative difference of the periods and its deviation, to the digits that the deviation warrants."""
+        value, std = 1e6 * self.relative, 1e6 * self.relative_std
+        digits = max(0, 1 - int(np.floor(np.log10(std)))) if std > 0 else 3
+        return f"{value:+.{digits}f} ± {std:.{digits}f}".replace("-", "−")
 
 
 def synchronisation(analysis: Analysis, hit: int = 0) -> Synchronisation:
@@ -102,22 +100,7 @@ def synchronisation(analysis: Analysis, hit: int = 0) -> Synchronisation:
     so that an error of an exponent, which turns all lines of a mode alike, is none of the slip. Only a mode of two
     harmonics or more tells it. Where the response has died there are no stretches; a model that fails tells nothing.
 
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    hit
-        Which of the hits, from 0.
-
-    Returns
-    -------
-    Synchronisation
-        The slip, stretch by stretch, and the phases of the strongest lines.
-
-    Raises
-    ------
-    InputError
-        There is no such hit.
+    `analysis` is what `identify` found; `hit` counts from 0. Raises InputError where there is none.
     """
     checked(analysis, "synchronisation", hit=hit)
     own = response_of(analysis, hit, list(range(len(analysis.model.channels))))
@@ -134,20 +117,18 @@ def synchronisation(analysis: Analysis, hit: int = 0) -> Synchronisation:
         last = slip[number] if np.isfinite(slip[number]) else last
     middle = np.array([0.5 * (piece.start + piece.stop - 1) for piece in pieces])
     turns = np.interp(middle, np.arange(len(times)), angles) / (2.0 * np.pi)
-    relative, relative_std, offset, misfit = _line(2.0 * np.pi * turns, slip, slip_std)
+    line = _line(2.0 * np.pi * turns, slip, slip_std)
+    modes, harmonics = np.array(lines, np.int64).reshape(-1, 2).T
     return Synchronisation(
         times=own.record.start + middle / own.record.sample_rate,
         cycles=turns,
         slip=slip,
         slip_std=slip_std,
-        relative=relative,
-        relative_std=relative_std,
-        offset=offset,
-        misfit=misfit,
-        modes=np.array([mode for mode, _ in lines], np.int64),
-        harmonics=np.array([m for _, m in lines], np.int64),
         phases=phases,
         phases_std=phases_std,
+        **dict(zip(("relative", "relative_std", "offset", "misfit"), line, strict=True)),
+        modes=modes,
+        harmonics=harmonics,
     )
 
 
@@ -219,3 +200,109 @@ def _line(
     left = float(weight @ (y - level - slope * (x - middle)) ** 2)
     misfit = left / (told.sum() - 2) if told.sum() > 2 else np.nan
     return -slope, information**-0.5, level - slope * middle, misfit
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Samples of all channels over their noise, and the lines of the model there.
+
+    With harmonics of one multiplier that is real come their mirror images: its factor then stays real by itself.
+    """
+
+    values: NDArray[np.float64]  # (channels, samples), zero where a sample is missing
+    there: NDArray[np.bool_]  # (channels, samples)
+    waves: NDArray[np.complex128]  # e^{λt + imθ} of each line, from the stretch's middle on (lines, samples)
+    sizes: NDArray[np.complex128]  # what each line has in each channel, in the middle, over the noise (lines, channels)
+    turns: NDArray[np.float64]  # how often each line turns in a period, beside what its mode turns (lines,)
+    places: NDArray[np.int64]  # which factor each line has (lines,)
+    mirrored: NDArray[np.bool_]  # which lines have a mirror image among the lines (lines,)
+    names: list[tuple[int, int]]  # the mode and the harmonic of each line
+
+    @classmethod
+    def of(
+        cls,
+        model: PeriodicModel,
+        times: NDArray[np.float64],
+        angles: NDArray[np.float64],
+        values: NDArray[np.float64],
+        gain: NDArray[np.complex128],
+        noise: NDArray[np.float64],
+    ) -> Stretch:
+        """The samples at `times` [s] and `angles` [rad]; `gain` is a filter's (channels, modes, harmonics)."""
+        middle = len(times) // 2
+        rates, sizes, turns, places, mirrored, names = [], [], [], [], [], []
+        for place, mode in enumerate(upper_modes(model)):
+            lam, real = model.exponents[mode], is_real(model, mode)
+            half = lam.imag / model.fundamental if real else 0.0
+            # What locks to the period turns in the angle alone.
+            rate = complex(lam.real, 0.0) if real else complex(lam)
+            for index in np.flatnonzero((model.coefficients[mode, :, 0] != 0).any(axis=0)):
+                m = float(model.harmonics[index]) + half
+                own = model.coefficients[mode, :, 0, index] * gain[:, mode, index] / noise
+                rates.append(rate)
+                turns.append(m)
+                sizes.append(own * (1.0 if real else 2.0) * np.exp(rate * times[middle] + 1j * m * angles[middle]))
+                places.append(place)
+                mirrored.append(real and abs(m) > TURNS)
+                names.append((mode, int(model.harmonics[index])))
+        alone = np.exp(np.multiply.outer(np.array(rates), times - times[middle]))
+        waves = alone * np.exp(1j * np.multiply.outer(np.array(turns), angles - angles[middle]))
+        return cls(
+            values=np.nan_to_num(values / noise[:, None]),
+            there=~np.isnan(values),
+            waves=waves,
+            sizes=np.array(sizes),
+            turns=np.array(turns),
+            places=np.array(places, np.int64),
+            mirrored=np.array(mirrored, bool),
+            names=names,
+        )
+
+    def slip(self, start: float) -> tuple[float, float]:
+        """By how much the response is ahead [rad], and its deviation; NaN where that is not told."""
+        count = int(self.places.max()) + 1
+        factors: NDArray[np.complex128] = np.ones(count, np.complex128)
+        slip, std = start, np.nan
+        belongs = (self.places[:, None] == np.arange(count)).astype(float)
+        reach = LONGEST / max(float(np.abs(self.turns).max()), 1.0)
+        for _ in range(STEPS):
+            own = self.sizes * np.exp(1j * self.turns * slip)[:, None]
+            # The response of each mode, (modes, channels, samples).
+            parts = np.einsum("lr,lc,lk->rck", belongs, own, self.waves, optimize=True)
+            turned = factors[self.places, None] * 1j * self.turns[:, None] * own
+            parts = np.asarray(parts, np.complex128)
+            columns = np.concatenate([parts.real, -parts.imag, (turned.T @ self.waves).real[None]]) * self.there
+            left = (self.values - np.einsum("r,rck->ck", factors, parts).real) * self.there
+            flat = columns.reshape(len(columns), -1)
+            information, gradient = flat @ flat.T, flat @ left.ravel()
+            # A factor that the stretch does not tell stays near that of the whole record.
+            information[:-1, :-1] += np.eye(2 * count)
+            gradient[:-1] -= np.concatenate([factors.real - 1.0, factors.imag])
+            taken = np.linalg.solve(information[:-1, :-1], information[:-1, -1])
+            alone = information[-1, -1] - information[-1, :-1] @ taken
+            if not alone > SEEN * information[-1, -1]:
+                return np.nan, np.nan
+            std = float(alone**-0.5)
+            step = np.linalg.solve(information, gradient)
+            short = min(1.0, reach / max(abs(step[-1]), 1e-300))
+            factors += short * (step[:count] + 1j * step[count:-1])
+            slip += float(short * step[-1])
+            if abs(step[-1]) < AT_REST * std:
+                break
+        return (slip, std) if std < TOLD else (np.nan, np.nan)
+
+    def phases(self, lines: list[tuple[int, int]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The phase of lines against the model, all others as the model has them, and its deviation (lines,) [rad]."""
+        left = (self.values - (self.sizes.T @ self.waves).real) * self.there
+        found, std = np.full((2, len(lines)), np.nan)
+        for number, name in enumerate(lines):
+            line = self.names.index(name)
+            wave = (2.0 if self.mirrored[line] else 1.0) * self.sizes[line][:, None] * self.waves[line] * self.there
+            energy = float(np.sum(np.abs(wave) ** 2))
+            if energy * TOLD**2 <= 2.0:
+                continue
+            factor = 1.0 + 2.0 * np.sum(wave.conj() * left) / energy
+            deviation = np.sqrt(2.0 / energy) / max(abs(factor), 1e-300)
+            if deviation < TOLD:
+                found[number], std[number] = np.angle(factor), deviation
+        return found, std

@@ -1,4 +1,4 @@
-"""A record beside what the model says of it."""
+"""A record beside what the model says of it, and its noise."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array, positive
+from floquid._checks import Sealed
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
 from floquid.sync import ShaftAngle
 from floquid.views._modes import checked, frozen
-from floquid.views._noise import colour
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Synthesis(Rebuilt):
+class Synthesis(Sealed):
     """One channel of a record, the model's response, and their difference.
 
     Parameters
@@ -39,13 +38,6 @@ class Synthesis(Rebuilt):
     predicted: NDArray[np.float64]
     residual: NDArray[np.float64]
     noise: float
-
-    def __post_init__(self) -> None:
-        of, put = "Synthesis", object.__setattr__
-        put(self, "times", frozen_array(self.times, "times", of, axes=("samples",)))
-        for name in ("measured", "predicted", "residual"):
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=(len(self.times),), missing=True))
-        put(self, "noise", positive(self.noise, "noise", of))
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,22 +75,9 @@ def lifted_points(analysis: Analysis, channel: int, hit: int = 0) -> tuple[NDArr
     (Allen 2009, eq. 7.) Where the free response is whole samples a period they are samples of it. Else it is resampled
     at equal times: its first cycle begins j whole periods, and its first phase p, after phase zero.
 
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    channel, hit
-        Which, from 0.
-
-    Returns
-    -------
-    tuple of numpy.ndarray
-        The instants (cycles,) [s], on the time axis of `synthesis`, and the values (cycles,) [unit of the channel].
-
-    Raises
-    ------
-    InputError
-        There is no such channel or hit.
+    Of what `identify` found (`analysis`), for a `channel` and a `hit` counted from 0: the instants (cycles,) [s], on
+    the time axis of `synthesis`, and the values (cycles,) [unit of the channel]. Raises InputError where there is no
+    such channel or hit.
     """
     checked(analysis, "lifted_points", channel=channel, hit=hit)
     cycles, own = analysis.cycles[hit], response_of(analysis, hit, [channel])
@@ -115,22 +94,8 @@ def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
     (Allen 2009, eq. 12.) The record is the one identified from, at its own times: of whole periods, where it is whole
     samples a period, and without a forced response that was fitted beside the modes.
 
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    channel, hit
-        Which, from 0.
-
-    Returns
-    -------
-    Synthesis
-        Record, response, what is left, and the noise.
-
-    Raises
-    ------
-    InputError
-        There is no such channel or hit.
+    Of what `identify` found (`analysis`), for a `channel` and a `hit` counted from 0. Raises InputError where there is
+    no such channel or hit.
     """
     checked(analysis, "synthesis", channel=channel, hit=hit)
     own = response_of(analysis, hit, [channel])
@@ -143,3 +108,19 @@ def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
         residual=frozen(left[0]),
         noise=float(own.noise[0]),
     )
+
+
+def colour(whitening: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How much more noise there is before the whitening filter of each channel (channels,) [-]."""
+    gain = np.fft.fft(whitening, 512, axis=1)
+    return np.asarray(np.sqrt(np.mean(np.abs(gain) ** -2.0, axis=1)), np.float64)
+
+
+def raw_noise(analysis: Analysis) -> NDArray[np.float64]:
+    """The deviations of the noise of the records, before any whitening filter (channels, hits) [units of the channels].
+
+    `analysis` is what `identify` found; where the noise is coloured, they are of all of it together.
+    """
+    if analysis.whitening is None:
+        return analysis.noise
+    return analysis.noise * colour(analysis.whitening)[:, None]
