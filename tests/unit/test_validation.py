@@ -17,7 +17,7 @@ from floquid.validation import Criterion, Validation, _held_out, validate
 from floquid.validation._case import case_of
 from floquid.validation._consistency import consistency
 from floquid.validation._left import colour, filtered, gains, peaks
-from floquid.validation._strength import _power
+from floquid.validation._validate import _power
 
 ROTOR = JeffcottRotor(damping=0.02)
 CYCLES, PHASES = 120, 24

@@ -17,8 +17,7 @@ from floquid.reconstruction._harmonic_balance import Mode, NoModeError
 from floquid.reconstruction._invariance import Point, Seen, covariance_of, fitted, problem_of
 from floquid.reconstruction._modal_matrix import modal_at, shapes_of
 from floquid.reconstruction._reconstruct import coordinates_of, instants_of
-from floquid.reconstruction._refinement import Refinement
-from floquid.reconstruction._state_model import StateModel
+from floquid.reconstruction._state_model import Refinement, StateModel
 from floquid.reconstruction._states import Names
 from floquid.reconstruction._structure import AbstractStructure, Basis
 from floquid.reconstruction._structure_text import structure_of

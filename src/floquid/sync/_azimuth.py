@@ -46,14 +46,7 @@ class Azimuth:
 
 
 def unwrap_azimuth(values: Values, channel: Channel) -> Azimuth:
-    """The unwrapped angle of `channel`, of samples (samples,): counted as positive, zero where the channel is zero.
-
-    Raises
-    ------
-    InputError
-        The channel has too few samples or does not move, its unit is not one of angle, or its wraps are of another
-        size than a revolution.
-    """
+    """The unwrapped angle of `channel`, of samples (samples,): counted as positive, zero where the channel is zero."""
     index = np.flatnonzero(np.isfinite(values))
     if len(index) < 3 or np.ptp(values[index]) == 0.0:
         got = f"{channel.name!r} " + ("has fewer than three samples" if len(index) < 3 else "is constant")

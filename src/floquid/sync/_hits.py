@@ -28,10 +28,8 @@ class Impact:
 
     Parameters
     ----------
-    start
-        When it begins [s], on the record's own time axis.
-    end
-        From when on the response is free again [s].
+    start, end
+        When it begins, on the record's own time axis, and from when on the response is free again [s].
     strength
         The amplitude of its force, or of its prediction error, as a share of the strongest impact's.
     double
@@ -126,22 +124,9 @@ def find_impacts(
 
 
 def find_hits(record: Record, *, force: str | None = None, least: float = LEAST) -> tuple[float, ...]:
-    """The instants [s] at which the impacts of a record begin: `find_impacts` for short.
+    """The instants [s] at which the impacts of a record begin, in order: `find_impacts` for short.
 
-    Parameters
-    ----------
-    record, force, least
-        As of `find_impacts`.
-
-    Returns
-    -------
-    tuple of float
-        In order of time; empty when the record is one free response from its first sample.
-
-    Raises
-    ------
-    InputError
-        As of `find_impacts`.
+    `record`, `force` and `least`, the errors and an empty result are those of `find_impacts`.
     """
     return tuple(impact.start for impact in find_impacts(record, force=force, least=least))
 

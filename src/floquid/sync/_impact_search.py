@@ -99,6 +99,11 @@ def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
+def longest_run(mask: NDArray[np.bool_]) -> tuple[int, int]:
+    """The first of the longest runs of True; (0, 0) where there is none."""
+    return max(runs_of(mask), key=lambda run: run[1] - run[0], default=(0, 0))
+
+
 def _scaled(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The channels about their means, in units of their standard deviations."""
     centred = values - np.nanmean(values, axis=1, keepdims=True)

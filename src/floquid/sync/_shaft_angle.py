@@ -193,11 +193,6 @@ def shaft_angle(record: Record) -> ShaftAngle:
     record
         A record whose clock is a `TachometerSignal`, an `AzimuthSignal` or `PulseTimes`.
 
-    Returns
-    -------
-    ShaftAngle
-        The angle, and the verdict on the speed.
-
     Raises
     ------
     InputError

@@ -18,9 +18,8 @@ from floquid.validation._case import Case, Findings, case_of
 from floquid.validation._consistency import consistency
 from floquid.validation._held_out import held_out
 from floquid.validation._residual import left_by
-from floquid.validation._strength import strength
 from floquid.validation._types import Validation
-from floquid.validation._verdict import Names, sentence, strongest
+from floquid.validation._verdict import Names, listed, sentence, strongest
 
 LEAST_FIT = 0.95
 """The share of the response that has to be predicted on cycles held out."""
@@ -222,3 +221,52 @@ def _state(model: PeriodicModel, state: StateModel, found: Findings) -> None:
         broken = "; ".join(words for words, met in kept.items() if not met)
         remedy = "Ask for more instants (`system_times`), other states, or more harmonics."
         found.reasons.append(sentence(f"A(t), integrated over a period, is another system: {broken}", remedy))
+
+
+EXPLAINED = 1e-9
+"""The probability at which noise passes for a mode, over all lines and decays that it is looked for at."""
+
+LOOKS = 8
+"""Decays that a mode may have been looked for at, on each line."""
+
+
+def strength(case: Case, found: Findings) -> None:
+    r"""Each mode's power in the records over the noise, against what a fit makes of noise alone.
+
+    .. math:: \frac{1}{\ell_r} \sum_{c,h} \frac{1}{\sigma_{c,h}^2}
+              \sum_m |B_{r,c,h,m}|^2 \sum_k 2\, e^{2 \Re \lambda_r t_k}, \qquad \ell_r = \chi^2_{p_r, \alpha / n}
+
+    a conjugate pair once, p its parameters and n the lines of the records, each looked at with several decays. The
+    products of two harmonics are left out: they add up to nothing over a period. The least is `mode`, and has to be 1.
+    """
+    from scipy.special import chdtri
+
+    model, own = case.model, np.flatnonzero(case.model.exponents.imag >= 0)
+    if not len(own):
+        return
+    powers = np.array([_power(case, int(mode)) for mode in own])
+    kept = (model.coefficients[own] != 0).any(axis=(1, 2)).sum(axis=1)
+    looks = LOOKS * sum(record.n_samples for record in case.records)
+    limits = chdtri(2 * case.responses * np.maximum(kept, 1) + 2, EXPLAINED / looks)
+    shares = powers / limits
+    if found.add("mode", float(shares.min()), 1.0, at_least=True):
+        return
+    names, below = Names(model), np.where(shares < 1.0, 2.0 - shares, 0.0)
+    parts = [f"{names.mode(int(own[k]))} has {shares[k]:.2g} of" for (k,) in strongest(below)]
+    remedy = "Ask for a lower order (`order`, `--order`), or let it be found."
+    found.reasons.append(sentence(f"{listed(parts)} the power that a fit finds in noise alone at most", remedy))
+
+
+def _power(case: Case, mode: int) -> float:
+    """The power of a mode, with its conjugate, in all records over the noise."""
+    model, total = case.model, 0.0
+    value = model.exponents[mode]
+    alone = not (np.delete(model.exponents, mode) == value.conj()).any()
+    for hit, (record, (times, _)) in enumerate(zip(case.records, case.instants, strict=True)):
+        # A growing mode is counted from its end, so that nothing overflows.
+        origin = times[-1] if value.real > 0 else times[0]
+        there: NDArray[np.bool_] = ~np.isnan(record.values)
+        decay = there @ np.exp(2.0 * value.real * (times - origin))
+        sizes = np.abs(model.coefficients[mode, :, hit] * np.exp(value.real * origin)) / case.noise[:, hit, None]
+        total += float(np.sum(sizes**2, axis=1) @ decay)
+    return total if alone else 2.0 * total
