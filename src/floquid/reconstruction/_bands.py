@@ -1,4 +1,4 @@
-"""Which harmonics of the shapes A(t) is built from: those that make its error least."""
+"""Harmonics of the shapes that A(t) is built from, those that make its error least, and the effect of the others."""
 
 from __future__ import annotations
 
@@ -21,6 +21,9 @@ INSTANTS = 16
 
 MOST = 8
 """Choices that are compared."""
+
+UNSEEN = 2.0
+"""Standard deviations that a harmonic which is left out may be larger than it was seen."""
 
 
 def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> NDArray[np.bool_]:
@@ -145,10 +148,6 @@ def _risk(
     return total
 
 
-UNSEEN = 2.0
-"""Standard deviations that a harmonic which is left out may be larger than it was seen."""
-
-
 def sizes_left_out(estimates: Estimates, kept: NDArray[np.bool_], rows: NDArray[np.bool_]) -> NDArray[np.float64]:
     r"""The size that the first harmonic left out on each side of a band may have (terms, channels, hits).
 
@@ -156,16 +155,7 @@ def sizes_left_out(estimates: Estimates, kept: NDArray[np.bool_], rows: NDArray[
 
     with L the outermost harmonic kept and L' the one before it, and norms over the noise: the series goes on falling as
     it does, but no higher than what was seen there allows. Where one harmonic alone is kept, what was seen there
-    decides.
-
-    Parameters
-    ----------
-    estimates
-        The estimates.
-    kept
-        The terms that are kept (terms,).
-    rows
-        The channels of the states (channels,).
+    decides. `kept` are the terms that are kept (terms,), `rows` the channels of the states (channels,).
     """
     values = np.abs(estimates.coefficients)
     std = estimates.std()

@@ -1,4 +1,4 @@
-"""Which states: what each channel of the model counts in each state, as a function of the rate s = λ + imω."""
+"""Coordinates of the states: what each channel counts in each state, as a function of the rate s = λ + imω."""
 
 from __future__ import annotations
 
@@ -111,13 +111,7 @@ class Coordinates:
 
 
 def derivative_of(channel: Channel) -> int:
-    """The derivative of a displacement that a channel measures.
-
-    Raises
-    ------
-    InputError
-        It measures no motion.
-    """
+    """The derivative of a displacement that a channel measures."""
     if channel.quantity not in DERIVATIVES:
         raise input_error(
             "states",

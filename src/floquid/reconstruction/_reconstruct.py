@@ -78,11 +78,6 @@ def reconstruct(
     times
         Instants after phase zero [s], or how many equally spaced ones over a period, 10,000 at most.
 
-    Returns
-    -------
-    StateModel
-        Φ and A with their deviations.
-
     Raises
     ------
     InputError
@@ -113,7 +108,8 @@ def reconstruct(
                     slopes = slopes.loosened(matrices[t].real, loose)
                 variance = slopes.variance(own)
                 std[t] = np.sqrt(variance + spread_of(sizes, slopes_of(wider, modal, instants, t, terms)))
-        system_std[:, _certain(coordinates)] = 0.0
+        if coordinates.form == "second-order":  # displacements change at their velocities
+            system_std[:, : len(coordinates.states) // 2] = 0.0
     return StateModel(
         times=instants,
         transition=transition.real,
@@ -183,20 +179,12 @@ def coordinates_of(model: PeriodicModel, states: Names, form: str, delay: float 
     return (second_order if form == "second-order" else first_order)(model, states)
 
 
-def _certain(coordinates: Coordinates) -> slice:
-    """The rows of A that are known: displacements change at their velocities."""
-    return slice(0, len(coordinates.states) // 2 if coordinates.form == "second-order" else 0)
-
-
 def choices(
     model: PeriodicModel, states: Names, *, form: Form = "second-order", delay: float | None = None
 ) -> tuple[float | None, NDArray[np.bool_] | None]:
-    """The delay, and the terms of the estimates, that A(t) is built from with `harmonics="auto"`.
+    """The delay, and the terms of the estimates, that A(t) is built from with `harmonics="auto"`, to build it again.
 
-    Parameters
-    ----------
-    model, states, form, delay
-        As `reconstruct` takes them.
+    `model`, `states`, `form`, `delay` and the errors are those of `reconstruct`.
 
     Returns
     -------
@@ -204,11 +192,6 @@ def choices(
         Of "delayed" [s]; None where no state is one.
     terms
         A mask over the terms of `model.estimates` (terms,); None without estimates.
-
-    Raises
-    ------
-    InputError
-        As `reconstruct`.
     """
     coordinates = coordinates_of(model, states, form, delay)
     later = [part.delay for state in coordinates.states for part in state.parts if part.delay > 0.0]

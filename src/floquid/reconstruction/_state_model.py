@@ -22,21 +22,15 @@ class StateModel(Rebuilt):
     ----------
     times
         Instants after phase zero (times,) [s].
-    transition
-        Φ (times, n, n).
-    system
-        A (times, n, n) [1/s, in the units of the states].
+    transition, system
+        Φ (times, n, n), and A (times, n, n) [1/s, in the units of the states].
     condition
         The condition number of the equilibrated modal matrix Ψ at each instant (times,): the factor by which errors
         of the shapes may grow in A.
-    states
-        The names of the states, displacements first, then velocities.
-    coordinates
-        What the states are, in words.
-    system_std
-        Standard deviations of A (times, n, n); None where not estimated.
-    transition_std
-        Standard deviations of Φ (times, n, n); None where not estimated.
+    states, coordinates
+        The names of the states, displacements first, then velocities; and what they are, in words.
+    system_std, transition_std
+        Standard deviations of A and Φ (times, n, n); None where not estimated.
     provenance
         Where the model comes from.
     """
@@ -70,24 +64,16 @@ class Refinement(Rebuilt):
 
     Parameters
     ----------
-    state
-        Φ and A(t) with their deviations.
-    structure
-        The structure.
-    parameters
-        Its parameters (parameters,), in the units of the blocks.
-    names
-        What each parameter is: stiffness[0,1] cos 2 (parameters,).
-    covariance
-        Of the parameters (parameters, parameters).
-    exponents
-        The Floquet exponents of A(t), as the response model lists them (modes,) [1/s].
-    exponent_std
-        Their deviations (modes,) [1/s].
-    chi_square, degrees
-        What is left between the structure and the free model, and its degrees of freedom.
-    p_value
-        The probability of as much or more under the right structure.
+    state, structure
+        Φ and A(t) with their deviations, and the structure of A(t).
+    parameters, names, covariance
+        The parameters of the structure in the units of its blocks, what each is, as stiffness[0,1] cos 2 (parameters,),
+        and their covariance (parameters, parameters).
+    exponents, exponent_std
+        The Floquet exponents of A(t), as the response model lists them, and their deviations (modes,) [1/s].
+    chi_square, degrees, p_value
+        What is left between the structure and the free model, its degrees of freedom, and the probability of as much or
+        more under the right structure.
     reasons
         How the structure was found, a sentence each; empty where it was given.
     """

@@ -12,24 +12,33 @@ from floquid._checks import input_error, positive
 from floquid.core import Channel, PeriodicModel, channels_named
 from floquid.errors import IdentificationError
 from floquid.reconstruction._coordinates import OF, Coordinates, Part, State, channel_noise, derivative_of, refuse_rest
+from floquid.reconstruction._modal_matrix import condition_of
 
 ALL = "all"
 """The word for all channels, each state a weighted sum of them."""
 
 Names = str | Sequence[str | Sequence[str]]
 
+TRIED = 200
+"""Delays that are tried."""
+
+PHASES = 24
+"""Instants of the period at which each is judged."""
+
+NO_CHANCE = 1e-6
+"""The probability of what is left at which the channels are no constant combinations of the displacements."""
+
 
 def second_order(model: PeriodicModel, states: Names) -> Coordinates:
-    """Displacements and their velocities; an entry of `states` may be several channels of one motion.
-
-    Raises
-    ------
-    InputError
-        A channel is unknown, is not a motion, or there are too few or too many for the modes.
-    IdentificationError
-        A mode has a harmonic that stands still, whose displacement no velocity or acceleration shows.
-    """
-    _even(model)
+    """Displacements and their velocities; an entry of `states` may be several channels of one motion."""
+    if model.order % 2:
+        raise input_error(
+            "model",
+            OF,
+            "have an even number of modes: a channel gives two states, displacement and velocity",
+            f"has {model.order}",
+            'Identify again with an even `order`, pass `form="delayed"`, or leave A(t) out.',
+        )
     if states == ALL and ALL not in {channel.name for channel in model.channels}:
         return combined(model, model.order // 2)
     groups = groups_of(model.channels, states)
@@ -89,17 +98,6 @@ def groups_of(channels: Sequence[Channel], states: Names) -> list[list[int]]:
     return rows
 
 
-def _even(model: PeriodicModel) -> None:
-    if model.order % 2:
-        raise input_error(
-            "model",
-            OF,
-            "have an even number of modes: a channel gives two states, displacement and velocity",
-            f"has {model.order}",
-            'Identify again with an even `order`, pass `form="delayed"`, or leave A(t) out.',
-        )
-
-
 def _wrong_number(model: PeriodicModel, needed: int, got: str, what: str, must: str) -> Exception:
     few = needed > len(model.channels)
     return input_error(
@@ -112,13 +110,6 @@ def _wrong_number(model: PeriodicModel, needed: int, got: str, what: str, must: 
     )
 
 
-TRIED = 200
-"""Delays that are tried."""
-
-PHASES = 24
-"""Instants of the period at which each is judged."""
-
-
 def delayed(model: PeriodicModel, states: Names, delay: float | None) -> Coordinates:
     r"""The channels and the same channels later, as many as there are modes.
 
@@ -126,11 +117,6 @@ def delayed(model: PeriodicModel, states: Names, delay: float | None) -> Coordin
 
     A delay that is not given is the one with the least condition number of the modes' shapes in these states, at the
     worst phase of the period.
-
-    Raises
-    ------
-    InputError
-        A channel is unknown, there are more channels than modes, or the delay is not positive.
     """
     names: Sequence[str] = [channel.name for channel in model.channels] if states == ALL else states  # type: ignore[assignment]
     rows = channels_named(model.channels, names, argument="states", of=OF)
@@ -179,13 +165,7 @@ def _condition(model: PeriodicModel, rows: Sequence[int], delay: float) -> float
     shapes = shapes.reshape(model.order, len(rows), count, PHASES)
     grown = shapes * np.exp(np.multiply.outer(model.exponents, delay * np.arange(count)))[:, None, :, None]
     modal = grown.transpose(3, 2, 1, 0).reshape(PHASES, -1, model.order)[:, : model.order]
-    modal = modal / np.maximum(np.sqrt(np.mean(np.abs(modal) ** 2, axis=(0, 2))), np.finfo(float).tiny)[:, None]
-    modal = modal / np.maximum(np.linalg.norm(modal, axis=1, keepdims=True), np.finfo(float).tiny)
-    return float(np.linalg.cond(modal).max())
-
-
-NO_CHANCE = 1e-6
-"""The probability of what is left at which the channels are no constant combinations of the displacements."""
+    return float(condition_of(modal).max())
 
 
 def combined(model: PeriodicModel, count: int) -> Coordinates:
@@ -195,13 +175,6 @@ def combined(model: PeriodicModel, count: int) -> Coordinates:
 
     with Σ the noise of the channels and V their leading singular vectors, so scaled that the `count` channels that are
     farthest from dependent are u themselves, but for noise.
-
-    Raises
-    ------
-    InputError
-        There are fewer channels than displacements, or a channel is no motion.
-    IdentificationError
-        The channels are no constant combinations of so few displacements.
     """
     from scipy.linalg import qr
 

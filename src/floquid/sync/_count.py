@@ -1,4 +1,4 @@
-"""Which line of the shaft each pulse is: pulses that are missing, doubled, unevenly spaced."""
+"""The line of the shaft that each pulse is: pulses that are missing, doubled, unevenly spaced."""
 
 from __future__ import annotations
 

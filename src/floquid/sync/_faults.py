@@ -16,6 +16,18 @@ FLAT = 3
 STUCK = 10
 """Equal samples in a row that make a dropout."""
 
+BITS = (8, 10, 12, 14, 16, 18, 20, 24, 32)
+"""Widths of integers that are looked for."""
+
+FULL = 0.95
+"""The share of its range that a channel must span to have wrapped round."""
+
+SMOOTHER = 0.25
+"""What taking the jumps out must leave of the second differences, in power."""
+
+WHOLE = 1e-3
+"""How far counts may be from whole numbers: a factor of calibration rounds them."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clipping:
@@ -218,19 +230,6 @@ def _cut(values: NDArray[np.float64], first: int, stop: int, quantum: float) -> 
     lost = [abs(value - values[first]) for value in beside if np.isfinite(value)]
     most = quantum * ((3 * length - 1) / (length - 1)) ** 2
     return bool(lost) and float(np.mean(lost)) > 1.5 * most
-
-
-BITS = (8, 10, 12, 14, 16, 18, 20, 24, 32)
-"""Widths of integers that are looked for."""
-
-FULL = 0.95
-"""The share of its range that a channel must span to have wrapped round."""
-
-SMOOTHER = 0.25
-"""What taking the jumps out must leave of the second differences, in power."""
-
-WHOLE = 1e-3
-"""How far counts may be from whole numbers: a factor of calibration rounds them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

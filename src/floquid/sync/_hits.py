@@ -33,7 +33,7 @@ class Impact:
     strength
         The amplitude of its force, or of its prediction error, as a share of the strongest impact's.
     double
-        Whether it is more than one blow: a double hit or a bounce.
+        True for more than one blow: a double hit or a bounce.
     channel
         The name of the force channel it was seen in, or None when it was seen in the response.
     """
@@ -64,7 +64,7 @@ def find_impacts(
     least: float = LEAST,
     apart: float | None = None,
 ) -> tuple[Impact, ...]:
-    r"""The impacts in a record of several hits: from the force, or else from what the response does not foretell.
+    r"""The impacts in a record of several hits, in order of time, from the force or else from the response.
 
     .. math::
         e_n = y_n - \sum_{k=1}^{p} A_k y_{n-k} - c, \qquad
@@ -97,11 +97,6 @@ def find_impacts(
         The weakest impact that counts, in (0, 1): its amplitude as a share of the strongest one's.
     apart
         Impacts closer than this are one impact [s]: by default 1 % of the record.
-
-    Returns
-    -------
-    tuple of Impact
-        In order of time.
 
     Raises
     ------
@@ -156,15 +151,9 @@ def split_hits(
         too, put `record.start` first.
     force
         The name of the force channel: by default those of quantity "force".
-    skip
-        Left out after each impact [s]: first cycles that are not linear.
-    shortest
-        Pieces shorter than this are left out [s]: by default a tenth of the longest.
-
-    Returns
-    -------
-    tuple of Record
-        One a free response, in order of time.
+    skip, shortest
+        Left out after each impact [s], such as first cycles that are not linear; and the length below which pieces are
+        left out [s], by default a tenth of the longest.
 
     Raises
     ------

@@ -132,9 +132,7 @@ def interpolation_error(
     ----------
     frequencies
         The frequencies f (frequencies,) [Hz].
-    sample_rate
-        Samples a second of the record f_s [Hz].
-    cutoff, band, accuracy
+    sample_rate, cutoff, band, accuracy
         As for `interpolate`.
     growth
         The rate σ [1/s] at which the response grows, or decays where it is negative.
@@ -180,18 +178,15 @@ def interpolate(
     ----------
     values
         Samples (channels, samples); NaN marks a missing one.
-    sample_rate
-        Samples a second f_s [Hz].
-    start
-        The time of the first sample [s].
+    sample_rate, start
+        Samples a second f_s [Hz], and the time of the first sample [s].
     times
         The instants (times,) [s], in any order.
     cutoff
         Half the lower of the old rate and the new f_c [Hz].
-    band
-        The pass band as a share of the cut-off: a narrower one needs fewer samples about each instant.
-    accuracy
-        The error as a share of each line's amplitude.
+    band, accuracy
+        The pass band as a share of the cut-off (a narrower one needs fewer samples about each instant), and the error
+        as a share of each line's amplitude.
 
     Returns
     -------

@@ -72,15 +72,8 @@ def resample(
     n_phases
         Samples a period P. None: as few as hold the `bandwidth` of the records in the pass band, at least 8, and never
         more than the records' own samples a period.
-    band
-        The pass band as a share of the cut-off f_c.
-    accuracy
-        The error as a share of each line's amplitude.
-
-    Returns
-    -------
-    tuple of Cycles
-        One a record, with the length of each cycle.
+    band, accuracy
+        The pass band as a share of the cut-off f_c, and the error as a share of each line's amplitude.
 
     Raises
     ------

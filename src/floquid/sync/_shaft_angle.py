@@ -47,23 +47,18 @@ class ShaftAngle(Rebuilt):
         shows less the angle of the fit (pulses,) [rad], and the line that it is (pulses,).
     kept
         Those that were not rejected (pulses,).
-    jitter
-        The standard deviation of what is left over: of pulses their times [s], of an azimuth the angle averaged over a
-        sixteenth of a revolution [rad].
-    jitter_unit
-        "s" or "rad".
+    jitter, jitter_unit
+        The standard deviation of what is left over, and its unit: of pulses their times, "s", of an azimuth the angle
+        averaged over a sixteenth of a revolution, "rad".
     geometry, geometry_std
         How far each line of the encoder is ahead of even spacing (lines,) [rad], and its standard deviation; NaN for
         lines that never gave a pulse. None where that is not estimated: one line, or less than three revolutions.
     n_pulses, missing, doubled, rejected
         Pulses (of an azimuth: samples) that were used; that should have come and did not; left out as one too many in
         its place; left out as outliers.
-    wander
-        The rms of the speed about its mean, over the mean.
-    steady
-        Whether the speed is constant enough for a periodic model.
-    reasons
-        Why, with numbers, and what was repaired.
+    wander, steady, reasons
+        The rms of the speed about its mean, over the mean; true where that is constant enough for a periodic model; and
+        why, with numbers, and what was repaired.
     """
 
     spline: AngleSpline
@@ -243,15 +238,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
 def _remarks(record: Record, seen: _Evidence, fit: AngleFit, n_used: int, rejected: int) -> list[str]:
     """What was repaired, learned or has to be taken on trust."""
     spline = fit.spline
-    fixed = repairs(
-        missing=seen.missing,
-        doubled=seen.doubled,
-        rejected=rejected,
-        used=n_used,
-        what=seen.what,
-        absent=seen.absent,
-        lines=seen.n_lines,
-    )
+    fixed = repairs(seen.missing, seen.doubled, rejected, n_used, seen.what, seen.absent, seen.n_lines)
     said = [*seen.said, *fixed, *gaps(seen.times[fit.kept], spline.mean_speed()[0])]
     if seen.n_lines > 1:
         said += uneven(fit.offsets, fit.offsets_std)

@@ -19,7 +19,7 @@ def system_with_exponents(
 
     with R real and block diagonal, Q orthogonal, and the norms of all C and S together `strength`, so that P exists
     at all times. The harmonics of the shapes and of A have no end, and fall as powers of the strength. G turns the
-    plane of each pair of real negative multipliers by half a turn a period.
+    plane of each pair of real negative multipliers by half a turn a period. Floquet 1883, read from right to left.
 
     Parameters
     ----------
@@ -28,26 +28,13 @@ def system_with_exponents(
         ω, in even number.
     period
         The period T [s].
-    seed
-        For `numpy.random.default_rng`.
-    n_harmonics
-        M, at least 1.
-    strength
-        How far the shapes are from constant ones, in [0, 1).
-
-    Returns
-    -------
-    FunctionMatrix
-        A(t), which takes arrays of times.
+    seed, n_harmonics, strength
+        Of `numpy.random.default_rng`; M, at least 1; how far the shapes are from constant ones, in [0, 1).
 
     Raises
     ------
     InputError
         An exponent has no conjugate, real negative multipliers are odd in number, or a number is out of its range.
-
-    Notes
-    -----
-    Floquet 1883, read from right to left.
     """
     of = "system_with_exponents"
     length = positive(period, "period", of, unit="s")

@@ -81,16 +81,12 @@ def cramer_rao_bound(
 
     Parameters
     ----------
-    multipliers
-        μ, with the conjugate of each (modes,).
-    residues
-        R (modes, outputs, inputs) [units of the responses].
+    multipliers, residues
+        μ, with the conjugate of each (modes,), and R (modes, outputs, inputs) [units of the responses].
     noise
         The standard deviations of the white noise (outputs, inputs) [units of the responses].
-    lengths
-        The number of samples of each input (inputs,).
-    dt
-        The sampling interval [s].
+    lengths, dt
+        The number of samples of each input (inputs,), and the sampling interval [s].
 
     Returns
     -------

@@ -11,7 +11,7 @@ from floquid._checks import frozen_array, input_error, positive
 
 
 class Pairing(NamedTuple):
-    """Which estimate belongs to which true exponent, and by how much it is off.
+    """The estimate that belongs to each true exponent, and its error.
 
     Attributes
     ----------
