@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error
-from floquid.core import AzimuthSignal, PulseTimes, Record, TachometerSignal, channels_named
+from floquid.core import AzimuthSignal, PulseTimes, Record, TachometerSignal
 from floquid.sync._angle_spline import AngleFit, AngleSpline, fit_angle
-from floquid.sync._azimuth import unwrap_azimuth
+from floquid.sync._azimuth import OF, Evidence, of_azimuth
 from floquid.sync._count import count
 from floquid.sync._pulses import pulse_times
 from floquid.sync._steadiness import ROUGH, alike, gaps, outside, repairs, uneven, verdict
-
-OF = "shaft_angle"
 
 APART = 2.0
 """Revolutions between knots at least: less, and uneven lines would be taken for a change of speed."""
@@ -157,23 +155,6 @@ class ShaftAngle(Rebuilt):
         return function(flat).reshape(shape)
 
 
-@dataclass(frozen=True, slots=True)
-class _Evidence:
-    """Instants at which the angle is known up to the offset of a line, and what was done to get them."""
-
-    times: Values
-    angles: Values
-    lines: NDArray[np.int64]
-    n_lines: int
-    missing: int
-    doubled: int
-    rejected: int
-    absent: tuple[int, ...]
-    each: int
-    what: str
-    said: tuple[str, ...]
-
-
 def shaft_angle(record: Record) -> ShaftAngle:
     r"""The angle of the shaft by the record's clock: a tachometer, an azimuth, or times of pulses.
 
@@ -199,7 +180,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
         got = "has none" if clock is None else "has a ConstantPeriod, which says the angle already"
         must = "have a clock of pulses or azimuth"
         raise input_error("record", OF, must, got, "Pass record.with_clock(TachometerSignal(channel=...)).")
-    seen = _of_azimuth(record, clock) if isinstance(clock, AzimuthSignal) else _of_pulses(record, clock)
+    seen = of_azimuth(record, clock) if isinstance(clock, AzimuthSignal) else _of_pulses(record, clock)
     revolutions = float(seen.angles[-1] - seen.angles[0]) / TURN
     fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, max(int(revolutions / APART), 1))
     spline = fit.spline
@@ -235,7 +216,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
     )
 
 
-def _remarks(record: Record, seen: _Evidence, fit: AngleFit, n_used: int, rejected: int) -> list[str]:
+def _remarks(record: Record, seen: Evidence, fit: AngleFit, n_used: int, rejected: int) -> list[str]:
     """What was repaired, learned or has to be taken on trust."""
     spline = fit.spline
     fixed = repairs(seen.missing, seen.doubled, rejected, n_used, seen.what, seen.absent, seen.n_lines)
@@ -253,7 +234,7 @@ def _remarks(record: Record, seen: _Evidence, fit: AngleFit, n_used: int, reject
     return said + outside(float(ends[0]) * (spline.first - record.start), float(ends[1]) * (stop - spline.last))
 
 
-def _of_pulses(record: Record, clock: TachometerSignal | PulseTimes) -> _Evidence:
+def _of_pulses(record: Record, clock: TachometerSignal | PulseTimes) -> Evidence:
     lines = clock.pulses_per_revolution
     of_record = isinstance(clock, TachometerSignal)
     times = pulse_times(record, clock.channel) if of_record else clock.times
@@ -278,35 +259,13 @@ def _of_pulses(record: Record, clock: TachometerSignal | PulseTimes) -> _Evidenc
         said.append("Nothing marks one of the lines: phase zero is at the first pulse, not at a known angle.")
     # Zero at the first pulse of line 0.
     origin = -(-int(found.numbers[0]) // lines) * lines
-    return _Evidence(
+    return Evidence(
         times=times[found.kept],
         angles=TURN * (found.numbers - origin) / lines,
         lines=found.numbers % lines if known else np.zeros(len(found.kept), dtype=np.int64),
         n_lines=lines if known else 1,
         missing=found.missing,
         doubled=found.doubled,
-        rejected=0,
         absent=found.absent,
-        each=1,
-        what="pulses",
         said=tuple(said),
-    )
-
-
-def _of_azimuth(record: Record, clock: AzimuthSignal) -> _Evidence:
-    (row,) = channels_named(record.channels, [clock.channel], argument="record", of=OF)
-    found = unwrap_azimuth(record.values[row], record.channels[row])
-    said = ("The azimuth falls: the shaft turns backwards, and that way is counted as positive.",)
-    return _Evidence(
-        times=record.start + found.positions / record.sample_rate,
-        angles=found.angles,
-        lines=np.zeros(len(found.angles), dtype=np.int64),
-        n_lines=1,
-        missing=found.missing,
-        doubled=0,
-        rejected=found.rejected,
-        absent=(),
-        each=found.block,
-        what="samples",
-        said=said if found.backwards else (),
     )

@@ -29,7 +29,7 @@ def system_with_exponents(
     period
         The period T [s].
     seed, n_harmonics, strength
-        Of `numpy.random.default_rng`; M, at least 1; how far the shapes are from constant ones, in [0, 1).
+        The seed of the random shapes; M, at least 1; how far the shapes are from constant ones, in [0, 1).
 
     Raises
     ------
@@ -101,11 +101,8 @@ def _real_form(exponents: NDArray[np.complex128], period: float) -> tuple[NDArra
             "An odd number would make det Φ(T, 0) negative, which no real A(t) does.",
         )
     halves = exponents[negative].real
-    for first in range(0, len(halves), 2):
-        rate[place, place], rate[place + 1, place + 1] = halves[first], halves[first + 1]
-        turning[place + 1, place] = 1.0
-        place += 2
-    for growth in exponents[real].real:
-        rate[place, place] = growth
-        place += 1
+    planes = np.arange(place, place + len(halves), 2)
+    turning[planes + 1, planes] = 1.0
+    rest = np.arange(place, n)
+    rate[rest, rest] = np.concatenate([halves, exponents[real].real])
     return rate, turning
