@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +29,11 @@ class Part:
     delay: float = 0.0
     """τ: how much later the channel is seen [s]."""
 
-    def weight(self, rates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def weight(self, rates: NDArray[Any]) -> NDArray[Any]:
         """The factor at each rate."""
         return self.gain * rates**self.power * np.exp(rates * self.delay)
 
-    def slope(self, rates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def slope(self, rates: NDArray[Any]) -> NDArray[Any]:
         """Its slope by the rate."""
         by_power = self.power * rates ** (self.power - 1) if self.power else np.zeros_like(rates)
         return self.gain * np.exp(rates * self.delay) * (by_power + self.delay * rates**self.power)

@@ -1,4 +1,4 @@
-"""From names of channels to states: displacements and velocities, channels as they are, or delayed outputs."""
+"""From names of channels to states: displacements (all channels combined, too) and velocities, channels, delays."""
 
 from __future__ import annotations
 
@@ -140,11 +140,8 @@ def _states(model: PeriodicModel, rows: Sequence[int], delay: float) -> tuple[St
     for number in range(model.order):
         later, row = divmod(number, len(rows))
         name = model.channels[rows[row]].name
-        made.append(
-            State(
-                name if not later else f"{name}(t + {later * delay:.4g} s)", (Part(rows[row], 1.0, 0, later * delay),)
-            )
-        )
+        said = f"{name}(t + {later * delay:.4g} s)" if later else name
+        made.append(State(said, (Part(rows[row], delay=later * delay),)))
     return tuple(made)
 
 

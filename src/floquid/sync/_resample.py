@@ -183,7 +183,7 @@ def _resampled(record: Record, cut: _Cut, phases: int, reach: float, band: float
         band=band,
         accuracy=accuracy,
     ).reshape(record.n_channels, cut.n_cycles, phases)
-    kept = slice(*longest_run(np.isfinite(values).all(axis=(0, 2))))
+    kept = slice(*longest_run(np.asarray(np.isfinite(values).all(axis=(0, 2)))))
     half = half_width(record.sample_rate, cutoff=cutoff, band=band, accuracy=accuracy)
     if kept.stop == kept.start:
         raise input_error(
