@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array
-from floquid.testing._bounds import Known, bound_of, known_model
-from floquid.testing._separable import columns_of, least_cost
+from floquid.testing._bounds import Known, bound_of, columns_of, information, known_model, parameters, projected
 
 DETERMINED = 2e-3
 """A mode that must be found has an exponent whose deviation is below this share of the fundamental."""
@@ -25,6 +25,16 @@ CLEAR = 20.0
 
 TIME_CONSTANTS = 12.0
 """Those of the slowest mode after which noiseless responses hold nothing more: e⁻²⁴ of its energy."""
+
+
+STEPS = 40
+"""Iterations, at most, of a noiseless fit."""
+
+SETTLED = 1e-3
+"""The share of the cost by which a step must lower it to be worth another one."""
+
+FARTHEST = 0.1
+"""The largest move of a logarithm in one step."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,7 +137,7 @@ def findable(
     covariance = bound_of(known)
     if visible.any() and not visible.all():
         both = np.flatnonzero(np.concatenate([visible, visible]))
-        covariance[np.ix_(both, both)] = bound_of(known.keep(visible))
+        covariance[np.ix_(both, both)] = bound_of(_kept(known, visible))
     std = np.sqrt(np.diag(covariance)).reshape(2, n).max(axis=0)
     sharp = (rises >= needed) & (std * known.dt < DETERMINED * 2.0 * np.pi)
     must = sharp & _apart(known, covariance, visible, sharp)
@@ -178,7 +188,7 @@ def _rises(known: Known, needed: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     rises, left = np.zeros(len(known.multipliers)), np.ones(len(known.multipliers), bool)
     while left.any():
-        model, position = known.keep(left), np.flatnonzero(left)
+        model, position = _kept(known, left), np.flatnonzero(left)
         for entry, rise in _removals(model, needed[left][model.upper]).items():
             mode = position[model.upper[entry]]
             rises[[mode, known.partner[mode]]] = rise
@@ -246,3 +256,63 @@ def _far(known: Known) -> NDArray[np.bool_]:
     gap[np.arange(len(known.upper)), known.upper] = np.inf
     width = np.maximum(np.abs(logs[known.upper].real), 2.0 * np.pi / known.lengths.max())
     return gap.min(axis=1) > 4.0 * width
+
+
+def least_cost(
+    logs: NDArray[np.complex128], real: NDArray[np.bool_], data: Sequence[NDArray[np.float64]], enough: float
+) -> float:
+    """The sum of squares that poles leave of noiseless `data` (samples, responses) when they move to where it is least.
+
+    Levenberg and Marquardt with Kaufman's (1975) Jacobian; ends early once the cost is below `enough`.
+    """
+    cost, gradient, matrix = _state(logs, real, data)
+    moves, turn = parameters(real)
+    damping = 1e-3
+    for _ in range(STEPS if len(logs) else 0):
+        scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+        inner = matrix / np.outer(scale, scale) + damping * np.eye(len(scale))
+        step = np.linalg.solve(inner, gradient / scale) / scale
+        step *= min(1.0, FARTHEST / max(np.abs(step).max(), np.finfo(float).tiny))
+        trial = logs.copy()
+        np.add.at(trial, moves, step * np.where(turn.imag > 0, 1j, 1.0))
+        now = _state(trial, real, data)
+        if now[0] > cost:
+            damping *= 10.0
+            if damping > 1e6:
+                break
+            continue
+        drop, damping = cost - now[0], max(0.1 * damping, 1e-9)
+        logs, (cost, gradient, matrix) = trial, now
+        if cost < enough or drop < SETTLED * cost:
+            break
+    return cost
+
+
+def _state(
+    logs: NDArray[np.complex128], real: NDArray[np.bool_], data: Sequence[NDArray[np.float64]]
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    """The cost, the direction of descent and the Gauss-Newton matrix."""
+    moves, turn = parameters(real)
+    cost, gradient, matrix = 0.0, np.zeros(len(moves)), np.zeros((len(moves), len(moves)))
+    for values in data:
+        block = projected(logs, real, len(values))
+        inside = block.basis.T @ values
+        # Twice: what is left may be a small part of the whole.
+        left = values - block.basis @ inside
+        left = left - block.basis @ (block.basis.T @ left)
+        cost += float(np.sum(left**2))
+        flat = np.linalg.lstsq(block.triangle, inside, rcond=1e-14)[0]
+        residues = (np.where(real, 1.0, 0.5)[:, None] * flat[: len(logs)]).astype(np.complex128)
+        residues[~real] -= 0.5j * flat[len(logs) :]
+        gradient += (turn * np.sum(residues * (block.slopes.T @ left), axis=1)[moves]).real
+        matrix += information(block, residues, real)
+    return cost, gradient, matrix
+
+
+def _kept(known: Known, modes: NDArray[np.bool_]) -> Known:
+    """The model of some of the modes; conjugates stay together."""
+    position = np.cumsum(modes) - 1
+    upper, partner = known.upper[modes[known.upper]], known.partner[modes]
+    return Known(
+        known.multipliers[modes], known.residues[modes], known.lengths, known.dt, position[upper], position[partner]
+    )

@@ -15,8 +15,7 @@ from floquid import floquet, identify
 from floquid.core import Channel, PeriodicModel
 from floquid.errors import IdentificationError, InputError
 from floquid.reconstruction import StateModel, reconstruct
-from floquid.reconstruction._bands import scores
-from floquid.reconstruction._left_out import sizes_left_out, spread_of
+from floquid.reconstruction._bands import scores, sizes_left_out, spread_of
 from floquid.reconstruction._modal_matrix import by_system, modal_at, shapes_of, terms_of
 from floquid.reconstruction._reconstruct import coordinates_of
 from floquid.systems import JeffcottRotor

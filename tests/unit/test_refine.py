@@ -600,7 +600,7 @@ def test_slopes_of_the_differences_are_differences(oracle, name, free_period):
         inner = known.model.coefficients[known.model.modes_of(own)[rows], :, 0].T
         shape[known.model.harmonics + width] = inner
         modes.append(Mode(complex(own.exponents[mode]), shape / np.linalg.norm(shape)))
-    seen = tuple(Seen(c, c, 1.3, p, d) for c, p, d in zip(range(half), (1, 0), (0.1, 0.0), strict=False))
+    seen = tuple(Seen(c, 1.3, p, d, c) for c, p, d in zip(range(half), (1, 0), (0.1, 0.0), strict=False))
     problem = problem_of(own, seen, RIGHT[name].basis(half), [mode.coefficients for mode in modes])
     here = at(problem, truth.parameters, None, own.fundamental, tuple(modes))
     n, omega = len(truth.parameters), int(free_period)

@@ -14,10 +14,10 @@ from floquid.periodic import line_amplitudes, refit, without_lines
 from floquid.pipeline import _validated, validated
 from floquid.systems import JeffcottRotor
 from floquid.validation import Criterion, Validation, _held_out, validate
-from floquid.validation._case import case_of
+from floquid.validation._case import case_of, filtered, gains
 from floquid.validation._consistency import consistency
-from floquid.validation._left import colour, filtered, gains, peaks
-from floquid.validation._strength import _power
+from floquid.validation._residual import colour, peaks
+from floquid.validation._validate import _power
 
 ROTOR = JeffcottRotor(damping=0.02)
 CYCLES, PHASES = 120, 24
@@ -477,5 +477,5 @@ def test_a_filter_has_the_gain_that_is_told():
     values = np.exp(rate * np.arange(20) * 0.3).real[None]
     gain = gains(taps, rate, 0.3)[0, 0]
     out = filtered(values, taps)
-    assert np.isnan(out[0, :2]).all()
-    assert_allclose(out[0, 2:], (gain * np.exp(rate * np.arange(2, 20) * 0.3)).real)
+    assert out.shape == (1, 18)
+    assert_allclose(out[0], (gain * np.exp(rate * np.arange(2, 20) * 0.3)).real)

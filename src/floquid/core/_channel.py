@@ -86,10 +86,8 @@ def channels_named(channels: Sequence[Channel], names: Sequence[str], *, argumen
 
     Parameters
     ----------
-    channels
-        The channels to choose from.
-    names
-        The names wanted, each at most once.
+    channels, names
+        The channels to choose from, and the names wanted, each at most once.
     argument, of
         What the names are called in the caller's signature, and the caller, for the message.
 

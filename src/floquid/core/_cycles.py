@@ -24,14 +24,10 @@ class Cycles(Rebuilt):
         The samples (channels, phases, cycles). Held read-only.
     periods
         The length of each cycle (cycles,) [s].
-    first_phase
-        The phase of `values[:, 0, :]`, in periods, in [0, 1).
-    first_cycle
-        The whole periods from the clock's phase zero to the first of them.
-    channels
-        One `Channel` a row of `values`.
-    provenance
-        Where the cycles come from.
+    first_phase, first_cycle
+        The phase of `values[:, 0, :]`, in periods, in [0, 1), and the whole periods before it since phase zero.
+    channels, provenance
+        One `Channel` a row of `values`, and where the cycles come from.
 
     Raises
     ------

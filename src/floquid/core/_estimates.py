@@ -12,7 +12,7 @@ from floquid._checks import Rebuilt, finite, frozen_array, input_error, positive
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimates(Rebuilt):
-    r"""What a fit says of exponents and of every coefficient that it had, with their joint covariance.
+    r"""Exponents and every coefficient of a fit, with their joint covariance.
 
     The parameters are p = (Re λ, Im λ, ω), and one *term* (r, m) is the coefficient B of harmonic m of mode r. Errors
     are those of p and, independent of them, the noise of each row, a row being one channel in one hit:
@@ -26,12 +26,10 @@ class Estimates(Rebuilt):
 
     Parameters
     ----------
-    exponents
-        λ (modes,) [1/s].
+    exponents, fundamental
+        λ (modes,) [1/s], and ω [rad/s].
     real
         Which multipliers are real (modes,): the imaginary part is no parameter, but half the fundamental or nothing.
-    fundamental
-        ω [rad/s].
     modes, harmonics
         The mode and the harmonic m of each term (terms,).
     coefficients
@@ -40,10 +38,8 @@ class Estimates(Rebuilt):
         Of p: real parts, imaginary parts, fundamental (2 modes + 1, 2 modes + 1); zero where one is no parameter.
     slopes
         S (terms, channels, hits, 2 modes + 1).
-    spread
-        V, of real parts, then imaginary parts (blocks, 2 terms, 2 terms).
-    blocks
-        b: which V a row has (channels, hits).
+    spread, blocks
+        V, of real parts, then imaginary parts (blocks, 2 terms, 2 terms), and b: the V of each row (channels, hits).
     scales
         g (terms, channels, hits) [units of the channels].
     drift
@@ -149,13 +145,7 @@ class Estimates(Rebuilt):
         return np.sqrt(np.maximum(real, 0.0)) + 1j * np.sqrt(np.maximum(imag, 0.0))
 
     def noise_covariance(self, channel: int, hit: int) -> NDArray[np.float64]:
-        """The covariance of the coefficients of one row when p is known (2 terms, 2 terms): real, then imaginary.
-
-        Parameters
-        ----------
-        channel, hit
-            The row.
-        """
+        """Covariance of the coefficients of a row, `channel` and `hit`, when p is known (2 terms, 2 terms)."""
         g = self.scales[:, channel, hit]
         turn = np.block([[np.diag(g.real), -np.diag(g.imag)], [np.diag(g.imag), np.diag(g.real)]])
         return turn @ self.spread[self.blocks[channel, hit]] @ turn.T
@@ -165,15 +155,8 @@ class Estimates(Rebuilt):
 
         .. math:: S = -g\, W \Big(\frac{\partial s}{\partial p}\, g^{-1} B\Big) - f\, \frac{\partial s}{\partial p} B
 
-        with s the rates. The slopes at the estimates hold the noise of every coefficient; where many are small, what is
-        fitted to them needs those at the coefficients that are fitted.
-
-        Parameters
-        ----------
-        coefficients
-            B (terms,) [units of the channels].
-        channel, hit
-            The row.
+        with s the rates, B the `coefficients` (terms,), `channel` and `hit` the row. The slopes at the estimates hold
+        the noise of every coefficient; where many are small, what is fitted needs those at its own coefficients.
         """
         if self.drift is None:
             return self.slopes[:, channel, hit]
@@ -194,29 +177,15 @@ class Estimates(Rebuilt):
         by_exponents: NDArray[np.complex128] | None = None,
         by_fundamental: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
-        r"""The variance of real quantities f, to first order.
+        r"""The variance of real quantities f, to first order (quantities,).
 
         .. math:: \delta f = \Re \Big(\sum_k \frac{\partial f}{\partial B_k} \delta B_k +
                   \sum_k \frac{\partial f}{\partial s_k} \delta s_k + \sum_r \frac{\partial f}{\partial \lambda_r}
                   \delta \lambda_r\Big) + \frac{\partial f}{\partial \omega} \delta \omega
 
-        with s the rates of the terms. A slope is that of the term and of its mirror image together.
-
-        Parameters
-        ----------
-        by_coefficients
-            Slopes by the coefficients (quantities, terms, channels, hits).
-        by_rates
-            Slopes by the rates (quantities, terms).
-        by_exponents
-            Slopes by the exponents (quantities, modes).
-        by_fundamental
-            Slopes by ω (quantities,).
-
-        Returns
-        -------
-        numpy.ndarray
-            The variance of each (quantities,).
+        with s the rates of the terms. A slope is that of the term and of its mirror image together: `by_coefficients`
+        (quantities, terms, channels, hits), `by_rates` (quantities, terms), `by_exponents` (quantities, modes),
+        `by_fundamental` (quantities,).
         """
         flat = by_coefficients.reshape(len(by_coefficients), -1)
         total = (flat @ self.slopes.reshape(flat.shape[1], -1)).real
@@ -240,15 +209,7 @@ class Estimates(Rebuilt):
         return np.maximum(variance, 0.0)
 
     def picked(self, *, modes: ArrayLike | None = None, terms: ArrayLike | None = None) -> Estimates:
-        """Some of the modes and of their terms, with their own covariance.
-
-        Parameters
-        ----------
-        modes
-            Which, in the order wanted; None for all.
-        terms
-            Which of their terms, a mask or indices; None for all.
-        """
+        """Some of the `modes`, in the order wanted, and of their `terms`, a mask or indices; None for all of them."""
         kept = np.arange(len(self.exponents)) if modes is None else np.asarray(modes, np.int64)
         chosen = np.arange(len(self.modes))
         if terms is not None:
@@ -275,13 +236,7 @@ class Estimates(Rebuilt):
         )
 
     def term(self, mode: int, harmonic: int) -> int | None:
-        """The position of a term; None where there is none.
-
-        Parameters
-        ----------
-        mode, harmonic
-            What it is the coefficient of.
-        """
+        """The position of the term of a `mode` and `harmonic`; None where there is none."""
         found = np.flatnonzero((self.modes == mode) & (self.harmonics == harmonic))
         return int(found[0]) if len(found) else None
 

@@ -31,10 +31,8 @@ class PeriodicModel(Rebuilt):
         harmonic carries most of the shape's energy.
     coefficients
         The Fourier coefficients B (modes, channels, hits, harmonics) [units of the channels]; zero where discarded.
-    harmonics
-        The integers m, ascending (harmonics,).
-    period
-        The period T [s].
+    harmonics, period
+        The integers m, ascending (harmonics,), and the period T [s].
     channels
         One `Channel` a row.
     covariance
@@ -102,13 +100,9 @@ class PeriodicModel(Rebuilt):
                 raise input_error("covariance", of, "have no negative variance", f"has {np.diag(covariance).min():g}")
         put(self, "covariance", covariance)
         axes = self.coefficients.shape
-        put(
-            self,
-            "coefficient_std",
-            None
-            if coefficient_std is None
-            else frozen_array(coefficient_std, "coefficient_std", of, axes=axes, dtype=np.complex128),
-        )
+        if coefficient_std is not None:
+            coefficient_std = frozen_array(coefficient_std, "coefficient_std", of, axes=axes, dtype=np.complex128)
+        put(self, "coefficient_std", coefficient_std)
         for name, value in (("estimates", estimates), ("unselected", unselected)):
             put(self, name, None if coefficient_std is None else value)
         if self.estimates is not None:
@@ -236,14 +230,7 @@ class PeriodicModel(Rebuilt):
         """Deviations of the periodic shapes at `times` [s] (modes, channels, hits, times), None if not estimated.
 
         That of the real part as the real part, that of the imaginary part as the imaginary part. The harmonics that
-        were discarded count as zero.
-
-        Parameters
-        ----------
-        times
-            The instants (times,) [s].
-        modes
-            Which modes, from 0; None for all.
+        were discarded count as zero. `modes` are counted from 0; None for all.
         """
         if self.estimates is None:
             return None
@@ -267,24 +254,12 @@ class PeriodicModel(Rebuilt):
         return std[wanted]
 
     def modes_of(self, estimates: Estimates) -> NDArray[np.int64]:
-        """The mode of the model that each mode of `estimates` is, by their exponents (modes of `estimates`,).
-
-        Parameters
-        ----------
-        estimates
-            The estimates.
-        """
+        """The mode of the model that each mode of `estimates` is, by their exponents (modes of `estimates`,)."""
         off = np.abs(np.subtract.outer(estimates.exponents, self.exponents))
         return np.argmin(off, axis=1).astype(np.int64)
 
     def kept_terms(self, estimates: Estimates) -> NDArray[np.bool_]:
-        """Which terms of `estimates` are coefficients that the model keeps (terms,).
-
-        Parameters
-        ----------
-        estimates
-            The estimates.
-        """
+        """Mask over the terms of `estimates`: those whose coefficients the model keeps (terms,)."""
         kept = (self.coefficients != 0).any(axis=(1, 2))
         modes, there = self.modes_of(estimates)[estimates.modes], np.isin(estimates.harmonics, self.harmonics)
         place = np.clip(np.searchsorted(self.harmonics, estimates.harmonics), 0, len(self.harmonics) - 1)

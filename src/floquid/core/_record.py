@@ -139,13 +139,7 @@ class Record(Rebuilt):
 
 
 def as_channels(channels: Sequence[Channel | str], of: str) -> tuple[Channel, ...]:
-    """Channels, or names of channels, as a tuple of channels with distinct names.
-
-    Raises
-    ------
-    InputError
-        There is none, one is neither a `Channel` nor a name, or two have one name.
-    """
+    """Channels, or names of channels, as a tuple of channels with distinct names; InputError where they are not."""
     if isinstance(channels, str) or not all(isinstance(c, (Channel, str)) for c in channels) or not len(channels):
         raise input_error("channels", of, "be a list of Channel or of names, at least one", f"is {channels!r}")
     named = tuple(c if isinstance(c, Channel) else Channel(name=str(c)) for c in channels)

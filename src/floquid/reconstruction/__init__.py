@@ -4,11 +4,9 @@
 structure to all that the record says.
 """
 
-from floquid.reconstruction._choices import choices
-from floquid.reconstruction._reconstruct import MOST_TIMES, Form, reconstruct
+from floquid.reconstruction._reconstruct import MOST_TIMES, Form, choices, reconstruct
 from floquid.reconstruction._refine import refine
-from floquid.reconstruction._refinement import Refinement
-from floquid.reconstruction._state_model import StateModel
+from floquid.reconstruction._state_model import Refinement, StateModel
 from floquid.reconstruction._structure import AbstractStructure, Block, FirstOrder, SecondOrder
 from floquid.reconstruction._structure_text import structure_of, text_of
 

@@ -1,9 +1,10 @@
-"""Which states: what each channel of the model counts in each state, as a function of the rate s = λ + imω."""
+"""Coordinates of the states: what each channel counts in each state, as a function of the rate s = λ + imω."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +29,11 @@ class Part:
     delay: float = 0.0
     """τ: how much later the channel is seen [s]."""
 
-    def weight(self, rates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def weight(self, rates: NDArray[Any]) -> NDArray[Any]:
         """The factor at each rate."""
         return self.gain * rates**self.power * np.exp(rates * self.delay)
 
-    def slope(self, rates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def slope(self, rates: NDArray[Any]) -> NDArray[Any]:
         """Its slope by the rate."""
         by_power = self.power * rates ** (self.power - 1) if self.power else np.zeros_like(rates)
         return self.gain * np.exp(rates * self.delay) * (by_power + self.delay * rates**self.power)
@@ -111,13 +112,7 @@ class Coordinates:
 
 
 def derivative_of(channel: Channel) -> int:
-    """The derivative of a displacement that a channel measures.
-
-    Raises
-    ------
-    InputError
-        It measures no motion.
-    """
+    """The derivative of a displacement that a channel measures."""
     if channel.quantity not in DERIVATIVES:
         raise input_error(
             "states",

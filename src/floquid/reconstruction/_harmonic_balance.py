@@ -62,12 +62,7 @@ class Slopes:
 def solved(matrices: Array, mode: Mode, anchor: Array, fundamental: float) -> tuple[Mode, Array]:
     """The mode of these coefficient matrices (d, harmonics, n, n) near another, and the bordered Jacobian there.
 
-    `anchor` is c (harmonics, displacements).
-
-    Raises
-    ------
-    NoModeError
-        There is none near it.
+    `anchor` is c (harmonics, displacements). NoModeError where there is none near it.
     """
     width = len(mode.coefficients) // 2
     turns = 1j * fundamental * np.arange(-width, width + 1)

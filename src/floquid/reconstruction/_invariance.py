@@ -13,6 +13,7 @@ used in estimation and the invariance principle").
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,8 +22,9 @@ from numpy.typing import NDArray
 
 from floquid.core import Estimates
 from floquid.errors import IdentificationError
+from floquid.reconstruction._coordinates import Part
 from floquid.reconstruction._harmonic_balance import Mode, slopes_of, solved
-from floquid.reconstruction._structure import Basis
+from floquid.reconstruction._structure import AbstractStructure, Basis, Block, SecondOrder
 
 Array = NDArray[Any]
 
@@ -32,32 +34,21 @@ ITERATIONS = 60
 AT_REST = 1e-4
 """Standard deviations that the last step may have."""
 
-BEYOND = 3
-"""Harmonics of the shapes beyond those of the estimates, in harmonics of the equation: what is cut off there is less
-than the estimates see."""
-
 UNDETERMINED = 1e-12
 """The least eigenvalue of the scaled information, over the largest, at which the parameters count as determined."""
 
+SURE = 1e-3
+"""The probability of what a wider structure gains by chance, below which it is taken."""
+
+MOST = 12
+"""Steps at most."""
+
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class Seen(Part):
     """A displacement seen by a channel: gain · sᵖ e^{sτ} times its coefficient."""
 
-    channel: int
-    displacement: int
-    gain: float
-    power: int
-    delay: float
-
-    def factor(self, rates: Array) -> Array:
-        """The factor at each rate."""
-        return self.gain * rates**self.power * np.exp(rates * self.delay)
-
-    def slope(self, rates: Array) -> Array:
-        """Its slope by the rate."""
-        by_power = self.power * rates ** (self.power - 1) if self.power else np.zeros_like(rates)
-        return self.gain * np.exp(rates * self.delay) * (by_power + self.delay * rates**self.power)
+    displacement: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +93,20 @@ class Point:
 
     @property
     def cost(self) -> float:
-        """The sum of squares."""
+        """The sum of squares: a chi-square of `degrees` under the right structure."""
         return float(self.rest @ self.rest)
+
+    @property
+    def degrees(self) -> int:
+        """The degrees of freedom of what is left."""
+        return len(self.rest) - self.slopes.shape[1]
+
+    @property
+    def p_value(self) -> float:
+        """The probability of as large a misfit under the right structure."""
+        from scipy.special import chdtrc
+
+        return float(chdtrc(self.degrees, self.cost)) if self.degrees > 0 else 1.0
 
 
 def problem_of(
@@ -150,8 +153,7 @@ def at(
     point = Point(parameters, np.zeros(0), fundamental, tuple(modes), np.zeros(0), np.zeros((0, 0)), tuple(slopes))
     if amplitudes is None:
         unit = np.ones((len(modes), own.coefficients.shape[2]), complex)
-        point = replace(point, amplitudes=0.0 * unit)
-        rest, by = _differences(problem, replace(point, amplitudes=0.0 * unit), unit)
+        rest, by = _differences(problem, point, unit)
         n = len(parameters) + _n_omega(problem)
         step = np.linalg.lstsq(by[:, n:], rest, rcond=None)[0]
         amplitudes = _amplitudes(problem, step)
@@ -242,7 +244,7 @@ def _predicted(problem: Problem, point: Point, channel: int, moved: NDArray[np.i
             if one.channel != channel:
                 continue
             u, gain = found.coefficients[places, one.displacement], 1.0
-            factor = one.factor(rates)
+            factor = one.weight(rates)
             if number in problem.mixed:
                 unknown = len(problem.basis.names) + problem.mixed.index(number)
                 gain = point.parameters[unknown]
@@ -254,13 +256,7 @@ def _predicted(problem: Problem, point: Point, channel: int, moved: NDArray[np.i
 
 
 def fitted(problem: Problem, parameters: Array, near: tuple[Mode, ...]) -> Point:
-    """The least squares near these parameters, by Levenberg-Marquardt.
-
-    Raises
-    ------
-    IdentificationError
-        There is none near them, or the estimates do not determine the parameters.
-    """
+    """The least squares near these parameters, by Levenberg-Marquardt; IdentificationError where there is none."""
     now = at(problem, parameters, None, problem.estimates.fundamental, near)
     damping, n, omega = 1e-3, len(parameters), _n_omega(problem)
     for _ in range(ITERATIONS):
@@ -293,13 +289,7 @@ def fitted(problem: Problem, parameters: Array, near: tuple[Mode, ...]) -> Point
 
 
 def covariance_of(point: Point) -> Array:
-    """The covariance of the unknowns.
-
-    Raises
-    ------
-    IdentificationError
-        The estimates do not determine the parameters.
-    """
+    """The covariance of the unknowns; IdentificationError where the estimates do not determine them."""
     scale = np.linalg.norm(point.slopes, axis=0)
     if (scale == 0).any():
         raise _undetermined()
@@ -314,3 +304,52 @@ def _undetermined() -> IdentificationError:
         "The response does not determine every parameter of the structure asked for: it has too many harmonics or too "
         "few equal elements for the modes that were seen. Give it fewer harmonics, a symmetry, or known elements."
     )
+
+
+Fitted = Callable[[AbstractStructure], tuple[Point, Basis]]
+
+
+def found_structure(
+    fit: Fitted, report: Callable[[str], None] = lambda _: None
+) -> tuple[AbstractStructure, tuple[str, ...]]:
+    """The simplest second-order form that the data do not contradict, and what was added to it and gained by that.
+
+    Forward selection from constant symmetric stiffness and constant damping, by likelihood ratio tests.
+    """
+    from scipy.special import chdtrc
+
+    now: AbstractStructure = SecondOrder(stiffness=Block(symmetry="symmetric"), damping=Block())
+    point, reasons = _tried(fit, now), []
+    for _ in range(MOST):
+        best: Point | None = None
+        least, words, chosen = (False, 0.0), "", now
+        for name, other in now.wider():
+            report(f"trying a structure: {name}")
+            trial = _tried(fit, other)
+            if trial is None:
+                continue
+            more = trial.slopes.shape[1] - (0 if point is None else point.slopes.shape[1])
+            gain = np.inf if point is None else point.cost - trial.cost
+            rare = 0.0 if point is None else float(chdtrc(max(more, 1), max(gain, 0.0)))
+            # Where several are sure, the one that gains most for each number that it adds.
+            worth = (rare > SURE, -gain / max(more, 1))
+            if rare < SURE and (best is None or worth < least):
+                best, least, words, chosen = trial, worth, name, other
+        if best is None:
+            break
+        before = np.inf if point is None else point.cost
+        reasons.append(f"{words[0].upper()}{words[1:]}: chi-square from {before:.4g} to {best.cost:.4g}.")
+        now, point = chosen, best
+    if point is None:
+        raise IdentificationError("No second-order form of few harmonics fits the response in these states.")
+    return now, (f"Structure found: {now.words()}.", *reasons)
+
+
+def _tried(fit: Fitted, structure: AbstractStructure) -> Point | None:
+    """The fit; None where there is none, or the data do not determine it."""
+    try:
+        point, _ = fit(structure)
+        covariance_of(point)
+    except (IdentificationError, np.linalg.LinAlgError):
+        return None
+    return point

@@ -148,24 +148,14 @@ class Modal:
 
 
 def modal_at(shapes: Shapes, times: NDArray[np.float64], names: str = "these states") -> Modal:
-    r"""Ψ(t) and A(t) = (Ψ' + ΨΛ) Ψ⁻¹ (Allen 2009, eqs. 18 and 21, as corrected).
-
-    Raises
-    ------
-    IdentificationError
-        The shapes are linearly dependent in these states, or a state has no part in any mode.
-    """
+    """Ψ(t) and A(t) = (Ψ' + ΨΛ) Ψ⁻¹ (Allen 2009, eqs. 18 and 21, as corrected)."""
     states, phases = shapes.states, np.exp(1j * shapes.fundamental * np.multiply.outer(times, shapes.harmonics))
     modal = np.einsum("rmi,tm->tir", states, phases)
     # d/dt(Ψ e^{Λt}) e^{-Λt} = Ψ' + ΨΛ: each coefficient times its own rate once more.
     moved = np.einsum("rmi,tm->tir", states * shapes.rates[:, :, None], phases)
-    row_scale = np.sqrt(np.mean(np.abs(modal) ** 2, axis=(0, 2)))
-    if (row_scale == 0).any():
+    if (modal == 0).all(axis=(0, 2)).any():
         raise IdentificationError("A state chosen has no part in any mode: choose other channels with `states`.")
-    scaled = modal / row_scale[:, None]
-    column_scale = np.linalg.norm(scaled, axis=1, keepdims=True)
-    equilibrated = scaled / np.where(column_scale > 0, column_scale, 1.0)
-    condition = np.linalg.cond(equilibrated)
+    condition = condition_of(modal)
     if not (condition < LARGEST_CONDITION).all():
         raise IdentificationError(
             f"The modes' shapes in {names} are linearly dependent (condition number {condition.max():.1e} of the "
@@ -173,6 +163,13 @@ def modal_at(shapes: Shapes, times: NDArray[np.float64], names: str = "these sta
         )
     inverse = np.linalg.inv(modal)
     return Modal(modal, inverse, moved @ inverse, condition)
+
+
+def condition_of(modal: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """The condition numbers (times,) of Ψ (times, states, modes), states and modes brought to one size."""
+    least = np.finfo(float).tiny
+    scaled = modal / np.maximum(np.sqrt(np.mean(np.abs(modal) ** 2, axis=(0, 2))), least)[:, None]
+    return np.linalg.cond(scaled / np.maximum(np.linalg.norm(scaled, axis=1, keepdims=True), least))
 
 
 @dataclass(frozen=True, slots=True)

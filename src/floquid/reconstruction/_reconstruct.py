@@ -9,10 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, integer
 from floquid.core import PeriodicModel
-from floquid.reconstruction._bands import chosen
+from floquid.reconstruction._bands import chosen, sizes_left_out, spread_of
 from floquid.reconstruction._coordinates import Coordinates
-from floquid.reconstruction._delayed import delayed
-from floquid.reconstruction._left_out import sizes_left_out, spread_of
 from floquid.reconstruction._modal_matrix import (
     Shapes,
     Terms,
@@ -24,7 +22,7 @@ from floquid.reconstruction._modal_matrix import (
     terms_of,
 )
 from floquid.reconstruction._state_model import StateModel
-from floquid.reconstruction._states import Names, first_order, second_order
+from floquid.reconstruction._states import Names, delayed, first_order, second_order
 
 MOST_TIMES = 10_000
 """Instants of a period at most, where a number of them is asked for."""
@@ -80,11 +78,6 @@ def reconstruct(
     times
         Instants after phase zero [s], or how many equally spaced ones over a period, 10,000 at most.
 
-    Returns
-    -------
-    StateModel
-        Φ and A with their deviations.
-
     Raises
     ------
     InputError
@@ -115,7 +108,8 @@ def reconstruct(
                     slopes = slopes.loosened(matrices[t].real, loose)
                 variance = slopes.variance(own)
                 std[t] = np.sqrt(variance + spread_of(sizes, slopes_of(wider, modal, instants, t, terms)))
-        system_std[:, _certain(coordinates)] = 0.0
+        if coordinates.form == "second-order":  # displacements change at their velocities
+            system_std[:, : len(coordinates.states) // 2] = 0.0
     return StateModel(
         times=instants,
         transition=transition.real,
@@ -185,6 +179,24 @@ def coordinates_of(model: PeriodicModel, states: Names, form: str, delay: float 
     return (second_order if form == "second-order" else first_order)(model, states)
 
 
-def _certain(coordinates: Coordinates) -> slice:
-    """The rows of A that are known: displacements change at their velocities."""
-    return slice(0, len(coordinates.states) // 2 if coordinates.form == "second-order" else 0)
+def choices(
+    model: PeriodicModel, states: Names, *, form: Form = "second-order", delay: float | None = None
+) -> tuple[float | None, NDArray[np.bool_] | None]:
+    """The delay, and the terms of the estimates, that A(t) is built from with `harmonics="auto"`, to build it again.
+
+    `model`, `states`, `form`, `delay` and the errors are those of `reconstruct`.
+
+    Returns
+    -------
+    delay
+        Of "delayed" [s]; None where no state is one.
+    terms
+        A mask over the terms of `model.estimates` (terms,); None without estimates.
+    """
+    coordinates = coordinates_of(model, states, form, delay)
+    later = [part.delay for state in coordinates.states for part in state.parts if part.delay > 0.0]
+    found = min(later, default=None) if form == "delayed" else None
+    if model.estimates is None:
+        return found, None
+    own = model.estimates
+    return found, chosen(model, shapes_of(model, coordinates, own), terms_of(model, own))

@@ -14,11 +14,10 @@ from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.reconstruction._coordinates import Coordinates, Part, State, derivative_of
 from floquid.reconstruction._harmonic_balance import Mode, NoModeError
-from floquid.reconstruction._invariance import Point, Seen, covariance_of, fitted, problem_of
-from floquid.reconstruction._modal_matrix import modal_at, shapes_of
+from floquid.reconstruction._invariance import Point, Seen, covariance_of, fitted, found_structure, problem_of
+from floquid.reconstruction._modal_matrix import condition_of, modal_at, shapes_of
 from floquid.reconstruction._reconstruct import coordinates_of, instants_of
-from floquid.reconstruction._refinement import Refinement
-from floquid.reconstruction._state_model import StateModel
+from floquid.reconstruction._state_model import Refinement, StateModel
 from floquid.reconstruction._states import Names
 from floquid.reconstruction._structure import AbstractStructure, Basis
 from floquid.reconstruction._structure_text import structure_of
@@ -83,11 +82,6 @@ def refine(
     report
         Is told what is being done.
 
-    Returns
-    -------
-    Refinement
-        A(t) with deviations, the parameters, and the goodness of fit.
-
     Raises
     ------
     InputError
@@ -112,8 +106,6 @@ def refine(
         if structure != "auto":
             must = 'be "auto", a structure such as SecondOrder(stiffness=Block(harmonics=2)), or its text'
             raise input_error("structure", OF, must, f"is {structure!r:.60}")
-        from floquid.reconstruction._find_structure import found_structure
-
         first = _Fit.made(model, states, 2, estimates)
         structure, reasons = found_structure(first.at, report)
     else:
@@ -131,19 +123,9 @@ def refine(
         report("one output-error step on the record")
         fit = replace(fit, estimates=again(np.array([mode.exponent for mode in point.modes])))
         point, basis = fit.at(structure, point)
-    degrees = len(point.rest) - point.slopes.shape[1]
-    p_value = chance(point)
-    if p_value < refuse:
+    if point.p_value < refuse:
         raise IdentificationError(_contradicted(fit, structure, point, refuse))
-    return _refinement(fit, structure, basis, point, instants_of(times, model.period, OF), degrees, p_value, reasons)
-
-
-def chance(point: Point) -> float:
-    """The probability of as large a misfit under the right structure."""
-    from scipy.special import chdtrc
-
-    degrees = len(point.rest) - point.slopes.shape[1]
-    return float(chdtrc(degrees, point.cost)) if degrees > 0 else 1.0
+    return _refinement(fit, structure, basis, point, instants_of(times, model.period, OF), reasons)
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +153,7 @@ class _Fit:
         seen, gains = [], {}
         if coordinates.mixing is None:
             for place, state in enumerate(coordinates.states[:count]):
-                seen += [Seen(part.channel, place, 1.0 / part.gain, -part.power, -part.delay) for part in state.parts]
+                seen += [Seen(part.channel, 1.0 / part.gain, -part.power, -part.delay, place) for part in state.parts]
         else:
             coordinates, seen, gains = _all_channels(model, coordinates)
         times = np.arange(64) * model.period / 64
@@ -185,13 +167,7 @@ class _Fit:
         return _Fit(model, coordinates, estimates, tuple(seen), tuple(own), system, times, gains)
 
     def at(self, structure: AbstractStructure, near: Point | None = None) -> tuple[Point, Basis]:
-        """The best fit of a structure.
-
-        Raises
-        ------
-        IdentificationError
-            There is none near the free model.
-        """
+        """The best fit of a structure; IdentificationError where there is none near the free model."""
         count = len(self.coordinates.states) // structure.degree
         basis = structure.basis(count)
         whole, slopes = basis.in_time(self.model.fundamental * self.times)
@@ -229,11 +205,11 @@ def _all_channels(model: PeriodicModel, coordinates: Coordinates) -> tuple[Coord
     for row, channel in enumerate(model.channels):
         power = derivative_of(channel)
         if row in coordinates.chosen:
-            seen.append(Seen(row, coordinates.chosen.index(row), 1.0, power, 0.0))
+            seen.append(Seen(row, power=power, displacement=coordinates.chosen.index(row)))
             continue
         for place, gain in enumerate(coordinates.mixing[row]):
             gains[len(seen)] = float(gain)
-            seen.append(Seen(row, place, 1.0, power, 0.0))
+            seen.append(Seen(row, power=power, displacement=place))
     names = [model.channels[row].name for row in coordinates.chosen]
     displacements = tuple(
         State(name, (Part(row, 1.0, -derivative_of(model.channels[row])),))
@@ -252,7 +228,6 @@ def _tail(point: Point) -> float:
 
 def _contradicted(fit: _Fit, structure: AbstractStructure, point: Point, refuse: float) -> str:
     """The refusal, with what the structure lacks."""
-    degrees = len(point.rest) - point.slopes.shape[1]
     better = []
     for words, other in structure.wider():
         try:
@@ -260,13 +235,12 @@ def _contradicted(fit: _Fit, structure: AbstractStructure, point: Point, refuse:
             covariance_of(trial)
         except (IdentificationError, np.linalg.LinAlgError):
             continue
-        left = len(trial.rest) - trial.slopes.shape[1]
-        better.append((chance(trial), f"{words} leaves {trial.cost:.4g} for {left}"))
+        better.append((trial.p_value, f"{words} leaves {trial.cost:.4g} for {trial.degrees}"))
     better.sort(key=lambda one: -one[0])
-    remedy = f" Of the next wider structures, {better[0][1]}." if better and better[0][0] > chance(point) else ""
+    remedy = f" Of the next wider structures, {better[0][1]}." if better and better[0][0] > point.p_value else ""
     return (
         f"The structure contradicts the data: what is left between it and the free model is a chi-square of "
-        f"{point.cost:.4g} for {degrees} degrees of freedom (p = {chance(point):.1g}, refused below {refuse:g})."
+        f"{point.cost:.4g} for {point.degrees} degrees of freedom (p = {point.p_value:.1g}, refused below {refuse:g})."
         f"{remedy} {REMEDY}"
     )
 
@@ -277,8 +251,6 @@ def _refinement(
     basis: Basis,
     point: Point,
     times: NDArray[np.float64],
-    degrees: int,
-    p_value: float,
     reasons: tuple[str, ...],
 ) -> Refinement:
     """The result, with every deviation."""
@@ -306,6 +278,8 @@ def _refinement(
         for place, value in ((own, mode.exponent), *((p, np.conj(mode.exponent)) for p in partners)):
             exponents[place], std[place] = value, deviation
     words = f"structured state matrix ({structure.words()}) in {fit.coordinates.words}"
+    seen, states = [fit.seen[k] for k in fit.gains], fit.coordinates.names
+    gains = [f"{model.channels[one.channel].name} per {states[one.displacement]}" for one in seen]
     state = StateModel(
         times=times,
         transition=transition,
@@ -321,21 +295,15 @@ def _refinement(
         state=state,
         structure=structure,
         parameters=point.parameters,
-        names=(*basis.names, *_gain_names(fit)),
+        names=(*basis.names, *gains),
         covariance=whole[: len(point.parameters), : len(point.parameters)],
         exponents=exponents,
         exponent_std=std,
         chi_square=point.cost,
-        degrees=degrees,
-        p_value=p_value,
+        degrees=point.degrees,
+        p_value=point.p_value,
         reasons=reasons,
     )
-
-
-def _gain_names(fit: _Fit) -> list[str]:
-    """The meaning of each unknown gain."""
-    states = fit.coordinates.names
-    return [f"{fit.model.channels[fit.seen[k].channel].name} per {states[fit.seen[k].displacement]}" for k in fit.gains]
 
 
 def _transition(
@@ -362,10 +330,8 @@ def _transition(
         moved.append(stacked)
         drift.append(slope.exponent[:n])
         if not real:
-            columns.append(column.conj())
-            rates.append(np.conj(mode.exponent))
-            moved.append(stacked.conj())
-            drift.append(slope.exponent[:n].conj())
+            for found in (columns, rates, moved, drift):
+                found.append(np.conj(found[-1]))
     modal = np.stack(columns, axis=2)
     later = times - times[0]
     growth = np.exp(np.multiply.outer(later, rates))
@@ -375,7 +341,4 @@ def _transition(
     change = by_modal * growth[None, :, None, :]
     change = change + modal[None] * (growth * later[:, None])[None, :, None, :] * by_rate[:, None, None, :]
     slopes = change @ first - phi[None] @ (by_modal[:, :1] @ first)
-    scale = np.sqrt(np.mean(np.abs(modal) ** 2, axis=(0, 2)))
-    equal = modal / scale[:, None]
-    condition = np.linalg.cond(equal / np.linalg.norm(equal, axis=1, keepdims=True))
-    return phi.real, slopes.real, condition
+    return phi.real, slopes.real, condition_of(modal)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, frozen_array
 from floquid.core import Provenance
+from floquid.reconstruction._structure import AbstractStructure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -21,21 +22,15 @@ class StateModel(Rebuilt):
     ----------
     times
         Instants after phase zero (times,) [s].
-    transition
-        Φ (times, n, n).
-    system
-        A (times, n, n) [1/s, in the units of the states].
+    transition, system
+        Φ (times, n, n), and A (times, n, n) [1/s, in the units of the states].
     condition
         The condition number of the equilibrated modal matrix Ψ at each instant (times,): the factor by which errors
         of the shapes may grow in A.
-    states
-        The names of the states, displacements first, then velocities.
-    coordinates
-        What the states are, in words.
-    system_std
-        Standard deviations of A (times, n, n); None where not estimated.
-    transition_std
-        Standard deviations of Φ (times, n, n); None where not estimated.
+    states, coordinates
+        The names of the states, displacements first, then velocities; and what they are, in words.
+    system_std, transition_std
+        Standard deviations of A and Φ (times, n, n); None where not estimated.
     provenance
         Where the model comes from.
     """
@@ -61,3 +56,51 @@ class StateModel(Rebuilt):
         for name in ("system_std", "transition_std"):
             if getattr(self, name) is not None:
                 put(self, name, frozen_array(getattr(self, name), name, of, axes=(steps, n, n)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Refinement(Rebuilt):
+    """A state matrix of given structure, fitted to all that a record says.
+
+    Parameters
+    ----------
+    state, structure
+        Φ and A(t) with their deviations, and the structure of A(t).
+    parameters, names, covariance
+        The parameters of the structure in the units of its blocks, what each is, as stiffness[0,1] cos 2 (parameters,),
+        and their covariance (parameters, parameters).
+    exponents, exponent_std
+        The Floquet exponents of A(t), as the response model lists them, and their deviations (modes,) [1/s].
+    chi_square, degrees, p_value
+        What is left between the structure and the free model, its degrees of freedom, and the probability of as much or
+        more under the right structure.
+    reasons
+        How the structure was found, a sentence each; empty where it was given.
+    """
+
+    state: StateModel
+    structure: AbstractStructure
+    parameters: NDArray[np.float64]
+    names: tuple[str, ...]
+    covariance: NDArray[np.float64]
+    exponents: NDArray[np.complex128]
+    exponent_std: NDArray[np.complex128]
+    chi_square: float
+    degrees: int
+    p_value: float
+    reasons: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        of, n = "Refinement", len(self.names)
+        for name, axes, dtype in (
+            ("parameters", (n,), np.float64),
+            ("covariance", (n, n), np.float64),
+            ("exponents", ("modes",), np.complex128),
+            ("exponent_std", (len(self.exponents),), np.complex128),
+        ):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), name, of, axes=axes, dtype=dtype))
+
+    @property
+    def std(self) -> NDArray[np.float64]:
+        """The deviations of the parameters (parameters,)."""
+        return np.sqrt(np.diag(self.covariance))

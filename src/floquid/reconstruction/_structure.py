@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,34 +55,20 @@ class Block(Rebuilt):
             finite(value, "known", "Block")
 
     def elements(self, n: int) -> list[list[tuple[int, int, float]]]:
-        """The unknown elements: each the places that share it, with signs.
-
-        Parameters
-        ----------
-        n
-            The rows of the block.
-        """
+        """The unknown elements of a block of n rows: each the places that share it, with signs."""
         found = []
         for i in range(n):
             for j in range(n):
                 if (i, j) in self._fixed(n):
                     continue
-                if self.symmetry == "none" or (self.symmetry in ("symmetric", "diagonal") and i == j):
+                if self.symmetry == "none" or (self.symmetry != "skew" and i == j):
                     found.append([(i, j, 1.0)])
-                elif self.symmetry == "symmetric" and i < j:
-                    found.append([(i, j, 1.0), (j, i, 1.0)])
-                elif self.symmetry == "skew" and i < j:
-                    found.append([(i, j, 1.0), (j, i, -1.0)])
+                elif self.symmetry in ("symmetric", "skew") and i < j:
+                    found.append([(i, j, 1.0), (j, i, 1.0 if self.symmetry == "symmetric" else -1.0)])
         return found
 
     def constant(self, n: int) -> NDArray[np.float64]:
-        """The known elements (n, n).
-
-        Parameters
-        ----------
-        n
-            The rows of the block.
-        """
+        """The known elements (n, n)."""
         matrix = np.zeros((n, n))
         for (i, j), value in self._fixed(n).items():
             matrix[i, j] = value
@@ -155,19 +141,14 @@ def counted(harmonics: int) -> str:
 class AbstractStructure(ABC):
     """The form of an equation of motion."""
 
+    degree: ClassVar[int]
+    """The order of the highest derivative of the states."""
+    sign: ClassVar[float]
+    """The factor of the blocks on the right-hand side."""
+
     @abstractmethod
     def blocks(self) -> tuple[tuple[str, Block, int], ...]:
         """Each block with its name and the derivative of the states that it multiplies."""
-
-    @property
-    @abstractmethod
-    def degree(self) -> int:
-        """The order of the highest derivative of the states."""
-
-    @property
-    @abstractmethod
-    def sign(self) -> float:
-        """The factor of the blocks on the right-hand side."""
 
     @abstractmethod
     def wider(self) -> list[tuple[str, AbstractStructure]]:
@@ -178,21 +159,13 @@ class AbstractStructure(ABC):
         said = []
         for name, block, _ in self.blocks():
             kind = "" if block.symmetry == "none" else f"{block.symmetry} "
-            size = (
-                "constant" if block.harmonics == 0 else f"with {block.harmonics} harmonic" + "s" * (block.harmonics > 1)
-            )
+            size = f"with {counted(block.harmonics)}" if block.harmonics else "constant"
             known = f", {len(block.known)} elements known" if block.known else ""
             said.append(f"{kind}{name} {size}{known}")
         return "; ".join(said)
 
     def basis(self, n: int) -> Basis:
-        """The coefficient matrices for n displacements, or states of first order.
-
-        Parameters
-        ----------
-        n
-            Their number.
-        """
+        """The coefficient matrices for n displacements, or states of first order."""
         blocks = self.blocks()
         most = max(block.harmonics for _, block, _ in blocks)
         known = np.zeros((self.degree, 2 * most + 1, n, n), complex)
@@ -236,6 +209,8 @@ class SecondOrder(AbstractStructure):
         The gyroscopic block is not skew, or stands beside a damping block that could hold it.
     """
 
+    degree: ClassVar[int] = 2
+    sign: ClassVar[float] = -1.0
     stiffness: Block = Block(harmonics=2)
     damping: Block = Block()
     gyroscopic: Block | None = None
@@ -250,16 +225,6 @@ class SecondOrder(AbstractStructure):
             must, got = "be symmetric or diagonal beside a gyroscopic block", "is not: it could hold that block itself"
             raise input_error("damping", "SecondOrder", must, got, 'Pass Block(symmetry="symmetric").')
 
-    @property
-    def degree(self) -> int:
-        """Two."""
-        return 2
-
-    @property
-    def sign(self) -> float:
-        """Minus one: the blocks stand on the left."""
-        return -1.0
-
     def wider(self) -> list[tuple[str, AbstractStructure]]:
         """One more harmonic of a block, or one symmetry less."""
         found: list[tuple[str, AbstractStructure]] = []
@@ -268,13 +233,10 @@ class SecondOrder(AbstractStructure):
             found.append((f"{name} with {counted(more.harmonics)}", replace(self, **{name: more})))
             if block.symmetry in ("symmetric", "diagonal"):
                 free = replace(block, symmetry="none" if block.symmetry == "symmetric" else "symmetric")
-                other = replace(self, **{name: free}) if self._apart(name, free) else self._merged(free)
+                both = self.gyroscopic is not None and name == "damping" and free.symmetry == "none"
+                other = self._merged(free) if both else replace(self, **{name: free})
                 found.append((f"{name} that is {'not ' if free.symmetry == 'none' else ''}symmetric", other))
         return found
-
-    def _apart(self, name: str, block: Block) -> bool:
-        """True if the gyroscopic block may stand beside this one."""
-        return self.gyroscopic is None or name != "damping" or block.symmetry != "none"
 
     def _merged(self, damping: Block) -> SecondOrder:
         """A damping block without symmetry that holds the gyroscopic one too."""
@@ -301,17 +263,9 @@ class FirstOrder(AbstractStructure):
         A.
     """
 
+    degree: ClassVar[int] = 1
+    sign: ClassVar[float] = 1.0
     system: Block = Block(harmonics=2)
-
-    @property
-    def degree(self) -> int:
-        """One."""
-        return 1
-
-    @property
-    def sign(self) -> float:
-        """One: the block stands on the right."""
-        return 1.0
 
     def blocks(self) -> tuple[tuple[str, Block, int], ...]:
         """A alone."""

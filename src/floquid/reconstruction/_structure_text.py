@@ -62,22 +62,12 @@ def structure_of(text: str) -> AbstractStructure | Literal["auto"]:
 
 
 def text_of(structure: AbstractStructure | str) -> str:
-    """The text of a structure, which `structure_of` reads back to the same structure.
-
-    Parameters
-    ----------
-    structure
-        `SecondOrder` or `FirstOrder`, or "auto".
-
-    Returns
-    -------
-    str
-        One line.
+    """The text of a structure, one line, which `structure_of` reads back to the same structure.
 
     Raises
     ------
     InputError
-        It is something else.
+        The structure is neither `SecondOrder` nor `FirstOrder` nor "auto".
     """
     if isinstance(structure, str) and structure == AUTO:
         return AUTO

@@ -39,11 +39,9 @@ class AngleSpline(Rebuilt):
         The span [s].
     slope
         The speed of the straight line that the spline is added to [rad/s]: zero angle of the line is at `first`.
-    knots, coefficients, degree
+    knots, coefficients, degree, covariance
         The spline over (t - first)/(last - first): the knots (coefficients + degree + 1,), the coefficients
-        (coefficients,) [rad].
-    covariance
-        Of the coefficients (coefficients, coefficients) [rad²].
+        (coefficients,) [rad], and their covariance (coefficients, coefficients) [rad²].
     """
 
     first: float

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import Channel
+from floquid.core import AzimuthSignal, Channel, Record, channels_named
 
 OF = "shaft_angle"
 
@@ -34,26 +34,27 @@ Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Azimuth:
-    """The angle [rad] of blocks of samples at their mean times [samples], and what became of the samples."""
+class Evidence:
+    """Instants [s] at which the angle [rad] is known up to the offset of a line, and what was done to get them."""
 
-    positions: Values
+    times: Values
     angles: Values
-    backwards: bool
-    missing: int
-    rejected: int
-    block: int
+    lines: NDArray[np.int64]
+    n_lines: int = 1
+    missing: int = 0
+    doubled: int = 0
+    rejected: int = 0
+    absent: tuple[int, ...] = ()
+    each: int = 1
+    """Samples behind each instant."""
+    what: str = "pulses"
+    said: tuple[str, ...] = ()
 
 
-def unwrap_azimuth(values: Values, channel: Channel) -> Azimuth:
-    """The unwrapped angle of `channel`, of samples (samples,): counted as positive, zero where the channel is zero.
-
-    Raises
-    ------
-    InputError
-        The channel has too few samples or does not move, its unit is not one of angle, or its wraps are of another
-        size than a revolution.
-    """
+def of_azimuth(record: Record, clock: AzimuthSignal) -> Evidence:
+    """The unwrapped angle of blocks of samples at their mean times: counted as positive, zero where the channel is."""
+    (row,) = channels_named(record.channels, [clock.channel], argument="record", of=OF)
+    values, channel = record.values[row], record.channels[row]
     index = np.flatnonzero(np.isfinite(values))
     if len(index) < 3 or np.ptp(values[index]) == 0.0:
         got = f"{channel.name!r} " + ("has fewer than three samples" if len(index) < 3 else "is constant")
@@ -90,13 +91,16 @@ def unwrap_azimuth(values: Values, channel: Channel) -> Azimuth:
         raise input_error(
             "record", OF, must, got, "Cut the record to a part in which the shaft turns, or check the channel."
         )
-    return Azimuth(
-        positions=places[tight].mean(axis=1),
+    said = ("The azimuth falls: the shaft turns backwards, and that way is counted as positive.",)
+    return Evidence(
+        times=record.start + places[tight].mean(axis=1) / record.sample_rate,
         angles=2.0 * np.pi * angles,
-        backwards=backwards,
+        lines=np.zeros(len(angles), dtype=np.int64),
         missing=missing,
         rejected=len(index) - len(good),
-        block=block,
+        each=block,
+        what="samples",
+        said=said if backwards else (),
     )
 
 

@@ -1,4 +1,4 @@
-"""Which line of the shaft each pulse is: pulses that are missing, doubled, unevenly spaced."""
+"""The line of the shaft that each pulse is: pulses that are missing, doubled, unevenly spaced."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from floquid.sync._impact_search import longest_run
 
 SPAN = 11
 """The fewest intervals of which the median is the local one: every second pulse but one may be wrong."""
@@ -22,30 +24,20 @@ Numbers = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Counted:
-    """The pulses that are kept, and the number of each.
-
-    Parameters
-    ----------
-    kept
-        The indices of the pulses kept (kept,).
-    numbers
-        How many line spacings after line 0 of the first revolution each is (kept,).
-    missing
-        Pulses that should have come between the first and the last.
-    doubled
-        Pulses left out, one too many in its place.
-    absent
-        Lines that never gave a pulse: a missing tooth. Line 0 is then the first after the longest such gap.
-    doubtful
-        Gaps (first, last time) [s] in which the number of pulses lost is a guess.
-    """
+    """The pulses that are kept, and the number of each."""
 
     kept: NDArray[np.intp]
+    """The indices of the pulses kept (kept,)."""
     numbers: Numbers
+    """How many line spacings after line 0 of the first revolution each is (kept,)."""
     missing: int
+    """Pulses that should have come between the first and the last."""
     doubled: int
+    """Pulses left out, one too many in its place."""
     absent: tuple[int, ...]
+    """Lines that never gave a pulse: a missing tooth. Line 0 is then the first after the longest such gap."""
     doubtful: tuple[tuple[float, float], ...]
+    """Gaps (first, last time) [s] in which the number of pulses lost is a guess."""
 
 
 def count(times: Times, lines: int) -> Counted:
@@ -94,12 +86,8 @@ def _pattern(times: Times, spacing: Times, lines: int) -> tuple[int, Times] | No
         return None
     whole = (times[lines:] - times[:-lines]) / (lines * spacing[: len(times) - lines])
     good = np.abs(whole - np.median(whole)) < STEADY / lines
-    edges = np.flatnonzero(np.diff(good.astype(np.int8), prepend=0, append=0))
-    if len(edges) == 0:
-        return None
-    begins, ends = edges[::2], edges[1::2]
-    longest = int(np.argmax(ends - begins))
-    begin, turns = int(begins[longest]), int(ends[longest] - begins[longest] + lines - 1) // lines
+    begin, end = longest_run(good)
+    turns = (end - begin + lines - 1) // lines
     if turns < 2:
         return None
     part = slice(begin, begin + turns * lines)

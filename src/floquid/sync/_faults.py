@@ -1,4 +1,4 @@
-"""What is wrong with the samples of a record: clipped tops, dropouts, gaps."""
+"""Faults in the samples of a record: clipped tops, dropouts, gaps, counts that wrapped round."""
 
 from __future__ import annotations
 
@@ -16,6 +16,18 @@ FLAT = 3
 STUCK = 10
 """Equal samples in a row that make a dropout."""
 
+BITS = (8, 10, 12, 14, 16, 18, 20, 24, 32)
+"""Widths of integers that are looked for."""
+
+FULL = 0.95
+"""The share of its range that a channel must span to have wrapped round."""
+
+SMOOTHER = 0.25
+"""What taking the jumps out must leave of the second differences, in power."""
+
+WHOLE = 1e-3
+"""How far counts may be from whole numbers: a factor of calibration rounds them."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clipping:
@@ -23,16 +35,12 @@ class Clipping:
 
     Parameters
     ----------
-    channel
-        The name of the channel.
-    unit
-        Its unit.
+    channel, unit
+        The name of the channel, and its unit.
     levels
         The value or values it is cut at: the lowest, the highest or both.
-    samples
-        The samples at these values in flat tops.
-    share
-        Their share of the samples that are not missing.
+    samples, share
+        The samples at these values in flat tops, and their share of those that are not missing.
     """
 
     channel: str
@@ -55,16 +63,12 @@ class Dropout:
 
     Parameters
     ----------
-    channel
-        The name of the channel.
-    unit
-        Its unit.
-    level
-        The value it stands at.
+    channel, unit
+        The name of the channel, and its unit.
+    level, samples
+        The value it stands at, and for how many samples.
     first, last
         The times of the first and the last sample of the stretch [s].
-    samples
-        The samples in it.
     """
 
     channel: str
@@ -88,14 +92,12 @@ class Gap:
 
     Parameters
     ----------
-    channels
-        The names of the channels that miss just this stretch.
+    channels, of
+        The names of the channels that miss just this stretch, and the number of all.
     first, last
         The times of the first and the last missing sample [s].
     samples
         The samples missing in each channel.
-    of
-        The number of channels of the record.
     """
 
     channels: tuple[str, ...]
@@ -118,7 +120,7 @@ class Gap:
 
 
 def clipped(record: Record) -> tuple[Clipping, ...]:
-    r"""The channels that are cut off at their extreme values.
+    r"""The channels of `record` that are cut off at their extreme values, in its order.
 
     A flat top is a run of three equal samples or more at the channel's highest or lowest value, unless a smooth crest
     explains it. A crest that stays within one quantum q (the smallest step between two values of the channel) for r
@@ -130,16 +132,6 @@ def clipped(record: Record) -> tuple[Clipping, ...]:
     sampled sine is not called clipped, nor is one of less than about six bits that is. Pulse and angle channels, those
     of the clock and those that switch between two levels are passed over; so are a level of zero, which is a dropout's
     or the padding of a file, and a level at which the channel rests for half of the record.
-
-    Parameters
-    ----------
-    record
-        The record.
-
-    Returns
-    -------
-    tuple of Clipping
-        One a clipped channel, in the order of the record.
     """
     found: list[Clipping] = []
     for row, values, quantum in measuring(record, standing=True):
@@ -162,23 +154,11 @@ def clipped(record: Record) -> tuple[Clipping, ...]:
 
 
 def dropouts(record: Record, *, least: int = STUCK) -> tuple[Dropout, ...]:
-    """The stretches in which a channel stands still: zeros put in for lost samples, or a last value held.
+    """The stretches of `record` in which a channel stands still: zeros put in for lost samples, or a last value held.
 
-    A run of equal samples that the channel enters or leaves by a jump of more than four quanta, away from its highest
-    and lowest values unless it is zero. The channels that `clipped` passes over are passed over, and forces, which
-    rest between blows.
-
-    Parameters
-    ----------
-    record
-        The record.
-    least
-        The samples in a row that make a dropout.
-
-    Returns
-    -------
-    tuple of Dropout
-        In the order of channels, then of time.
+    A run of `least` equal samples that the channel enters or leaves by a jump of more than four quanta, away from its
+    highest and lowest values unless it is zero. The channels that `clipped` passes over are passed over, and forces,
+    which rest between blows. In the order of channels, then of time.
     """
     found: list[Dropout] = []
     for row, values, quantum in measuring(record, standing=True):
@@ -193,34 +173,14 @@ def dropouts(record: Record, *, least: int = STUCK) -> tuple[Dropout, ...]:
                 continue
             beside = [values[n] for n in (first - 1, stop) if 0 <= n < len(values) and np.isfinite(values[n])]
             if max((abs(value - level) for value in beside), default=0.0) > 4.0 * quantum:
-                times = (float(record.start + n / record.sample_rate) for n in (first, stop - 1))
-                begin, last = times
-                found.append(
-                    Dropout(
-                        channel=channel.name,
-                        unit=channel.unit,
-                        level=level,
-                        first=begin,
-                        last=last,
-                        samples=stop - first,
-                    )
-                )
+                begin, last = (float(record.start + n / record.sample_rate) for n in (first, stop - 1))
+                size, name, unit = stop - first, channel.name, channel.unit
+                found.append(Dropout(channel=name, unit=unit, level=level, first=begin, last=last, samples=size))
     return tuple(found)
 
 
 def gaps(record: Record) -> tuple[Gap, ...]:
-    """The runs of missing samples (NaN); channels that miss the very same stretch share one.
-
-    Parameters
-    ----------
-    record
-        The record.
-
-    Returns
-    -------
-    tuple of Gap
-        In order of time.
-    """
+    """The runs of missing samples of `record`, in order of time; channels that miss the same stretch share one."""
     where: dict[tuple[int, int], list[str]] = {}
     for channel, values in zip(record.channels, record.values, strict=True):
         for run in runs_of(np.isnan(values)):
@@ -270,3 +230,57 @@ def _cut(values: NDArray[np.float64], first: int, stop: int, quantum: float) -> 
     lost = [abs(value - values[first]) for value in beside if np.isfinite(value)]
     most = quantum * ((3 * length - 1) / (length - 1)) ** 2
     return bool(lost) and float(np.mean(lost)) > 1.5 * most
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wrapping:
+    """A channel whose counts left the range of their integers.
+
+    Parameters
+    ----------
+    channel, bits, jumps
+        The name of the channel, the width of the integers, and the number of jumps by the whole range.
+    """
+
+    channel: str
+    bits: int
+    jumps: int
+
+    @property
+    def sentence(self) -> str:
+        """What was found, in words."""
+        times = "once" if self.jumps == 1 else f"{self.jumps} times"
+        return f"channel {self.channel!r} wraps round: it jumps by {2**self.bits} counts, its whole range, {times}"
+
+
+def wrapped(record: Record) -> tuple[Wrapping, ...]:
+    """The channels of `record` whose counts wrapped round in integers that were too narrow, in its order.
+
+    Values are whole numbers, or whole multiples of the smallest step between two of them, span the range of an integer
+    of some width nearly from end to end and nowhere leave it, jump by more than half of it, and are much smoother once
+    the whole range is added after each jump. The channels that `clipped` passes over are passed over.
+    """
+    found = []
+    for row, values, quantum in measuring(record):
+        there = values[np.isfinite(values)]
+        # Of wide integers, hardly any two neighbours are in a record.
+        counts = there if (there == np.rint(there)).all() else there / quantum
+        if len(there) < 3 or np.abs(counts - np.rint(counts)).max() > WHOLE:
+            continue
+        for bits in BITS:
+            jumps = _jumps(np.rint(counts), 2.0**bits)
+            if jumps:
+                found.append(Wrapping(channel=record.channels[row].name, bits=bits, jumps=jumps))
+                break
+    return tuple(found)
+
+
+def _jumps(counts: NDArray[np.float64], whole: float) -> int:
+    """How often counts jump by the whole range; 0 where they do not leave it, or are no smoother without."""
+    lowest, highest = float(counts.min()), float(counts.max())
+    signed = -0.5 * whole <= lowest and highest < 0.5 * whole
+    if not (signed or (lowest >= 0.0 and highest < whole)) or highest - lowest < FULL * (whole - 1.0):
+        return 0
+    jumps = int((np.abs(np.diff(counts)) > 0.5 * whole).sum())
+    rough, smooth = (np.sum(np.diff(own, 2) ** 2) for own in (counts, np.unwrap(counts, period=whole)))
+    return jumps if smooth < SMOOTHER * rough else 0

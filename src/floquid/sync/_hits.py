@@ -28,14 +28,12 @@ class Impact:
 
     Parameters
     ----------
-    start
-        When it begins [s], on the record's own time axis.
-    end
-        From when on the response is free again [s].
+    start, end
+        When it begins, on the record's own time axis, and from when on the response is free again [s].
     strength
         The amplitude of its force, or of its prediction error, as a share of the strongest impact's.
     double
-        Whether it is more than one blow: a double hit or a bounce.
+        True for more than one blow: a double hit or a bounce.
     channel
         The name of the force channel it was seen in, or None when it was seen in the response.
     """
@@ -66,7 +64,7 @@ def find_impacts(
     least: float = LEAST,
     apart: float | None = None,
 ) -> tuple[Impact, ...]:
-    r"""The impacts in a record of several hits: from the force, or else from what the response does not foretell.
+    r"""The impacts in a record of several hits, in order of time, from the force or else from the response.
 
     .. math::
         e_n = y_n - \sum_{k=1}^{p} A_k y_{n-k} - c, \qquad
@@ -100,11 +98,6 @@ def find_impacts(
     apart
         Impacts closer than this are one impact [s]: by default 1 % of the record.
 
-    Returns
-    -------
-    tuple of Impact
-        In order of time.
-
     Raises
     ------
     InputError
@@ -126,22 +119,9 @@ def find_impacts(
 
 
 def find_hits(record: Record, *, force: str | None = None, least: float = LEAST) -> tuple[float, ...]:
-    """The instants [s] at which the impacts of a record begin: `find_impacts` for short.
+    """The instants [s] at which the impacts of a record begin, in order: `find_impacts` for short.
 
-    Parameters
-    ----------
-    record, force, least
-        As of `find_impacts`.
-
-    Returns
-    -------
-    tuple of float
-        In order of time; empty when the record is one free response from its first sample.
-
-    Raises
-    ------
-    InputError
-        As of `find_impacts`.
+    `record`, `force` and `least`, the errors and an empty result are those of `find_impacts`.
     """
     return tuple(impact.start for impact in find_impacts(record, force=force, least=least))
 
@@ -171,15 +151,9 @@ def split_hits(
         too, put `record.start` first.
     force
         The name of the force channel: by default those of quantity "force".
-    skip
-        Left out after each impact [s]: first cycles that are not linear.
-    shortest
-        Pieces shorter than this are left out [s]: by default a tenth of the longest.
-
-    Returns
-    -------
-    tuple of Record
-        One a free response, in order of time.
+    skip, shortest
+        Left out after each impact [s], such as first cycles that are not linear; and the length below which pieces are
+        left out [s], by default a tenth of the longest.
 
     Raises
     ------

@@ -72,7 +72,10 @@ def by_force(force: NDArray[np.float64], *, least: float, apart: int) -> list[Bl
 
 def by_response(values: NDArray[np.float64], rows: list[int], *, least: float, apart: int) -> list[Blow]:
     """Blows that the rows of `values` (channels, samples) show by the errors of two predictions."""
-    scaled = _scaled(values[rows])
+    # The channels about their means, in units of their standard deviations.
+    scaled = values[rows]
+    scaled -= np.nanmean(scaled, axis=1, keepdims=True)
+    scaled /= np.nanstd(scaled, axis=1, keepdims=True)
     complete: NDArray[np.bool_] = np.asarray(~np.isnan(scaled).any(axis=0))
     memory, whole = _memory(complete, len(rows))
     np.nan_to_num(scaled, copy=False)
@@ -99,11 +102,9 @@ def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
-def _scaled(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The channels about their means, in units of their standard deviations."""
-    centred = values - np.nanmean(values, axis=1, keepdims=True)
-    centred /= np.nanstd(centred, axis=1, keepdims=True)
-    return centred
+def longest_run(mask: NDArray[np.bool_]) -> tuple[int, int]:
+    """The first of the longest runs of True; (0, 0) where there is none."""
+    return max(runs_of(mask), key=lambda run: run[1] - run[0], default=(0, 0))
 
 
 def _memory(complete: NDArray[np.bool_], channels: int) -> tuple[int, NDArray[np.bool_]]:

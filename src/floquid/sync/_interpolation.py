@@ -32,18 +32,12 @@ _BLOCK = 1 << 18
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Kernel:
-    """Weights of the samples about an instant, by its fractional delay.
-
-    Parameters
-    ----------
-    coefficients
-        Chebyshev coefficients (degree + 1, taps) of each tap over delays of 0 to 1 sample.
-    half_width
-        Samples used on either side of the instant: taps are twice as many.
-    """
+    """Weights of the samples about an instant, by its fractional delay."""
 
     coefficients: NDArray[np.float64]
+    """Chebyshev coefficients (degree + 1, taps) of each tap over delays of 0 to 1 sample."""
     half_width: int
+    """Samples used on either side of the instant: taps are twice as many."""
 
     def weights(self, delays: NDArray[np.float64]) -> NDArray[np.float64]:
         """The weights (delays, taps) at `delays` [samples] in [0, 1] past the last sample before the instant."""
@@ -108,19 +102,8 @@ def half_width(sample_rate: float, *, cutoff: float, band: float = BAND, accurac
         A = -20\log_{10}\frac{\text{accuracy}}{8}, \quad \Delta\omega = \frac{4\pi(1 - \text{band})f_c}{f_s}
 
     (Kaiser 1974, as in Oppenheim and Schafer, Discrete-Time Signal Processing, section 7.5.3; the 8 is what makes the
-    sum of ripple and images stay below the accuracy.)
-
-    Parameters
-    ----------
-    sample_rate
-        Samples a second of the record f_s [Hz].
-    cutoff, band, accuracy
-        As for `interpolate`.
-
-    Returns
-    -------
-    int
-        The half-width [samples].
+    sum of ripple and images stay below the accuracy.) `sample_rate` is f_s [Hz]; `cutoff`, `band` and `accuracy` are
+    those of `interpolate`.
 
     Raises
     ------
@@ -139,7 +122,7 @@ def interpolation_error(
     accuracy: float = ACCURACY,
     growth: float = 0.0,
 ) -> NDArray[np.float64]:
-    r"""The largest error of `interpolate` over the fractional delay, of a response of unit amplitude at each frequency.
+    r"""The largest error of `interpolate` over the fractional delay, of a response of unit amplitude (frequencies,).
 
     .. math:: \max_{0 \le d \le 1} \Bigl| \sum_n h(d - n)\, e^{(\sigma + 2\pi i f)(n - d)/f_s} - 1 \Bigr|
 
@@ -149,17 +132,10 @@ def interpolation_error(
     ----------
     frequencies
         The frequencies f (frequencies,) [Hz].
-    sample_rate
-        Samples a second of the record f_s [Hz].
-    cutoff, band, accuracy
+    sample_rate, cutoff, band, accuracy
         As for `interpolate`.
     growth
         The rate σ [1/s] at which the response grows, or decays where it is negative.
-
-    Returns
-    -------
-    ndarray
-        The error (frequencies,), as a share of the amplitude at the instant.
 
     Raises
     ------
@@ -202,18 +178,15 @@ def interpolate(
     ----------
     values
         Samples (channels, samples); NaN marks a missing one.
-    sample_rate
-        Samples a second f_s [Hz].
-    start
-        The time of the first sample [s].
+    sample_rate, start
+        Samples a second f_s [Hz], and the time of the first sample [s].
     times
         The instants (times,) [s], in any order.
     cutoff
         Half the lower of the old rate and the new f_c [Hz].
-    band
-        The pass band as a share of the cut-off: a narrower one needs fewer samples about each instant.
-    accuracy
-        The error as a share of each line's amplitude.
+    band, accuracy
+        The pass band as a share of the cut-off (a narrower one needs fewer samples about each instant), and the error
+        as a share of each line's amplitude.
 
     Returns
     -------

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
 from floquid.core import ConstantPeriod, Cycles, Record
+from floquid.sync._impact_search import longest_run
 from floquid.sync._interpolation import ACCURACY, BAND, check_options, half_width, interpolate
 
 FEWEST_PHASES = 8
@@ -71,15 +72,8 @@ def resample(
     n_phases
         Samples a period P. None: as few as hold the `bandwidth` of the records in the pass band, at least 8, and never
         more than the records' own samples a period.
-    band
-        The pass band as a share of the cut-off f_c.
-    accuracy
-        The error as a share of each line's amplitude.
-
-    Returns
-    -------
-    tuple of Cycles
-        One a record, with the length of each cycle.
+    band, accuracy
+        The pass band as a share of the cut-off f_c, and the error as a share of each line's amplitude.
 
     Raises
     ------
@@ -189,7 +183,7 @@ def _resampled(record: Record, cut: _Cut, phases: int, reach: float, band: float
         band=band,
         accuracy=accuracy,
     ).reshape(record.n_channels, cut.n_cycles, phases)
-    kept = _longest_run(np.isfinite(values).all(axis=(0, 2)))
+    kept = slice(*longest_run(np.asarray(np.isfinite(values).all(axis=(0, 2)))))
     half = half_width(record.sample_rate, cutoff=cutoff, band=band, accuracy=accuracy)
     if kept.stop == kept.start:
         raise input_error(
@@ -225,16 +219,6 @@ def _resampled(record: Record, cut: _Cut, phases: int, reach: float, band: float
         provenance=record.provenance.then(step),
         first_cycle=cut.first + kept.start,
     )
-
-
-def _longest_run(whole: ArrayLike) -> slice:
-    """The first of the longest runs of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], np.asarray(whole), [False]))))
-    starts, stops = edges[::2], edges[1::2]
-    if not len(starts):
-        return slice(0, 0)
-    longest = int(np.argmax(stops - starts))
-    return slice(int(starts[longest]), int(stops[longest]))
 
 
 def _check_alike(records: tuple[Record, ...], clocks: tuple[ConstantPeriod | Shaft, ...]) -> None:

@@ -27,11 +27,6 @@ def segment(records: Record | Sequence[Record]) -> tuple[Cycles, ...]:
     records
         One record, or one a hit on the same system: the same channels, rate and period.
 
-    Returns
-    -------
-    tuple of Cycles
-        One a record.
-
     Raises
     ------
     NotSynchronousError

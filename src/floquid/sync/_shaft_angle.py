@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error
-from floquid.core import AzimuthSignal, PulseTimes, Record, TachometerSignal, channels_named
+from floquid.core import AzimuthSignal, PulseTimes, Record, TachometerSignal
 from floquid.sync._angle_spline import AngleFit, AngleSpline, fit_angle
-from floquid.sync._azimuth import unwrap_azimuth
+from floquid.sync._azimuth import OF, Evidence, of_azimuth
 from floquid.sync._count import count
 from floquid.sync._pulses import pulse_times
 from floquid.sync._steadiness import ROUGH, alike, gaps, outside, repairs, uneven, verdict
-
-OF = "shaft_angle"
 
 APART = 2.0
 """Revolutions between knots at least: less, and uneven lines would be taken for a change of speed."""
@@ -47,23 +45,18 @@ class ShaftAngle(Rebuilt):
         shows less the angle of the fit (pulses,) [rad], and the line that it is (pulses,).
     kept
         Those that were not rejected (pulses,).
-    jitter
-        The standard deviation of what is left over: of pulses their times [s], of an azimuth the angle averaged over a
-        sixteenth of a revolution [rad].
-    jitter_unit
-        "s" or "rad".
+    jitter, jitter_unit
+        The standard deviation of what is left over, and its unit: of pulses their times, "s", of an azimuth the angle
+        averaged over a sixteenth of a revolution, "rad".
     geometry, geometry_std
         How far each line of the encoder is ahead of even spacing (lines,) [rad], and its standard deviation; NaN for
         lines that never gave a pulse. None where that is not estimated: one line, or less than three revolutions.
     n_pulses, missing, doubled, rejected
         Pulses (of an azimuth: samples) that were used; that should have come and did not; left out as one too many in
         its place; left out as outliers.
-    wander
-        The rms of the speed about its mean, over the mean.
-    steady
-        Whether the speed is constant enough for a periodic model.
-    reasons
-        Why, with numbers, and what was repaired.
+    wander, steady, reasons
+        The rms of the speed about its mean, over the mean; true where that is constant enough for a periodic model; and
+        why, with numbers, and what was repaired.
     """
 
     spline: AngleSpline
@@ -162,23 +155,6 @@ class ShaftAngle(Rebuilt):
         return function(flat).reshape(shape)
 
 
-@dataclass(frozen=True, slots=True)
-class _Evidence:
-    """Instants at which the angle is known up to the offset of a line, and what was done to get them."""
-
-    times: Values
-    angles: Values
-    lines: NDArray[np.int64]
-    n_lines: int
-    missing: int
-    doubled: int
-    rejected: int
-    absent: tuple[int, ...]
-    each: int
-    what: str
-    said: tuple[str, ...]
-
-
 def shaft_angle(record: Record) -> ShaftAngle:
     r"""The angle of the shaft by the record's clock: a tachometer, an azimuth, or times of pulses.
 
@@ -193,11 +169,6 @@ def shaft_angle(record: Record) -> ShaftAngle:
     record
         A record whose clock is a `TachometerSignal`, an `AzimuthSignal` or `PulseTimes`.
 
-    Returns
-    -------
-    ShaftAngle
-        The angle, and the verdict on the speed.
-
     Raises
     ------
     InputError
@@ -209,7 +180,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
         got = "has none" if clock is None else "has a ConstantPeriod, which says the angle already"
         must = "have a clock of pulses or azimuth"
         raise input_error("record", OF, must, got, "Pass record.with_clock(TachometerSignal(channel=...)).")
-    seen = _of_azimuth(record, clock) if isinstance(clock, AzimuthSignal) else _of_pulses(record, clock)
+    seen = of_azimuth(record, clock) if isinstance(clock, AzimuthSignal) else _of_pulses(record, clock)
     revolutions = float(seen.angles[-1] - seen.angles[0]) / TURN
     fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, max(int(revolutions / APART), 1))
     spline = fit.spline
@@ -245,18 +216,10 @@ def shaft_angle(record: Record) -> ShaftAngle:
     )
 
 
-def _remarks(record: Record, seen: _Evidence, fit: AngleFit, n_used: int, rejected: int) -> list[str]:
+def _remarks(record: Record, seen: Evidence, fit: AngleFit, n_used: int, rejected: int) -> list[str]:
     """What was repaired, learned or has to be taken on trust."""
     spline = fit.spline
-    fixed = repairs(
-        missing=seen.missing,
-        doubled=seen.doubled,
-        rejected=rejected,
-        used=n_used,
-        what=seen.what,
-        absent=seen.absent,
-        lines=seen.n_lines,
-    )
+    fixed = repairs(seen.missing, seen.doubled, rejected, n_used, seen.what, seen.absent, seen.n_lines)
     said = [*seen.said, *fixed, *gaps(seen.times[fit.kept], spline.mean_speed()[0])]
     if seen.n_lines > 1:
         said += uneven(fit.offsets, fit.offsets_std)
@@ -271,7 +234,7 @@ def _remarks(record: Record, seen: _Evidence, fit: AngleFit, n_used: int, reject
     return said + outside(float(ends[0]) * (spline.first - record.start), float(ends[1]) * (stop - spline.last))
 
 
-def _of_pulses(record: Record, clock: TachometerSignal | PulseTimes) -> _Evidence:
+def _of_pulses(record: Record, clock: TachometerSignal | PulseTimes) -> Evidence:
     lines = clock.pulses_per_revolution
     of_record = isinstance(clock, TachometerSignal)
     times = pulse_times(record, clock.channel) if of_record else clock.times
@@ -296,35 +259,13 @@ def _of_pulses(record: Record, clock: TachometerSignal | PulseTimes) -> _Evidenc
         said.append("Nothing marks one of the lines: phase zero is at the first pulse, not at a known angle.")
     # Zero at the first pulse of line 0.
     origin = -(-int(found.numbers[0]) // lines) * lines
-    return _Evidence(
+    return Evidence(
         times=times[found.kept],
         angles=TURN * (found.numbers - origin) / lines,
         lines=found.numbers % lines if known else np.zeros(len(found.kept), dtype=np.int64),
         n_lines=lines if known else 1,
         missing=found.missing,
         doubled=found.doubled,
-        rejected=0,
         absent=found.absent,
-        each=1,
-        what="pulses",
         said=tuple(said),
-    )
-
-
-def _of_azimuth(record: Record, clock: AzimuthSignal) -> _Evidence:
-    (row,) = channels_named(record.channels, [clock.channel], argument="record", of=OF)
-    found = unwrap_azimuth(record.values[row], record.channels[row])
-    said = ("The azimuth falls: the shaft turns backwards, and that way is counted as positive.",)
-    return _Evidence(
-        times=record.start + found.positions / record.sample_rate,
-        angles=found.angles,
-        lines=np.zeros(len(found.angles), dtype=np.int64),
-        n_lines=1,
-        missing=found.missing,
-        doubled=0,
-        rejected=found.rejected,
-        absent=(),
-        each=found.block,
-        what="samples",
-        said=said if found.backwards else (),
     )

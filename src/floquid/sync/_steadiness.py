@@ -1,4 +1,4 @@
-"""What is said of a shaft: whether its speed is steady enough for a periodic model, and what was repaired."""
+"""Sentences on a shaft: how steady its speed is, against what a periodic model needs, and what was repaired."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def verdict(wander: float, run: float, mean_speed: float) -> tuple[bool, str]:
 
 
 def repairs(
-    *, missing: int, doubled: int, rejected: int, used: int, what: str, absent: tuple[int, ...], lines: int
+    missing: int, doubled: int, rejected: int, used: int, what: str, absent: tuple[int, ...], lines: int
 ) -> list[str]:
     """What was wrong with the pulses and how it was put right."""
     said: list[str] = []

@@ -19,7 +19,7 @@ def system_with_exponents(
 
     with R real and block diagonal, Q orthogonal, and the norms of all C and S together `strength`, so that P exists
     at all times. The harmonics of the shapes and of A have no end, and fall as powers of the strength. G turns the
-    plane of each pair of real negative multipliers by half a turn a period.
+    plane of each pair of real negative multipliers by half a turn a period. Floquet 1883, read from right to left.
 
     Parameters
     ----------
@@ -28,26 +28,13 @@ def system_with_exponents(
         ω, in even number.
     period
         The period T [s].
-    seed
-        For `numpy.random.default_rng`.
-    n_harmonics
-        M, at least 1.
-    strength
-        How far the shapes are from constant ones, in [0, 1).
-
-    Returns
-    -------
-    FunctionMatrix
-        A(t), which takes arrays of times.
+    seed, n_harmonics, strength
+        The seed of the random shapes; M, at least 1; how far the shapes are from constant ones, in [0, 1).
 
     Raises
     ------
     InputError
         An exponent has no conjugate, real negative multipliers are odd in number, or a number is out of its range.
-
-    Notes
-    -----
-    Floquet 1883, read from right to left.
     """
     of = "system_with_exponents"
     length = positive(period, "period", of, unit="s")
@@ -114,11 +101,8 @@ def _real_form(exponents: NDArray[np.complex128], period: float) -> tuple[NDArra
             "An odd number would make det Φ(T, 0) negative, which no real A(t) does.",
         )
     halves = exponents[negative].real
-    for first in range(0, len(halves), 2):
-        rate[place, place], rate[place + 1, place + 1] = halves[first], halves[first + 1]
-        turning[place + 1, place] = 1.0
-        place += 2
-    for growth in exponents[real].real:
-        rate[place, place] = growth
-        place += 1
+    planes = np.arange(place, place + len(halves), 2)
+    turning[planes + 1, planes] = 1.0
+    rest = np.arange(place, n)
+    rate[rest, rest] = np.concatenate([halves, exponents[real].real])
     return rate, turning

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import frozen_array, input_error, positive
-from floquid.testing._separable import information, parameters, projected
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,14 +30,6 @@ class Known:
     def logs(self) -> NDArray[np.complex128]:
         """The logarithms of the multipliers (modes,)."""
         return np.asarray(np.log(self.multipliers), dtype=np.complex128)
-
-    def keep(self, modes: NDArray[np.bool_]) -> Known:
-        """The model of some of the modes; conjugates stay together."""
-        position = np.cumsum(modes) - 1
-        upper, partner = self.upper[modes[self.upper]], self.partner[modes]
-        return Known(
-            self.multipliers[modes], self.residues[modes], self.lengths, self.dt, position[upper], position[partner]
-        )
 
 
 def known_model(
@@ -90,16 +81,12 @@ def cramer_rao_bound(
 
     Parameters
     ----------
-    multipliers
-        μ, with the conjugate of each (modes,).
-    residues
-        R (modes, outputs, inputs) [units of the responses].
+    multipliers, residues
+        μ, with the conjugate of each (modes,), and R (modes, outputs, inputs) [units of the responses].
     noise
         The standard deviations of the white noise (outputs, inputs) [units of the responses].
-    lengths
-        The number of samples of each input (inputs,).
-    dt
-        The sampling interval [s].
+    lengths, dt
+        The number of samples of each input (inputs,), and the sampling interval [s].
 
     Returns
     -------
@@ -144,3 +131,55 @@ def _inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     least = len(scale) * np.finfo(float).eps
     return (vectors / np.maximum(values, least)) @ vectors.T / np.outer(scale, scale)
+
+
+@dataclass(frozen=True, slots=True)
+class Projected:
+    """Exponentials of one length: an orthonormal basis of their real columns, and what of their slopes is outside it.
+
+    `scale` is what each column was multiplied by: a growing mode must not overflow.
+    """
+
+    basis: NDArray[np.float64]
+    triangle: NDArray[np.float64]
+    slopes: NDArray[np.complex128]
+    scale: NDArray[np.float64]
+
+
+def columns_of(
+    logs: NDArray[np.complex128], real: NDArray[np.bool_], samples: int
+) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
+    """The columns e^{sk} scaled (samples, n), their real form (samples, poles), and the scale (n,)."""
+    last = np.where(logs.real > 0, (samples - 1) * logs.real, 0.0)
+    exponent = np.arange(samples)[:, None] * logs - last
+    columns: NDArray[np.complex128] = np.where(np.real(exponent) > -138.0, np.exp(exponent), 0.0)
+    return columns, np.concatenate([columns.real, columns.imag[:, ~real]], axis=1), np.exp(-last)
+
+
+def projected(logs: NDArray[np.complex128], real: NDArray[np.bool_], samples: int) -> Projected:
+    """The basis and the projected slopes of poles with logarithms s (n,), one a pair, `real` where one is its own."""
+    columns, flat, scale = columns_of(logs, real, samples)
+    q, r = np.linalg.qr(flat)
+    slopes = np.arange(samples)[:, None] * columns
+    slopes = slopes - q @ (q.T @ slopes)
+    return Projected(q, r, slopes, scale)
+
+
+def parameters(real: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.complex128]]:
+    """The real parameters: which logarithm each belongs to, and what it multiplies R d by in the response.
+
+    A pair is twice the real part of one of its two modes: 2 for the real part of its logarithm, 2i for the imaginary.
+    """
+    pairs = np.flatnonzero(~real)
+    turn = np.zeros(len(real) + len(pairs), np.complex128)
+    turn[: len(real)], turn[len(real) :] = np.where(real, 1.0, 2.0), 2.0j
+    return np.concatenate([np.arange(len(real)), pairs]), turn
+
+
+def information(block: Projected, residues: NDArray[np.complex128], real: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Σ over responses of Jᵀ(I - P)J, for residues (n, responses) of the scaled columns (parameters, parameters)."""
+    moves, turn = parameters(real)
+    straight = (residues.conj() @ residues.T) * (block.slopes.conj().T @ block.slopes)
+    crossed = (residues @ residues.T) * (block.slopes.T @ block.slopes)
+    pick = np.ix_(moves, moves)
+    return 0.5 * (np.outer(turn.conj(), turn) * straight[pick] + np.outer(turn, turn) * crossed[pick]).real

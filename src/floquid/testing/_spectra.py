@@ -11,7 +11,7 @@ from floquid._checks import frozen_array, input_error, positive
 
 
 class Pairing(NamedTuple):
-    """Which estimate belongs to which true exponent, and by how much it is off.
+    """The estimate that belongs to each true exponent, and its error.
 
     Attributes
     ----------
@@ -32,10 +32,8 @@ def pair_exponents(estimated: ArrayLike, truth: ArrayLike, period: float) -> Pai
 
     Parameters
     ----------
-    estimated
-        Estimated exponents, at least as many as true ones, on any branch (estimates,) [1/s].
-    truth
-        True exponents on any branch (truth,) [1/s].
+    estimated, truth
+        Estimated exponents (estimates,) and at most as many true ones (truth,), on any branch [1/s].
     period
         The period T [s].
 
@@ -76,10 +74,8 @@ def assert_exponents_close(actual: ArrayLike, expected: ArrayLike, period: float
     ----------
     actual, expected
         Exponents on any branch, in any order, equal in number (modes,) [1/s].
-    period
-        The period T [s].
-    atol
-        The largest difference of a real or an imaginary part that passes [1/s].
+    period, atol
+        The period T [s], and the largest difference of a real or an imaginary part that passes [1/s].
 
     Raises
     ------

@@ -1,9 +1,10 @@
-"""What is validated, after the filter that makes its noise white; and what is found on the way."""
+"""The model and the records after the filter that makes their noise white, and what is found on the way, in words."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,6 @@ from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import instants
 from floquid.sync import ShaftAngle
 from floquid.validation._held_out import cycles_of, only
-from floquid.validation._left import filtered, gains
 from floquid.validation._types import Criterion
 
 
@@ -33,6 +33,10 @@ class Findings:
             return True
         self.metrics[name] = float(value)
         return self.criteria[name].met(value)
+
+    def say(self, text: str, remedy: str) -> None:
+        """What is wrong, and what to do."""
+        self.reasons.append(sentence(text, remedy))
 
     def missing(self, names: dict[str, float], why: str) -> None:
         """Numbers that could not be computed."""
@@ -119,20 +123,66 @@ def _whitened(
     gain = gains(taps, rates, step).transpose(1, 0, 2)[:, :, None, :]
     coefficients, after = model.coefficients * gain, []
     for hit, (record, clock) in enumerate(zip(records, clocks, strict=True)):
-        values = filtered(record.values, taps)[:, order:]
+        values = filtered(record.values, taps)
         values.flags.writeable = False
         later = replace(record, values=values, start=record.start + order / record.sample_rate)
         # What is left out may hold the instant of phase zero from which the model counts.
         passed = instants(record, clock, model.fundamental)[0][order] - instants(later, clock, model.fundamental)[0][0]
         coefficients[:, :, hit] *= np.exp(model.exponents * passed)[:, None, None]
         after.append(later)
-    through = PeriodicModel(
-        exponents=model.exponents,
-        coefficients=coefficients,
-        harmonics=model.harmonics,
-        period=model.period,
-        channels=model.channels,
-        covariance=model.covariance,
-        provenance=model.provenance,
-    )
-    return through, tuple(after)
+    return replace(model, coefficients=coefficients, coefficient_std=None), tuple(after)
+
+
+def gains(taps: NDArray[np.float64], rates: NDArray[np.complex128], step: float) -> NDArray[np.complex128]:
+    r"""What filters multiply e^{st} by (channels, ...): Σ_i a_i e^{-s i Δt}."""
+    turned = np.exp(-np.multiply.outer(np.arange(taps.shape[1]) * step, rates))
+    return np.asarray(np.tensordot(taps, turned, axes=1), np.complex128)
+
+
+def filtered(values: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (channels, samples) after the filter of each channel, from where it has its past on; NaN goes through."""
+    return np.array([np.convolve(row, own, "valid") for row, own in zip(values, taps, strict=True)])
+
+
+LISTED = 3
+"""Findings of one kind that are named one by one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """What channels, hits and modes are called."""
+
+    model: PeriodicModel
+
+    def channel(self, channel: int, hit: int) -> str:
+        """One response."""
+        name = f"channel {self.model.channels[channel].name}"
+        return f"{name} of hit {hit + 1}" if self.model.n_hits > 1 else name
+
+    def mode(self, mode: int) -> str:
+        """One mode, by its frequency."""
+        return f"the mode at {self.model.frequencies_hz[mode]:.4g} Hz"
+
+    def tone(self, turn: float, per_revolution: float) -> str:
+        """One harmonic of the revolution."""
+        if turn == 0.0:
+            return "an offset"
+        return f"{Fraction(turn * per_revolution).limit_denominator(999)} per revolution"
+
+
+def listed(parts: Sequence[str]) -> str:
+    """The first few, and how many more there are."""
+    more = len(parts) - LISTED
+    return "; ".join(parts[:LISTED]) + (f"; and {more} more" if more > 0 else "")
+
+
+def sentence(text: str, remedy: str) -> str:
+    """What is wrong, and what to do."""
+    return f"{text[0].upper()}{text[1:]}. {remedy}"
+
+
+def strongest(sizes: np.ndarray) -> list[tuple[int, ...]]:
+    """The indices of what is above zero, the largest first."""
+    found = np.argwhere(sizes > 0)
+    order = np.argsort(-1.0 * sizes[tuple(found.T)], kind="stable")
+    return [tuple(int(i) for i in found[k]) for k in order]

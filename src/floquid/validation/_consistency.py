@@ -1,4 +1,4 @@
-"""Whether A(t), integrated, is the system that the model describes."""
+"""A(t), integrated over a period, against the system that the model describes."""
 
 from __future__ import annotations
 
@@ -48,19 +48,7 @@ def consistency(model: PeriodicModel, state: StateModel) -> Consistency | str:
 
     A(t) is a trigonometric polynomial through its samples, integrated by Magnus' expansion of order 4 (Blanes et al.
     2009, eq. 253), halving the step until Φ stays. Too few instants, or a real part taken of what is not real, give
-    other multipliers.
-
-    Parameters
-    ----------
-    model
-        The model.
-    state
-        A(t) and Φ(t, t0).
-
-    Returns
-    -------
-    Consistency or str
-        The differences, or why there is nothing to compare.
+    other multipliers. A text says why there is nothing to compare.
     """
     instants, n = len(state.times), len(state.states)
     if n != model.order:

@@ -64,24 +64,8 @@ def held_out(
 
     which is the error over the noise *and* the prediction's own variance, without either being formed.
 
-    Parameters
-    ----------
-    model, records, clocks, noise
-        As for `refit`.
-    cycles
-        The cycle of each sample of each record, from zero on; negative where the response is dead.
-    folds
-        How many parts the cycles are dealt into.
-
-    Returns
-    -------
-    HeldOut or None
-        The sums; None where there are too few cycles.
-
-    Raises
-    ------
-    IdentificationError
-        The model cannot be fitted to what is left of the record.
+    `cycles` are those of the samples, as `cycles_of` tells them. None where there are too few; IdentificationError
+    where the model cannot be fitted to what is left of the record.
     """
     last = max(int(own.max()) for own in cycles)
     first, end = _predictable(model, last + 1)

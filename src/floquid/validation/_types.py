@@ -1,4 +1,4 @@
-"""What validation says of a model: numbers, their limits, a verdict and its reasons."""
+"""The result of a validation: numbers, their limits, a verdict and its reasons."""
 
 from __future__ import annotations
 
@@ -14,14 +14,12 @@ from floquid._checks import Rebuilt, finite, frozen_array, input_error
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """What a number must be.
+    """The limit of a number.
 
     Parameters
     ----------
-    limit
-        The limit, in the unit of the number.
-    at_least
-        Whether the limit is the least allowed; else it is the most.
+    limit, at_least
+        The most allowed, in the unit of the number; with `at_least`, the least.
 
     Raises
     ------
@@ -62,21 +60,17 @@ class Validation(Rebuilt):
         Whether every number keeps to its limit, and none is missing.
     reasons
         What speaks against the model and what to do, a sentence each; empty where it passed.
-    fit
-        The share of the response of each channel and hit that the model predicts on held-out cycles (channels, hits);
-        NaN where it was not computed, or the channel shows no response there.
-    held_out_error
-        The rms of the prediction error over the noise (channels, hits); NaN where it was not computed.
+    fit, held_out_error
+        The share of the response of each channel and hit that the model predicts on held-out cycles, and the rms of the
+        prediction error over the noise (channels, hits); NaN where not computed, or the channel shows no response.
     colour
         The sum of squared autocorrelations of what the model leaves, less what white noise has (channels, hits).
-    turns
-        The harmonics of the period at which tones were looked for (tones,); 1/2 is half a period's frequency.
-    tones
-        The amplitude left at each, over the noise (channels, hits, tones).
-    modes, harmonics
-        Which mode of the model (lines,) and which harmonic (lines,) outside its band was looked for.
-    lines
-        What is left there, in standard deviations (channels, hits, lines).
+    turns, tones
+        The harmonics of the period at which tones were looked for (tones,), 1/2 being half its frequency; the amplitude
+        left at each, over the noise (channels, hits, tones).
+    modes, harmonics, lines
+        The mode of the model and the harmonic outside its band that were looked for (lines,); what is left there, in
+        standard deviations (channels, hits, lines).
 
     Raises
     ------

@@ -14,13 +14,11 @@ from floquid.errors import FloquidError
 from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, own_period
 from floquid.reconstruction import StateModel
 from floquid.sync import ShaftAngle
-from floquid.validation._case import Case, Findings, case_of
+from floquid.validation._case import Case, Findings, Names, case_of, listed, sentence, strongest
 from floquid.validation._consistency import consistency
 from floquid.validation._held_out import held_out
 from floquid.validation._residual import left_by
-from floquid.validation._strength import strength
 from floquid.validation._types import Validation
-from floquid.validation._verdict import Names, sentence, strongest
 
 LEAST_FIT = 0.95
 """The share of the response that has to be predicted on cycles held out."""
@@ -28,9 +26,14 @@ LEAST_FIT = 0.95
 ERROR = 1.05
 """The prediction error over noise and its own deviation that is let pass in any case; a tenth more over a stretch."""
 
-
 PHI = 1e-3
 """The relative difference between Φ and A(t) integrated that is let pass: interpolation between instants makes one."""
+
+EXPLAINED = 1e-9
+"""The probability at which noise passes for a mode, over all lines and decays that it is looked for at."""
+
+LOOKS = 8
+"""Decays that a mode may have been looked for at, on each line."""
 
 
 def validate(
@@ -46,7 +49,7 @@ def validate(
     false_alarm: float = 1e-3,
     report: Callable[[str], None] = lambda _: None,
 ) -> Validation:
-    r"""Whether a model can be believed: cycles held out, what is left of the record, and A(t) integrated.
+    r"""The verdict on a model: cycles held out, what is left of the record, and A(t) integrated.
 
     Of each channel and hit, over the cycles in which the response is alive, held out in turn and predicted,
 
@@ -60,12 +63,9 @@ def validate(
 
     Parameters
     ----------
-    model
-        The model.
-    records
-        The free response as it was sampled, one record a hit; NaN marks missing samples.
-    clocks
-        What ties each record to the phase.
+    model, records, clocks
+        The model, the free response as it was sampled, one record a hit with NaN for missing samples, and the clock of
+        each.
     noise
         The deviation of the noise (channels, hits) [units of the channels]; with `whitening`, after the filter.
     state
@@ -79,12 +79,7 @@ def validate(
     false_alarm
         The probability at which noise may fail one of the checks, over all channels, hits and lines together.
     report
-        Is told of each stage.
-
-    Returns
-    -------
-    Validation
-        The verdict, with all that it rests on.
+        Called with a sentence on each stage.
 
     Raises
     ------
@@ -141,12 +136,10 @@ def _held_out(case: Case, folds: int, found: Findings) -> tuple[NDArray[np.float
     total = response[seen].sum()
     if not found.add("fit", 1.0 - np.sqrt(beyond[seen].sum() / total) if total else 1.0, LEAST_FIT, at_least=True):
         worst = strongest(np.where(seen, 1.0 - fit, 0.0))[0]
-        found.reasons.append(
-            sentence(
-                f"the model predicts {found.metrics['fit']:.1%} of the response in cycles that it was not fitted to, "
-                f"least in {names.channel(*worst)} ({fit[worst]:.1%})",
-                "It is not a model of this response: look for missing modes and harmonics, and check the period.",
-            )
+        found.say(
+            f"the model predicts {found.metrics['fit']:.1%} of the response in cycles that it was not fitted to, "
+            f"least in {names.channel(*worst)} ({fit[worst]:.1%})",
+            "It is not a model of this response: look for missing modes and harmonics, and check the period.",
         )
     whole = _worst(own, numbers, alarm, ERROR)
     along = _worst(sums.own, sums.numbers, alarm / sums.numbers.shape[2], 1.0 + 2.0 * (ERROR - 1.0))
@@ -154,20 +147,18 @@ def _held_out(case: Case, folds: int, found: Findings) -> tuple[NDArray[np.float
     if not (found.add("held_out_stretch", *along[:2]) and clear):
         channel, hit, stretch = along[2]
         part = ("first", "middle", "last")[min(3 * stretch // sums.numbers.shape[2], 2)]
-        found.reasons.append(
-            sentence(
-                f"where cycles are held out, the error of prediction is {along[0]:.3g} times what noise explains in "
-                f"{names.channel(channel, hit)}, most in the {part} part of its response",
-                "Look there for clipping, other samples that are not the response's, a nonlinearity (leave the first "
-                "periods out with `skip`), or modes that are missing.",
-            )
+        found.say(
+            f"where cycles are held out, the error of prediction is {along[0]:.3g} times what noise explains in "
+            f"{names.channel(channel, hit)}, most in the {part} part of its response",
+            "Look there for clipping, other samples that are not the response's, a nonlinearity (leave the first "
+            "periods out with `skip`), or modes that are missing.",
         )
     error = np.sqrt(np.divide(sums.squares.sum(axis=2), numbers, out=nothing.copy(), where=numbers > 0))
     return fit, error
 
 
 def _period(case: Case, found: Findings) -> None:
-    """Whether the harmonics of the response turn with the period of the model."""
+    """The period that the harmonics of the response turn with, against that of the model."""
     own = None
     if all(isinstance(clock, ConstantPeriod) for clock in case.clocks):
         with suppress(FloquidError, np.linalg.LinAlgError):
@@ -181,12 +172,10 @@ def _period(case: Case, found: Findings) -> None:
         period = case.model.period * (1.0 + relative)
         # A model that fails has no deviations: then what it leaves says nothing of that of the period either.
         deviation = "" if case.model.covariance is None else f" ± {case.model.period * std:.1g}"
-        found.reasons.append(
-            sentence(
-                f"the response repeats with {period:.10g}{deviation} s, not with the period of "
-                f"the model, {case.model.period:.10g} s",
-                "Correct the period, or let it be found (`estimate_period`).",
-            )
+        found.say(
+            f"the response repeats with {period:.10g}{deviation} s, not with the period of "
+            f"the model, {case.model.period:.10g} s",
+            "Correct the period, or let it be found (`estimate_period`).",
         )
 
 
@@ -221,4 +210,46 @@ def _state(model: PeriodicModel, state: StateModel, found: Findings) -> None:
     if not all(kept.values()):
         broken = "; ".join(words for words, met in kept.items() if not met)
         remedy = "Ask for more instants (`system_times`), other states, or more harmonics."
-        found.reasons.append(sentence(f"A(t), integrated over a period, is another system: {broken}", remedy))
+        found.say(f"A(t), integrated over a period, is another system: {broken}", remedy)
+
+
+def strength(case: Case, found: Findings) -> None:
+    r"""Each mode's power in the records over the noise, against what a fit makes of noise alone.
+
+    .. math:: \frac{1}{\ell_r} \sum_{c,h} \frac{1}{\sigma_{c,h}^2}
+              \sum_m |B_{r,c,h,m}|^2 \sum_k 2\, e^{2 \Re \lambda_r t_k}, \qquad \ell_r = \chi^2_{p_r, \alpha / n}
+
+    a conjugate pair once, p its parameters and n the lines of the records, each looked at with several decays. The
+    products of two harmonics are left out: they add up to nothing over a period. The least is `mode`, and has to be 1.
+    """
+    from scipy.special import chdtri
+
+    model, own = case.model, np.flatnonzero(case.model.exponents.imag >= 0)
+    if not len(own):
+        return
+    powers = np.array([_power(case, int(mode)) for mode in own])
+    kept = (model.coefficients[own] != 0).any(axis=(1, 2)).sum(axis=1)
+    looks = LOOKS * sum(record.n_samples for record in case.records)
+    limits = chdtri(2 * case.responses * np.maximum(kept, 1) + 2, EXPLAINED / looks)
+    shares = powers / limits
+    if found.add("mode", float(shares.min()), 1.0, at_least=True):
+        return
+    names, below = Names(model), np.where(shares < 1.0, 2.0 - shares, 0.0)
+    parts = [f"{names.mode(int(own[k]))} has {shares[k]:.2g} of" for (k,) in strongest(below)]
+    remedy = "Ask for a lower order (`order`, `--order`), or let it be found."
+    found.say(f"{listed(parts)} the power that a fit finds in noise alone at most", remedy)
+
+
+def _power(case: Case, mode: int) -> float:
+    """The power of a mode, with its conjugate, in all records over the noise."""
+    model, total = case.model, 0.0
+    value = model.exponents[mode]
+    alone = not (np.delete(model.exponents, mode) == value.conj()).any()
+    for hit, (record, (times, _)) in enumerate(zip(case.records, case.instants, strict=True)):
+        # A growing mode is counted from its end, so that nothing overflows.
+        origin = times[-1] if value.real > 0 else times[0]
+        there: NDArray[np.bool_] = ~np.isnan(record.values)
+        decay = there @ np.exp(2.0 * value.real * (times - origin))
+        sizes = np.abs(model.coefficients[mode, :, hit] * np.exp(value.real * origin)) / case.noise[:, hit, None]
+        total += float(np.sum(sizes**2, axis=1) @ decay)
+    return total if alone else 2.0 * total
