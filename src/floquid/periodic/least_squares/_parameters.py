@@ -153,7 +153,10 @@ class ModeParameters:
         fixed: bool = False,
         factor: int = PLAIN,
     ) -> ModeParameters:
-        """Mode parameters from lists; one pair of ends stands for all bands, one value of the others for all modes."""
+        """Mode parameters from `exponents`, `bands` and the `fundamental`, as in the class.
+
+        One pair of ends stands for all bands; `real` and `offsets` may be one for all, `fixed` and `factor` are.
+        """
         own = np.array(exponents, complex).reshape(-1)
         n = len(own)
         return ModeParameters(

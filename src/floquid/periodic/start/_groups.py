@@ -25,7 +25,7 @@ OFF_AXIS = 0.05
 
 
 def groups(modal: ModalModel, lifted: Lifted) -> ModeParameters:
-    """One mode for each pole of lifted responses and group of its significant harmonics, its band about the largest.
+    """One mode for each pole of `modal` and group of its harmonics significant in `lifted`, its band about the largest.
 
     Modes fold onto one another in lifted responses: their poles then come out as one, or bent. Their harmonics lie at
     different unfolded frequencies, and start as modes of their own, parted at the sign of the frequency and at gaps of

@@ -65,7 +65,7 @@ class Known:
         return bool(self.roots) or self.drift
 
     def basis(self, n_cycles: int) -> NDArray[np.float64]:
-        """Orthonormal columns over the cycles of a hit (cycles, columns)."""
+        """Orthonormal columns over the `n_cycles` of a hit (n_cycles, columns)."""
         columns = [part for root in self.roots for part in columns_of(root, n_cycles)]
         if self.drift:
             columns.append(_drift(n_cycles))
@@ -86,7 +86,7 @@ def _drift(n_cycles: int) -> NDArray[np.float64]:
 def without_known(
     lifted: Lifted, nu: float, *, speeds: Sequence[NDArray[np.float64]] | None = None
 ) -> tuple[Lifted, Known, NDArray[np.float64] | None]:
-    """Lifted responses without the forced response in them, that response, and filters that whiten the rest.
+    """The `lifted` responses without the forced response in them, that response, and filters that whiten the rest.
 
     Generous poles take the free response with them, so that what is left to the known columns is theirs. There are `nu`
     periods in a revolution; the forced response follows a wandering speed by the factors `speeds`, an array a hit
