@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -124,7 +125,9 @@ def refine(
         fit = replace(fit, estimates=again(np.array([mode.exponent for mode in point.modes])))
         point, basis = fit.at(structure, point)
     if point.p_value < refuse:
-        raise IdentificationError(_contradicted(fit, structure, point, refuse))
+        point, basis, wider = _from_wider(fit, structure, point, basis)
+        if point.p_value < refuse:
+            raise IdentificationError(_contradicted(point, refuse, wider))
     return _refinement(fit, structure, basis, point, instants_of(times, model.period, OF), reasons)
 
 
@@ -166,12 +169,21 @@ class _Fit:
         system = modal_at(free, times).system.real
         return _Fit(model, coordinates, estimates, tuple(seen), tuple(own), system, times, gains)
 
-    def at(self, structure: AbstractStructure, near: Point | None = None) -> tuple[Point, Basis]:
-        """The best fit of a structure; IdentificationError where there is none near the free model."""
+    def at(
+        self,
+        structure: AbstractStructure,
+        near: Point | None = None,
+        system: NDArray[np.float64] | None = None,
+    ) -> tuple[Point, Basis]:
+        """The best fit of a structure near a point, or near A(t) at `times`: that of the free model by default.
+
+        Raises IdentificationError where there is none.
+        """
         count = len(self.coordinates.states) // structure.degree
         basis = structure.basis(count)
         whole, slopes = basis.in_time(self.model.fundamental * self.times)
-        start = np.linalg.lstsq(slopes.reshape(len(slopes), whole.size).T, (self.system - whole).ravel(), rcond=None)[0]
+        system = self.system if system is None else system
+        start = np.linalg.lstsq(slopes.reshape(len(slopes), whole.size).T, (system - whole).ravel(), rcond=None)[0]
         start = np.concatenate([start, list(self.gains.values())]) if near is None else near.parameters
         most = int(max(np.abs(self.estimates.harmonics).max(), np.abs(self.model.harmonics).max()))
         step = BEYOND * max(int(basis.harmonics.max()), 1)
@@ -226,18 +238,33 @@ def _tail(point: Point) -> float:
     return max(float(size[[0, -1]].max() / size.max()) for size in sizes)
 
 
-def _contradicted(fit: _Fit, structure: AbstractStructure, point: Point, refuse: float) -> str:
-    """The refusal, with what the structure lacks."""
-    better = []
+def _from_wider(
+    fit: _Fit, structure: AbstractStructure, point: Point, basis: Basis
+) -> tuple[Point, Basis, list[tuple[float, str]]]:
+    """The best fit of a structure from those of the next wider ones, too; and how probable these are, in words.
+
+    A mode that is weak leaves the free A(t) so rough that the way from it ends at a point of least cost that is none.
+    """
+    wider = []
     for words, other in structure.wider():
         try:
-            trial, _ = fit.at(other)
+            trial, whole = fit.at(other)
             covariance_of(trial)
         except (IdentificationError, np.linalg.LinAlgError):
             continue
-        better.append((trial.p_value, f"{words} leaves {trial.cost:.4g} for {trial.degrees}"))
-    better.sort(key=lambda one: -one[0])
-    remedy = f" Of the next wider structures, {better[0][1]}." if better and better[0][0] > point.p_value else ""
+        wider.append((trial.p_value, f"{words} leaves {trial.cost:.4g} for {trial.degrees}"))
+        if trial.cost < point.cost:
+            known, slopes = whole.in_time(fit.model.fundamental * fit.times)
+            system = known + np.tensordot(trial.parameters[: len(slopes)], slopes, axes=1)
+            with suppress(IdentificationError, np.linalg.LinAlgError):
+                again, own = fit.at(structure, system=system)
+                point, basis = (again, own) if again.cost < point.cost else (point, basis)
+    return point, basis, sorted(wider, key=lambda one: -one[0])
+
+
+def _contradicted(point: Point, refuse: float, wider: Sequence[tuple[float, str]]) -> str:
+    """The refusal, with what the structure lacks."""
+    remedy = f" Of the next wider structures, {wider[0][1]}." if wider and wider[0][0] > point.p_value else ""
     return (
         f"The structure contradicts the data: what is left between it and the free model is a chi-square of "
         f"{point.cost:.4g} for {point.degrees} degrees of freedom (p = {point.p_value:.1g}, refused below {refuse:g})."
