@@ -14,9 +14,9 @@ COMPILE = pip compile --quiet --universal --python-version 3.11 --fork-strategy 
 	--no-emit-index-url --no-emit-find-links --all-extras --group dev --group peers --group docs pyproject.toml
 
 # The arrays are small, and pytest runs one process a core: threads inside BLAS would only get in each other's way.
-test slow kill docs: export OPENBLAS_NUM_THREADS ?= 1
-test slow kill docs: export OMP_NUM_THREADS ?= 1
-test slow kill docs: export MKL_NUM_THREADS ?= 1
+test slow kill pages docs: export OPENBLAS_NUM_THREADS ?= 1
+test slow kill pages docs: export OMP_NUM_THREADS ?= 1
+test slow kill pages docs: export MKL_NUM_THREADS ?= 1
 
 # Tests, pages and tools start some hundred processes: each would compile every package anew where bytecode is not kept.
 # It is kept out of the tree.
@@ -24,7 +24,7 @@ export PYTHONDONTWRITEBYTECODE :=
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/bytecode
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test slow kill bench peers order fuzz platform lint format docs requirements upgrade clean
+.PHONY: help install demo test slow kill pages bench peers order fuzz platform lint format docs requirements upgrade clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
@@ -41,6 +41,9 @@ slow: $(INSTALLED) ## run the slow tests, look further for what breaks a law, an
 
 kill: $(INSTALLED) ## kill and interrupt programs at work: what they leave behind is whole
 	$(PYTEST) $(PARALLEL) -m kill
+
+pages: $(INSTALLED) ## open the report in a browser, and run every block of every page
+	$(PYTEST) $(PARALLEL) -m "pages and not slow"
 
 bench: $(INSTALLED) ## time the benchmarks
 	$(PYTEST) benchmarks --benchmark-enable --benchmark-only

@@ -1,12 +1,15 @@
 """What holds for every test: figures without a screen, and hypothesis that draws the same examples each time."""
 
 import os
+import re
 from collections import Counter
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 os.environ["MPLBACKEND"] = "Agg"
+
+LOOKED_AT = re.compile(r"tests/browser/|tests/docs/test_blocks\.py::test_page\b")
 
 # No time is ever asserted: neither a deadline nor hypothesis' own complaint about slow data.
 settings.register_profile(
@@ -25,9 +28,14 @@ settings.load_profile("fixed")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Leave all sets of parameters but the first few of a test marked `first` to `make slow`."""
+    """All sets of parameters but the first few of a test marked `first` are slow; pages but the README's have a target.
+
+    `make pages` opens the report in a browser, and runs the blocks of every page as a reader would.
+    """
     seen = Counter()
     for item in items:
+        if LOOKED_AT.search(item.nodeid) and "[README.md]" not in item.nodeid:
+            item.add_marker(pytest.mark.pages)
         few = item.get_closest_marker("first")
         if few is not None:
             name = item.nodeid.partition("[")[0]

@@ -37,7 +37,7 @@ def test_unknown_names_are_refused(capsys):
     assert "MaximumLikelihood (order unknown)" in capsys.readouterr().err
 
 
-@pytest.mark.first(5)
+@pytest.mark.first(2)
 @pytest.mark.parametrize("entry", entries(), ids=lambda e: e.name)
 def test_everyone_finds_two_modes(entry):
     """In twenty times less than the paper's noise: settings are for the paper's record, and these are 120 samples."""
