@@ -303,9 +303,11 @@ def _of_input(
         projected = block @ q
         residues[:, part] = scale[:, None] * complex_residues(poles, inverse @ projected.T)
         left[part] = _energy_left(block, q, projected)
-    pinv = scale[:, None] * complex_residues(poles, inverse @ q.T)
-    slope = pinv @ (np.arange(samples)[:, None] * columns * back)
-    return residues, pinv @ pinv.conj().T, slope, np.sqrt(left / max(samples - poles.order, 1))
+    # The pseudoinverse is this times Qᵀ, whose rows are orthonormal: it is never formed.
+    inner = scale[:, None] * complex_residues(poles, inverse)
+    moved = np.arange(samples)[:, None] * columns * back
+    slope = inner @ (q.T @ moved.real + 1j * (q.T @ moved.imag))
+    return residues, inner @ inner.conj().T, slope, np.sqrt(left / max(samples - poles.order, 1))
 
 
 def _energy_left(
