@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, replace
+from functools import cache
+from typing import TYPE_CHECKING
 
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, Record, TachometerSignal
@@ -16,6 +19,9 @@ from floquid.pipeline._refuse import refuse_copies, refuse_period, refuse_short,
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import check_states
 from floquid.sync import ShaftAngle, shaft_angle
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 LARGE = 20_000_000
 """Samples in all from which linear algebra may use all threads."""
@@ -128,10 +134,16 @@ def blas_threads(records: Sequence[Record | TimeResponses]) -> AbstractContextMa
 
     The matrices are many and small: threads inside BLAS would wait for each other, on a busy machine for seconds.
     """
-    from threadpoolctl import threadpool_limits
-
     few = sum(record.values.size for record in records) < LARGE
-    return threadpool_limits(limits=1 if few else None, user_api="blas")
+    return _thread_pools("scipy.linalg" in sys.modules).limit(limits=1 if few else None, user_api="blas")
+
+
+@cache
+def _thread_pools(scipy: bool) -> ThreadpoolController:  # noqa: ARG001  # scipy has a BLAS of its own
+    """The thread pools of the libraries that are loaded: to look for them takes two milliseconds."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
 
 
 def without_clock(record: Record) -> Record:

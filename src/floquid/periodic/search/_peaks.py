@@ -144,6 +144,6 @@ class _Spectra:
             levels = [np.interp(omega, centres, own) for own in residual.levels / residual.noise[:, None]]
             self.weights[lines] = (2.0 / np.square(levels)).astype(precision)
         # scipy's transform of several rows in single precision takes a fifth of the time of numpy's in double.
-        power = squared(rfft(self.values[:, :lines] * window.astype(precision), lines, axis=1))
+        power = squared(np.asarray(rfft(self.values[:, :lines] * window.astype(precision), lines, axis=1)))
         gain = np.einsum("rl,rl->l", power, self.weights[lines])
         return gain.astype(np.float64) / float((window * window) @ self.there[:lines])

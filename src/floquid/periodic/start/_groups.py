@@ -72,13 +72,12 @@ def distinct_multipliers(model: PeriodicModel) -> int:
     Free in each hit, the residues of one mode hold those of both, and only outer products of shape and hit tell them
     apart.
     """
-    gaps = np.subtract.outer(model.exponents, model.exponents)
-    turns = np.rint(gaps.imag / model.fundamental)
+    gaps = model.exponents[:, None] - model.exponents[None, :]
+    gaps -= 1j * model.fundamental * np.rint(gaps.imag / model.fundamental)
     std = np.zeros(model.order, complex) if model.exponent_std is None else model.exponent_std
-    within = EQUAL * np.hypot.outer(std.real, std.real) + 1e-12 * model.fundamental
-    equal = np.abs(gaps.real) < within
-    within = EQUAL * np.hypot.outer(std.imag, std.imag) + 1e-12 * model.fundamental
-    equal &= np.abs(gaps.imag - turns * model.fundamental) < within
+    equal = np.ones((model.order, model.order), bool)
+    for gap, own in ((gaps.real, std.real), (gaps.imag, std.imag)):
+        equal &= np.abs(gap) < EQUAL * np.hypot(own[:, None], own[None, :]) + 1e-12 * model.fundamental
     return model.order - int(np.tril(equal, -1).any(axis=1).sum())
 
 
