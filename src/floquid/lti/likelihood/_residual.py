@@ -104,7 +104,7 @@ class Residual:
         # scipy transforms several columns at once: in half of numpy's time.
         power, taken = (
             np.sum(lines.real**2 + lines.imag**2, axis=1) / samples
-            for lines in (np.asarray(rfft(part, axis=0)) for part in (self.values, self.fitted))
+            for lines in (np.asarray(rfft(part, axis=0), np.complex128) for part in (self.values, self.fitted))
         )
         weights[0] = 0.5
         if samples % 2 == 0:

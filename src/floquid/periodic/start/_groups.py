@@ -74,7 +74,7 @@ def distinct_multipliers(model: PeriodicModel) -> int:
     """
     gaps = model.exponents[:, None] - model.exponents[None, :]
     gaps -= 1j * model.fundamental * np.rint(gaps.imag / model.fundamental)
-    std = np.zeros(model.order, complex) if model.exponent_std is None else model.exponent_std
+    std = np.zeros(model.order, np.complex128) if model.exponent_std is None else model.exponent_std
     equal = np.ones((model.order, model.order), bool)
     for gap, own in ((gaps.real, std.real), (gaps.imag, std.imag)):
         equal &= np.abs(gap) < EQUAL * np.hypot(own[:, None], own[None, :]) + 1e-12 * model.fundamental
