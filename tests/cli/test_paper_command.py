@@ -73,6 +73,7 @@ def test_the_table_is_printed_whole(shown):
     assert str(folder / "paper.md") in text
 
 
+@pytest.mark.slow
 def test_json_is_the_summary_alone_and_the_seed_counts(quick_pictures, here, monkeypatch):
     monkeypatch.setattr("floquid.cli._demo.save_figure", lambda figure, path: path.write_bytes(b""))
     text = typed("demo --paper --periods 150 --draws 1 --seed 3 --format json --out one")
@@ -114,6 +115,7 @@ def test_a_folder_in_the_way_is_refused_before_any_work(here, capsys):
     assert contents(here / "out") == EARLIER
 
 
+@pytest.mark.slow
 def test_a_figure_that_cannot_be_written_leaves_the_earlier_result(here, capsys, monkeypatch, quick_pictures):
     def fail(figure, path):
         raise OSError(28, "No space left on device", str(path))

@@ -369,6 +369,7 @@ assert np.geterr() == before, "numpy's handling of errors was changed"
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not all(map(present, PEERS)), reason="needs all three packages")
 def test_packages_are_loaded_when_used_and_leave_no_trace():
     """No progress bar, no log, no warning, and numpy's own settings as they were."""

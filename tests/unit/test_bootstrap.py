@@ -412,6 +412,7 @@ def test_a_level_that_is_none_is_refused(level):
 # Workers.
 
 
+@pytest.mark.slow
 def test_the_numbers_do_not_depend_on_the_workers():
     told = []
     one = bootstrap(analysis(), draws=20, seed=7, workers=1, report=told.append)

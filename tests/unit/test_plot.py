@@ -464,6 +464,7 @@ def pixels(figure):
     return stream.getvalue()
 
 
+@pytest.mark.slow
 def test_neither_importing_nor_drawing_loads_pyplot(tmp_path):
     code = """
 import sys
@@ -496,6 +497,7 @@ def test_save_figures_writes_every_figure_in_every_format(found, tmp_path):
     assert all(path.read_bytes().startswith(starts[path.suffix[1:]]) for path in paths)
 
 
+@pytest.mark.slow
 def test_save_figures_writes_one_file_a_figure_and_format_the_same_each_time(found, tmp_path, monkeypatch):
     folder = tmp_path / "first"
     folder.mkdir()

@@ -251,11 +251,13 @@ def figures(rotor, locked, far_apart, band, region):
     yield draw_map(region)
 
 
+@pytest.mark.slow
 def test_nothing_meets_or_sticks_out(rotor, locked, far_apart, band, region):
     for figure in figures(rotor, locked, far_apart, band, region):
         assert outside_and_overlaps(figure) == []
 
 
+@pytest.mark.slow
 def test_the_same_figure_is_the_same_file(rotor, region, tmp_path):
     for name, draw in (
         ("e", lambda: exponents(rotor)),

@@ -395,11 +395,13 @@ def figures(found, locked, poles):
     yield plot.coefficients(locked)
 
 
+@pytest.mark.slow
 def test_nothing_meets_or_sticks_out(found, locked, poles):
     for number, figure in enumerate(figures(found, locked, poles)):
         assert outside_and_overlaps(figure) == [], number
 
 
+@pytest.mark.slow
 def test_the_same_figure_is_the_same_file(found, poles, tmp_path):
     for name, draw in (
         ("e", lambda: plot.exponents(found.model)),
