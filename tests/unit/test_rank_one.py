@@ -238,3 +238,18 @@ def test_a_hit_shorter_than_the_starts_is_identified_as_one_without_it():
     # What the short hit can do without counts for nothing: the rises are those of the long one.
     assert_allclose(Removal.of(poles, blocks).rises(), Removal.of(poles, blocks[:1]).rises())
     assert farthest(found(data).multipliers, full(logs)) < 5e-3
+
+
+def test_growing_modes_of_equal_multipliers_give_the_responses_back():
+    """Their columns are counted from the end of the record; residues belong to its begin."""
+    generator, k = np.random.default_rng(6), np.arange(100)
+    mu = 1.02 * np.exp(0.7j)
+    parts = generator.standard_normal((4, 2, 6)), generator.standard_normal((4, 2, 3))
+    shapes, shares = parts[0][::2] + 1j * parts[0][1::2], parts[1][::2] + 1j * parts[1][1::2]
+    residues = np.einsum("amo,ami->oi", shapes, shares) * 1.02**-99
+    values = 2.0 * (residues[:, :, None] * mu**k).real + 1e-3 * generator.standard_normal((6, 3, 100))
+    identifier = MaximumLikelihood()
+    model = identifier.extract(identifier.prepare(TimeResponses(values=values, dt=0.1, noise=np.full((6, 3), 1e-3))))
+    assert model.order > 2
+    back = np.einsum("roi,rk->oik", model.residues, model.multipliers[:, None] ** k).real
+    assert np.abs(back - values).max() < 6e-3

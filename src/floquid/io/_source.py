@@ -55,6 +55,7 @@ class Source:
             raise
         except Exception as error:  # noqa: BLE001  # damage raises anything: OSError, struct.error, KeyError, ...
             words = printable(" ".join(str(error).split())).rstrip(". ") or type(error).__name__
+            words = f"KeyError: {words}" if isinstance(error, KeyError) else words
             got = f"is not one, or is damaged or cut short ({words})"
             raise self.error(f"be a whole {kind}", got, remedy) from None
 

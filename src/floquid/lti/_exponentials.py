@@ -278,6 +278,18 @@ def model_of(
     )
 
 
+def from_sample_zero(poles: PoleSet, samples: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """What residues of the columns of `powers` are at sample zero, where they belong, as a factor; and its inverse.
+
+    A pole of noise that would have to start from less than can be computed with has no residue: zero for both.
+    """
+    s = poles.full()
+    growth = np.where(s.real > 0, samples - 1, 0) * s
+    scale = np.exp(-np.minimum(growth.real, LARGEST_GROWTH) - 1j * growth.imag)
+    scale = np.where(growth.real < LARGEST_GROWTH, scale, 0.0)
+    return scale, np.divide(1.0, scale, out=np.zeros_like(scale), where=scale != 0)
+
+
 def _of_input(
     poles: PoleSet, data: TimeResponses, number: int
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]:
@@ -288,14 +300,7 @@ def _of_input(
     inverse = np.linalg.pinv(r, rcond=1e-14)
     residues = np.zeros((poles.order, data.n_outputs), complex)
     left = np.zeros(data.n_outputs)
-    # The columns were scaled so that a growing mode cannot overflow; residues belong to sample zero.
-    s = poles.full()
-    growth = np.where(s.real > 0, samples - 1, 0) * s
-    # A pole of noise that would have to start from less than can be computed with has no residue.
-    scale = np.where(
-        growth.real < LARGEST_GROWTH, np.exp(-np.minimum(growth.real, LARGEST_GROWTH) - 1j * growth.imag), 0
-    )
-    back = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale != 0)
+    scale, back = from_sample_zero(poles, samples)
     step = max(1, BLOCK // samples)
     for start in range(0, data.n_outputs, step):
         part = slice(start, start + step)

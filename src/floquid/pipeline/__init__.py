@@ -17,7 +17,7 @@ from floquid.pipeline._prepare import Prepared, prepare
 from floquid.pipeline._prepare import blas_threads as blas_threads
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._validated import validated
-from floquid.pipeline.bootstrap import AbstractDraws, Bootstrap, Draw, Spread, bootstrap
+from floquid.pipeline.draws import AbstractDraws, Bootstrap, Draw, Spread, bootstrap
 
 __all__ = [
     "CONFIDENT",

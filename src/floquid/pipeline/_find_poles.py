@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import EllipsisType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from floquid.errors import IdentificationError
 from floquid.lifting import Lifted, whitened, whitening_filter
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
 from floquid.order import Choice, judge
-from floquid.pipeline._colour import ALL_PEAKED, PEAKED, dies_away, under_a_peak
+from floquid.pipeline._colour import ALL_PEAKED, PEAKED, dies_away, first_filter, under_a_peak
 from floquid.pipeline._settings import Settings
 
 ENOUGH_CYCLES = 3
@@ -37,7 +38,7 @@ def find_poles(
     settings: Settings,
     report: Callable[[str], None] = lambda _: None,
     *,
-    taps: NDArray[np.float64] | None = None,
+    taps: NDArray[np.float64] | EllipsisType | None = ...,
 ) -> tuple[Lifted, ModalModel, Choice | None]:
     """Poles and noise together: the noise is taken again from the residual until it stays, and the order is weighed.
 
@@ -53,7 +54,8 @@ def find_poles(
     report
         Is told of each stage.
     taps
-        The filters that whiten what generous poles leave of the responses (channels, taps); None where that is white.
+        The filters that whiten what generous poles leave of the responses (channels, taps), None where that is white;
+        found here by default.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def find_poles(
     IdentificationError
         No mode rises above the noise, or the order or the noise cannot be told.
     """
-    raw = lifted
+    raw, taps = lifted, first_filter(lifted) if isinstance(taps, EllipsisType) else taps
     if settings.order is not None and settings.order >= lifted.responses.lengths.max() - 1:
         taps = None  # the filter takes a period, and the order needs them all
     looks = 0

@@ -60,7 +60,10 @@ def contents(path: Path) -> Contents:
         raise input_error("paths", OF, must, f"is {path}", "Save A(t) in one of these, and name it by its format.")
     kind, load = loaders[path.suffix.lower()]
     with _contents(path).taken_apart(kind, "Copy or save it again, and name it by its format."):
-        return load(path)
+        try:
+            return load(path)
+        except MemoryError as error:  # a header that lies about its size
+            raise ValueError(f"MemoryError: {error}") from None
 
 
 def _contents(path: Path, arrays: Mapping[str, Any] | None = None, names: Iterable[str] = (), **more: bool) -> Contents:

@@ -149,6 +149,8 @@ def read_lin(path: object, *, of: str = "floquet.read_lin", argument: str = "pat
     states, state_values = _table(text, "order of continuous states:", sizes["continuous states"])
     n_rates = sizes["continuous states"] if text.starting("order of continuous state derivatives:") is not None else 0
     _, state_rates = _table(text, "order of continuous state derivatives:", n_rates)
+    # Before the matrices, whose sizes are those of these tables: a header may lie.
+    inputs, outputs = (_table(text, f"order of {kind}:", sizes[kind])[0] for kind in ("inputs", "outputs"))
     matrices = _matrices(text, *sizes.values())
     return LinFile(
         path=text.file,
@@ -158,8 +160,8 @@ def read_lin(path: object, *, of: str = "floquet.read_lin", argument: str = "pat
         azimuth=_quantity(text, header, "azimuth", "rad"),
         wind_speed=_quantity(text, header, "wind speed", "m/s"),
         states=states,
-        inputs=_table(text, "order of inputs:", sizes["inputs"])[0],
-        outputs=_table(text, "order of outputs:", sizes["outputs"])[0],
+        inputs=inputs,
+        outputs=outputs,
         state_values=state_values,
         state_rates=state_rates if n_rates else None,
         **{name: matrices.get(name) for name in "ABCD"},
@@ -338,17 +340,18 @@ def _block(text: _Text, name: str, start: int, rows: int, columns: int) -> NDArr
             values = np.loadtxt(lines, dtype=np.float64, comments=None, ndmin=2)
             if values.shape == (rows, columns) and np.isfinite(values).all():
                 return values
-    out = np.empty((len(lines), columns))
+    out: list[list[float]] = []
     for row in range(rows):
         words = lines[row].split() if row < len(lines) else []
         if len(words) != columns:
             got = f"has {len(words)} numbers, where row {row + 1} of {name} has {columns}"
             raise text.error(min(start + row, len(text.lines) - 1), got)
+        out.append([])
         for column, word in enumerate(words):
             value = number(word)
             if value is None or not np.isfinite(value):
                 got = f"has {word[:40]!r} in row {row + 1}, column {column + 1} of {name}, which is no number"
                 remedy = "Asterisks are numbers too wide for the format: give `OutFmt` of the FAST input more digits."
                 raise text.error(start + row, got, remedy if "*" in word else _AGAIN)
-            out[row, column] = value
-    return out
+            out[-1].append(value)
+    return np.array(out)

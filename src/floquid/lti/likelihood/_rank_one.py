@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._numerics import levenberg_marquardt, positive_part, sandwich
-from floquid.lti._exponentials import complex_residues, powers
+from floquid.lti._exponentials import complex_residues, from_sample_zero, powers
 from floquid.lti._factor import Factor, factors, product_noise
 from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
@@ -332,7 +332,10 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, col
     columns, _ = _columns(now, data.lengths)
     pinv = np.linalg.pinv(columns, rcond=1e-12)
     real = np.asarray(pinv @ values.T, np.float64)
-    shapes, spread = complex_residues(poles, real), complex_residues(poles, np.asarray(pinv, np.float64))
+    scale_zero, back = from_sample_zero(poles, int(data.lengths.max()))
+    shapes, spread = (
+        scale_zero[:, None] * complex_residues(poles, part) for part in (real, np.asarray(pinv, np.float64))
+    )
     own = [now.in_input(i) for i in range(data.n_inputs)]
     residues = np.stack([own[i][:, None] * shapes * scale[:, i] for i in range(data.n_inputs)], axis=2)
     rest = (values - (columns @ real).T) ** 2
@@ -341,7 +344,7 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, col
     free = [max(length - n / data.n_inputs, 1) for length in data.lengths]
     left = [scale[:, i] * np.sqrt(rest[:, part].sum(axis=1) / free[i]) for i, part in enumerate(parts)]
     terms = powers(poles.full(), int(data.lengths.max()))
-    steps = [np.arange(length)[:, None] * terms[:length] * own[i] for i, length in enumerate(data.lengths)]
+    steps = [np.arange(length)[:, None] * terms[:length] * own[i] * back for i, length in enumerate(data.lengths)]
     slope = spread @ np.concatenate(steps)
     # An input that hardly holds a mode says nothing of how its residue there moves with the pole.
     safe = [np.where(np.abs(share) > 1e-9, share, 1e-9) for share in own]

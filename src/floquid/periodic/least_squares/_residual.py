@@ -65,7 +65,7 @@ class Residual:
         """Level of each band (rows, bands) by lines apart from exponentials `rates` [1/s], and their number (bands,).
 
         A fit takes noise away where it has exponentials: nearly all of it in a band that is full of them. That has
-        level zero.
+        the lowest level of its row.
         """
         power, grid = _power(self.values, self.taken), self.values.shape[1] * self.step
         omega = 2.0 * np.pi / grid * np.arange(1, power.shape[1] + 1)

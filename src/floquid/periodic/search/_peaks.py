@@ -54,7 +54,7 @@ def strongest(
     period: float,
     false_alarm: float,
 ) -> Peak:
-    """The exponential that takes most out of the residuals; noise alone passes its limit with that probability."""
+    """The exponential that takes most out of the residuals; noise alone passes its limit by `false_alarm`."""
     return peaks(blocks, residuals, period, false_alarm, most=0, decays=FEW_DECAYS)[0]
 
 

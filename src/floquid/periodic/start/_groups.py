@@ -72,13 +72,16 @@ def distinct_multipliers(model: PeriodicModel) -> int:
     Free in each hit, the residues of one mode hold those of both, and only outer products of shape and hit tell them
     apart.
     """
-    gaps = model.exponents[:, None] - model.exponents[None, :]
-    gaps -= 1j * model.fundamental * np.rint(gaps.imag / model.fundamental)
     std = np.zeros(model.order, np.complex128) if model.exponent_std is None else model.exponent_std
-    equal = np.ones((model.order, model.order), bool)
-    for gap, own in ((gaps.real, std.real), (gaps.imag, std.imag)):
-        equal &= np.abs(gap) < EQUAL * np.hypot(own[:, None], own[None, :]) + 1e-12 * model.fundamental
-    return model.order - int(np.tril(equal, -1).any(axis=1).sum())
+    kept: list[int] = []
+    for mode in np.flatnonzero(model.multipliers.imag >= -1e-12):
+        gaps = model.exponents[kept] - model.exponents[mode]
+        gaps -= 1j * model.fundamental * np.rint(gaps.imag / model.fundamental)
+        within = EQUAL * (np.hypot(std.real[kept], std.real[mode]) + 1j * np.hypot(std.imag[kept], std.imag[mode]))
+        within += (1.0 + 1.0j) * 1e-12 * model.fundamental
+        if not ((np.abs(gaps.real) < within.real) & (np.abs(gaps.imag) < within.imag)).any():
+            kept.append(int(mode))
+    return int(np.sum(np.where(np.abs(model.multipliers.imag[kept]) > 1e-12, 2, 1)))
 
 
 def _score(coefficients: NDArray[np.complex128], std: NDArray[np.complex128]) -> NDArray[np.float64]:

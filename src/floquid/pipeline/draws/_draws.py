@@ -21,7 +21,7 @@ from floquid.pipeline._complete import again_of
 from floquid.pipeline._identify import identify
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import Again, state_of
-from floquid.pipeline.bootstrap._plan import Plan, without_states
+from floquid.pipeline.draws._plan import Plan, without_states
 from floquid.sync import segment
 
 NEVER = 1e-300

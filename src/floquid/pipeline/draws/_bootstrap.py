@@ -19,9 +19,9 @@ from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._deviations import widening_of
-from floquid.pipeline.bootstrap._draws import Draw, drawn
-from floquid.pipeline.bootstrap._plan import Plan, plan_of
-from floquid.pipeline.bootstrap._spread import MATERIAL, Spread
+from floquid.pipeline.draws._draws import Draw, drawn
+from floquid.pipeline.draws._plan import Plan, plan_of
+from floquid.pipeline.draws._spread import MATERIAL, Spread
 
 OF = "bootstrap"
 
