@@ -256,7 +256,7 @@ def largest_values(values: NDArray[np.float64], n_channels: int) -> NDArray[np.f
 
 
 def floor_of(values: Iterable[NDArray[np.float64]], floor: float) -> float:
-    """The share of the largest value that the noise is at least: `floor`, or more (2⁻²⁴) where all is in single precision.
+    """The share of the largest value that the noise is at least: `floor`, or 2⁻²⁴ if more and all in single precision.
 
     The parts of `values` are looked at one by one, to hold no copy of all; NaN marks a missing sample.
     """
