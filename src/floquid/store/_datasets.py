@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from floquid.core import Channel
-from floquid.store._layout import ABSENT, FLAGS, LAYOUT
+from floquid.io import DamagedError
+from floquid.store._layout import ABSENT, FLAGS, LAYOUT, TEXTS
 
 _DTYPES = {"b": np.int64, "i": np.int64, "u": np.int64, "f": np.float64, "c": np.complex128}
 
@@ -76,7 +77,7 @@ def get_fields(group: Any, kind: type) -> dict[str, Any]:
         if name in ABSENT and name not in group:
             continue
         if isinstance(place, str):
-            found[name] = get(group, name)
+            found[name] = get(group, name, place)
         elif place is Channel:
             found[name] = _channels(group[name])
         elif place is dict:
@@ -97,18 +98,29 @@ def get_numbers(group: Any) -> dict[str, float]:
 
 
 def _channels(group: Any) -> tuple[Channel, ...]:
-    columns = {word: get(group, word) for word in LAYOUT[Channel]}
+    columns = {word: get(group, word, "channels") for word in LAYOUT[Channel]}
     return tuple(Channel(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
 
 
-def get(group: Any, name: str) -> Any:
-    """The content of one dataset: None, a number, a truth value, a text, a tuple of texts, or a read-only array."""
+def get(group: Any, name: str, place: str | None = "") -> Any:
+    """The content of the dataset at a `place`: None, a number, a flag, a text, a tuple of texts or a read-only array.
+
+    A dataset with other axes than those of its place, or with numbers for texts, is damage: the types that are made
+    of the content do not all look at it again. None is a place of no one kind.
+    """
     dataset = group[name]
     if dataset.shape is None:
         return None
-    if dataset.dtype.kind == "O":
-        texts = np.asarray(dataset.asstr()[()]).tolist()
-        return tuple(texts) if dataset.shape else texts
+    texts = dataset.dtype.kind == "O"
+    if place is not None:
+        axes = place.partition("; ")[0]
+        if len(dataset.shape) != (axes.count(", ") + 1 if axes else 0):
+            raise DamagedError(f"{dataset.name} has the shape {dataset.shape}, not the axes ({axes})")
+        if dataset.size and (name in TEXTS) != texts:
+            raise DamagedError(f"{dataset.name} holds {'text' if texts else 'numbers'}")
+    if texts:
+        found = np.asarray(dataset.asstr()[()]).tolist()
+        return tuple(found) if dataset.shape else found
     value = dataset[()]
     if name in FLAGS:
         value = value == 1

@@ -33,6 +33,12 @@ ABSENT = ("estimates", "unselected", "composites", "coordinates", "transition_st
 FLAGS = ("held", "kept", "passed", "real", "speed_dependent", "steady")
 """HDF5 has no truth values: these are 0 and 1."""
 
+TEXTS = (
+    "name", "quantity", "unit", "location", "direction", "sources", "steps", "reasons", "doubts", "names", "states",
+    "channel", "channels", "outcome", "coordinates", "jitter_unit", "warnings", "synchronisation", "at_least", "kind", "structure",
+)  # fmt: skip
+"""What is text, by its name."""
+
 _UNIT = "that of the channel"
 
 LAYOUT: dict[type, dict[str, str | type]] = {

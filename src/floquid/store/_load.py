@@ -92,9 +92,9 @@ def _read(file: Any, version: int) -> Analysis:
         choice=None if choice is None else Choice(order=modal.order, model=modal, **choice),
         shafts=shafts,
         periodicity=get_object(file["periodicity"], Periodicity) if "periodicity" in file else None,
-        synchronisation=get(file, "synchronisation") if "synchronisation" in file else (),
+        synchronisation=get(file, "synchronisation", "sentences") if "synchronisation" in file else (),
         validation=_validation(file["validation"]) if "validation" in file else None,
-        warnings=get(file, "warnings"),
+        warnings=get(file, "warnings", "warnings"),
     )
 
 
@@ -107,7 +107,7 @@ def _refinement(group: Any, state: StateModel | None) -> Refinement:
 
 
 def _validation(group: Any) -> Validation:
-    least, limits = get(group, "at_least"), get_numbers(group["limits"])
+    least, limits = get(group, "at_least", "criteria"), get_numbers(group["limits"])
     criteria = {name: Criterion(limit=limit, at_least=name in least) for name, limit in limits.items()}
     return Validation(**get_fields(group, Validation), criteria=criteria)
 
@@ -117,7 +117,7 @@ def _settings(group: Any) -> Settings:
     for name in group:
         if name not in known:
             raise DamagedError(f"it has the setting {name!r}, which this floquid does not know (update floquid)")
-    found = {name: get(group, name) for name in known if name in group or name in SETTINGS_OF_VERSION_1}
+    found = {name: get(group, name, None) for name in known if name in group or name in SETTINGS_OF_VERSION_1}
     if isinstance(found.get("identifier"), str):
         found["identifier"] = from_text(found["identifier"])
     flags = {field.name for field in fields(Settings) if isinstance(field.default, bool)}
@@ -149,7 +149,7 @@ def _fit_of_version_1(file: Any, model: PeriodicModel, settings: Settings) -> St
     found: dict[str, Any] = dict.fromkeys(("period_std", "own_period", "misfit", "whitening"))
     found |= {"held": False, "reasons": (), "doubts": ()}
     for place in (file, file["lifted"] if group is file else group):
-        found |= {name: get(place, name) for name in LAYOUT[Fit] if name in place}
+        found |= {name: get(place, name, axes) for name, axes in LAYOUT[Fit].items() if name in place}
     found["held"] = group is not file or found["held"]
     if found["held"] and found["misfit"] is None:  # of an early file
         found["misfit"] = 1.0
@@ -183,7 +183,7 @@ def _hits(group: Any, name: str, model: PeriodicModel) -> list[Any]:
 
 def _record(group: Any) -> Record:
     """One record, with its clock and its orbit."""
-    orbit = get(group, "orbit") if "orbit" in group else None
+    orbit = get(group, "orbit", "channels, phases") if "orbit" in group else None
     return Record(**get_fields(group, Record), clock=_clock(group), orbit=orbit)
 
 

@@ -338,6 +338,36 @@ def test_the_damage_is_what_is_refused(saved):
     load(saved)
 
 
+def other_axes(data):
+    return np.repeat(np.asarray(data, dtype=object if isinstance(data, bytes) else None)[..., None], 2, axis=-1)
+
+
+def other_kind(data):
+    numbers = np.asarray(data).dtype.kind not in "OSU"
+    return np.full(np.shape(data), "text", dtype=object) if numbers else np.ones(np.shape(data))
+
+
+@pytest.mark.parametrize("altered", [other_axes, other_kind])
+def test_a_dataset_of_other_axes_or_another_kind_is_refused(saved, altered):
+    """Each of all the datasets in turn but those of the settings, which are looked at one by one."""
+    content, names, taken = saved.read_bytes(), [], []
+    with h5py.File(saved) as file:
+        file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
+        names = [name for name in names if not name.startswith("settings") and file[name].size]
+    assert len(names) > 80
+    for name in names:
+        with h5py.File(saved, "r+") as file:
+            data = altered(file[name][()])
+            swap(name, data)(file)
+        try:
+            load(saved)
+            taken.append(name)
+        except InputError as error:
+            assert "is damaged or not whole" in str(error)
+        saved.write_bytes(content)
+    assert taken == []
+
+
 @pytest.mark.parametrize("share", [0.0001, 0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.99999])
 def test_a_truncated_file_is_refused(saved, share):
     content = saved.read_bytes()

@@ -151,6 +151,7 @@ def save_hdf5(record: Record, path: Path) -> None:
         for key, number in numbers_of(record).items():
             properties = low.h5p.create(low.h5p.DATASET_CREATE)
             properties.set_layout(low.h5d.COMPACT)  # within the head, whose checksum guards it
+            properties.set_obj_track_times(False)  # the same record makes the same file
             scalar = low.h5s.create(low.h5s.SCALAR)
             dataset = low.h5d.create(file.id, key.encode(), low.h5t.IEEE_F64LE, scalar, properties)
             dataset.write(low.h5s.ALL, low.h5s.ALL, np.array(number, dtype=np.float64))
