@@ -58,13 +58,18 @@ def _seal(value: object) -> None:
 
 
 class Sealed(Rebuilt):
-    """A result of ours: its arrays are right as they come, and are made read-only where they are."""
+    """A result of ours: its arrays are right as they come, and are read-only in it."""
 
     __slots__ = ()
 
     def __post_init__(self) -> None:
-        """Seal every array."""
-        _seal(tuple(getattr(self, field.name) for field in fields(cast("Any", self))))
+        """Hold a read-only view of every array: that of the caller stays as it is."""
+        for field in fields(cast("Any", self)):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                value = value.view()
+                value.flags.writeable = False
+                object.__setattr__(self, field.name, value)
 
 
 def input_error(argument: str, of: str, must: str, got: str, remedy: str = "") -> InputError:

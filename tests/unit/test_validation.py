@@ -476,6 +476,7 @@ def test_a_filter_has_the_gain_that_is_told():
     rate, taps = np.array([-0.02 + 0.7j]), np.array([[1.0, -0.5, 0.2]])
     values = np.exp(rate * np.arange(20) * 0.3).real[None]
     gain = gains(taps, rate, 0.3)[0, 0]
+    assert filtered(values[:, :1], np.ones((len(values), 2))).shape == (len(values), 0), "a record without its past"
     out = filtered(values, taps)
     assert out.shape == (1, 18)
     assert_allclose(out[0], (gain * np.exp(rate * np.arange(2, 20) * 0.3)).real)

@@ -18,7 +18,16 @@ from floquid.cli._folder import NAMES, ResultFolder, result_folder, write_result
 from floquid.cli._identify import STAGES
 from floquid.cli._options import Debug, Flag, Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
 from floquid.cli._settings import Choices
-from floquid.cli._terminal import json_text, new_table, print_analysis, print_folder, print_title, progress, terminal
+from floquid.cli._terminal import (
+    json_text,
+    new_table,
+    print_analysis,
+    print_folder,
+    print_title,
+    print_whole,
+    progress,
+    terminal,
+)
 from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.exports import summary
@@ -154,7 +163,7 @@ def demo(
     print_analysis(analysis)
     for title, table in compared.items():
         print_title(terminal(), title)
-        terminal().print(table)
+        print_whole(terminal(), table)
     print_folder(out, "record.npz")
 
 
@@ -214,7 +223,7 @@ def _compared(rotor: JeffcottRotor, analysis: Analysis) -> dict[str, Table]:
     model, truth, deviations = analysis.model, rotor.exponents(), analysis.model.exponent_std
     assert deviations is not None
     pairs = pair_exponents(model.exponents, truth, model.period)
-    exponents = new_table([], ["", "true", "identified", "error", "in deviations"])
+    exponents = new_table([""], ["true", "identified", "error", "in deviations"])
     for number, r in enumerate(np.flatnonzero(truth.imag > 0), start=1):
         three = truth[r] + pairs.differences[r], truth[r], deviations[pairs.permutation[r]]
         for part, name in (("real", "Re"), ("imag", "Im")):

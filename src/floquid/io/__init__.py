@@ -3,7 +3,7 @@
 from floquid.io._files import as_path, atomic_path, flush, flush_folder, readable_file
 from floquid.io._hdf5 import array_in, attribute, is_elsewhere, is_whole, texts_in
 from floquid.io._matlab import letters, load_variables, mat_order
-from floquid.io._source import DamagedError, Source, load_package
+from floquid.io._source import DamagedError, Source, load_package, refuse_wrong_name
 
 __all__ = [
     "DamagedError",
@@ -21,5 +21,6 @@ __all__ = [
     "load_variables",
     "mat_order",
     "readable_file",
+    "refuse_wrong_name",
     "texts_in",
 ]

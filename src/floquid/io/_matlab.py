@@ -12,6 +12,7 @@ import warnings
 import zlib
 from collections.abc import Iterator
 from io import BytesIO
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,9 @@ import numpy as np
 _HEAD = 128
 _MATRIX, _PACKED = 14, 15
 _TYPES = range(1, 19)
+_CELL, _WITH_FIELDS = 1, (2, 3)
 _PLAIN, _COMPLEX = (4, *range(6, 16)), 0x0800
-"""Classes of arrays of text and of numbers, and the flag of one with imaginary parts."""
+"""Classes of arrays: of cells, of structs and objects, of text and numbers; and the flag of imaginary parts."""
 
 
 def mat_order(path: Path) -> str:
@@ -79,11 +81,18 @@ def _check(kind: int, inner: memoryview, order: str) -> None:
         for packed, content, _ in _elements(memoryview(zlib.decompress(inner)), order):
             _check(packed, content, order)
     elif kind == _MATRIX and len(inner):
-        parts = []
+        parts, own = [], []
         for part, content, _ in _elements(inner, order):
             _check(part, content, order)
             parts.append(part)
+            own += [content] if part != _MATRIX else []
         word = struct.unpack_from(f"{order}I", inner, 8)[0]
+        if word & 0xFF in (_CELL, *_WITH_FIELDS):  # scipy makes as many as the shape says, however long that takes
+            count = prod(np.frombuffer(own[1], f"{order}i4").tolist())
+            if word & 0xFF != _CELL:
+                count *= len(own[-1]) // max(1, int.from_bytes(own[-2][:4], "little" if order == "<" else "big"))
+            if count != parts.count(_MATRIX):
+                raise ValueError("it has a struct or a cell array without all that is in it")
         if word & 0xFF in _PLAIN and (len(parts) < 4 + bool(word & _COMPLEX) or _MATRIX in parts):
             raise ValueError("it has an array without its numbers")
 

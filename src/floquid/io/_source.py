@@ -60,6 +60,28 @@ class Source:
             raise self.error(f"be a whole {kind}", got, remedy) from None
 
 
+_FIRST_BYTES = {
+    b"PK\x03\x04": "a ZIP archive such as NumPy's (.npz)",
+    b"MATLAB": "a MATLAB file (.mat)",
+    b"\x89HDF": "an HDF5 file (.h5)",
+    b"RIFF": "a WAV file (.wav)",
+    b"TDSm": "a TDMS file (.tdms)",
+    b"PAR1": "a Parquet file (.parquet)",
+}
+
+
+def refuse_wrong_name(source: Source, kind: str, remedy: str) -> None:
+    """Refuse a file that is no whole `kind` of file: by what it seems to be instead, else with a `remedy`."""
+    with source.path.open("rb") as stream:
+        head = stream.read(512)
+    found = next((name for first, name in _FIRST_BYTES.items() if head.startswith(first)), "")
+    if not found and head and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in head):
+        found = "text (.csv)"
+    if found and f"({source.path.suffix.lower()})" not in found:
+        raise source.error(f"be {kind}", f"seems to be {found}", "Name it by its format.")
+    raise source.error(f"be {kind}", "is not one, or is damaged or cut short", remedy)
+
+
 def load_package(name: str, of: str, *, extra: str = "") -> Any:
     """The module called `name`, for the public callable `of`; it comes with the `extra`, by default of its own name."""
     try:

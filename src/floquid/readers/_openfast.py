@@ -144,9 +144,9 @@ def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[NDArray[
 
 def _by_cell(source: Source, head: _Head) -> NDArray[np.float64]:
     found = []
-    more = "; stars are a number too long for `OutFmt`."
+    remedy = "Mend that cell, or run OpenFAST again; stars are a number too long for its `OutFmt`."
     for number, line in enumerate(islice(_lines(source.path), head.first - 1, None), head.first):
-        cells = _NO_E.sub(r"\1E\2", _FORTRAN.sub("E", line)).split()
+        cells, shown = _NO_E.sub(r"\1E\2", _FORTRAN.sub("E", line)).split(), line.split()
         if not cells:
             continue
         if len(cells) != len(head.names):
@@ -155,7 +155,8 @@ def _by_cell(source: Source, head: _Head) -> NDArray[np.float64]:
                 f"has {len(cells)} in line {number}",
                 "Mend that line, or leave it out: a run that was stopped may end in half a line.",
             )
-        found.append([number_in(source, cell, number, head.names[at], more=more) for at, cell in enumerate(cells)])
+        columns = zip(cells, shown, head.names, strict=True)
+        found.append([number_in(source, cell, number, name, shown=own, remedy=remedy) for cell, own, name in columns])
     return np.array(found)
 
 

@@ -68,7 +68,9 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         time = next((t for t in times if t.group == chosen[0].group), None)
         _check_lengths(source, chosen, time)
         rate, start, notes = _even(source, chosen, ignore_time=ignore_time)
-        values = np.stack([np.asarray(signal.held.read_data(), np.float64) for signal in chosen])
+        values = np.empty((len(chosen), len(chosen[0].held)))
+        for row, signal in zip(values, chosen, strict=True):
+            row[:] = signal.held.read_data()
         column = None
         if time is not None and not ignore_time:
             _, scale = find_time(source, [time.parts])

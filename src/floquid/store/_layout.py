@@ -35,7 +35,8 @@ FLAGS = ("held", "kept", "passed", "real", "speed_dependent", "steady")
 
 TEXTS = (
     "name", "quantity", "unit", "location", "direction", "sources", "steps", "reasons", "doubts", "names", "states",
-    "channel", "channels", "outcome", "coordinates", "jitter_unit", "warnings", "synchronisation", "at_least", "kind", "structure",
+    "channel", "channels", "outcome", "coordinates", "jitter_unit", "warnings", "synchronisation", "at_least", "kind",
+    "structure",
 )  # fmt: skip
 """What is text, by its name."""
 

@@ -149,7 +149,7 @@ def _fit_of_version_1(file: Any, model: PeriodicModel, settings: Settings) -> St
     found: dict[str, Any] = dict.fromkeys(("period_std", "own_period", "misfit", "whitening"))
     found |= {"held": False, "reasons": (), "doubts": ()}
     for place in (file, file["lifted"] if group is file else group):
-        found |= {name: get(place, name, axes) for name, axes in LAYOUT[Fit].items() if name in place}
+        found |= {name: get(place, name, str(axes)) for name, axes in LAYOUT[Fit].items() if name in place}
     found["held"] = group is not file or found["held"]
     if found["held"] and found["misfit"] is None:  # of an early file
         found["misfit"] = 1.0

@@ -1,6 +1,7 @@
 """Columns of samples and of times: what a file or an object says of a record, and the even time axis behind it."""
 
 from floquid.tables._channels import (
+    MISSING,
     check_distinct,
     clock_numbers,
     find_time,
@@ -22,6 +23,7 @@ from floquid.tables._table import OPTION, Table, check_table, record_of, settle_
 from floquid.tables._time_axis import SECONDS, TimeAxis, TimeColumn, repair
 
 __all__ = [
+    "MISSING",
     "OPTION",
     "SECONDS",
     "Printed",

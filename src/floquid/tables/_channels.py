@@ -83,10 +83,13 @@ def real_row(values: NDArray[Any], name: object, source: Source) -> NDArray[np.f
     return values.astype(np.float64)
 
 
-def number_in(source: Source, cell: str, line: int, column: str, *, more: str = "") -> float:
+MISSING = "Mend that cell (empty or `nan` for a missing sample)"
+
+
+def number_in(source: Source, cell: str, line: int, column: str, *, shown: str = "", remedy: str = MISSING) -> float:
     """The number in a `cell` of a text table in a `source`, NaN of an empty one.
 
-    One that is none is refused by its `line` and `column`; `more` says how else to mend it.
+    One that is none is refused by its `line` and `column`, as it is `shown` in the file; `remedy` says how to mend it.
     """
     try:
         if "_" in cell or not cell.isascii():  # Python reads 1_000 and foreign digits, no other tool does
@@ -95,8 +98,8 @@ def number_in(source: Source, cell: str, line: int, column: str, *, more: str = 
     except ValueError:
         raise source.error(
             "have a number in every cell",
-            f"has {cell[:40]!r} in line {line}, column {column!r}",
-            f"Mend that cell (empty or `nan` for a missing sample){more}",
+            f"has {(shown or cell)[:40]!r} in line {line}, column {column!r}",
+            remedy,
         ) from None
 
 

@@ -141,6 +141,8 @@ def gains(taps: NDArray[np.float64], rates: NDArray[np.complex128], step: float)
 
 def filtered(values: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values (channels, samples) after the filter of each channel, from where it has its past on; NaN goes through."""
+    if taps.shape[1] > values.shape[1]:
+        return values[:, :0]
     return np.array([np.convolve(row, own, "valid") for row, own in zip(values, taps, strict=True)])
 
 

@@ -358,9 +358,13 @@ def test_links_beside_what_is_read_do_no_harm(tmp_path):
 
 
 OTHERS = {
-    "text": (b"time,x\n0,1\n" * 99, "is not one"),
-    "an archive": (b"PK\x03\x04" + bytes(99), "is not one", "name it by its format"),
-    "a MATLAB file": (b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM", "is not one", "name it by its format"),
+    "text": (b"time,x\n0,1\n" * 99, "seems to be text", "Name it by its format"),
+    "an archive": (b"PK\x03\x04" + bytes(99), "seems to be a ZIP archive", "Name it by its format"),
+    "a MATLAB file": (
+        b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM",
+        "seems to be a MATLAB file",
+        "Name it by its format",
+    ),
     "the first bytes alone": (b"\x89HDF\r\n\x1a\n" + bytes(99), "damaged or cut short"),
 }
 

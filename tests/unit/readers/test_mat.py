@@ -368,6 +368,8 @@ BAD = {
     "an unknown type of data": ([array(DOUBLE, (1, 2), "values", element(200, bytes(16))), names("x")], "damaged"),
     "no variable": ([element(200, bytes(16))], "no variable where one is due"),
     "numbers missing": ([array(DOUBLE, (1, 2), "values"), names("x")], "an array without its numbers"),
+    "a struct of too large a shape": ([struct_array("values", shape=(1, 10**9), a=RATE)], "all that is in it"),
+    "cells of a shape too large": ([array(CELL, (10**5, 10**5), "values", doubles([1.0]))], "all that is in it"),
     "packed noise": ([element(15, b"\x12\x34\x56\x78" * 10)], "damaged or cut short", "check"),
 }  # fmt: skip
 
@@ -404,9 +406,9 @@ def npz_bytes():
 
 
 FILES = {
-    "text": (b"time,x\n0,1\n1,2\n" * 20, "is not one", "Copy it again"),
-    "short text": (b"time,x\n", "is not one", "Copy it again"),
-    "an archive": (npz_bytes(), "is not one", "Copy it again"),
+    "text": (b"time,x\n0,1\n1,2\n" * 20, "seems to be text", "Name it by its format"),
+    "short text": (b"time,x\n", "seems to be text", "Name it by its format"),
+    "an archive": (npz_bytes(), "seems to be a ZIP archive", "Name it by its format"),
     "the head alone, cut": (b"MATLAB 5.0 MAT-file", "cut short", "Copy it again"),
     "version 7.3, cut": (b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM" + bytes(300), "cut short", "Copy it again"),
     "version 4": (struct.pack("<5i", 0, 2, 40, 0, 2) + b"x\0" + VALUES.tobytes(), "version 4", "'-v7'"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from floquid.core import Channel, Record
+from floquid.errors import InputError
 from floquid.readers import describe_file, read, write
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
@@ -65,6 +66,12 @@ def test_arrays_of_other_names_are_read_by_their_paths(tmp_path):
     record = read(path, channels=["data[1]", "data[0]"])
     assert record.sample_rate == 50.0
     np.testing.assert_array_equal(record.values, np.arange(12.0).reshape(2, 6)[::-1])
+
+
+def test_names_in_an_array_of_objects_are_to_be_texts(tmp_path):
+    path = archive(tmp_path, values=np.ones((2, 6)), sample_rate=5.0, channels=np.array(["x", "y"], dtype=object))
+    with pytest.raises(InputError, match=r"hold one text a channel .*\n.*np\.array"):
+        read(path)
 
 
 def test_what_is_not_used_is_mentioned(tmp_path):

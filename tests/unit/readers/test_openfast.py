@@ -138,6 +138,7 @@ BAD = {
     "a row too long": (text([*rows(4), ["0"] * 6]), "5 numbers in every row", "6 in line 13", "Mend"),
     "every row too long": (text([row * 2 for row in rows()]), "5 numbers in every row", "10 in line 9", "Mend"),
     "stars": (text([*rows(4), ["30.05", "1", "2", "****", "3"]]), "'****' in line 13, column 'RootMyc1'", "OutFmt"),
+    "a cell as it is": (text([*rows(4), ["30.05", "1", "2", "1.0D+x", "3"]]), "'1.0D+x'", "run OpenFAST again"),
     "infinite": (text([*rows(4), ["30.05", "1", "2", "-Inf", "3"]]), "finite samples", "channel 'RootMyc1', sample 4"),
     "a name twice": (text(rows()).replace("RootMyc1", "Azimuth"), "each channel once", "'Azimuth' twice", "Rename"),
     "a time that falls": (text([*rows(4), *rows(2)]), "goes back in `Time`", "sample 5", "Sort"),

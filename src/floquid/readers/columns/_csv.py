@@ -16,6 +16,7 @@ from floquid.core import Channel, Record
 from floquid.io import Source
 from floquid.readers.columns._stated import RECORD_LINE, Stated, stated_line, stated_text
 from floquid.tables import (
+    MISSING,
     Table,
     TimeColumn,
     check_distinct,
@@ -179,8 +180,8 @@ def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]
 
 
 def _number(source: Source, cell: str, line: int, column: str) -> float:
-    more = ", or read the other columns with `channels` (`--channels`); times must be numbers, too."
-    number = number_in(source, cell, line, column, more=more)
+    remedy = f"{MISSING}, or read the other columns with `channels` (`--channels`); times must be numbers, too."
+    number = number_in(source, cell, line, column, remedy=remedy)
     if np.isinf(number):
         raise source.error(
             "have finite numbers",

@@ -148,7 +148,7 @@ def _texts(source: Source, file: VariableFile, key: str, count: int | None = Non
     texts = None
     if file.variables[key].kind in ("text", "a cell array"):
         texts = file.texts(key)
-    elif file.variables[key].kind != "numbers":
+    elif file.variables[key].kind not in ("numbers", "Python objects"):
         require_numbers(source, file.variables[key])  # an object, a link, ...: there is something to do about it
     if not texts or (count is not None and len(texts) != count):
         what = file.variables[key].words + (", numbers" if file.variables[key].kind == "numbers" else "")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Record
-from floquid.io import Source, array_in, attribute, is_elsewhere, texts_in
+from floquid.io import Source, array_in, attribute, is_elsewhere, refuse_wrong_name, texts_in
 from floquid.readers.variables._by_path import table_of_variables
 from floquid.readers.variables._variables import HDF5, MATLAB, Dialect, Kind, Variable
 from floquid.tables import Table, numbers_of, orbit_of, texts_of
@@ -32,8 +32,7 @@ def load_hdf5(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     import h5py
 
     if not h5py.is_hdf5(source.path):
-        remedy = "Copy it again, or name it by its format."
-        raise source.error("be an HDF5 file", "is not one, or is damaged or cut short", remedy)
+        refuse_wrong_name(source, "an HDF5 file", "Copy it again, or name it by its format.")
     with source.taken_apart("HDF5 file", "Copy or save it again."), h5py.File(source.path, "r") as opened:
         return table_of_variables(source, Hdf5File(opened), channels=channels, ignore_time=ignore_time)
 

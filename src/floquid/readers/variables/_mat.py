@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import Record
-from floquid.io import Source, letters, load_variables, mat_order
+from floquid.io import Source, letters, load_variables, mat_order, refuse_wrong_name
 from floquid.readers.variables._by_path import table_of_variables
 from floquid.readers.variables._hdf5 import load_hdf5
 from floquid.readers.variables._variables import MATLAB, Dialect, Kind, Variable
@@ -33,8 +33,9 @@ def load_mat(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     if h5py.is_hdf5(source.path):
         return load_hdf5(source, channels=channels, ignore_time=ignore_time)
     if not mat_order(source.path):
-        got = "is not one, or is damaged, cut short or of version 4"
-        raise source.error("be a MATLAB file of version 5 to 7.3", got, f"Copy it again. {_SAVE_AGAIN}")
+        refuse_wrong_name(
+            source, "a MATLAB file of version 5 to 7.3, not of version 4", f"Copy it again. {_SAVE_AGAIN}"
+        )
     with source.taken_apart("MATLAB file", f"Copy it again. {_SAVE_AGAIN}"):
         file = _MatFile(load_variables(source.path))
         return table_of_variables(source, file, channels=channels, ignore_time=ignore_time)

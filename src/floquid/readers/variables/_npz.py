@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Record
-from floquid.io import Source
+from floquid.io import Source, refuse_wrong_name
 from floquid.readers.variables._by_path import table_of_variables
 from floquid.readers.variables._variables import NUMPY, Dialect, Kind, Variable, printable
 from floquid.tables import Table, numbers_of, orbit_of, texts_of
@@ -60,8 +60,7 @@ class _NpzFile:
 def _arrays(source: Source) -> dict[str, NDArray[Any]]:
     """The arrays by key."""
     if not is_zipfile(source.path):  # numpy would advise to load a pickle all the same
-        must, got = "be a whole NumPy archive", "is not one, or is damaged or cut short"
-        raise source.error(must, got, f"Copy it again. {NUMPY.save}")
+        refuse_wrong_name(source, "a whole NumPy archive", f"Copy it again. {NUMPY.save}")
     again = source.taken_apart("NumPy archive", f"Copy it again. {NUMPY.save}")
     with again, source.path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
         return {key: _array(archive, key) for key in archive.files}
