@@ -4,18 +4,26 @@ The main path: `read` a `Record`, `identify` it, `reconstruct` A(t), write a
 `report`, `save` the `Analysis`. Each stage is a room of its
 own: `core`, `readers`, `sync`, `lifting`, `lti`, `periodic`, `reconstruction`, `store`; `floquet` is the analysis of a
 known A(t), `systems` holds examples with known truth.
+
+A name is imported when it is first asked for, so that a program waits for what it uses alone.
 """
 
-from floquid import floquet, systems
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
 from floquid._version import __version__ as __version__
-from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
-from floquid.errors import FloquidError, IdentificationError, InputError
-from floquid.exports import export_modes, to_xarray
-from floquid.pipeline import Analysis, Bootstrap, Settings, bootstrap, identify
-from floquid.readers import from_pandas, from_sep005, from_xarray, read, to_pandas, to_sep005, write
-from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
-from floquid.reporting import report
-from floquid.store import load, save
+
+if TYPE_CHECKING:
+    from floquid import floquet, systems
+    from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
+    from floquid.errors import FloquidError, IdentificationError, InputError
+    from floquid.exports import export_modes, to_xarray
+    from floquid.pipeline import Analysis, Bootstrap, Settings, bootstrap, identify
+    from floquid.readers import from_pandas, from_sep005, from_xarray, read, to_pandas, to_sep005, write
+    from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
+    from floquid.reporting import report
+    from floquid.store import load, save
 
 __all__ = [
     "Analysis",
@@ -52,3 +60,30 @@ __all__ = [
     "to_xarray",
     "write",
 ]
+
+_ROOMS = {
+    "core": "AzimuthSignal Channel ConstantPeriod PeriodicModel PulseTimes Record TachometerSignal",
+    "errors": "FloquidError IdentificationError InputError",
+    "exports": "export_modes to_xarray",
+    "pipeline": "Analysis Bootstrap Settings bootstrap identify",
+    "readers": "from_pandas from_sep005 from_xarray read to_pandas to_sep005 write",
+    "reconstruction": "Refinement StateModel reconstruct refine",
+    "reporting": "report",
+    "store": "load save",
+}
+_ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> object:
+    """A public name from its room, or a room."""
+    if name in _ROOM_OF:
+        value = getattr(import_module(f"floquid.{_ROOM_OF[name]}"), name)
+        globals()[name] = value
+        return value
+    if not name.startswith("_") and find_spec(f"floquid.{name}"):
+        return import_module(f"floquid.{name}")
+    raise AttributeError(f"module 'floquid' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -18,7 +18,7 @@ from floquid.cli._terminal import counted, new_table, progress, terminal
 from floquid.core import Record
 from floquid.errors import InputError
 from floquid.exports import MODE_FORMATS, export_modes
-from floquid.io import attribute
+from floquid.io import GUARD, attribute
 from floquid.readers import ClockCandidate, FileSummary, describe_file, read, write
 from floquid.store import load
 from floquid.views import upper_modes
@@ -207,15 +207,19 @@ def _refuse_same(file: Path, out: Path) -> None:
 
 def _is_result(file: Path) -> bool:
     """Whether it is a file that `identify` wrote."""
-    import h5py
-
     if file.suffix.lower() not in (".h5", ".hdf5"):
         return False
     try:
-        with h5py.File(file, "r") as stored:
-            return attribute(stored, "format") == "floquid-result"
+        return GUARD.call(file, _mark, file) == "floquid-result"
     except (OSError, RuntimeError, ValueError, KeyError, TypeError):
         return False  # whatever it is, the reader will say what is wrong with it
+
+
+def _mark(file: Path) -> str:
+    import h5py
+
+    with h5py.File(file, "r") as stored:
+        return attribute(stored, "format")
 
 
 def _write(record: Record, out: Path) -> None:

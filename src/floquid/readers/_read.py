@@ -5,13 +5,14 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Protocol, final
 
 from floquid._checks import describe, input_error
 from floquid.core import Record
-from floquid.io import Source, as_path, atomic_path, readable_file
+from floquid.io import GUARD, DamagedError, Source, as_path, atomic_path, readable_file
 from floquid.readers._openfast import load_out, load_outb
 from floquid.readers._tdms import load_tdms
 from floquid.readers._wav import load_wav
@@ -48,6 +49,8 @@ class Format:
         From a file to its table, and from a record to a file; None of a format that is only read.
     needs
         The extra that it needs, as in `pip install "floquid[tdms]"`; empty where a plain installation has all.
+    guarded
+        A damaged file can end its decoder, or keep it busy without end: it works in the child process.
     """
 
     name: str
@@ -55,20 +58,21 @@ class Format:
     load: Load
     save: Save | None = None
     needs: str = ""
+    guarded: bool = False
 
 
 FORMATS: tuple[Format, ...] = (
     Format(name="NumPy archive", suffix=".npz", load=load_npz, save=save_npz),
     Format(name="text table", suffix=".csv", load=load_csv, save=save_csv),
-    Format(name="MATLAB file", suffix=".mat", load=load_mat, save=save_mat),
-    Format(name="data file in HDF5", suffix=".h5", load=load_hdf5, save=save_hdf5),
-    Format(name="data file in HDF5", suffix=".hdf5", load=load_hdf5, save=save_hdf5),
+    Format(name="MATLAB file", suffix=".mat", load=load_mat, save=save_mat, guarded=True),
+    Format(name="data file in HDF5", suffix=".h5", load=load_hdf5, save=save_hdf5, guarded=True),
+    Format(name="data file in HDF5", suffix=".hdf5", load=load_hdf5, save=save_hdf5, guarded=True),
     Format(name="universal file", suffix=".uff", load=load_uff, save=save_uff),
     Format(name="universal file", suffix=".unv", load=load_uff, save=save_uff),
     Format(name="text output of OpenFAST", suffix=".out", load=load_out),
     Format(name="binary output of OpenFAST", suffix=".outb", load=load_outb),
-    Format(name="TDMS file", suffix=".tdms", load=load_tdms, needs="tdms"),
-    Format(name="Parquet file", suffix=".parquet", load=load_parquet, save=save_parquet, needs="parquet"),
+    Format(name="TDMS file", suffix=".tdms", load=load_tdms, needs="tdms", guarded=True),
+    Format(name="Parquet file", suffix=".parquet", load=load_parquet, save=save_parquet, needs="parquet", guarded=True),
     Format(name="WAV file", suffix=".wav", load=load_wav),
 )
 
@@ -197,7 +201,10 @@ def load_table(
     if channels is not None and (isinstance(channels, str) or len(channels) == 0):
         raise input_error("channels", of, "be a list of names, at least one", f"is {channels!r}")
     try:
-        table = kind.load(source, channels=channels, ignore_time=ignore_time)
+        load = partial(kind.load, source, channels=channels, ignore_time=ignore_time)
+        table = GUARD.call(source.path, load) if kind.guarded else load()
+    except DamagedError as error:
+        raise source.error(f"be a whole {kind.name}", f"is damaged: {error}", "Copy it again.") from None
     except (OSError, MemoryError) as error:
         raise source.error(
             "be readable to its end", f"is not ({error or type(error).__name__})", "Copy it again."

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import fields
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
-from floquid.io import DamagedError, readable_file
+from floquid.io import GUARD, DamagedError, readable_file
 from floquid.lti import ModalModel, Outcome
 from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, Periodicity
@@ -47,9 +48,16 @@ def load(path: str | PathLike[str]) -> Analysis:
     InputError
         There is no such file, it is no result file, it is of a later version of floquid, or it is damaged.
     """
+    file = readable_file(path, of="load")
+    try:
+        return GUARD.call(file, _load, file)
+    except DamagedError as error:
+        raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {error}", AGAIN) from None
+
+
+def _load(file: Path) -> Analysis:
     import h5py
 
-    file = readable_file(path, of="load")
     if not h5py.is_hdf5(file):
         raise input_error("path", "load", MUST, f"{file} is no HDF5 file", AGAIN)
     try:

@@ -367,9 +367,8 @@ BAD = {
     "a shape without data": ([array(DOUBLE, (2, 2**31 - 1), "values", element(9, bytes(96)))], "damaged or cut short"),
     "an unknown type of data": ([array(DOUBLE, (1, 2), "values", element(200, bytes(16))), names("x")], "damaged"),
     "no variable": ([element(200, bytes(16))], "no variable where one is due"),
-    "numbers missing": ([array(DOUBLE, (1, 2), "values"), names("x")], "an array without its numbers"),
-    "a struct of too large a shape": ([struct_array("values", shape=(1, 10**9), a=RATE)], "all that is in it"),
-    "cells of a shape too large": ([array(CELL, (10**5, 10**5), "values", doubles([1.0]))], "all that is in it"),
+    "numbers missing": ([array(DOUBLE, (1, 2), "values"), names("x")], "damaged or cut short"),
+    "cells of a shape too large": ([array(CELL, (10**5, 10**5), "values", doubles([1.0]))], "Unable to allocate"),
     "packed noise": ([element(15, b"\x12\x34\x56\x78" * 10)], "damaged or cut short", "check"),
 }  # fmt: skip
 
@@ -377,6 +376,18 @@ BAD = {
 @pytest.mark.parametrize(("variables", "words"), [(v[0], v[1:]) for v in BAD.values()], ids=BAD)
 def test_bad_variables(tmp_path, variables, words):
     refused(raw(tmp_path, *variables), *words)
+
+
+def test_what_keeps_the_decoder_busy_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("floquid.io._guard.SECONDS", 1)
+    refused(raw(tmp_path, struct_array("values", shape=(1, 10**9), a=RATE)), "takes far longer than a whole file")
+
+
+def test_a_type_of_data_that_there_is_not_is_refused(tmp_path):
+    """scipy 1.17 looks for it beyond its table of them: it ends, or reads it as something."""
+    for kind in range(19, 256, 4):
+        path = raw(tmp_path, array(DOUBLE, (2, 40), "values", element(kind, bytes(640))), *GOOD_RAW[1:])
+        refused(path, "MATLAB file", "damaged", "Copy it again")
 
 
 def test_the_table_starts_from_a_good_file(tmp_path):

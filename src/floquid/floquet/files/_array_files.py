@@ -12,6 +12,7 @@ import numpy as np
 
 from floquid._checks import input_error, printable
 from floquid.io import (
+    GUARD,
     DamagedError,
     Source,
     array_in,
@@ -61,7 +62,7 @@ def contents(path: Path) -> Contents:
     kind, load = loaders[path.suffix.lower()]
     with _contents(path).taken_apart(kind, "Copy or save it again, and name it by its format."):
         try:
-            return load(path)
+            return GUARD.call(path, load, path) if load in (_hdf5, _mat) else load(path)
         except MemoryError as error:  # a header that lies about its size
             raise ValueError(f"MemoryError: {error}") from None
 

@@ -1,0 +1,125 @@
+"""The child process that takes files apart: what it gives back, and what becomes of a decoder that never does."""
+
+import copy
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from floquid.errors import InputError
+from floquid.io import DamagedError
+from floquid.io._guard import Guard
+from floquid.readers import read
+
+HERE = Path(__file__)
+
+
+@pytest.fixture
+def guard():
+    guard = Guard()
+    yield guard
+    guard.stop()
+
+
+def test_functions_work_elsewhere_and_give_what_they_give_here(guard):
+    assert guard.call(HERE, os.getpid) != os.getpid()
+    assert guard.call(HERE, np.add, np.arange(3), 1).tolist() == [1, 2, 3]
+    assert guard.call(HERE, dict, a=(1, "two")) == {"a": (1, "two")}
+
+
+@pytest.mark.parametrize("size", [0, 1, 100_000, 3_000_000])
+def test_arrays_come_back_as_they_were_sealed(guard, size):
+    sealed = np.arange(float(size))
+    sealed.flags.writeable = False
+    opened, found = guard.call(HERE, copy.copy, (np.arange(float(size)), sealed))
+    np.testing.assert_array_equal(found, sealed)
+    assert (opened.flags.writeable, found.flags.writeable) == (True, False)
+
+
+def test_errors_are_those_of_the_function(guard):
+    with pytest.raises(InputError) as here:
+        read("nowhere.h5")
+    with pytest.raises(InputError, match=f"^{re.escape(str(here.value))}$"):
+        guard.call(HERE, read, "nowhere.h5")
+    with pytest.raises(ValueError, match="invalid literal") as caught:
+        guard.call(HERE, int, "five")
+    assert "in serve" in caught.value.__notes__[0], "where it happened"
+    with pytest.raises(MemoryError):
+        guard.call(HERE, np.ones, 1 << 50)
+
+
+@pytest.mark.parametrize("ended", [os.abort, sys.exit])
+def test_a_decoder_that_ends_is_damage_and_the_next_file_is_read(guard, ended):
+    first = guard.call(HERE, os.getpid)
+    assert guard.call(HERE, os.getpid) == first
+    with pytest.raises(DamagedError, match="ends its decoder"):
+        guard.call(HERE, ended)
+    assert guard.call(HERE, os.getpid) != first
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits are those of POSIX")
+def test_a_decoder_that_never_ends_is_damage(guard, monkeypatch):
+    monkeypatch.setattr("floquid.io._guard.SECONDS", 1)
+    with pytest.raises(DamagedError, match="far longer than a whole file"):
+        guard.call(HERE, eval, "all(True for _ in iter(int, 1))")
+    monkeypatch.undo()
+    assert guard.call(HERE, int, "7") == 7
+
+
+def test_time_is_counted_for_each_file(guard, monkeypatch):
+    monkeypatch.setattr("floquid.io._guard.SECONDS", 1)
+    for _ in range(4):
+        guard.call(HERE, eval, "sum(range(40_000_000))")  # about 0.6 s
+
+
+def test_what_a_library_prints_is_no_answer(guard):
+    assert guard.call(HERE, os.system, "echo noise") == 0
+    assert guard.call(HERE, print, "noise") is None
+    assert guard.call(HERE, int, "7") == 7
+
+
+def test_an_interrupted_call_leaves_nothing_behind(guard, monkeypatch):
+    def interrupted(stream):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("floquid.io._guard._received", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        guard.call(HERE, int, "5")
+    monkeypatch.undo()
+    assert guard.call(HERE, int, "7") == 7
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_fork_has_a_child_of_its_own(guard):
+    child = guard.call(HERE, os.getpid)
+    forked = os.fork()
+    if not forked:
+        own = guard.call(HERE, os.getpid)
+        guard.stop()
+        os._exit(int(own == child))
+    assert os.waitpid(forked, 0)[1] == 0
+    assert guard.call(HERE, os.getpid) == child
+
+
+def test_the_child_ends_with_its_parent():
+    """Also with one that is killed: its standard input ends."""
+    code = (
+        "import os; from floquid.io import GUARD; from pathlib import Path; print(GUARD.call(Path('.'), os.getpid)); "
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code + "os.kill(os.getpid(), 9)"], capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == -signal.SIGKILL
+    for _ in range(100):
+        try:
+            os.kill(int(ended.stdout), 0)
+        except ProcessLookupError:
+            break
+        subprocess.run([sys.executable, "-c", "import time; time.sleep(0.05)"], check=True)
+    else:
+        pytest.fail("the child goes on")
