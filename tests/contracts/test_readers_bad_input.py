@@ -124,7 +124,7 @@ GOOD = {"values": np.arange(12.0).reshape(2, 6), "sample_rate": 100.0, "channels
 SHAPE = "{{'descr': '<f8', 'fortran_order': False, 'shape': {}}}"
 NPZ = {
     "empty": (b"", "is empty", "Export"),
-    "not an archive": (b"hello, world" * 20, "is not one", "Copy it again"),
+    "not an archive": (b"hello, world" * 20, "seems to be text", "Name it by its format"),
     "a single array": (npy(SHAPE.format("(2, 1)"), bytes(16)), "be a whole NumPy archive", "np.savez"),
     "an empty archive": (b"PK\x05\x06" + bytes(18), "has no `values`", "nothing", "np.savez"),
     "cut short": (npz()[:-40], "damaged or cut short", "Copy it again"),

@@ -53,7 +53,7 @@ class Guard:
             child = self._started()
             try:
                 seconds = SECONDS + int(path.stat().st_size * SECONDS_A_BYTE)
-                _send(child.stdin, (seconds, function, args, options))
+                _send(child.stdin, (Path.cwd(), seconds, function, args, options))
                 error, value = _received(child.stdout)
             except (EOFError, BrokenPipeError):
                 self.stop()
@@ -101,7 +101,8 @@ class Guard:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         with suppress(EOFError, BrokenPipeError):
             while True:
-                seconds, function, args, options = _received(sys.stdin.buffer)
+                folder, seconds, function, args, options = _received(sys.stdin.buffer)
+                os.chdir(folder)  # where the program is now, and not where it was
                 _limit(seconds)
                 answer: Any
                 try:

@@ -71,7 +71,7 @@ _FIRST_BYTES = {
 
 
 def refuse_wrong_name(source: Source, kind: str, remedy: str) -> None:
-    """Refuse a file that is no whole `kind` of file: by what it seems to be instead, else with a `remedy`."""
+    """Refuse a `source` that is no whole `kind` of file: by what it seems to be instead, else with a `remedy`."""
     with source.path.open("rb") as stream:
         head = stream.read(512)
     found = next((name for first, name in _FIRST_BYTES.items() if head.startswith(first)), "")

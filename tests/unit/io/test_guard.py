@@ -32,6 +32,12 @@ def test_functions_work_elsewhere_and_give_what_they_give_here(guard):
     assert guard.call(HERE, dict, a=(1, "two")) == {"a": (1, "two")}
 
 
+def test_relative_paths_are_those_of_the_program(guard, tmp_path, monkeypatch):
+    guard.call(HERE, os.getpid)
+    monkeypatch.chdir(tmp_path)
+    assert guard.call(HERE, os.getcwd) == str(tmp_path)
+
+
 @pytest.mark.parametrize("size", [0, 1, 100_000, 3_000_000])
 def test_arrays_come_back_as_they_were_sealed(guard, size):
     sealed = np.arange(float(size))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from floquid._checks import describe
 from floquid.core import channels_named
 from floquid.io import Source
-from floquid.readers.variables._variables import VariableFile, numbers, printable, require_numbers
+from floquid.readers.variables._variables import REMEDIES, VariableFile, numbers, printable, require_numbers
 from floquid.tables import SECONDS, Table, TimeColumn, make_channels
 
 _WORDS = ("units", "quantities", "locations", "directions")
@@ -144,17 +144,20 @@ def _values(source: Source, file: VariableFile, n_channels: int) -> NDArray[np.f
         return file.numbers("values").astype(np.float64, order="C")
 
 
+_NOT_HELD = ("a MATLAB object", "a link", "data of another file", "Python objects")
+"""Kinds whose content a file does not give away: text cannot be made of it here."""
+
+
 def _texts(source: Source, file: VariableFile, key: str, count: int | None = None) -> list[str]:
-    texts = None
-    if file.variables[key].kind in ("text", "a cell array"):
-        texts = file.texts(key)
-    elif file.variables[key].kind not in ("numbers", "Python objects"):
-        require_numbers(source, file.variables[key])  # an object, a link, ...: there is something to do about it
+    variable = file.variables[key]
+    texts = file.texts(key) if variable.kind in ("text", "a cell array") else None
     if not texts or (count is not None and len(texts) != count):
-        what = file.variables[key].words + (", numbers" if file.variables[key].kind == "numbers" else "")
+        what = (
+            variable.words + (", numbers" if variable.kind == "numbers" else "") if texts is None else describe(texts)
+        )
         raise source.error(
             f"hold one text a channel{'' if count is None else f' ({count})'} in `{key}`",
-            f"has {what} there" if texts is None else f"has {describe(texts)} there",
-            file.dialect.texts,
+            f"has {variable.kind if variable.kind in _NOT_HELD else what} there",
+            REMEDIES[variable.kind] if variable.kind in _NOT_HELD else file.dialect.texts,
         )
     return texts
