@@ -16,16 +16,13 @@ from rich.table import Table
 
 from floquid._bar import lines
 from floquid.lifting import Lifted
-from floquid.periodic import participation
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.views import (
-    MODE_NOTES,
-    is_real,
-    mode_notes,
+    mode_table,
+    note_meanings,
     outcome_lines,
     passed_words,
-    upper_modes,
     whitening_words,
     with_error,
 )
@@ -104,8 +101,7 @@ def print_analysis(analysis: Analysis, *, verbose: bool = False) -> None:
 
 def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> None:
     """What the columns of the table of modes are: with `verbose` all of them, else what a table cannot say itself."""
-    used = {word for r in upper_modes(analysis.model) for word in mode_notes(analysis, r)}
-    meanings = [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]
+    meanings = note_meanings(mode_table(analysis))
     without = FAILS if analysis.failed else NO_DEVIATIONS
     deviations = without if analysis.model.exponent_std is None else DEVIATIONS
     parts = [f"±: a conjugate pair; {deviations}"]
@@ -192,31 +188,13 @@ def print_modes(console: Console, analysis: Analysis) -> None:
 
 
 def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
-    """The table of modes, a conjugate pair a row, if wanted with the deviations of what is derived from exponents."""
-    model, std = analysis.model, analysis.model.exponent_std
-    frequency, damping = model.frequency_std_hz, model.damping_ratio_std
-    notes = [" ".join(mode_notes(analysis, r)) for r in upper_modes(model)]
-    numbers = ("Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded", "m")
-    table = new_table([""], numbers, ["note"] if any(notes) or not derived else [])
-    for number, r in enumerate(upper_modes(model), start=1):
-        error = std[r] if std is not None else complex(np.nan, np.nan)
-        value, real = model.exponents[r], is_real(model, r)
-        harmonics, _ = participation(model, r, 1.0 / analysis.noise)
-        table.add_row(
-            str(number),
-            with_error(value.real, error.real),
-            ("" if real else "±") + with_error(abs(value.imag), error.imag),
-            with_error(model.frequencies_hz[r], frequency[r])
-            if derived and frequency is not None
-            else f"{model.frequencies_hz[r]:.5g}",
-            with_error(100 * model.damping_ratios[r], 100 * damping[r])
-            if derived and damping is not None
-            else f"{100 * model.damping_ratios[r]:.3g}",
-            f"{abs(model.multipliers[r]):.4f}",
-            f"{abs(model.principal()[r].imag) / model.fundamental:.4f}",
-            f"{harmonics[0]}…{harmonics[-1]}" if len(harmonics) > 1 else f"{harmonics[0]}",
-            *(notes[number - 1 : number] if any(notes) or not derived else ()),
-        )
+    """The table of modes, if wanted with the deviations of what is derived from exponents."""
+    rows = mode_table(analysis, derived=derived)
+    noted = not derived or any(row.notes for row in rows)
+    table = new_table([""], ("Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded", "m"), ["note"] * noted)
+    for row in rows:
+        cells = (row.decay, row.frequency, row.hertz, row.damping, row.multiplier, row.folded, row.harmonics)
+        table.add_row(row.number, *cells, *[row.notes] * noted)
     return table
 
 

@@ -35,7 +35,7 @@ from floquid.reporting._record_figures import (
 )
 from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
 from floquid.reporting._system_figures import Truth, element_figures
-from floquid.views import Synchronisation
+from floquid.views import Synchronisation, mode_table, note_meanings
 
 LONGEST = 60  # the longest name of a source that fits a heading, in characters
 
@@ -58,7 +58,8 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
         loader=PackageLoader("floquid.reporting", "page"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    analysis, rows = case.analysis, words.mode_rows(case)
+    environment.filters["minus"] = words.minus
+    analysis, rows = case.analysis, mode_table(case.analysis)
     mark, sentence = words.verdict(analysis)
     return environment.get_template("page.html.jinja").render(
         title=title or _title(case),
@@ -82,7 +83,7 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
         warnings=analysis.warnings,
         evidence=words.evidence(analysis),
         rows=rows,
-        meanings=words.meanings(rows),
+        meanings=note_meanings(rows),
         responses=[response_name(case, *one) for one in responses(case)],
         responses_left=len(analysis.model.channels) * len(analysis.records) - len(responses(case)),
         left_out=len(analysis.model.channels) - len(case.channels),

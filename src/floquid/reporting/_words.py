@@ -8,14 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from floquid.periodic import participation
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.reporting._case import Case
 from floquid.views import (
-    MODE_NOTES,
-    is_real,
-    mode_notes,
     passed_words,
     period_words,
     raw_noise,
@@ -80,42 +76,6 @@ def checks(analysis: Analysis) -> list[SimpleNamespace]:
         met = value is not None and criterion.met(value)
         rows.append(SimpleNamespace(what=what, value=told, limit=bound, met=met))
     return rows
-
-
-def mode_rows(case: Case) -> list[SimpleNamespace]:
-    """The table of modes, a conjugate pair a row."""
-    analysis, model = case.analysis, case.analysis.model
-    std = model.exponent_std
-    hertz, damping = model.frequency_std_hz, model.damping_ratio_std
-    principal = np.abs(model.principal().imag) / model.fundamental
-    rows = []
-    for number, mode in enumerate(case.modes, start=1):
-        own = complex(np.nan, np.nan) if std is None else std[mode]
-        value = model.exponents[mode]
-        kept, _ = participation(model, mode, 1.0 / analysis.noise)
-        ratio = with_error(100.0 * model.damping_ratios[mode], np.nan if damping is None else 100.0 * damping[mode])
-        frequency = with_error(model.frequencies_hz[mode], np.nan if hertz is None else hertz[mode])
-        rows.append(
-            SimpleNamespace(
-                number=number,
-                decay=minus(with_error(value.real, own.real)),
-                frequency=("" if is_real(model, mode) else "±") + with_error(abs(value.imag), own.imag),
-                hertz=frequency,
-                damping=minus(ratio),
-                multiplier=f"{abs(model.multipliers[mode]):.4f}",
-                folded=f"{principal[mode]:.4f}",
-                harmonics=minus(f"{kept[0]} … {kept[-1]}" if len(kept) > 1 else "".join(str(m) for m in kept)),
-                notes=" ".join(mode_notes(analysis, mode)),
-                name=f"mode {number}, {frequency} Hz",  # for those who hear the page
-            )
-        )
-    return rows
-
-
-def meanings(rows: list[SimpleNamespace]) -> list[str]:
-    """What the words in the notes of the table mean."""
-    used = {word for row in rows for word in row.notes.split()}
-    return [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]
 
 
 def minus(text: str) -> str:

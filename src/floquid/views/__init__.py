@@ -6,6 +6,7 @@ Nothing here draws, and no plotting library is loaded.
 from floquid.views._ellipses import ellipse, exponent_ellipses, multiplier_ellipses
 from floquid.views._expansion import Expansion, expansion, identified_residue
 from floquid.views._families import Family, families, unfolded
+from floquid.views._mode_table import ModeRow, mode_table, note_meanings
 from floquid.views._modes import grows, is_real, upper_modes
 from floquid.views._names import element_unit, shortened
 from floquid.views._outcome import outcome_lines, verdict_line
@@ -19,6 +20,7 @@ __all__ = [
     "MODE_NOTES",
     "Expansion",
     "Family",
+    "ModeRow",
     "ShapeCurves",
     "Spectrum",
     "Synchronisation",
@@ -36,7 +38,9 @@ __all__ = [
     "lifted_points",
     "lifted_spectrum",
     "mode_notes",
+    "mode_table",
     "multiplier_ellipses",
+    "note_meanings",
     "outcome_lines",
     "passed_words",
     "period_words",
