@@ -56,15 +56,32 @@ def test_the_page_is_whole(text):
     assert "default-src 'none'" in text
 
 
-def test_every_mode_stands_with_its_deviation(analysis, text):
-    rows = mode_table(analysis)
-    assert len(rows) == 2
-    for row, mode in zip(rows, np.flatnonzero(analysis.model.exponents.imag > 0), strict=True):
-        value, digits = row.hertz.rstrip(")").split("(")
-        unit = 10.0 ** -len(value.partition(".")[2])
-        assert float(value) == pytest.approx(analysis.model.frequencies_hz[mode], abs=unit)
-        assert int(digits) * unit == pytest.approx(analysis.model.frequency_std_hz[mode], rel=0.06)
-        assert minus(row.decay) in text
+def test_every_mode_stands_with_its_deviation(analysis):
+    scale = np.repeat([1.0, 3.0], analysis.model.order)  # of a pair both parts have one deviation
+    model = replace(analysis.model, covariance=analysis.model.covariance * np.outer(scale, scale))
+    assert model.exponent_std[0].imag > 2.0 * model.exponent_std[0].real
+    analysis = replace(analysis, model=model, fit=replace(analysis.fit, model=model))
+    rows, text = mode_table(analysis), page(case_of(analysis, None), title=None, truth=None)
+    assert [row.number for row in rows] == ["1", "2"]
+    for row, mode in zip(rows, np.flatnonzero(model.exponents.imag > 0), strict=True):
+        exponent, std = model.exponents[mode], model.exponent_std[mode]
+        cells = {
+            row.decay: (exponent.real, std.real),
+            row.frequency.removeprefix("±"): (exponent.imag, std.imag),
+            row.hertz: (model.frequencies_hz[mode], model.frequency_std_hz[mode]),
+            row.damping: (100.0 * model.damping_ratios[mode], 100.0 * model.damping_ratio_std[mode]),
+        }
+        for cell, (estimate, deviation) in cells.items():
+            value, digits = cell.rstrip(")").split("(")
+            unit = 10.0 ** -len(value.partition(".")[2])
+            assert float(value) == pytest.approx(estimate, abs=unit)
+            assert int(digits) * unit == pytest.approx(deviation, rel=0.06)
+            assert minus(cell) in text
+        assert float(row.multiplier) == pytest.approx(abs(model.multipliers[mode]), abs=1e-4)
+        assert float(row.folded) == pytest.approx(abs(model.principal()[mode].imag) / model.fundamental, abs=1e-4)
+    short = mode_table(analysis, derived=False)
+    assert [row.hertz for row in short] == [f"{own:.5g}" for own in model.frequencies_hz[model.exponents.imag > 0]]
+    assert [row.decay for row in short] == [row.decay for row in rows]
 
 
 def test_a_model_that_fails_says_why(analysis):
