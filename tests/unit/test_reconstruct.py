@@ -164,6 +164,17 @@ def test_the_branch_of_an_exponent_does_not_matter(model):
     )
 
 
+@pytest.mark.parametrize(("seed", "noise"), [(1, 0.02), (2, 0.1), (3, 0.1)])
+def test_units_of_the_channels_do_not_matter_to_the_harmonics_of_a(seed, noise):
+    record = JeffcottRotor(damping=0.02).simulate(n_periods=40, samples_per_period=12, noise=noise, seed=seed)
+    units = np.ones(len(record.values))
+    units[0] = 1e4
+    other = dataclasses.replace(record, values=record.values * units[:, None])
+    one, scaled = (reconstruct(identify(own, order=4).model, ["X", "Y"]).system for own in (record, other))
+    scale = units[[0, 1, 0, 1]]
+    assert_allclose(scaled / scale[:, None] * scale, one, atol=1e-9)
+
+
 def test_units_of_the_states_do_not_matter_to_the_condition(model):
     """X in micrometres: A is transformed, and the equilibrated condition number is the same."""
     factor = np.array([1e6, 1.0, 1.0, 1.0])[:, None, None]

@@ -15,7 +15,7 @@ from floquid.pipeline import _validated, validated
 from floquid.systems import JeffcottRotor
 from floquid.validation import Criterion, Validation, _held_out, validate
 from floquid.validation._case import case_of, filtered, gains
-from floquid.validation._consistency import consistency
+from floquid.validation._consistency import DEVIATIONS, TOLERANCE, consistency
 from floquid.validation._residual import colour, peaks
 from floquid.validation._validate import _power
 
@@ -217,6 +217,19 @@ def test_a_state_matrix_of_another_system():
     scaled = consistency(right(), replace(state, transition=state.transition * 1.01))
     assert scaled.composition == pytest.approx(0.01, rel=0.05)
     assert max(scaled.multipliers, scaled.liouville) < 1e-3
+
+
+def test_the_trace_may_differ_by_the_deviation_of_the_exponents_sum():
+    model = right()
+    shift = 0.001 * len(model.exponents) * model.period
+    state = reconstruct(model, ["X", "Y"])
+    state = replace(state, system=state.system + 0.001 * np.eye(4))
+    found = []
+    for deviation in (1e-3, 1e-4):
+        covariance = np.diag(np.repeat([deviation**2, 1.0], model.order))
+        may = DEVIATIONS * deviation * np.sqrt(model.order) * model.period + TOLERANCE
+        found.append(consistency(replace(model, covariance=covariance), state).liouville * may / shift)
+    assert found == pytest.approx([1.0, 1.0], rel=0.05)
 
 
 def test_a_real_part_of_what_is_not_real():
