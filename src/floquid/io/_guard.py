@@ -24,10 +24,18 @@ from typing import Any, BinaryIO, cast
 from floquid.errors import FloquidError
 from floquid.io._source import DamagedError
 
-SECONDS, SECONDS_A_BYTE = 8, 5e-8
-"""Time of the processor that one file may take, and more of it by its size; about a tenth is what a good one needs."""
+SECONDS, SECONDS_A_BYTE = 8, 1e-6
+"""Time of the processor that one file may take, and more of it by its size.
+
+A result whose record is resampled takes 6e-8 s a byte, records 1e-9 to 6e-9, on a core of 2024; slow ones take several
+times that.
+"""
+
+RESERVED = 4 << 30
+"""Bytes of addresses that libraries take beyond the memory that they use: pyarrow 2 GB."""
 
 _LENGTH = struct.Struct("<Q")
+_THERE = b"floquid reads"
 
 
 class Guard:
@@ -46,32 +54,45 @@ class Guard:
         ------
         DamagedError
             The child ended, or took longer than a file of that size can need.
+
+        Where no child can be had, as in a program that is not run by a Python of its own, it is done here.
         """
-        if self._serving:
-            return function(*args, **options)
         with self._lock:
-            child = self._started()
-            try:
-                seconds = SECONDS + int(path.stat().st_size * SECONDS_A_BYTE)
-                _send(child.stdin, (Path.cwd(), seconds, function, args, options))
-                error, value = _received(child.stdout)
-            except (EOFError, BrokenPipeError):
-                self.stop()
-                late = os.name == "posix" and child.returncode == -signal.SIGXCPU
-                raise DamagedError(
-                    "taking it apart takes far longer than a whole file of its size" if late else "it ends its decoder"
-                ) from None
-            except BaseException:  # interrupted halfway: what the child would answer belongs to nothing
-                self.stop()
-                raise
+            child = None if self._serving else self._started()
+            if child is not None:
+                return self._answered(child, path, (function, args, options))
+        return function(*args, **options)
+
+    def _answered(
+        self, child: Any, path: Path, what: tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
+    ) -> Any:
+        try:
+            seconds = SECONDS + int(path.stat().st_size * SECONDS_A_BYTE)
+            _send(child.stdin, (_folder(), seconds, *what))
+            error, value = _received(child.stdout)
+        except (EOFError, BrokenPipeError):
+            self.stop()
+            late = os.name == "posix" and child.returncode == -signal.SIGXCPU
+            raise DamagedError(
+                "taking it apart takes far longer than a whole file of its size" if late else "it ends its decoder"
+            ) from None
+        except BaseException:  # interrupted halfway: what the child would answer belongs to nothing
+            self.stop()
+            raise
         if error is not None:
             raise error
         return value
 
     def _started(self) -> Any:
-        if self._child is None or self._owner != os.getpid():  # after a fork the child is the parent's
-            places = os.pathsep.join(place for place in sys.path if place)
-            command = [sys.executable, "-P", "-c", "from floquid.io._guard import GUARD; GUARD.serve()"]
+        """The child, which has said that it is there; None where it cannot be."""
+        if self._child is not None and self._owner == os.getpid():  # after a fork the child is the parent's
+            return self._child
+        program = Path(sys.executable or "")
+        if getattr(sys, "frozen", False) or not program.stem.lower().startswith(("python", "pypy")):
+            return None
+        places = os.pathsep.join(place for place in sys.path if place)
+        command = [str(program), "-P", "-c", "from floquid.io._guard import GUARD; GUARD.serve()"]
+        try:
             self._child = subprocess.Popen(  # noqa: S603
                 command,
                 stdin=subprocess.PIPE,
@@ -79,12 +100,18 @@ class Guard:
                 stderr=subprocess.DEVNULL,
                 env=os.environ | {"PYTHONPATH": places},
             )
+            self._owner = os.getpid()
             with suppress(ImportError, AttributeError, OSError):  # Linux: twice as fast for a long record
                 import fcntl
 
                 fcntl.fcntl(cast("Any", self._child.stdout), fcntl.F_SETPIPE_SZ, 1 << 20)
-            self._owner = os.getpid()
-        return self._child
+            if _exactly(cast("Any", self._child.stdout), len(_THERE)) == _THERE:
+                return self._child
+        except (OSError, EOFError):
+            pass
+        self.stop()
+        self._serving = True  # it will not be there for the next file either
+        return None
 
     def stop(self) -> None:
         """End the child, if there is one of this process."""
@@ -99,19 +126,34 @@ class Guard:
         answers = os.fdopen(os.dup(1), "wb")
         os.dup2(2, 1)  # what a library prints is no answer
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+        answers.write(_THERE)
+        answers.flush()
         with suppress(EOFError, BrokenPipeError):
             while True:
-                folder, seconds, function, args, options = _received(sys.stdin.buffer)
-                os.chdir(folder)  # where the program is now, and not where it was
-                _limit(seconds)
-                answer: Any
-                try:
-                    answer = None, function(*args, **options)
-                except Exception as error:  # noqa: BLE001  # raised again in the parent
-                    if not isinstance(error, (FloquidError, DamagedError)):
-                        error.add_note(traceback.format_exc())
-                    answer = error, None
-                _send(answers, answer)
+                os.chdir(Path(__file__).parent)  # a folder of the user's could not be removed on Windows
+                _send(answers, _answer(*_received(sys.stdin.buffer)))
+
+
+def _folder() -> Path | None:
+    """Where the program is now; None where that folder is gone."""
+    with suppress(OSError):
+        return Path.cwd()
+    return None
+
+
+def _answer(
+    folder: Path | None, seconds: int, function: Callable[..., Any], args: tuple[Any, ...], options: dict[str, Any]
+) -> tuple[Exception | None, Any]:
+    """The error of a function, and what it gives."""
+    _limit(seconds)
+    try:
+        if folder is not None:
+            os.chdir(folder)
+        return None, function(*args, **options)
+    except Exception as error:  # noqa: BLE001  # raised again in the parent
+        if not isinstance(error, (FloquidError, DamagedError)):
+            error.add_note(traceback.format_exc())
+        return error, None
 
 
 def _limit(seconds: int) -> None:
@@ -123,7 +165,7 @@ def _limit(seconds: int) -> None:
         _, most = resource.getrlimit(resource.RLIMIT_CPU)
         resource.setrlimit(resource.RLIMIT_CPU, (int(used.ru_utime + used.ru_stime) + 1 + seconds, most))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") + RESERVED
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
 
 

@@ -84,9 +84,10 @@ def real_row(values: NDArray[Any], name: object, source: Source) -> NDArray[np.f
 
 
 MISSING = "Mend that cell (empty or `nan` for a missing sample)"
+"""The remedy where a cell may be empty, to be gone on with."""
 
 
-def number_in(source: Source, cell: str, line: int, column: str, *, shown: str = "", remedy: str = MISSING) -> float:
+def number_in(source: Source, cell: str, line: int, column: str, *, remedy: str, shown: str = "") -> float:
     """The number in a `cell` of a text table in a `source`, NaN of an empty one.
 
     One that is none is refused by its `line` and `column`, as it is `shown` in the file; `remedy` says how to mend it.

@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,7 @@ def test_errors_are_those_of_the_function(guard):
         guard.call(HERE, read, "nowhere.h5")
     with pytest.raises(ValueError, match="invalid literal") as caught:
         guard.call(HERE, int, "five")
-    assert "in serve" in caught.value.__notes__[0], "where it happened"
+    assert "in _answer" in caught.value.__notes__[0], "where it happened"
     with pytest.raises(MemoryError):
         guard.call(HERE, np.ones, 1 << 50)
 
@@ -77,10 +78,44 @@ def test_a_decoder_that_never_ends_is_damage(guard, monkeypatch):
     assert guard.call(HERE, int, "7") == 7
 
 
+BUSY = "[None for now in [process_time] for begin in [now()] for _ in iter(lambda: now() - begin < 0.6, False)]"
+
+
 def test_time_is_counted_for_each_file(guard, monkeypatch):
+    """Four times 0.6 s of the processor, where one file may take a second, and the second that it began in."""
     monkeypatch.setattr("floquid.io._guard.SECONDS", 1)
     for _ in range(4):
-        guard.call(HERE, eval, "sum(range(40_000_000))")  # about 0.6 s
+        guard.call(HERE, eval, BUSY, {"process_time": time.process_time})
+
+
+def test_a_folder_that_is_gone_is_no_damage(guard, tmp_path, monkeypatch):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert guard.call(HERE, int, "7") == 7
+
+
+def test_the_child_keeps_neither_folders_nor_samples(guard, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    child = guard.call(HERE, os.getpid)
+    assert guard.call(HERE, np.ones, 20_000_000).nbytes == 160_000_000
+    if not Path("/proc/self").is_dir():
+        pytest.skip("no /proc")
+    assert Path(f"/proc/{child}/cwd").readlink() != tmp_path
+    used = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{child}/status").read_text())
+    assert int(used[1]) < 120_000
+
+
+@pytest.mark.parametrize("program", ["", "MATLAB", "python-that-is-not-there"])
+def test_without_a_python_to_start_it_is_done_here(guard, monkeypatch, program):
+    monkeypatch.setattr(sys, "executable", program)
+    assert guard.call(HERE, os.getpid) == os.getpid()
+
+
+def test_a_child_that_cannot_begin_is_not_the_files_fault(guard, monkeypatch):
+    monkeypatch.setattr("floquid.io._guard._THERE", b"floquid calls")
+    assert guard.call(HERE, os.getpid) == os.getpid()
 
 
 def test_what_a_library_prints_is_no_answer(guard):

@@ -183,7 +183,7 @@ def test_a_chunk_shorter_than_its_checksum(tmp_path):
             damaged.append(at)
     assert damaged
     path.write_bytes(data)
-    refused(path, "HDF5", "damaged")
+    refused(path, "parts of `channels`")
 
 
 @pytest.mark.parametrize(("unit", "quantity"), [("m/s^2", "acceleration"), ("", "displacement")])

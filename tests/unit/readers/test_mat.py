@@ -367,7 +367,7 @@ BAD = {
     "a shape without data": ([array(DOUBLE, (2, 2**31 - 1), "values", element(9, bytes(96)))], "damaged or cut short"),
     "an unknown type of data": ([array(DOUBLE, (1, 2), "values", element(200, bytes(16))), names("x")], "damaged"),
     "no variable": ([element(200, bytes(16))], "no variable where one is due"),
-    "numbers missing": ([array(DOUBLE, (1, 2), "values"), names("x")], "damaged or cut short"),
+    "numbers missing": ([array(DOUBLE, (1, 2), "values"), names("x")], "cut short", "could not read bytes"),
     "cells of a shape too large": ([array(CELL, (10**5, 10**5), "values", doubles([1.0]))], "Unable to allocate"),
     "packed noise": ([element(15, b"\x12\x34\x56\x78" * 10)], "damaged or cut short", "check"),
 }  # fmt: skip
