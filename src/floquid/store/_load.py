@@ -13,7 +13,7 @@ from floquid.io import GUARD, DamagedError, readable_file
 from floquid.lti import ModalModel, Outcome
 from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, Periodicity
-from floquid.pipeline import Analysis, Settings, lifted_views, samples_of
+from floquid.pipeline import Analysis, Settings, blas_threads, lifted_views, samples_of
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
 from floquid.store._datasets import get, get_fields, get_numbers, get_object
 from floquid.store._identifiers import from_text
@@ -81,7 +81,8 @@ def _read(file: Any, version: int) -> Analysis:
     settings = _settings(file["settings"])
     model: PeriodicModel = get_object(file["model"], PeriodicModel)
     records, shafts, fit = (_fit_of_version_1 if version == 1 else _fit)(file, model, settings)
-    cycles, lifted = lifted_views(fit, shafts, settings)
+    with blas_threads(fit.free):  # in as many threads as when it was identified: the same to the last digit
+        cycles, lifted = lifted_views(fit, shafts, settings)
     found = get_fields(file["modal"], ModalModel)
     found["outcome"] = Outcome[found["outcome"]]
     modal = ModalModel(**found)

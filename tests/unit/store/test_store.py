@@ -10,6 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 import floquid
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, Provenance, PulseTimes, Record
@@ -491,6 +492,15 @@ def test_what_was_measured_comes_back(rig, tmp_path):
     back = load(tmp_path / "r.h5")
     assert list(differences(rig, back)) == []
     assert back.model is back.fit.model
+
+
+def test_it_is_the_same_to_the_last_digit_with_threads_in_blas(rig, tmp_path, monkeypatch):
+    """Here, and not in a child, whose threads are those of its environment."""
+    monkeypatch.setattr("floquid.store._load.GUARD._serving", True)
+    with threadpool_limits(2, user_api="blas"):
+        analysis = identify(rig.records, settings=rig.settings)
+        save(analysis, tmp_path / "result.h5")
+        assert list(differences(analysis, load(tmp_path / "result.h5"))) == []
 
 
 def test_the_angle_of_the_shaft_comes_back(tmp_path):
