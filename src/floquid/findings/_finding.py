@@ -1,0 +1,104 @@
+"""A finding: a code, how much it matters, numbers, and where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from floquid._checks import Rebuilt, input_error
+from floquid.findings._words import WORDS
+
+
+class Severity(StrEnum):
+    """How much a finding matters."""
+
+    NOTE = "note"
+    """What was done, or what speaks for a result."""
+    WARNING = "warning"
+    """What speaks against a result, or what a reader must know."""
+    FAILURE = "failure"
+    """What a result fails by."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding(Rebuilt):
+    """What a stage found; `str(finding)` is the sentence for people.
+
+    Parameters
+    ----------
+    code
+        The kind of finding, a key of the table of words.
+    severity
+        How much it matters: a `Severity` or its value.
+    numbers
+        What the words are made of: numbers, names, and tuples of them, by name.
+    where
+        The record that it is of, such as "record 2"; empty where it is of all.
+    words
+        The sentence that a file holds for a code that this version does not know; empty otherwise.
+
+    Raises
+    ------
+    InputError
+        The code is not in the table, and there are no words.
+    """
+
+    code: str
+    severity: Severity
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    where: str = ""
+    words: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.words and self.code not in WORDS:
+            raise input_error("code", "Finding", "be one of the table of words", f"is {self.code!r}")
+        object.__setattr__(self, "severity", Severity(self.severity))
+        plain = {name: _plain(value) for name, value in self.numbers.items()}
+        object.__setattr__(self, "numbers", MappingProxyType(plain))
+
+    def __str__(self) -> str:
+        """The sentence, with the record that it is of ahead of it."""
+        if self.code not in WORDS:
+            return self.words
+        words = WORDS[self.code]
+        text = words.format(**self.numbers) if isinstance(words, str) else words(**self.numbers)
+        text = f"{self.where}: {text}" if self.where else text
+        return text[:1].upper() + text[1:]
+
+
+def note(code: str, where: str = "", **numbers: Any) -> Finding:
+    """What was done, or what speaks for a result."""
+    return Finding(code, Severity.NOTE, numbers, where)
+
+
+def warning(code: str, where: str = "", **numbers: Any) -> Finding:
+    """What speaks against a result, or what a reader must know."""
+    return Finding(code, Severity.WARNING, numbers, where)
+
+
+def failure(code: str, where: str = "", **numbers: Any) -> Finding:
+    """What a result fails by."""
+    return Finding(code, Severity.FAILURE, numbers, where)
+
+
+def texts(findings: Iterable[Finding], *severities: Severity) -> tuple[str, ...]:
+    """The sentences of those findings that are of one of the severities, or of all where none is named."""
+    return tuple(str(one) for one in findings if not severities or one.severity in severities)
+
+
+def _plain(value: Any) -> Any:
+    """A number, a name or a tuple of them as Python has it, so that it can be pickled, compared and written as JSON."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return tuple(_plain(one) for one in value)
+    if isinstance(value, complex):
+        return (value.real, value.imag)
+    return value

@@ -1,0 +1,19 @@
+"""Phrases that the words of several findings are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+LISTED = 3
+"""Places of one kind that are named one by one."""
+
+
+def listed(parts: Sequence[str], most: int = LISTED) -> str:
+    """The first few, and how many more there are."""
+    more = len(parts) - most
+    return "; ".join(parts[:most]) + (f"; and {more} more" if more > 0 else "")
+
+
+def both(parts: Sequence[str]) -> str:
+    """Names in a row: «a, b and c»."""
+    return " and ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)

@@ -1,0 +1,26 @@
+"""The table: the words of each finding by its code, all stages together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from floquid.findings._draws import DRAWS
+from floquid.findings._fit import FIT
+from floquid.findings._model import MODEL
+from floquid.findings._order import ORDER
+from floquid.findings._records import RECORDS
+from floquid.findings._shaft import SHAFT
+from floquid.findings._system import SYSTEM
+from floquid.findings._verdict import VERDICT
+
+WORDS: dict[str, str | Callable[..., str]] = {
+    **RECORDS,
+    **SHAFT,
+    **ORDER,
+    **FIT,
+    **MODEL,
+    **SYSTEM,
+    **VERDICT,
+    **DRAWS,
+}
+"""A template that the numbers are put into, or a function of them."""
