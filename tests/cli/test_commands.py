@@ -115,6 +115,7 @@ def test_json_is_the_summary_alone(here, quick_pictures):
     assert list(summary) == [
         "format", "period", "period_std", "misfit", "failed", "order", "order_choice", "n_cycles", "n_phases",
         "noise_whitening", "modes", "periodicity", "forced", "synchronisation", "system", "validation", "warnings",
+        "findings",
     ]  # fmt: skip
     assert summary["format"] == "floquid-summary/1"
     assert summary["period"] == pytest.approx(2.0 * np.pi, rel=1e-15)

@@ -77,7 +77,7 @@ def test_info_lists_the_variables_to_choose_from(here, rows, suffix):
             file["run/x"], file["run/y"], file["data"] = rows["X"], rows["Y"], np.column_stack([*rows.values()])
     message = "    data: 320 x 4\n    run/x: 1 x 320\n" if suffix == "mat" else "    data: 320 x 4\n    run/x: 320\n"
     typed(f"info lab.{suffix}", code=2, message=message)
-    typed(f"info lab.{suffix}", code=2, message="`channels` (`identify --channels`), as in data.T[0],data.T[1];")
+    typed(f"info lab.{suffix}", code=2, message="`--channels`, as in data.T[0],data.T[1];")
     typed(f"identify lab.{suffix} --period 1", code=2, message=message)
 
 

@@ -1,6 +1,7 @@
 """Result files of every released version are read. Each is kept with the script that wrote it."""
 
 import importlib.util
+import json
 import shutil
 from pathlib import Path
 
@@ -116,7 +117,7 @@ def test_what_was_fitted_in_version_1(name, tmp_path):
         np.testing.assert_allclose(value, truth[key], rtol=1e-9, atol=1e-12, err_msg=key)
     assert found.held == (name != "resampled")
     assert found.misfit == (truth["misfit"] if found.held else None)
-    assert bool(found.fit.reasons) == (name == "sampled")
+    assert bool(found.fit.findings) == (name == "sampled")
     save(found, tmp_path / "again.h5")
     again = load(tmp_path / "again.h5")
     for key in ("held", "misfit", "shafts", "settings"):
@@ -141,3 +142,19 @@ def test_the_scripts_of_version_1_still_run(name, tmp_path):
     spec.loader.exec_module(script)
     script.main(tmp_path)
     assert load(tmp_path / f"{name}.h5").model.order == 4
+
+
+def test_sentences_of_version_2_are_findings():
+    said = json.loads((FILES / "result_v2.json").read_text(encoding="utf-8"))
+    found = load(FILES / "result_v2.h5")
+    assert said["synchronisation"]
+    assert said["warnings"]
+    assert {
+        "synchronisation": list(found.synchronisation),
+        "warnings": list(found.warnings),
+        "validation": list(found.validation.reasons),
+        "reasons": list(found.choice.reasons),
+        "doubts": list(found.choice.doubts),
+        "shaft": list(found.shafts[0].reasons),
+    } == said
+    assert {own.code for own in found.findings} == {"sentence"}

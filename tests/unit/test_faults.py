@@ -42,9 +42,11 @@ def test_a_channel_cut_at_both_ends_or_one_is_told(bits, noise):
     if bits is None:
         assert 0.85 * np.sum(np.abs(both) == 0.7) <= two.samples <= np.sum(np.abs(both) == 0.7)
         assert two.share == two.samples / len(TIMES)
-    assert two.sentence.startswith(f"channel 'c1' is clipped at {two.levels[0]:.6g} m/s and {two.levels[1]:.6g} m/s: ")
-    assert two.sentence.endswith("%")
-    assert " m/s^2: " in one.sentence
+    assert two.finding.clause.startswith(
+        f"channel 'c1' is clipped at {two.levels[0]:.6g} m/s and {two.levels[1]:.6g} m/s: "
+    )
+    assert two.finding.clause.endswith("%")
+    assert " m/s^2: " in one.finding.clause
 
 
 @pytest.mark.parametrize("bits", [4, 6, 8, 12, 16])
@@ -99,7 +101,7 @@ def test_padding_and_lost_samples_are_dropouts_and_not_clipping():
     found = dropouts(made)
     assert [(d.channel, d.samples) for d in found] == [("c0", 100), ("c1", 50), ("c2", 1000), ("c3", 20)]
     assert_allclose([(d.first, d.last) for d in found[:2]], [(12.0, 12.099), (13.0, 13.049)])
-    assert found[3].sentence == "channel 'c3' stands still at 0 g from 15 to 15.019 s, 20 samples"
+    assert found[3].finding.clause == "channel 'c3' stands still at 0 g from 15 to 15.019 s, 20 samples"
     assert found[1].level == held[3000]
     assert dropouts(made, least=200) == (found[2],) or len(dropouts(made, least=200)) == 1
 
@@ -119,7 +121,7 @@ def test_gaps_that_all_channels_share_are_one():
     found = gaps(record(*values, start=2.0))
     assert [(g.channels, g.samples) for g in found] == [(("c0", "c1", "c2"), 100), (("c1",), 1), (("c0", "c1"), 10)]
     assert_allclose([(g.first, g.last) for g in found], [(2.1, 2.199), (2.5, 2.5), (9.99, 9.999)])
-    assert [g.sentence for g in found] == [
+    assert [g.finding.clause for g in found] == [
         "all 3 channels miss 100 samples from 2.1 to 2.199 s",
         "channel 'c1' misses 1 sample at 2.5 s",
         "channels 'c0', 'c1' miss 10 samples from 9.99 to 9.999 s",
@@ -148,7 +150,7 @@ def test_counts_that_wrapped_round_are_told(bits, scale, offset):
     jumps = int((np.abs(np.diff(round_)) > half).sum())
     (found,) = wrapped(record(decay(), round_ * scale))
     assert (found.channel, found.bits, found.jumps) == ("c1", bits, jumps)
-    assert f"jumps by {2**bits} counts, its whole range, {jumps} times" in found.sentence
+    assert f"jumps by {2**bits} counts, its whole range, {jumps} times" in found.finding.clause
 
 
 def test_what_fills_its_range_has_not_wrapped_round():

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, IdentificationError, InputError, Record
+from floquid.findings import texts
 from floquid.lifting import lift
 from floquid.periodic import fit
 from floquid.periodic.least_squares import forced_entries
@@ -180,7 +181,7 @@ def test_noise_that_is_coloured_along_the_record_is_whitened():
         assert found.model.order == 4
         assert found.whitening is not None
         assert found.noise == pytest.approx(0.05 * np.sqrt(1.0 - 0.9**2), rel=0.15)
-        assert not any("not white along the record" in doubt for doubt in found.doubts)
+        assert not any("not white along the record" in doubt for doubt in texts(found.findings, "warning"))
         scores.append(pulls(found.model))
     assert np.abs(scores).max() < 4.5
     assert 0.7 < np.sqrt(np.mean(np.square(scores))) < 1.4
@@ -193,16 +194,16 @@ def test_noise_that_is_coloured_and_not_whitened_is_named():
         given = coloured(record(n=1000), 0.9, seed=seed)
         found = fit([given], [CLOCK], start=ModeParameters.of(start), search=False, forced="none")
         assert found.whitening is None
-        assert any("not white along the record" in doubt for doubt in found.doubts)
+        assert any("not white along the record" in doubt for doubt in texts(found.findings, "warning"))
 
 
 @pytest.mark.slow
 def test_white_noise_is_not_called_coloured():
     """In the lowest band of this record hardly a line is apart from the exponentials, which take its noise away."""
     for seed in range(20):
-        doubts = fit([coloured(record(n=500), 0.0, seed=seed)], [CLOCK], forced="none").doubts
-        assert not any("not white" in doubt for doubt in doubts)
-    assert fit([record(n=500)], [CLOCK], forced="none").doubts == ()
+        doubts = fit([coloured(record(n=500), 0.0, seed=seed)], [CLOCK], forced="none").findings
+        assert not any(own.code == "coloured_noise" for own in doubts)
+    assert texts(fit([record(n=500)], [CLOCK], forced="none").findings, "warning") == ()
 
 
 @pytest.mark.parametrize("n", [500, 1600])
@@ -223,11 +224,12 @@ def test_a_search_that_ends_but_for_its_limit_says_so(monkeypatch):
     given, others = record(n=500, noise=0.01), np.array([-0.06 + 2.6j, -0.07 + 7.3j])
     more = response(given.times, OMEGA * given.times, shapes(seed=3), exponents=others)
     found = fit([replace(given, values=given.values + more)], [CLOCK], forced="none")
-    assert any("ended at 2, a pair counted once" in doubt for doubt in found.doubts)
-    assert any("peak that is left" in doubt and "is not all noise" in doubt for doubt in found.doubts)
+    doubts = texts(found.findings, "warning")
+    assert any("ended at 2, a pair counted once" in doubt for doubt in doubts)
+    assert any("peak that is left" in doubt and "is not all noise" in doubt for doubt in doubts)
     monkeypatch.setattr("floquid.periodic._fit_records.MOST_ENTRIES", 3)
     right = fit([coloured(record(n=500), 0.0, seed=0)], [CLOCK], forced="none")
-    assert not any("ended at" in doubt for doubt in right.doubts)
+    assert not any(own.code == "search_ended" for own in right.findings)
 
 
 def test_times_far_from_zero_lose_no_digits():

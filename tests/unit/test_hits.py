@@ -181,8 +181,8 @@ def test_a_bounce_is_one_impact_that_is_flagged():
     assert first.double
     assert not second.double
     assert_allclose(samples(record, [first.start, first.end, second.start]), [4000, 4250, 8000], atol=3)
-    assert "more than one blow" in first.sentence
-    assert "more than one blow" not in second.sentence
+    assert "more than one blow" in first.finding.clause
+    assert "more than one blow" not in second.finding.clause
     assert_allclose(samples(record, find_hits(record)), [4000, 4250, 8000], atol=3)
     # Nearer than the model looks back they cannot be told apart, and are still flagged.
     near, _ = find_impacts(measured((HITS[0], (4000, 1.0, 80.0), (4090, 0.7, 80.0), (8000, 1.0, 20.0))), apart=1 / RATE)
@@ -224,7 +224,7 @@ def test_the_force_shows_where_an_impact_begins_and_ends():
     assert (first.channel, second.channel) == ("hammer", "hammer")
     assert first.strength == 1.0
     assert second.strength == pytest.approx(25 / 40, abs=0.02)
-    assert "seen in the force 'hammer'" in first.sentence
+    assert "seen in the force 'hammer'" in first.finding.clause
 
 
 def test_a_bounce_in_the_force_is_flagged_and_a_small_one_is_passed_over():

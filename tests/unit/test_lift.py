@@ -132,7 +132,7 @@ def test_a_constant_channel_is_refused_by_name(level):
     values[1] = level
     message = refused(cycles(values=values))
     assert f"must have channels that vary, but channel 'c1' of hit 1 is constant ({level:g})" in message
-    assert "--channels" in message
+    assert "`channels=`" in message
 
 
 def test_all_zeros_are_refused():

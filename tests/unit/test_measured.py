@@ -149,9 +149,9 @@ def vague(_):
 def test_harmonics_that_turn_are_not_overruled(monkeypatch, torn):
     monkeypatch.setattr(_doubts, "_period_alone", vague)
     monkeypatch.setattr(_doubts, "spacing", lambda *_: torn)
-    said = _doubts.wrong_own_period(*drifting())
+    said = str(_doubts.wrong_period_fitted(*drifting()))
     assert "does not repeat" in said
-    assert float(said.split("its own is ")[1].split(" ")[0]) == pytest.approx(2.0 * np.pi, abs=1e-3)
+    assert float(said.split("its own is ")[1].split(" ", maxsplit=1)[0]) == pytest.approx(2.0 * np.pi, abs=1e-3)
 
 
 @pytest.mark.parametrize("own", [None, (0.0, 1e-5), (3e-4, 1e-3), (1e-9, 1e-11)])
@@ -159,7 +159,7 @@ def test_what_no_deviation_or_no_sample_shows_says_nothing(monkeypatch, own):
     monkeypatch.setattr(_doubts, "spacing", lambda *_: None)
     monkeypatch.setattr(_doubts, "_period_alone", vague)
     found, lifted, prepared = drifting()
-    assert _doubts.wrong_own_period(replace(found, own_period=own), lifted, prepared) == ""
+    assert _doubts.wrong_period_fitted(replace(found, own_period=own), lifted, prepared) is None
 
 
 def test_a_step_that_no_fit_can_tell_is_overruled(monkeypatch):
@@ -168,11 +168,11 @@ def test_a_step_that_no_fit_can_tell_is_overruled(monkeypatch):
     monkeypatch.setattr(_doubts, "spacing", lambda *_: None)
     monkeypatch.setattr(_doubts, "_period_alone", vague)
     many = replace(found, own_period=(1.2, 0.03))
-    assert _doubts.wrong_own_period(many, lifted, prepared) == ""
+    assert _doubts.wrong_period_fitted(many, lifted, prepared) is None
     monkeypatch.setattr(_doubts, "_period_alone", lambda _: None)
-    assert _doubts.wrong_own_period(many, lifted, prepared) == ""
+    assert _doubts.wrong_period_fitted(many, lifted, prepared) is None
     monkeypatch.setattr(_doubts, "_period_alone", lambda _: (6.4, 0.01))
-    assert "its own is 6.4 " in _doubts.wrong_own_period(many, lifted, prepared)
+    assert "its own is 6.4 " in str(_doubts.wrong_period_fitted(many, lifted, prepared))
 
 
 def test_an_imbalance_that_is_left_in_is_named():

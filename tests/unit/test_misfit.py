@@ -150,7 +150,7 @@ def test_a_model_that_fails_has_no_deviations(which, request):
     assert found.modal.covariance is None
     assert found.periodicity is None
     assert found.warnings[0].startswith("The model fails: what it leaves of the record is ")
-    assert "`--order`" in found.warnings[0]
+    assert "`order=`" in found.warnings[0]
     assert not found.validation.passed
     assert found.validation.reasons[0].startswith("The model fails: ")
     assert "misfit" in found.validation.unmet
@@ -212,5 +212,5 @@ def test_what_needs_deviations_refuses_a_model_that_fails(failing):
 
 def test_what_to_try_goes_by_what_was_asked_for():
     found = identify(RECORD, harmonics=0, order=2, forced="none", validate=False)
-    for way in ("--order", "--harmonics", "--forced", "--skip"):
+    for way in ("order=", "harmonics=", "forced=", "skip="):
         assert f"`{way}`" in found.warnings[0]

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 
 import floquid as fq
 from floquid.errors import InputError
+from floquid.findings import Finding
 from floquid.lti import ERA
 from floquid.order import Stability
 from floquid.order import scan as scan_orders
@@ -84,12 +85,16 @@ def test_every_mode_stands_with_its_deviation(analysis):
     assert [row.decay for row in short] == [row.decay for row in rows]
 
 
+def said(text):
+    return Finding("sentence", "warning", words=text)
+
+
 def test_a_model_that_fails_says_why(analysis):
     found = analysis.validation
     criteria = dict(found.criteria) | {"fit": Criterion(limit=1.5, at_least=True)}
-    failed = replace(found, criteria=criteria, passed=False, reasons=("Half <of it> is missing: look again.",))
+    failed = replace(found, criteria=criteria, passed=False, findings=(said("Half <of it> is missing: look again."),))
     shown = page(
-        case_of(replace(analysis, validation=failed, warnings=("Mind & beware.",)), None), title=None, truth=None
+        case_of(replace(analysis, validation=failed, findings=(said("Mind & beware."),)), None), title=None, truth=None
     )
     words = without_scripts(shown)
     assert "The model does not pass its checks." in words

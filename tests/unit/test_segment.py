@@ -139,7 +139,7 @@ def test_no_record_and_no_clock_are_refused():
     assert refused([]) == "Argument `records` of `segment` must hold at least one record, but is empty."
     message = refused(record(period=None))
     assert "must have a clock, but the record has none" in message
-    assert "--period SECONDS" in message
+    assert "`period=`" in message
     assert "must have a clock" in refused([record(), record(period=None)])
 
 

@@ -143,7 +143,7 @@ def test_a_forced_response_left(per_revolution, turn, words):
     found = judged(record, periods_per_revolution=per_revolution)
     assert {"tone"} <= set(found.unmet) <= {"tone", "held_out_error"}
     assert said(found).startswith(f"{words} per revolution left in channel Y: 0.")
-    assert "`forced`" in said(found)
+    assert "`forced=`" in said(found)
     place = np.argmin(np.abs(found.turns - turn))
     assert found.tones[1, 0, place] == pytest.approx(0.5, abs=0.08)
 
@@ -401,7 +401,7 @@ def test_a_criterion_without_a_number_is_not_met():
         metrics={"fit": 0.5, "tone": 0.05},
         criteria={"fit": Criterion(limit=0.9, at_least=True), "tone": Criterion(limit=0.1), "x": Criterion(limit=1.0)},
         passed=False,
-        reasons=(),
+        findings=(),
         fit=nothing,
         held_out_error=nothing,
         colour=nothing,

@@ -8,6 +8,7 @@ import numpy as np
 from cyclopts import CycloptsError, UnusedCliTokensError
 
 from floquid.errors import IdentificationError, InputError
+from floquid.views import for_command
 
 DONE, FAILED, BAD_INPUT, NOT_MET, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -80,7 +81,7 @@ def explained(error: BaseException) -> tuple[str, int]:
     if isinstance(error, InputError):
         return in_options(str(error)), BAD_INPUT
     if isinstance(error, IdentificationError):
-        return str(error), FAILED
+        return for_command(str(error)), FAILED
     if isinstance(error, MemoryError):
         words = "This needs more memory than there is: use a shorter record or fewer channels (`identify --channels`)."
         return words, FAILED
@@ -103,7 +104,7 @@ def explained(error: BaseException) -> tuple[str, int]:
 def in_options(message: str) -> str:
     """A message about an argument of a callable as one about an option: «`--rate` must be …»."""
     match = _SUBJECT.match(message)
-    message = message.replace("pass period=", "pass --period ")
+    message = for_command(message.replace("pass period=", "pass --period "))
     if match is None:
         return message
     argument, of = match[1], match[2]

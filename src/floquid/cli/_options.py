@@ -18,6 +18,7 @@ from floquid.cli._settings import IdentifierName
 from floquid.pipeline import Settings
 from floquid.readers import SUFFIXES, WRITTEN
 from floquid.reconstruction import Form
+from floquid.views import SHORT
 
 
 def whole_number(_type: Any, tokens: Sequence[Token]) -> int:
@@ -81,9 +82,6 @@ def period_of(period: float | None, frequency: float | None, of: str) -> float |
     return positive(1.0 / positive(frequency, "--frequency", of, unit="Hz"), "period", "Settings", unit="s")
 
 
-NAMES = {"pulses_per_revolution": "pulses_per_rev", "periods_per_revolution": "periods_per_rev"}
-"""Settings that have shorter names here."""
-
 RECORDS = (  # the settings that say what records are taken for: those of every command that starts from records
     *("period", "tach", "azimuth", "estimate_period", "pulses_per_revolution", "periods_per_revolution"),
     *("channels", "orbit", "find_hits", "skip", "forced", "trust_period", "noise_floor"),
@@ -122,7 +120,7 @@ def _option(name: str, kind: Any, words: str, default: Any, group: Group) -> tup
         more["negative"] = ()
     elif kind is not bool and default not in (None, (), "", 0.0):
         more["help"] = f"{words} [default: {default:g}]" if kind in (int, float) else f"{words} [default: {default}]"
-    return NAMES.get(name, name), Annotated[kind | None, Parameter(**more)], None
+    return SHORT.get(name, name), Annotated[kind | None, Parameter(**more)], None
 
 
 def _options(title: str, *groups: tuple[str, tuple[str, ...]]) -> type:
@@ -147,7 +145,7 @@ def given(options: object, of: str) -> dict[str, Any]:
     """The fields of `Choices` that were said, by name, with options of one of the classes here; `of` the command."""
     if options is None:
         return {}
-    long = {short: name for name, short in NAMES.items()}
+    long = {short: name for name, short in SHORT.items()}
     said = {long.get(f.name, f.name): getattr(options, f.name) for f in fields(options)}  # type: ignore[arg-type]
     if "frequency" in said:
         said["period"] = period_of(said["period"], said.pop("frequency"), of)

@@ -38,6 +38,7 @@ from floquid.cli._terminal import (
     progress,
     terminal,
 )
+from floquid.findings import as_mapping, texts
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel, Outcome
 from floquid.order import OrderScan, Stability
@@ -193,8 +194,8 @@ def _print_scan(scanned: Scanned, identifier: str, out: Path | None) -> None:
     )
     for step in lifted.provenance.steps:
         console.print(f"  {step}", style="dim")
-    for sentence in scanned.prepared.findings:
-        console.print(f"  {sentence}")
+    for finding in scanned.prepared.findings:
+        console.print(f"  {finding}")
     for fault in scanned.prepared.faults:
         console.print(f"Warning: {fault}", style="yellow")
     print_whitening(console, lifted)
@@ -243,8 +244,9 @@ def _scan_text(scanned: Scanned, choices: Choices) -> str:
         "n_phases": lifted.n_phases,
         "noise_whitening": None if lifted.whitening is None else lifted.whitening.tolist(),
         "channels": [channel.name for channel in lifted.channels],
-        "synchronisation": list(scanned.prepared.findings),
-        "warnings": list(scanned.prepared.faults),
+        "synchronisation": list(texts(scanned.prepared.findings)),
+        "findings": [as_mapping(own) for own in scanned.prepared.findings],
+        "warnings": list(texts(scanned.prepared.faults)),
         "identifier": choices.identifier or "era",
         "tolerances": {name: getattr(tolerances, name) for name in ("frequency", "damping", "decay", "shape")},
         "orders": [

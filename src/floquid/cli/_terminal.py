@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
+from rich.text import Text
 
 from floquid._bar import lines
 from floquid.lifting import Lifted
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.views import (
+    for_command,
     mode_table,
     note_meanings,
     outcome_lines,
@@ -42,8 +44,16 @@ RARE = 0.01  # the probability of a structure's misfit below which it is told th
 
 
 def terminal(*, stderr: bool = False) -> Console:
-    """A console that prints names and units as they are: brackets are no markup, colons no emoji."""
-    return Console(stderr=stderr, markup=False, emoji=False, highlight=False)
+    """A console that prints names and units as they are, and options as the command has them."""
+    return _Terminal(stderr=stderr, markup=False, emoji=False, highlight=False)
+
+
+class _Terminal(Console):
+    """A console on which texts name the options of the command, not those of Python."""
+
+    def render_str(self, text: str, **how: Any) -> Text:
+        """The text as rich shows it."""
+        return super().render_str(for_command(text), **how)
 
 
 def new_table(left: Sequence[str], right: Sequence[str], after: Sequence[str] = ()) -> Table:

@@ -29,7 +29,7 @@ class Channel:
     Parameters
     ----------
     name
-        The name by which the channel is chosen (`--channels`, `states`).
+        The name by which the channel is chosen (`channels`, `states`).
     quantity
         What is measured. With no unit given it is a displacement; otherwise it is taken from the unit.
     unit

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
+from floquid.findings import as_mapping
 from floquid.order import Choice
 from floquid.periodic import ForcedResponse, PartialTests, Periodicity, participation
 from floquid.pipeline import Analysis
@@ -21,8 +22,9 @@ def summary(analysis: Analysis) -> dict[str, Any]:
     Every exponent is listed, conjugates included; a complex number is [real, imaginary]. `participation` is the share
     of each of the mode's `harmonics` in the energy of its shape, channels weighted by the inverse of their noise.
     `forced` has the forced response beside the free one, `synchronisation` what was done to the record and how well it
-    is synchronised. `validation` has the verdict on the model with its numbers and their limits. `noise_whitening` has
-    the filter of each channel that took the colour of the noise off. `periodicity` says whether the response is that of
+    is synchronised, `warnings` what a reader must know, `findings` both by code, severity and numbers. `validation` has
+    the verdict on the model with its numbers and their limits. `noise_whitening` has the filter of each channel that
+    took the colour of the noise off. `periodicity` says whether the response is that of
     a periodic system at all: probabilities, and the share of its mode that each harmonic has and would be seen at.
     `misfit` is what the fit leaves over its noise, null where there is none, and `failed` whether it is so much that
     the model fails: then no exponent and no shape has a deviation.
@@ -59,6 +61,7 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         "system": None if analysis.state is None else _system(analysis.state, analysis.refinement),
         "validation": None if analysis.validation is None else _validation(analysis.validation),
         "warnings": list(analysis.warnings),
+        "findings": [as_mapping(own) for own in analysis.findings],
     }
 
 
@@ -115,7 +118,12 @@ def _pairs(values: NDArray[np.complex128]) -> list[Any]:
 
 
 def _choice(choice: Choice) -> dict[str, Any]:
-    return {"ambiguous": choice.ambiguous, "reasons": list(choice.reasons), "doubts": list(choice.doubts)}
+    return {
+        "ambiguous": choice.ambiguous,
+        "reasons": list(choice.reasons),
+        "doubts": list(choice.doubts),
+        "findings": [as_mapping(own) for own in choice.findings],
+    }
 
 
 def mode_entries(model: PeriodicModel, weights: NDArray[np.float64]) -> list[dict[str, Any]]:
@@ -167,6 +175,7 @@ def _validation(validation: Validation) -> dict[str, Any]:
         "passed": validation.passed,
         "fit": validation.metrics.get("fit"),
         "reasons": list(validation.reasons),
+        "findings": [as_mapping(own) for own in validation.findings],
         "metrics": dict(validation.metrics),
         "criteria": {
             name: {"at_least" if own.at_least else "at_most": own.limit} for name, own in validation.criteria.items()

@@ -7,6 +7,6 @@ options of Python as `name=`; the command and the page say what they are called 
 Decision 0026 says why the words stand below the stages, not in `views`.
 """
 
-from floquid.findings._finding import Finding, Severity, failure, note, texts, warning
+from floquid.findings._finding import Finding, Severity, as_mapping, failure, from_mapping, note, texts, warning
 
-__all__ = ["Finding", "Severity", "failure", "note", "texts", "warning"]
+__all__ = ["Finding", "Severity", "as_mapping", "failure", "from_mapping", "note", "texts", "warning"]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Any
@@ -40,7 +41,7 @@ class Finding(Rebuilt):
     where
         The record that it is of, such as "record 2"; empty where it is of all.
     words
-        The sentence that a file holds for a code that this version does not know; empty otherwise.
+        The sentence of a finding that was read from a file; empty for that of the table.
 
     Raises
     ------
@@ -50,7 +51,7 @@ class Finding(Rebuilt):
 
     code: str
     severity: Severity
-    numbers: Mapping[str, Any] = field(default_factory=dict)
+    numbers: Mapping[str, Any] = field(default_factory=dict, hash=False)
     where: str = ""
     words: str = field(default="", compare=False)
 
@@ -63,31 +64,52 @@ class Finding(Rebuilt):
 
     def __str__(self) -> str:
         """The sentence, with the record that it is of ahead of it."""
-        if self.code not in WORDS:
+        if self.words:
             return self.words
         words = WORDS[self.code]
         text = words.format(**self.numbers) if isinstance(words, str) else words(**self.numbers)
         text = f"{self.where}: {text}" if self.where else text
         return text[:1].upper() + text[1:]
 
+    @property
+    def clause(self) -> str:
+        """The same as a part of another sentence: without the record, a capital and a full stop."""
+        text = str(replace(self, where=""))
+        return text[:1].lower() + text[1:].removesuffix(".")
 
-def note(code: str, where: str = "", **numbers: Any) -> Finding:
-    """What was done, or what speaks for a result."""
+
+def as_mapping(finding: Finding) -> dict[str, Any]:
+    """Code, severity, numbers, where and text of a `finding`, ready for JSON."""
+    named = {"code": finding.code, "severity": finding.severity.value, "numbers": dict(finding.numbers)}
+    return named | {"where": finding.where, "text": str(finding)}
+
+
+def from_mapping(content: Mapping[str, Any]) -> Finding:
+    """The finding of the `content` that `as_mapping` gave; one of another code or other words keeps its own words."""
+    read = Finding(*(content[name] for name in ("code", "severity", "numbers", "where", "text")))
+    with suppress(KeyError, TypeError, ValueError):
+        own = replace(read, words="")
+        return own if str(own) == read.words else read
+    return read
+
+
+def note(code: str, *, where: str = "", **numbers: Any) -> Finding:
+    """A note of a `code` with its `numbers`: what was done, or what speaks for a result; `where` names the record."""
     return Finding(code, Severity.NOTE, numbers, where)
 
 
-def warning(code: str, where: str = "", **numbers: Any) -> Finding:
-    """What speaks against a result, or what a reader must know."""
+def warning(code: str, *, where: str = "", **numbers: Any) -> Finding:
+    """A warning of a `code` with its `numbers`: what a reader must know; `where` names the record."""
     return Finding(code, Severity.WARNING, numbers, where)
 
 
-def failure(code: str, where: str = "", **numbers: Any) -> Finding:
-    """What a result fails by."""
+def failure(code: str, *, where: str = "", **numbers: Any) -> Finding:
+    """A failure of a `code` with its `numbers`: what a result fails by; `where` names the record."""
     return Finding(code, Severity.FAILURE, numbers, where)
 
 
 def texts(findings: Iterable[Finding], *severities: Severity) -> tuple[str, ...]:
-    """The sentences of those findings that are of one of the severities, or of all where none is named."""
+    """The sentences of those `findings` that are of one of the `severities`, or of all where none is named."""
     return tuple(str(one) for one in findings if not severities or one.severity in severities)
 
 

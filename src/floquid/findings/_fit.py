@@ -2,7 +2,112 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-FIT: dict[str, str | Callable[..., str]] = {}
+from floquid.findings._phrases import both
+
+
+def _hertz(frequencies: Sequence[float]) -> str:
+    return both([f"{frequency:.4g} Hz" for frequency in frequencies])
+
+
+def _needed(number: int) -> str:
+    words = "One mode is" if number == 1 else f"{number} modes, a pair counted once, are"
+    return f"{words} needed: noise explains none of them, nor do the harmonics of another."
+
+
+def _peak(frequency: float, share: float, loud: bool) -> str:
+    more = ": what is left is not all noise (a nonlinearity, a drifting amplitude, another tone)" if loud else ""
+    return (
+        f"The strongest peak that is left, at {frequency:.4g} Hz, is {share:.2f} of the highest that noise alone "
+        f"mostly has{more}."
+    )
+
+
+def _undamped(frequencies: Sequence[float], on: int) -> str:
+    heard = ", ".join(f"{frequency:.4g}" for frequency in frequencies)
+    return (
+        f"Lines that do not decay, at {heard} Hz, are a forced response: they tell the revolution, not the period. "
+        f"{on} of {len(frequencies)} are at multiples of half the fundamental."
+    )
+
+
+def _families(lines: int, spacings: int, families: int, frequency: float, odds: float) -> str:
+    spaced = "one spacing" if spacings == 1 else f"{spacings} spacings"
+    several = "one family" if families == 1 else f"{families} families"
+    return (
+        f"{lines} lines that decay are {several} with {spaced} of multiples of {frequency:.6g} Hz; odds against "
+        f"chance, from frequencies alone, are 1e{odds:.1f}."
+    )
+
+
+SMALLEST = 1e-300
+"""Probabilities below this are not told apart."""
+
+
+def _p(p: float) -> str:
+    return f"p < {SMALLEST:g}" if p < SMALLEST else f"p = {p:.2g}"
+
+
+def _periodic(p: float, harmonic: int, mode: int, channel: str) -> str:
+    places = [f"at {harmonic} per period"] * bool(harmonic) + [f"in mode {mode}"] * bool(mode)
+    places += [f"in channel {channel}"] * bool(channel)
+    where = f"strongest {', '.join(places)}" if places else "no one harmonic, mode or channel stands out"
+    return f"The response is periodic: {_p(p)}, {where}."
+
+
+def _not_periodic(p: float, least: float, most: float, low: int, high: int, power: float) -> str:
+    small, large = f"{100 * least:.2g} %", f"{100 * most:.2g} %"
+    size = large if small == large else f"{small} (mode {low}) to {large} (mode {high})"
+    seen = f"harmonics above {size} of the mode would have been, {100 * power:.3g} times in 100"
+    return f"Nothing periodic is seen: {_p(p)}; {seen}."
+
+
+def _untested(modes: Sequence[int], harmonics: Sequence[int]) -> str:
+    cases = ", ".join(f"{m} of mode {mode}" for mode, m in zip(modes, harmonics, strict=True))
+    return f"Not tested, being beyond what the sampling shows, not fitted, or on a mode: m = {cases}."
+
+
+FIT: dict[str, str | Callable[..., str]] = {
+    "all_needed": _needed,
+    "strongest_peak": _peak,
+    "coloured_noise": "The noise is not white along the record: about {loud:.4g} Hz it is {ratio:.3g} times that about "
+    "{quiet:.4g} Hz. It is taken for white: the intervals of modes are too short where it is loud, and too long where "
+    "it is quiet; a weak mode where it is loud may be noise.",
+    "cluster": "The mode at {frequency:.4g} Hz is most likely a cluster of several that fold onto one another: its "
+    "harmonics ask for different exponents. Its deviation covers them.",
+    "double": "The modes at {first:.4g} Hz and {second:.4g} Hz are whole numbers of fundamentals apart within "
+    "{decays:g} of their decay: they may be one mode with harmonics that its band leaves out.",
+    "product": lambda frequency, of: (
+        f"The mode at {frequency:.4g} Hz is most likely no mode: its multiplier is a product of those at {_hertz(of)}, "
+        "which a nonlinearity makes."
+    ),
+    "search_ended": "The search for modes was ended at {number}, a pair counted once, with more to be found: most of "
+    "them are noise that is not white along the record, or what a nonlinearity leaves.",
+    "undamped_lines": _undamped,
+    "line_families": _families,
+    "period_no_line": "Cannot tell: no line that decays rises above the noise.",
+    "period_no_family": "Cannot tell: no two lines have one decay, as harmonics of a mode have: the response is that "
+    "of a system that is constant, as far as it rises above the noise.",
+    "period_one_spacing": "Cannot tell: one spacing alone is no period: two modes of a constant system with the same "
+    "damping look the same.",
+    "period_by_chance": "Cannot tell: spacings as noisy as these would agree by chance.",
+    "period_other": "Cannot tell: spacings of {frequency:.6g} Hz explain the lines as well, with other lines belonging "
+    "together.",
+    "period_lost": "Cannot tell: the fit with one spacing for all families goes away from the lines.",
+    "period_differs": "Cannot tell: fitted to the whole record the period is another than that of its lines.",
+    "periodic": _periodic,
+    "not_periodic": _not_periodic,
+    "periodic_untestable": "Whether anything is periodic cannot be tested: no harmonic beside the zeroth is to be "
+    "seen.",
+    "periodic_untold": lambda p, spacing: (
+        f"Whether anything is periodic cannot be told: there are harmonics ({_p(p)}), but not where harmonics are "
+        f"(p = {spacing:.2g}). Most likely modes of a constant system fold onto one another, and were taken for one."
+    ),
+    "untested": _untested,
+    "locked": lambda modes: (
+        f"The multipliers of modes {', '.join(map(str, modes))} are real, as those of modes that periodicity locks; a "
+        "constant system has that only by chance. It is no part of the test."
+    ),
+}
 """By code."""

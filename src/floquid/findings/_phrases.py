@@ -8,12 +8,17 @@ LISTED = 3
 """Places of one kind that are named one by one."""
 
 
-def listed(parts: Sequence[str], most: int = LISTED) -> str:
+def listed(parts: Sequence[str]) -> str:
     """The first few, and how many more there are."""
-    more = len(parts) - most
-    return "; ".join(parts[:most]) + (f"; and {more} more" if more > 0 else "")
+    more = len(parts) - LISTED
+    return "; ".join(parts[:LISTED]) + (f"; and {more} more" if more > 0 else "")
 
 
 def both(parts: Sequence[str]) -> str:
     """Names in a row: «a, b and c»."""
     return " and ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
+
+
+def response(channel: str, hit: int) -> str:
+    """The response of a channel to a hit, counted from one; 0 where there is one hit alone."""
+    return f"channel {channel} of hit {hit}" if hit else f"channel {channel}"

@@ -2,7 +2,140 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from typing import TypeAlias
 
-VERDICT: dict[str, str | Callable[..., str]] = {}
+from floquid.findings._phrases import listed, response
+
+Names: TypeAlias = Sequence[str]
+Numbers: TypeAlias = Sequence[float]
+
+
+def _tones(turns: Numbers, per_revolution: float, channels: Names, hits: Sequence[int], sizes: Numbers) -> str:
+    parts = [
+        f"{_tone(turn * per_revolution)} left in {response(channel, hit)}: {size:.3g} times its noise"
+        for turn, channel, hit, size in zip(turns, channels, hits, sizes, strict=True)
+    ]
+    return f"{listed(parts)}. It is a forced response: fit it beside the modes with `forced=`, or take it off."
+
+
+def _tone(per_revolution: float) -> str:
+    """One harmonic of the revolution."""
+    if per_revolution == 0.0:
+        return "an offset"
+    return f"{Fraction(per_revolution).limit_denominator(999)} per revolution"
+
+
+def _harmonics(
+    harmonics: Sequence[int], frequencies: Numbers, shares: Numbers, channels: Names, hits: Sequence[int]
+) -> str:
+    parts = [
+        f"harmonic {harmonic:+d} of the mode at {frequency:.4g} Hz left, {share:.2g} of the response, most in "
+        f"{response(channel, hit)}"
+        for harmonic, frequency, share, channel, hit in zip(harmonics, frequencies, shares, channels, hits, strict=True)
+    ]
+    remedy = (
+        "Keep more harmonics (`harmonics=`), or let them be chosen; where many are left, modes are missing or wrong."
+    )
+    return f"{listed(parts)}. {remedy}"
+
+
+def _lines(frequencies: Numbers, channels: Names, hits: Sequence[int], sizes: Numbers) -> str:
+    parts = [
+        f"a line at {frequency:.5g} Hz left in {response(channel, hit)}: {size:.3g} times its noise"
+        for frequency, channel, hit, size in zip(frequencies, channels, hits, sizes, strict=True)
+    ]
+    return (
+        f"{listed(parts)}. It is no harmonic of the revolution, and none of those looked at of a mode: a mode that is "
+        "missing (`order=`), harmonics beyond those kept (`harmonics=`), a period that is not the response's own, or "
+        "interference."
+    )
+
+
+def _colour(channels: Names, hits: Sequence[int], squares: Numbers) -> str:
+    parts = [
+        f"{response(channel, hit)} (squared correlations sum to {square:.3g})"
+        for channel, hit, square in zip(channels, hits, squares, strict=True)
+    ]
+    return (
+        f"what is left is not white but broadband colour in {listed(parts)}. Deviations are too small or too large "
+        "there: look for modes that are missing, filters and drifts of the sensors, or a period that is not the "
+        "response's own."
+    )
+
+
+def _held_out_fit(fit: float, channel: str, hit: int, least: float) -> str:
+    return (
+        f"the model predicts {fit:.1%} of the response in cycles that it was not fitted to, least in "
+        f"{response(channel, hit)} ({least:.1%}). It is not a model of this response: look for missing modes and "
+        "harmonics, and check the period."
+    )
+
+
+def _held_out_error(ratio: float, channel: str, hit: int, part: str) -> str:
+    return (
+        f"where cycles are held out, the error of prediction is {ratio:.3g} times what noise explains in "
+        f"{response(channel, hit)}, most in the {part} part of its response. Look there for clipping, other samples "
+        "that are not the response's, a nonlinearity (leave the first periods out with `skip=`), or modes that are "
+        "missing."
+    )
+
+
+def _own_period(period: float, std: float | None, given: float) -> str:
+    # A model that fails has no deviations: then what it leaves says nothing of that of the period either.
+    deviation = "" if std is None else f" ± {std:.1g}"
+    return (
+        f"the response repeats with {period:.10g}{deviation} s, not with the period of the model, {given:.10g} s. "
+        "Correct the period, or let it be found (`estimate_period=True`)."
+    )
+
+
+def _system(pair: tuple[tuple[float, float], tuple[float, float]] | None, trace: bool, composition: float) -> str:
+    broken = (
+        [] if pair is None else ["a multiplier of A(t) is {:.6g} where the model has {:.6g}".format(*_complex(pair))]
+    )
+    broken += ["the mean of tr A is not the sum of the exponents"] * trace
+    broken += [f"Φ(t, t0) is off by {composition:.2g} of its size"] * bool(composition)
+    return (
+        f"A(t), integrated over a period, is another system: {'; '.join(broken)}. Ask for more instants "
+        "(`system_times=`), other states, or more harmonics."
+    )
+
+
+def _complex(pair: tuple[tuple[float, float], tuple[float, float]]) -> list[complex]:
+    return [complex(*one) for one in pair]
+
+
+def _weak_modes(frequencies: Numbers, shares: Numbers) -> str:
+    parts = [f"the mode at {f:.4g} Hz has {share:.2g} of" for f, share in zip(frequencies, shares, strict=True)]
+    return (
+        f"{listed(parts)} the power that a fit finds in noise alone at most. Ask for a lower order (`order=`), or let "
+        "it be found."
+    )
+
+
+_UNCHECKED = "A(t) could not be checked: {}. Ask for instants evenly over one period."
+
+VERDICT: dict[str, str | Callable[..., str]] = {
+    "not_checked": "The model could not be checked: {error}.",
+    "fails": "The model fails: it leaves {misfit:.3g} times the noise of the record.",
+    "overflow": "{name} could not be computed: the numbers of the record or the model overflow.",
+    "held_out_too_few": "Cycles held out could not be predicted: the response is alive in too few cycles to leave some "
+    "out. Record longer, or with less noise.",
+    "held_out_singular": "Cycles held out could not be predicted: the model cannot be fitted to a part of them "
+    "({error}). Ask for fewer modes.",
+    "held_out_fit": _held_out_fit,
+    "held_out_error": _held_out_error,
+    "own_period": _own_period,
+    "tone_left": _tones,
+    "harmonic_left": _harmonics,
+    "line_left": _lines,
+    "colour_left": _colour,
+    "mode_weak": _weak_modes,
+    "system_states": _UNCHECKED.format("A(t) has {states} states and the model {modes} modes"),
+    "system_instants": _UNCHECKED.format("the instants of A(t) are not spread evenly over one period"),
+    "system_too_large": _UNCHECKED.format("A(t) is so large that it could not be integrated over a period"),
+    "system_other": _system,
+}
 """By code."""

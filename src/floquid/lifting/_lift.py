@@ -234,15 +234,15 @@ def refuse_values(
             there = samples[~np.isnan(samples)]
         if there.size < 2:
             must, got = "have samples in each channel", f"{name} has {'none' if not there.size else 'one'}"
-            raise input_error(argument, of, must, got, "Leave it out with `--channels`.")
+            raise input_error(argument, of, must, got, "Leave it out with `channels=`.")
         lowest, highest = float(there.min()), float(there.max())
         largest = max(highest, -lowest)
         if largest > LARGEST or 0.0 < largest < SMALLEST:
             must = f"have values whose squares can be computed with, between {SMALLEST:g} and {LARGEST:g}"
-            remedy = "Give it in another unit, or leave it out with `--channels`."
+            remedy = "Give it in another unit, or leave it out with `channels=`."
             raise input_error(argument, of, must, f"{name} reaches {largest:.3g}", remedy)
         if highest - lowest <= CONSTANT * largest:
-            remedy = "Leave it out with `--channels`, or check its sensor."
+            remedy = "Leave it out with `channels=`, or check its sensor."
             raise input_error(
                 argument, of, "have channels that vary", f"{name} is constant ({there.flat[0]:g})", remedy
             )

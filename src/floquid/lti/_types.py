@@ -17,24 +17,13 @@ PRODUCTS = "outer products"
 
 
 class Outcome(Enum):
-    """How an identification ended; the value says what it means and what to do."""
+    """How an identification ended; the value is the code of a finding that says what it means and what to do."""
 
-    SUCCESS = "the poles were found"
-    NO_MODE = (
-        "no mode rises above the noise: the responses cannot be told from white noise. Use a record with a clear free "
-        "decay, or start it closer to the blow."
-    )
-    TOO_FEW_SAMPLES = (
-        "the responses are too short for the modes in them: the order reached the most that this many samples can "
-        "hold. Record more samples, or fix a lower order."
-    )
-    NOT_WHITE = (
-        "mode after mode was found in what the fit leaves, without an end: the residual is not white noise. There may "
-        "be a step or a glitch in the record, samples rounded to a few levels, or coloured noise; the simulation may "
-        "be coarse, or the response nonlinear. Look at the record for these; raise the noise floor (`noise_floor`) to "
-        "the level down to which it can be believed, or fix the order."
-    )
-    ORDER_UNREACHED = "the data do not hold as many poles as were asked for: ask for fewer, or let the order be found."
+    SUCCESS = "poles_found"
+    NO_MODE = "no_mode"
+    TOO_FEW_SAMPLES = "too_few_samples"
+    NOT_WHITE = "modes_without_end"
+    ORDER_UNREACHED = "order_unreached"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from floquid.findings import Finding, Severity, note, texts, warning
 from floquid.lti import AbstractIdentifier, Evidence, MaximumLikelihood, ModalModel, Outcome, TimeResponses
 
 WHITE = 8.0
@@ -29,10 +31,8 @@ class Choice:
         The number of poles, conjugates one by one.
     model
         The model of that order.
-    reasons
-        What speaks for it, a sentence each.
-    doubts
-        What speaks against it, a sentence each; with any, the order is ambiguous.
+    findings
+        What speaks for it (notes), and against it (warnings); with any of the latter, the order is ambiguous.
     runner_up
         The neighbouring model that comes nearest: one mode less or one more; None where there is none, and in a result
         read from a file.
@@ -42,10 +42,19 @@ class Choice:
 
     order: int
     model: ModalModel
-    reasons: tuple[str, ...]
-    doubts: tuple[str, ...]
+    findings: tuple[Finding, ...]
     runner_up: ModalModel | None = None
     evidence: Evidence | None = None
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What speaks for the order, a sentence each."""
+        return texts(self.findings, Severity.NOTE)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What speaks against it, a sentence each."""
+        return texts(self.findings, Severity.WARNING)
 
     @property
     def ambiguous(self) -> bool:
@@ -92,16 +101,13 @@ def judge(data: TimeResponses, model: ModalModel) -> Choice:
     """The order of a `model` with the reasons, the doubts and the runner-up that the responses in `data` give."""
     likelihood = MaximumLikelihood()
     evidence = likelihood.weigh(likelihood.prepare(data), model)
-    reasons, doubts = [], []
-    for text, speaks_against in [*_findings(evidence), *_drift(data, evidence), *_hits(data, model, evidence)]:
-        (doubts if speaks_against else reasons).append(text)
+    findings = [*_findings(evidence), *_drift(data, evidence), _hits(data, model, evidence)]
     if model.outcome is not Outcome.SUCCESS:
-        doubts.append(model.outcome.value)
+        findings.append(warning(model.outcome.value))
     return Choice(
         order=model.order,
         model=model,
-        reasons=tuple(reasons),
-        doubts=tuple(doubts),
+        findings=tuple(findings),
         runner_up=_runner_up(evidence),
         evidence=evidence,
     )
@@ -115,79 +121,69 @@ def _runner_up(evidence: Evidence) -> ModalModel | None:
     return first or second
 
 
-def _findings(evidence: Evidence) -> list[tuple[str, bool]]:
-    """Sentences, and whether each speaks against the order."""
+def _findings(evidence: Evidence) -> list[Finding]:
+    """What the modes, their neighbours and the residual say of the order."""
     found = []
     if len(evidence.rises):
         found += [_weakest(evidence), _determined(evidence), *_nearness(evidence)]
     if np.isfinite(evidence.gap):
-        text = f"The two modes nearest to each other are {evidence.gap:.3g} standard deviations apart"
         near = evidence.gap < APART
-        found.append((text + (": they may be one mode, or three." if near else "."), near))
-    share = evidence.gain / evidence.gain_limit
+        found.append((warning if near else note)("nearest_modes", gap=evidence.gap, near=near))
     doubtful = evidence.gain > evidence.doubtful_gain
-    text = f"The clearest further mode takes {share:.2f} of what it must take out of the misfit"
-    end = ": too little to be kept, but more than noise mostly has." if doubtful else "."
-    found.append((text + (": a mode is missing." if share >= 1.0 else end), doubtful))
+    share = evidence.gain / evidence.gain_limit
+    found.append((warning if doubtful else note)("further_mode", share=share, doubtful=doubtful))
     if evidence.moved > APART and doubtful:
-        text = f"With one more mode the others move by up to {evidence.moved:.3g} standard deviations."
-        found.append((text, True))
-    found.append(_residual(evidence))
-    return found
+        found.append(warning("modes_move", moved=evidence.moved))
+    return [*found, _residual(evidence)]
 
 
-def _drift(data: TimeResponses, evidence: Evidence) -> list[tuple[str, bool]]:
+def _drift(data: TimeResponses, evidence: Evidence) -> list[Finding]:
     """Modes that hardly change over the record, beside noise that wanders: a random walk looks like them."""
     change = np.abs(np.log(evidence.multipliers)) * int(data.lengths.max())
     still = int((change < 2.0 * np.pi).sum()) if evidence.whitened else 0
-    if not still:
-        return []
-    names = "One mode turns and decays" if still == 1 else f"{still} modes turn and decay"
-    return [(f"{names} by less than once over the record, and the noise is coloured: its drift may look so.", True)]
+    return [warning("modes_or_drift", number=still)] if still else []
 
 
-def _hits(data: TimeResponses, model: ModalModel, evidence: Evidence) -> list[tuple[str, bool]]:
+def _hits(data: TimeResponses, model: ModalModel, evidence: Evidence) -> Finding:
     """What the number of initial conditions lets be said."""
     apart = int((model.multipliers.imag >= 0).sum()) - len(evidence.multipliers)
     if data.n_inputs == 1:
-        return [("With one initial condition, modes of equal multipliers are seen as one.", False)]
+        return note("one_initial_condition")
     if apart > 0:
-        count = "One multiplier is" if apart == 1 else f"{apart} multipliers are"
-        return [(f"{count} that of two modes or more: the residues of the {data.n_inputs} hits have that rank.", False)]
-    return [("No two modes share a multiplier: the residues are outer products of shape and hit.", False)]
+        return note("shared_multipliers", number=apart, hits=data.n_inputs)
+    return note("no_shared_multipliers")
 
 
-def _frequency(multiplier: complex) -> str:
-    if multiplier.imag == 0.0:
-        return "the real multiplier " + f"{multiplier.real:.4g}"
-    share = abs(np.angle(multiplier)) / (2.0 * np.pi)
-    return f"the mode folded to {share:.4f} of ω"
+def _mode(multiplier: complex) -> dict[str, Any]:
+    """A multiplier that is real, else None; and the angle of it over 2π."""
+    real = float(multiplier.real) if multiplier.imag == 0.0 else None
+    return {"real": real, "share": float(abs(np.angle(multiplier))) / (2.0 * np.pi)}
 
 
-def _weakest(evidence: Evidence) -> tuple[str, bool]:
+def _weakest(evidence: Evidence) -> Finding:
     share = evidence.rises / evidence.limits
     weakest = int(np.argmin(share))
-    name = _frequency(complex(evidence.multipliers[weakest]))
     needed = bool(share[weakest] >= 1.0)
-    only_just = needed and bool((evidence.rises < evidence.firm_limits).any())
-    text = (
-        f"{'Each' if needed else 'Not each'} of the {len(share)} modes is needed: without the one that would be missed "
-        f"least, {name}, the misfit rises by {share[weakest]:.3g} times what noise explains"
+    just = needed and bool((evidence.rises < evidence.firm_limits).any())
+    return (warning if just or not needed else note)(
+        "modes_needed",
+        needed=needed,
+        modes=len(share),
+        rise=share[weakest],
+        just=just,
+        **_mode(complex(evidence.multipliers[weakest])),
     )
-    return text + (": only just more." if only_just else "."), only_just or not needed
 
 
-def _determined(evidence: Evidence) -> tuple[str, bool]:
+def _determined(evidence: Evidence) -> Finding:
     worst = evidence.deviations.max(axis=1)
-    weak = worst > DETERMINED
-    if not weak.any():
-        return "Each mode is well determined.", False
-    name = _frequency(complex(evidence.multipliers[int(np.argmax(worst))]))
-    text = f"{int(weak.sum())} of the modes are weakly determined, {name} most: each may stand for several."
-    return text, True
+    weak = int((worst > DETERMINED).sum())
+    if not weak:
+        return note("well_determined")
+    return warning("hardly_determined", number=weak, **_mode(complex(evidence.multipliers[int(np.argmax(worst))])))
 
 
-def _nearness(evidence: Evidence) -> list[tuple[str, bool]]:
+def _nearness(evidence: Evidence) -> list[Finding]:
     r"""How near two modes may be and still be seen as one, by the mode that is shown best and has no near neighbour.
 
     A pair of like strength and unlike shapes, Δ half-power widths apart, leaves about (Δ/2)² of the rise of one of them
@@ -197,19 +193,10 @@ def _nearness(evidence: Evidence) -> list[tuple[str, bool]]:
     distance = np.abs(np.subtract.outer(logs, logs)) + np.diag(np.full(len(logs), np.inf))
     share = evidence.rises / evidence.limits
     alone = (distance.min(axis=1) > 2.0 * np.abs(logs.real)) & (share > 0.0)
-    if not alone.any():
-        return []
-    widths = 2.0 / np.sqrt(share[alone].max())
-    text = f"Two modes nearer to each other than about {widths:.2g} half-power widths would be seen as one"
-    return [(f"{text}, weaker ones than the strongest here from farther away.", False)]
+    return [note("resolution", widths=2.0 / np.sqrt(share[alone].max()))] if alone.any() else []
 
 
-def _residual(evidence: Evidence) -> tuple[str, bool]:
+def _residual(evidence: Evidence) -> Finding:
     if abs(evidence.colour) > WHITE:
-        text = f"What is left is not white noise ({evidence.colour:.3g} standard deviations from it)"
-        return text + ": modes may be missing, or some that were found may be noise.", True
-    how = f"white once {evidence.whitened} taps have taken its colour off" if evidence.whitened else "white noise"
-    worth = (
-        "" if evidence.independent > 0.9 else f"; its responses are worth {evidence.independent:.0%} of their number"
-    )
-    return f"What is left is {how} ({evidence.colour:.2g} standard deviations from it){worth}.", False
+        return warning("not_white", colour=evidence.colour)
+    return note("white", colour=evidence.colour, taps=evidence.whitened, independent=evidence.independent)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
+from floquid.findings import Finding, Severity, texts, warning
 from floquid.lifting import Lifted
 from floquid.periodic._forced_part import angle_std, forced_base, forced_of, forced_turns, free_records, without_noise
 from floquid.periodic._forced_response import ForcedResponse
@@ -75,8 +76,8 @@ class Fit(Rebuilt):
         level of its noise, the largest of all channels and hits: 1 where it is noise, None where residues are free.
     whitening
         The filter of each channel along the record that made its noise white (channels, taps); None where it was.
-    reasons, doubts
-        What speaks for the modes found, and against them.
+    findings
+        What speaks for the modes found (notes), and against them (warnings).
     """
 
     model: PeriodicModel
@@ -88,11 +89,20 @@ class Fit(Rebuilt):
     held: bool = True
     misfit: float | None = None
     whitening: NDArray[np.float64] | None = None
-    reasons: tuple[str, ...]
-    doubts: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "noise", frozen_array(self.noise, "noise", "Fit", axes=("channels", "hits")))
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What speaks for the modes found, a sentence each."""
+        return texts(self.findings, Severity.NOTE)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What speaks against them, a sentence each."""
+        return texts(self.findings, Severity.WARNING)
 
 
 def fit(
@@ -282,7 +292,6 @@ def _result(
 ) -> Fit:
     """What was found, as it is reported."""
     names = records[0].channels
-    reasons, doubts = evidence(found)
     colour = (coloured(found) if taps is None else ()) + (_endless(found) if search else ())
     try:
         model = model_of(
@@ -294,7 +303,7 @@ def _result(
             most=samples.most,
         )
     except IdentificationError as error:
-        raise IdentificationError(" ".join([str(error), *colour])) from None
+        raise IdentificationError(" ".join([str(error), *texts(colour)])) from None
     period_std = None
     if free_period:
         omega = found.solution.entries.fundamental
@@ -308,20 +317,15 @@ def _result(
         own_period=None if isinstance(clocks[0], ShaftAngle) else period_step(found.solution),
         misfit=found.misfit,
         whitening=taps,
-        reasons=reasons,
-        doubts=(*doubts, *colour),
+        findings=(*evidence(found), *colour),
     )
 
 
-def _endless(found: SearchResult) -> tuple[str, ...]:
-    """A sentence where the search ended but for its limit."""
+def _endless(found: SearchResult) -> tuple[Finding, ...]:
+    """That the search ended by its limit alone; empty where it did not."""
     if int((~found.solution.entries.fixed).sum()) < MOST_ENTRIES:
         return ()
-    sentence = (
-        f"The search for modes was ended at {MOST_ENTRIES}, a pair counted once, with more to be found: most of them "
-        "are noise that is not white along the record, or what a nonlinearity leaves."
-    )
-    return (sentence,)
+    return (warning("search_ended", number=MOST_ENTRIES),)
 
 
 def _most(records: Sequence[Record], period: float) -> int:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import ConstantPeriod, Cycles, PeriodicModel, Provenance, Record
+from floquid.findings import Finding, Severity, texts
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.order import Choice
@@ -51,10 +52,9 @@ class Analysis:
         Whether the response is that of a periodic system at all; None where it could not be tested.
     validation
         Whether the model can be believed; None where that was not asked for.
-    synchronisation
-        How well the records are synchronised, and what was done to them, a sentence each.
-    warnings
-        What a reader of the result must know.
+    findings
+        What was done to the records and how well they are synchronised (notes), and what a reader of the result must
+        know.
     """
 
     settings: Settings
@@ -70,8 +70,17 @@ class Analysis:
     shafts: tuple[ShaftAngle, ...] = ()
     periodicity: Periodicity | None = None
     validation: Validation | None = None
-    synchronisation: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = field(default=())
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def synchronisation(self) -> tuple[str, ...]:
+        """How well the records are synchronised, and what was done to them, a sentence each."""
+        return texts(self.findings, Severity.NOTE)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader of the result must know, a sentence each; that the model fails is the first."""
+        return (*texts(self.findings, Severity.FAILURE), *texts(self.findings, Severity.WARNING))
 
     @property
     def clocks(self) -> tuple[ConstantPeriod | ShaftAngle, ...]:

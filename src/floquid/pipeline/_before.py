@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.errors import IdentificationError
+from floquid.findings import Finding, note, warning
 from floquid.pipeline._settings import Settings
 from floquid.sync import clipped, dropouts, find_hits, gaps, pulse_times, shaft_angle, split_hits
 
@@ -23,8 +24,8 @@ CHUNK = 8192
 """Samples at which an orbit is made at a time."""
 
 
-def without_orbit(records: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
-    r"""The records without the periodic orbit that they hold, and a sentence on it.
+def without_orbit(records: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+    r"""The records without the periodic orbit that they hold, and that it was subtracted.
 
     .. math:: o(t) = \sum_k O_k\, e^{2 \pi i k \theta(t)}
 
@@ -45,7 +46,7 @@ def without_orbit(records: tuple[Record, ...]) -> tuple[tuple[Record, ...], tupl
         values = record.values - _at(record.orbit, turns)
         values.flags.writeable = False
         free.append(replace(record, values=values, orbit=None))
-    return tuple(free), ("The periodic orbit that the file holds was subtracted.",)
+    return tuple(free), (note("orbit_subtracted"),)
 
 
 def _at(orbit: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -61,35 +62,34 @@ def _at(orbit: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.fl
     return found
 
 
-def faults_of(records: tuple[Record, ...]) -> tuple[str, ...]:
-    """What is wrong with samples, a sentence each: channels that are clipped or stand still."""
-    found = []
-    for number, record in enumerate(records, start=1):
-        which = f"Record {number}: " if len(records) > 1 else ""
-        for fault in (*clipped(record), *dropouts(record)):
-            text = f"{which}{fault.sentence}"
-            found.append(f"{text[0].upper()}{text[1:]}.")
-    if found:
-        found.append("Samples that are not the response's bend exponents and shapes: mark them as missing (NaN).")
-    return tuple(found)
+def faults_of(records: tuple[Record, ...]) -> tuple[Finding, ...]:
+    """What is wrong with samples: channels that are clipped or stand still."""
+    found = [
+        replace(fault.finding, where=_name(number, records))
+        for number, record in enumerate(records, start=1)
+        for fault in (*clipped(record), *dropouts(record))
+    ]
+    return (*found, *([warning("bad_samples")] if found else []))
 
 
-def missing_of(records: tuple[Record, ...]) -> tuple[str, ...]:
-    """Which samples are missing, a sentence each."""
+def missing_of(records: tuple[Record, ...]) -> tuple[Finding, ...]:
+    """Which samples are missing."""
     found = []
     for number, record in enumerate(records, start=1):
-        which = f"Record {number}: " if len(records) > 1 else ""
-        own = gaps(record)
-        for gap in own[:MOST_GAPS]:
-            text = f"{which}{gap.sentence}"
-            found.append(f"{text[0].upper()}{text[1:]}.")
+        where, own = _name(number, records), gaps(record)
+        found += [replace(gap.finding, where=where) for gap in own[:MOST_GAPS]]
         if len(own) > MOST_GAPS:
-            found.append(f"{which}There are {len(own) - MOST_GAPS} more stretches of missing samples.")
+            found.append(note("more_gaps", where=where, number=len(own) - MOST_GAPS))
     return tuple(found)
 
 
-def later(records: tuple[Record, ...], skip: float) -> tuple[tuple[Record, ...], tuple[str, ...]]:
-    """The records without their first `skip` periods, and a sentence on it."""
+def _name(number: int, records: tuple[Record, ...]) -> str:
+    """What a record is called where there are several."""
+    return f"record {number}" if len(records) > 1 else ""
+
+
+def later(records: tuple[Record, ...], skip: float) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+    """The records without their first `skip` periods, and that they were left out."""
     cut = []
     for record in records:
         if record.clock is None:
@@ -103,15 +103,15 @@ def later(records: tuple[Record, ...], skip: float) -> tuple[tuple[Record, ...],
         values = record.values[:, samples:]
         values.flags.writeable = False
         cut.append(replace(record, values=values, start=record.start + samples / record.sample_rate))
-    return tuple(cut), (f"The first {skip:g} periods were left out.",)
+    return tuple(cut), (note("skipped", periods=skip),)
 
 
-def responses_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[str, ...]]:
-    """The records without channels that are no responses, forces and pulses, and a sentence on each that was left out.
+def responses_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+    """The records without channels that are no responses, forces and pulses, and which were left out.
 
     A channel that the settings name stays, and so do all where there would be none.
     """
-    kept, said = [], []
+    kept, left = [], {}
     for record in records:
         clock = record.clock
         keep = {*settings.channels, *([clock.channel] if isinstance(clock, (TachometerSignal, AzimuthSignal)) else [])}
@@ -120,17 +120,12 @@ def responses_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple
             kept.append(record)
             continue
         kept.append(record.select(names))
-        said += [
-            f"Channel {c.name} is a {c.quantity}, taken for no response and left out: if it is one, name all channels "
-            "to use (`channels`, `--channels`)."
-            for c in record.channels
-            if c.name not in names
-        ]
-    return tuple(kept), tuple(dict.fromkeys(said))
+        left |= {(c.name, c.quantity): None for c in record.channels if c.name not in names}
+    return tuple(kept), tuple(note("no_response", channel=name, quantity=quantity) for name, quantity in left)
 
 
-def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[str, ...]]:
-    """The free response after each impact as a record of its own, and what was done, in words.
+def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+    """The free response after each impact as a record of its own, and which impacts were found.
 
     Raises
     ------
@@ -139,7 +134,7 @@ def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Reco
     """
     free, said = [], []
     for number, record in enumerate(records, start=1):
-        which = f"Record {number}: " if len(records) > 1 else ""
+        where = _name(number, records)
         if isinstance(clock := record.clock, TachometerSignal):
             # The pulses of the whole record: a piece alone would count the lines of an encoder from its own first.
             pulses = PulseTimes(
@@ -150,7 +145,7 @@ def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Reco
             record = record.select([c.name for c in record.channels if c.name != clock.channel]).with_clock(pulses)
         instants = find_hits(record)
         if not instants:
-            said.append(f"{which}No impact was found: the record is taken for one free response from its first sample.")
+            said.append(note("no_impact", where=where))
             free.append(record)
             continue
         period = record.clock.period if isinstance(record.clock, ConstantPeriod) else None
@@ -160,15 +155,8 @@ def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Reco
         if not parts:
             raise IdentificationError(
                 "No free response is long enough after the impacts found. Give the records of single hits, or less "
-                "`skip` (`--skip`)."
+                "`skip=`."
             )
         free += parts
-        where = ", ".join(f"{instant:.6g} s" for instant in instants[:12]) + (" …" if len(instants) > 12 else "")
-        if len(instants) == 1:
-            said.append(f"{which}One impact was found, at {where}; the free response after it is a hit.")
-            continue
-        said.append(
-            f"{which}{len(instants)} impacts were found, at {where}; the free responses after them are {len(parts)} "
-            "hits on one system."
-        )
+        said.append(note("impacts", where=where, instants=instants, hits=len(parts)))
     return tuple(free), tuple(said)

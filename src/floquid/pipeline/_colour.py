@@ -18,8 +18,6 @@ PEAK = 0.05
 FALLEN = 6.0
 """The largest value of the first quarter of a record, over the rms of its last third, that noise does not reach."""
 
-PEAKED = "A mode that hardly decays over the record lies where the noise has a peak: it may be noise."
-
 
 def first_filter(lifted: Lifted) -> NDArray[np.float64] | None:
     """The filters that whiten what generous poles leave; None where that is white."""
@@ -29,7 +27,7 @@ def first_filter(lifted: Lifted) -> NDArray[np.float64] | None:
 ALL_PEAKED = (
     "Identification ended without a result: no mode rises above the noise. What was found hardly decays over the "
     "record and lies where the noise is loudest: noise with a peak, or a drift, looks so. Use a record with a clear "
-    "free decay, or start it closer to the blow; to have it fitted all the same, give the `order` (`--order`)."
+    "free decay, or start it closer to the blow; to have it fitted all the same, give the order (`order=`)."
 )
 
 

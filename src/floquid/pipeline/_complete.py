@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from floquid.core import ConstantPeriod, Cycles, Estimates, PeriodicModel, Record
 from floquid.errors import IdentificationError
+from floquid.findings import Finding, note
 from floquid.lifting import Lifted, lift, unlift, whitened
 from floquid.lti import fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis, clocks_of
-from floquid.pipeline._colour import ALL_PEAKED, PEAKED
-from floquid.pipeline._deviations import failure, poles_alone, widened, widening, with_misfit
-from floquid.pipeline._doubts import STILL, ambiguity, below_modes, misfit, warnings, wrong_angles
-from floquid.pipeline._prepare import Prepared, unsteady, without_clock
+from floquid.pipeline._colour import ALL_PEAKED
+from floquid.pipeline._deviations import model_failure, poles_alone, widened, widening, with_misfit
+from floquid.pipeline._doubts import STILL, ambiguity, doubts_of, misfit, vague_angle
+from floquid.pipeline._prepare import Prepared, uneven_speed, without_clock
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import BRIDGED, Lifting, Start, filled, out_of_step, steady_clock
 from floquid.pipeline._state import Again, state_of
@@ -32,7 +33,7 @@ def completed(
     free: PeriodicModel | None,
     fitted: Fit,
     settings: Settings,
-    doubts: tuple[str, str],
+    doubts: tuple[Finding, ...],
     report: Callable[[str], None],
 ) -> Analysis:
     """The analysis of a fit, without a verdict.
@@ -40,12 +41,10 @@ def completed(
     `free` is the model whose residues are free at each phase, None where the fit did not start from one; `doubts` speak
     against the order given, and against the period.
     """
-    missing, doubt = doubts
-    fails = failure(fitted, settings)
-    if fails and settings.states and settings.structure:
+    fails = model_failure(fitted, settings)
+    if fails is not None and settings.states and settings.structure:
         raise IdentificationError(f"{fails}\n  A state matrix with a structure cannot be fitted to it.")
     fitted, shafts = with_misfit(fitted), prepared.shafts
-    said = prepared.findings + (() if start.floor is None else (below_modes(start.floor),))
     whole = by_cycles(fitted, shafts, settings)
     if not whole:
         report("resampling the free response")
@@ -62,17 +61,14 @@ def completed(
     if changed:
         modal = fit_residues(model.multipliers, lifted.responses)
     assert modal is not None
-    if fails:
+    if fails is not None:
         modal = poles_alone(modal)
         choice = None if choice is None else replace(choice, model=modal)
     if changed and settings.order is None:
-        peaked = tuple(doubt for doubt in (() if choice is None else choice.doubts) if doubt == PEAKED)
-        choice = Choice(order=model.order, model=modal, reasons=fitted.reasons, doubts=(*peaked, *fitted.doubts))
-
+        choice = Choice(order=model.order, model=modal, findings=(*_peaked(choice), *fitted.findings))
     _refuse_peaks(model, choice, settings)
     state, refinement = state_of(model, settings, again_of(fitted, lifted, shafts, settings), report)
-    uneven = tuple(unsteady(shaft) for shaft in shafts if not shaft.steady)
-    blurred = wrong_angles(fitted, shafts, prepared.responses) if shafts else ""
+    blurred = vague_angle(fitted, shafts, prepared.responses) if shafts else None
     tested = None
     if model.unselected is not None:
         # Resampling moves lines by more than their deviations.
@@ -90,13 +86,15 @@ def completed(
         choice=choice,
         shafts=shafts,
         periodicity=tested,
-        synchronisation=(*said, *_said_of(fitted, why_sampled(fitted, shafts, settings))),
-        warnings=tuple(
-            " ".join(word.split()) for word in (fails, missing, doubt, misfit(fitted), *uneven, blurred) if word
-        )
-        + ambiguity(choice)
-        + (() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None))
-        + warnings(model),
+        findings=(
+            *prepared.findings,
+            *(() if start.floor is None else (note("believed_down_to", floor=start.floor),)),
+            *_done(fitted, why_sampled(fitted, shafts, settings)),
+            *(own for own in (fails, *doubts, misfit(fitted), *uneven_speed(shafts), blurred) if own is not None),
+            *ambiguity(choice),
+            *(() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None)),
+            *doubts_of(model),
+        ),
     )
 
 
@@ -115,8 +113,6 @@ def free_residues(prepared: Prepared, cutting: Lifting, start: Start, model: Per
         own_period=None,
         held=False,
         whitening=start.lifted.whitening,
-        reasons=(),
-        doubts=(),
     )
 
 
@@ -135,6 +131,11 @@ def again_of(fitted: Fit, lifted: Lifted, shafts: tuple[ShaftAngle, ...], settin
     return again
 
 
+def _peaked(choice: Choice | None) -> tuple[Finding, ...]:
+    """That a mode may be the peak of the noise, where the choice of the order says so."""
+    return () if choice is None else tuple(own for own in choice.findings if own.code == "under_a_peak")
+
+
 def _refuse_peaks(model: PeriodicModel, choice: Choice | None, settings: Settings) -> None:
     """Refuse modes of which none is known to decay, where the noise has a peak.
 
@@ -144,7 +145,7 @@ def _refuse_peaks(model: PeriodicModel, choice: Choice | None, settings: Setting
         There is no other mode.
     """
     std = model.exponent_std
-    if choice is None or std is None or settings.identifier is not None or PEAKED not in choice.doubts:
+    if choice is None or std is None or settings.identifier is not None or not _peaked(choice):
         return
     if (np.abs(model.exponents.real) < STILL * std.real).all():
         raise IdentificationError(ALL_PEAKED)
@@ -224,7 +225,7 @@ def lifted_views(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings
 
 
 def why_sampled(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -> str:
-    """Why samples were fitted at their own times; empty where their cycles are cut out of them."""
+    """The code for why samples were fitted at their own times; empty where their cycles are cut out of them."""
     return out_of_step(fitted.free, clocks_of(fitted.free, shafts), settings) if fitted.held else ""
 
 
@@ -233,24 +234,15 @@ def by_cycles(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -
     return fitted.forced is None and not why_sampled(fitted, shafts, settings)
 
 
-def _said_of(found: Fit, why: str) -> tuple[str, ...]:
+def _done(found: Fit, why: str) -> list[Finding]:
     """Why the samples were fitted at their own times, if they were, and the forced response."""
-    forced = found.forced
-    said = [f"Fitted as sampled: {why}."] if why else []
+    forced, done = found.forced, [note("as_sampled", why=why)] if why else []
     if forced is None:
-        return tuple(said)
+        return done
     if len(forced.harmonics):
-        largest = forced.amplitudes.max(axis=1) / found.noise[:, :1]
-        parts = [
-            f"{j} a revolution (up to {largest[:, k].max():.3g} times the noise)"
-            for k, j in enumerate(forced.harmonics)
-        ]
-        follows = ", let follow the speed" if forced.speed_dependent else ""
-        said.append(f"A forced response was fitted beside the modes{follows}: {', '.join(parts)}.")
+        largest = (forced.amplitudes.max(axis=1) / found.noise[:, :1]).max(axis=0)
+        done.append(note("forced", orders=forced.harmonics, largest=largest, follows=forced.speed_dependent))
     else:
-        said.append("No harmonic of the revolution rises above the noise beside the modes.")
-    if forced.offset.any():
-        said.append("An offset of the channels was fitted beside the modes.")
-    if forced.drift.any():
-        said.append("A drift of the channels, linear in time, was fitted beside the modes.")
-    return tuple(said)
+        done.append(note("no_forced"))
+    parts = {"offset": forced.offset, "drift": forced.drift}
+    return done + [note(code) for code, values in parts.items() if values.any()]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from floquid.core import Estimates, PeriodicModel, Record
+from floquid.findings import Finding, failure
 from floquid.lti import ModalModel
 from floquid.periodic import Fit, ForcedResponse
 from floquid.pipeline._analysis import Analysis, fails
@@ -79,25 +80,16 @@ def poles_alone(modal: ModalModel) -> ModalModel:
     return replace(modal, covariance=None, residue_spread=None, residue_slope=None)
 
 
-def failure(found: Fit, settings: Settings) -> str:
-    """That the model fails, what was seen, and what to try; empty where it does not fail."""
+def model_failure(found: Fit, settings: Settings) -> Finding | None:
+    """That the model fails, what was seen, and what to try; None where it does not fail."""
     if not fails(found):
-        return ""
-    ways = []
-    if settings.order is not None:
-        ways.append("let the order be found, or ask for a higher one (`order`, `--order`)")
-    if settings.harmonics is not None:
-        ways.append("allow more harmonics (`harmonics`, `--harmonics`)")
-    if settings.forced == "none":
-        ways.append("let a forced response be fitted (`forced`, `--forced`)")
-    ways.append(
-        "look at the record for steps, glitches and clipping; and, since what is left may be a nonlinearity, leave out "
-        "its first periods, where it is largest (`skip`, `--skip`)"
-    )
-    return (
-        f"The model fails: what it leaves of the record is {found.misfit:.3g} times the noise. How far its exponents "
-        "and shapes are from those of the system cannot be told: they have no deviations. To try: "
-        f"{'; '.join(ways)}."
+        return None
+    return failure(
+        "model_fails",
+        misfit=found.misfit,
+        order=settings.order is not None,
+        harmonics=settings.harmonics is not None,
+        forced=settings.forced == "none",
     )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel, Record
 from floquid.errors import FloquidError
+from floquid.findings import Finding, warning
 from floquid.lifting import Lifted, largest_values
 from floquid.order import Choice
 from floquid.periodic import (
@@ -56,27 +57,27 @@ ROUNDED = 4.0
 """Deviations within which a period is a whole number of sampling intervals."""
 
 
-def wrong_period(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> str:
-    """What is wrong with a period other than that of the lifted response; empty when nothing is."""
+def wrong_period_lifted(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> Finding | None:
+    """What is wrong with a period other than that of the lifted response; None when nothing is."""
     if prepared.shafts or prepared.settings.estimate_period:
-        return ""
+        return None
     found = synchrony(model, lifted)
     if found is None or not found.broken:
-        return ""
-    return _words(prepared, model.period, found.relative, found.std)
+        return None
+    return _wrong(prepared, model.period, found.relative, found.std)
 
 
-def wrong_own_period(
+def wrong_period_fitted(
     fitted: Fit, lifted: Lifted, prepared: Prepared, report: Callable[[str], None] = lambda _: None
-) -> str:
-    """The same by the fit of the samples, by the harmonics of a mode or by modes that a wrong period tore apart.
+) -> Finding | None:
+    """What is wrong with the period by the fit of the samples: harmonics of a mode, modes that it tore apart.
 
     A harmonic turns as the fundamental does, which is one more parameter; and modes of equal decay that lie apart by
     nearly whole fundamentals are harmonics of one. Where these say nothing sure, the period that the lines of the
     response alone tell decides.
     """
     if prepared.shafts or prepared.settings.estimate_period:
-        return ""
+        return None
     model = fitted.model
     samples = max(record.n_samples for record in prepared.responses)
     cycles = max(record.duration for record in prepared.responses) / model.period
@@ -87,19 +88,19 @@ def wrong_own_period(
             continue
         # A step of many radians is none that one linearisation can tell: modes were torn apart, or are none.
         if 2.0 * np.pi * abs(relative) * alive < TURNED or (torn is not None and (relative, std) == torn.sign):
-            return _words(prepared, model.period, relative, std)
+            return _wrong(prepared, model.period, relative, std)
         vague = True
     if not (vague or _single(model) or _folded(model)):
-        return ""
+        return None
     report("finding the period from the response alone")
     estimate = _period_alone(prepared.responses)
     if estimate is None:
-        return ""
+        return None
     own, deviation = estimate
     share = max(own, model.period) / min(own, model.period)
     if abs(share / round(share) - 1.0) <= SIGNIFICANT * deviation / own:
-        return ""
-    return _words(prepared, model.period, own / model.period - 1.0, deviation / model.period)
+        return None
+    return _wrong(prepared, model.period, own / model.period - 1.0, deviation / model.period)
 
 
 def _single(model: PeriodicModel) -> bool:
@@ -135,29 +136,20 @@ def _period_alone(records: Sequence[Record]) -> tuple[float, float] | None:
     return None
 
 
-def _words(prepared: Prepared, period: float, relative: float, std: float) -> str:
+def _wrong(prepared: Prepared, period: float, relative: float, std: float) -> Finding:
     """That the period given is not that of the response, and whether it was rounded."""
-    record = prepared.responses[0]
+    rate = prepared.responses[0].sample_rate
     own, deviation = period * (1.0 + relative), period * std
     slip = abs(relative) * max(one.n_samples for one in prepared.responses)
-    said = (
-        f"The response does not repeat with the period given: its own is {own:.10g} ± {deviation:.1g} s, not "
-        f"{period:.10g} s; over the record the phase slips by {slip:.3g} samples. Exponents and shapes would look "
-        "right and be wrong."
-    )
-    whole = max(round(own * record.sample_rate), 1)
-    if abs(own - whole / record.sample_rate) > ROUNDED * deviation or abs(relative) < ROUNDED * std:
-        return said
-    return (
-        f"{said} Its own is {whole} sampling intervals, a whole number: the period or the sampling interval of "
-        f"{1.0 / record.sample_rate:.6g} s was rounded. If the period is right, the sampling interval is "
-        f"{period / whole:.10g} s: pass `rate={whole / period:.12g}` (`--rate`). If the rate is right, pass "
-        f"`period={whole / record.sample_rate:.12g}` (`--period`)."
+    whole = max(round(own * rate), 1)
+    rounded = abs(own - whole / rate) <= ROUNDED * deviation and abs(relative) >= ROUNDED * std
+    return warning(
+        "wrong_period", own=own, std=deviation, given=period, slip=slip, rate=rate, whole=whole if rounded else 0
     )
 
 
-def wrong_angles(found: Fit, shafts: Sequence[ShaftAngle], records: Sequence[Record]) -> str:
-    r"""What the error of the shaft's angle makes of a large forced response; empty when it is lost in the noise.
+def vague_angle(found: Fit, shafts: Sequence[ShaftAngle], records: Sequence[Record]) -> Finding | None:
+    r"""What the error of the shaft's angle makes of a large forced response; None when it is lost in the noise.
 
     .. math:: \frac 12 \sum_{c,h} N_h \sum_j (j\, a_{c,h,j}\, \sigma_{\theta,h} / s_{c,h})^2
 
@@ -165,46 +157,29 @@ def wrong_angles(found: Fit, shafts: Sequence[ShaftAngle], records: Sequence[Rec
     """
     forced = found.forced
     if forced is None:
-        return ""
+        return None
     energy, degrees = 0.0, 0.0
     for hit, (shaft, record) in enumerate(zip(shafts, records, strict=True)):
         std = float(np.sqrt(np.mean(shaft.angle_std(np.clip(record.times, shaft.first, shaft.last)) ** 2)))
         shares = forced.harmonics * forced.amplitudes[:, hit] / found.noise[:, hit, None]
         energy += 0.5 * record.n_samples * std**2 * float(np.sum(shares**2))
         degrees = max(degrees, float(np.degrees(std)))
-    if energy < BLURRED:
-        return ""
-    return (
-        f"The angle of the shaft is known to {degrees:.2g}° only, and the forced response is large: what the one makes "
-        f"of the other stands out of the noise ({energy:.3g} in the misfit). Modes near a harmonic of the revolution "
-        "may be that. Sample the tachometer faster, or take a wider pulse."
-    )
+    return None if energy < BLURRED else warning("vague_angle", degrees=degrees, energy=energy)
 
 
-def too_low(order: int, choice: Choice) -> str:
-    """What speaks for more modes than an order that was given; empty when nothing does."""
+def order_too_low(order: int, choice: Choice) -> Finding | None:
+    """What speaks for more modes than an order that was given; None when nothing does."""
     evidence = choice.evidence
     assert evidence is not None
-    if evidence.gain <= evidence.gain_limit:
-        return ""
     share = evidence.gain / evidence.gain_limit
-    return (
-        f"The order given, {order}, is too low: a further mode would take {share:.3g} times out of the misfit what "
-        "noise explains, so that the others are bent by more than their deviations say. Let the order be found, or ask "
-        "for a higher one."
-    )
+    return warning("order_too_low", order=order, share=share) if share > 1.0 else None
 
 
-def misfit(found: Fit) -> str:
-    """What speaks against a fit that leaves more than noise, though not so much that it fails; empty when nothing."""
+def misfit(found: Fit) -> Finding | None:
+    """What speaks against a fit that leaves more than noise, though not so much that it fails; None when nothing."""
     if found.misfit is None or not MISFIT < found.misfit < FAILED:
-        return ""
-    return (
-        f"What the fit leaves is {found.misfit:.3g} times the noise: harmonics are missing, a mode is several that "
-        "fold onto one another, or there is something that is no mode. Deviations are as many times those of the noise "
-        "alone; exponents may be bent by more still. Allow more harmonics, or finish with `constrained=False` "
-        "(`--no-constrained`)."
-    )
+        return None
+    return warning("misfit", misfit=found.misfit)
 
 
 def quiet(lifted: Lifted) -> bool:
@@ -212,19 +187,11 @@ def quiet(lifted: Lifted) -> bool:
     return bool((lifted.noise < QUIET * largest_values(lifted.responses.values, lifted.n_channels)).all())
 
 
-def below_modes(floor: float) -> str:
-    """What is said where a record with hardly any noise is no sum of modes down to that noise."""
-    return (
-        f"There is hardly any noise, and what modes leave is none: a nonlinearity, most likely. The record is believed "
-        f"down to {floor:g} of the largest value of each channel (`noise_floor`)."
-    )
-
-
-def ambiguity(choice: Choice | None) -> tuple[str, ...]:
+def ambiguity(choice: Choice | None) -> tuple[Finding, ...]:
     """What makes the order ambiguous, if anything does."""
     if choice is None or not choice.ambiguous:
         return ()
-    return (f"The order, {choice.order}, is ambiguous: {' '.join(choice.doubts)}",)
+    return (warning("order_ambiguous", order=choice.order, doubts=choice.doubts),)
 
 
 def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
@@ -241,53 +208,28 @@ def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
     return bool(2 * (apart & alike & ~itself).any(axis=1).sum() >= max(model.order, 1))
 
 
-def _still(model: PeriodicModel, std: NDArray[np.complex128]) -> list[str]:
-    """Components that are most likely a forced response, of one period or of two, a sentence each."""
+def _still(model: PeriodicModel, std: NDArray[np.complex128]) -> list[Finding]:
+    """Components that are most likely a forced response, of one period or of two."""
     steady = np.maximum(std.real, std.imag) < CONFIDENT * model.fundamental
     steady &= np.abs(model.exponents.real) < 4.0 * std.real + 1e-9 * model.fundamental
     turn, within = np.abs(np.angle(model.multipliers)), 3.0 * std.imag * model.period + 1e-12
-    words = []
-    if (steady & (turn < within)).any():
-        words.append(
-            "A component with a multiplier of 1 neither grows nor decays: it is most likely the forced periodic "
-            "response (imbalance, an offset), not a mode."
-        )
-    if (steady & (np.pi - turn < within)).any():
-        words.append(
-            "A component with a multiplier of -1 neither grows nor decays: it is most likely the forced response of a "
-            "shaft that turns once in two periods (imbalance), not a mode. Let it be fitted: "
-            "`periods_per_revolution=2` (`--periods-per-rev 2`), and `forced` not none."
-        )
-    return words
+    found = [warning("multiplier_one")] if (steady & (turn < within)).any() else []
+    return found + ([warning("multiplier_minus_one")] if (steady & (np.pi - turn < within)).any() else [])
 
 
-def warnings(model: PeriodicModel) -> tuple[str, ...]:
-    """What a reader of the result must know."""
-    words = []
-    std = model.exponent_std
+def doubts_of(model: PeriodicModel) -> tuple[Finding, ...]:
+    """What a reader of a model must know: modes that are hardly determined, do not decay, or look like another's."""
+    found, std = [], model.exponent_std
     if std is not None:
-        weak = np.maximum(std.real, std.imag) > CONFIDENT * model.fundamental
-        count = int(weak.sum())
-        if count:
-            words.append(
-                f"{count} of {model.order} exponents are weakly determined (deviation above {CONFIDENT:g} of the "
-                "fundamental): each may stand for several modes that this record cannot tell apart. Do not quote their "
-                "frequency and damping; a second hit at another place, or less noise, helps most."
-            )
-        words += _still(model, std)
+        weak = int((np.maximum(std.real, std.imag) > CONFIDENT * model.fundamental).sum())
+        if weak:
+            found.append(warning("weakly_determined", number=weak, order=model.order, limit=CONFIDENT))
+        found += _still(model, std)
     if model.order and not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any():
-        words.append(
-            "No mode has a second harmonic above the noise: the system looks constant, or the period is wrong and tore "
-            "each harmonic into a mode of its own."
-        )
+        found.append(warning("no_second_harmonic"))
     if std is not None and _halved(model, std):
-        words.append(
-            "Modes come in pairs of equal decay, half a fundamental apart: the true period is most likely twice the "
-            "one given, and each mode is listed twice."
-        )
+        found.append(warning("period_halved"))
     growing = model.exponents.real > (4.0 * std.real if std is not None else 0.0)
     if growing.any():
-        words.append(
-            f"{int(growing.sum())} of {model.order} exponents grow: the system is unstable, or it is being driven."
-        )
-    return tuple(words)
+        found.append(warning("growing", number=int(growing.sum()), order=model.order))
+    return tuple(found)

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.errors import IdentificationError
+from floquid.findings import failure, warning
 from floquid.lifting import Lifted, whitened, whitening_filter
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
 from floquid.order import Choice, judge
-from floquid.pipeline._colour import ALL_PEAKED, PEAKED, dies_away, first_filter, under_a_peak
+from floquid.pipeline._colour import ALL_PEAKED, dies_away, first_filter, under_a_peak
 from floquid.pipeline._settings import Settings
 
 ENOUGH_CYCLES = 3
@@ -98,7 +99,7 @@ def find_poles(
     if peaked.all() and settings.identifier is None and not dies_away(raw):
         raise IdentificationError(ALL_PEAKED)
     if peaked.any():
-        choice = replace(choice, doubts=(*choice.doubts, PEAKED))
+        choice = replace(choice, findings=(*choice.findings, warning("under_a_peak")))
     return lifted, modal, choice
 
 
@@ -122,7 +123,7 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
             order = settings.order or _order_for(identifier, lifted, settings, report)
             modal = identifier.extract(state, order, report=lambda text: report(f"searching for modes: {text}"))
         if modal.outcome is not Outcome.SUCCESS:
-            words = modal.outcome.value
+            words = f"{failure(modal.outcome.value).clause}."
             if modal.outcome is Outcome.ORDER_UNREACHED:
                 words = (
                     f"order {settings.order} cannot be reached, the nearest found is {modal.order}: the data hold no "
@@ -166,7 +167,7 @@ def _order_for(
     likelihood = MaximumLikelihood(false_alarm=settings.mode_false_alarm, initial=identifier)
     found = likelihood.extract(likelihood.prepare(lifted.responses), report=report)
     if found.outcome is not Outcome.SUCCESS:
-        raise IdentificationError(f"Identification ended without a result: {found.outcome.value}")
+        raise IdentificationError(f"Identification ended without a result: {failure(found.outcome.value).clause}.")
     return found.order
 
 

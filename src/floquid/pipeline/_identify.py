@@ -8,23 +8,19 @@ from dataclasses import replace
 from floquid._checks import input_error
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
+from floquid.findings import Finding, texts, warning
 from floquid.lifting import floor_of
 from floquid.order import judge
 from floquid.periodic import Fit, OrderError, assemble, distinct_multipliers, entries_of, fit, groups
 from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._complete import completed, free_residues, samples_of
-from floquid.pipeline._doubts import too_low, wrong_own_period, wrong_period
+from floquid.pipeline._doubts import order_too_low, wrong_period_fitted, wrong_period_lifted
 from floquid.pipeline._independent import COPIED, sum_of_others
 from floquid.pipeline._prepare import Prepared, blas_threads, prepare, settings_of
 from floquid.pipeline._refuse import NO_NEWS
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import Lifting, Start, cut, start_of
 from floquid.pipeline._validated import validated
-
-UNCONSTRAINED = (
-    "The residues are not constrained to their harmonics: that many poles do not stay where they are then. The record "
-    "holds fewer than the order asked for."
-)
 
 
 def identify(
@@ -70,13 +66,12 @@ def identify(
         try:
             found = _identified(prepared, report)
         except IdentificationError as error:
-            raise IdentificationError("\n  ".join([str(error), *faults])) from None
-        first = found.warnings[: int(found.failed)]  # that the model fails
-        found = replace(found, warnings=(*first, *faults, *_of_sums(found), *found.warnings[len(first) :]))
+            raise IdentificationError("\n  ".join([str(error), *texts(faults)])) from None
+        found = replace(found, findings=(*faults, *_of_sums(found), *found.findings))
         return validated(found, report=report) if prepared.settings.validate else found
 
 
-def _of_sums(found: Analysis) -> tuple[str, ...]:
+def _of_sums(found: Analysis) -> tuple[Finding, ...]:
     """What is said of a channel that shares its noise with others; refused if it has next to none of its own.
 
     Too low an order leaves modes in what is taken for noise, which are alike in channels that are independent: where
@@ -85,13 +80,13 @@ def _of_sums(found: Analysis) -> tuple[str, ...]:
     """
     if found.failed:
         return ()
-    words, beside = sum_of_others(found)
-    if not words:
+    own = sum_of_others(found)
+    if own is None:
         return ()
-    if found.settings.order is None and beside < COPIED:
-        must, remedy = "be independent measurements", f"Leave it out with `channels` (`--channels`): {NO_NEWS}"
-        raise input_error("records", "identify", must, words, remedy)
-    return (f"{words[0].upper()}{words[1:]}: deviations are too small. Leave it out.",)
+    if found.settings.order is None and own["beside"] < COPIED:
+        must, remedy = "be independent measurements", f"Leave it out with `channels=`: {NO_NEWS}"
+        raise input_error("records", "identify", must, warning("copied_sum", **own).clause, remedy)
+    return (warning("sum_of_others", **own),)
 
 
 def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
@@ -102,16 +97,17 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     report("estimating the noise")
     start = start_of(prepared, cutting, report)
     settings = settings if start.floor is None else replace(settings, noise_floor=start.floor)
-    model, missing, doubt = None, "", ""
+    model, missing, doubt = None, [], None
     if start.modal is not None:
         report("expanding the shapes in harmonics")
         model = assemble(
             start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm, harmonics=settings.harmonics
         )
         if settings.order is not None:
-            missing = too_low(settings.order, judge(start.lifted.responses, start.modal))
+            own = order_too_low(settings.order, judge(start.lifted.responses, start.modal))
+            missing = [] if own is None else [own]
         # Modes that are missing turn in what is left as a wrong period would.
-        doubt = "" if missing else _refused(prepared, wrong_period(model, start.lifted, prepared))
+        doubt = None if missing else _refused(prepared, wrong_period_lifted(model, start.lifted, prepared))
     distinct, fitted = 0 if model is None else model.order, None
     if model is not None and start.modal is not None and start.modal.outer_products:
         distinct = distinct_multipliers(model)
@@ -127,24 +123,24 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
                 if model is None or model.order != settings.order:
                     raise
                 # Poles that are none run away where residues are constrained.
-                missing = f"{missing} {UNCONSTRAINED}".strip()
+                missing.append(warning("order_not_held"))
         if twice and fitted is not None and fitted.model.order <= distinct:
             fitted = None  # two modes have one multiplier indeed, and only residues free in each hit tell them apart
         if fitted is not None and not (doubt or missing):
-            doubt = _refused(prepared, wrong_own_period(fitted, start.lifted, prepared, report))
+            doubt = _refused(prepared, wrong_period_fitted(fitted, start.lifted, prepared, report))
     if fitted is None:
         assert model is not None
         fitted = free_residues(prepared, cutting, start, model)
-    return completed(prepared, start, model, fitted, settings, (missing, doubt), report)
+    doubts = (*missing, *([] if doubt is None else [doubt]))
+    return completed(prepared, start, model, fitted, settings, doubts, report)
 
 
-def _refused(prepared: Prepared, doubt: str) -> str:
-    """The same words, where the period is trusted all the same."""
-    if doubt and not prepared.settings.trust_period:
+def _refused(prepared: Prepared, doubt: Finding | None) -> Finding | None:
+    """The same, where the period is trusted all the same."""
+    if doubt is not None and not prepared.settings.trust_period:
         raise IdentificationError(
-            f"{doubt}\n  Correct the period, the sampling rate or the time column; `estimate_period=True` "
-            "(`--estimate-period`) finds the period from the response. If you know the period to be right, pass "
-            "`trust_period=True` (`--trust-period`)."
+            f"{doubt}\n  Correct the period, the sampling rate or the time column; `estimate_period=True` finds the "
+            "period from the response. If you know the period to be right, pass `trust_period=True`."
         )
     return doubt
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,41 +31,42 @@ NAMED = 0.01
 """The share of a channel that another must make up to be named."""
 
 
-def sum_of_others(analysis: Analysis) -> tuple[str, float]:
-    r"""A clause that names a response which is a weighted sum of others, noise and all, and what it has beside them.
+def sum_of_others(analysis: Analysis) -> dict[str, Any] | None:
+    r"""A response that is a weighted sum of others, noise and all, its shares of them, and what it has beside them.
 
     .. math:: D^{-1} Y = L Q, \qquad |L_{kk}| / \sqrt{N} < 0.1
 
     with Y the responses (channels · hits, N samples), D their noise (of what the model leaves, without what is smooth),
     and L lower triangular: what a response has beside those before it, over its noise, is at least its own noise, but
     for a sum of the others. Records with hardly any noise are passed over: there, modes that are fewer than channels
-    make sums of all of them. The clause is empty where there is none.
+    make sums of all of them. None where there is none.
     """
     records = analysis.fit.free
     left = unexplained(analysis.model, records, analysis.clocks)
     if len({record.sample_rate for record in records}) > 1:
-        return "", 1.0
+        return None
     n = min(record.n_samples for record in records)
     rows = np.concatenate([record.values[:, :n] for record in records])
     rests = np.concatenate([own[:, :n] for own in left])
     there = np.isfinite(rests).all(axis=0)
     if there.sum() < ENOUGH * len(rows):
-        return "", 1.0
+        return None
     if not there.all():
         rows, rests = rows[:, there], rests[:, there]
     noise = np.minimum(_noise_of(rests), _noise_of(rows))  # a wrong model leaves more than there is
     sizes = np.abs(rows).max(axis=1)
     if (noise <= QUIET * sizes).any():
-        return "", 1.0
+        return None
     lower = np.asarray(np.linalg.qr((rows / noise[:, None]).T, mode="r")).T
     beside = np.abs(np.diag(lower)) / np.sqrt(rows.shape[1])
     if beside.min() >= OWN:
-        return "", 1.0
+        return None
     first = int(np.flatnonzero(beside < OWN)[0])
     names = [name_of(c.name, hit, len(records)) for hit, r in enumerate(records, start=1) for c in r.channels]
     shares = np.linalg.solve(lower[:first, :first].T, lower[first, :first]) * noise[first] / noise[:first]
-    own = float(beside[first])
-    return _sentence(names, first, shares, sizes, own), own
+    own = [k for k in range(first) if abs(shares[k]) * sizes[k] > NAMED * sizes[first]]
+    others = [names[k] for k in own]
+    return {"channel": names[first], "shares": shares[own], "others": others, "beside": float(beside[first])}
 
 
 def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -77,12 +78,3 @@ def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:
     rough = np.abs(np.diff(rests, 2, axis=1)[:, ::apart])
     rough = np.median(rough, axis=1) / (NORMAL_QUARTILE * np.sqrt(6.0))
     return np.minimum(np.sqrt(np.einsum("rn,rn->r", rests, rests) / rests.shape[1]), rough)
-
-
-def _sentence(
-    names: Sequence[str], first: int, shares: NDArray[np.float64], sizes: NDArray[np.float64], beside: float
-) -> str:
-    """«Channel 'V' is -2.54 times channel 'X' …»."""
-    own = [k for k in range(first) if abs(shares[k]) * sizes[k] > NAMED * sizes[first]]
-    parts = " and ".join(f"{shares[k]:.4g} times {names[k]}" for k in own)
-    return f"{names[first]} is {parts}, noise and all, but for {100.0 * beside:.2g} % of its noise"

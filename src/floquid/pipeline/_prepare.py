@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.errors import IdentificationError
+from floquid.findings import Finding, texts, warning
 from floquid.lti import TimeResponses
 from floquid.periodic import estimate_period
 from floquid.pipeline._before import faults_of, hits_of, later, missing_of, responses_of, without_orbit
@@ -50,9 +51,9 @@ class Prepared:
     shafts
         The angle of the shaft in each record; empty where the period is constant.
     findings
-        What was done to the records, and how well the angle of the shaft is known, a sentence each.
+        What was done to the records, and how well the angle of the shaft is known.
     faults
-        What is wrong with samples, a sentence each.
+        What is wrong with samples.
     """
 
     settings: Settings
@@ -60,8 +61,8 @@ class Prepared:
     responses: tuple[Record, ...]
     clocks: tuple[ConstantPeriod | ShaftAngle, ...]
     shafts: tuple[ShaftAngle, ...] = ()
-    findings: tuple[str, ...] = ()
-    faults: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    faults: tuple[Finding, ...] = ()
 
 
 def prepare(
@@ -109,7 +110,7 @@ def prepare(
     try:
         found = _tied(*_free(used, chosen, of), report, of)
     except IdentificationError as error:
-        raise IdentificationError("\n  ".join([str(error), *faults])) from None
+        raise IdentificationError("\n  ".join([str(error), *texts(faults)])) from None
     return replace(found, faults=faults)
 
 
@@ -154,12 +155,9 @@ def without_clock(record: Record) -> Record:
     return record.select([c.name for c in record.channels if c.name != clock.channel])
 
 
-def unsteady(shaft: ShaftAngle) -> str:
-    """Why a periodic model does not hold at the speed of the shaft, and what to do."""
-    return (
-        f"The speed of the shaft is not constant enough for a periodic model: {' '.join(shaft.reasons)} Use a part of "
-        "the record where it is, or pass `trust_period=True` (`--trust-period`)."
-    )
+def uneven_speed(shafts: Sequence[ShaftAngle]) -> tuple[Finding, ...]:
+    """Those shafts at whose speed a periodic model does not hold, and why."""
+    return tuple(warning("uneven_speed", reasons=shaft.reasons) for shaft in shafts if not shaft.steady)
 
 
 def _clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> tuple[Record, ...]:
@@ -198,7 +196,7 @@ def _clock(record: Record, settings: Settings) -> Clock | None:
 
 def _free(
     records: tuple[Record, ...], settings: Settings, of: str
-) -> tuple[tuple[Record, ...], Settings, tuple[str, ...]]:
+) -> tuple[tuple[Record, ...], Settings, tuple[Finding, ...]]:
     """The free responses that the records hold, cut and without what is no response, the settings, and what was done.
 
     Raises
@@ -214,21 +212,21 @@ def _free(
         refuse_period(records, of, near=NEAR)
     said = missing_of(records)
     if settings.find_hits:
-        records, words = hits_of(records, settings)
-        said += words
+        records, more = hits_of(records, settings)
+        said += more
     elif settings.skip:
-        records, words = later(records, settings.skip)
-        said += words
-    records, words = responses_of(records, settings)
-    said += words
+        records, more = later(records, settings.skip)
+        said += more
+    records, more = responses_of(records, settings)
+    said += more
     if settings.orbit:
-        records, words = without_orbit(records)
-        said += words
+        records, more = without_orbit(records)
+        said += more
     return records, settings, said
 
 
 def _tied(
-    records: tuple[Record, ...], settings: Settings, said: tuple[str, ...], report: Callable[[str], None], of: str
+    records: tuple[Record, ...], settings: Settings, said: tuple[Finding, ...], report: Callable[[str], None], of: str
 ) -> Prepared:
     """The responses with what ties them to the phase; what cannot be used is refused."""
     if not settings.estimate_period and any(record.clock is None for record in records):
@@ -237,7 +235,7 @@ def _tied(
             of,
             "have a clock",
             "the record has none" if len(records) == 1 else "one has none",
-            "Give the period: `--period SECONDS` or `--frequency HZ`, or `read(path, period=...)`.",
+            "Give the period: `period=`, or `read(path, period=...)`.",
         )
     responses = tuple(without_clock(record) for record in records)
     refuse_unlike(responses, of)
@@ -246,14 +244,14 @@ def _tied(
     check_states(responses[0].channels, settings)
     if settings.estimate_period:
         with blas_threads(responses):
-            responses, words = _with_own_period(responses, settings.period, report)
-        records, said = responses, (*said, *words)
+            responses, more = _with_own_period(responses, settings.period, report)
+        records, said = responses, (*said, *more)
     clocks, shafts = _clocks(records, report, of)
     refuse_short(responses, clocks)
-    uneven = [shaft for shaft in shafts if not shaft.steady]
+    uneven = uneven_speed(shafts)
     if uneven and not settings.trust_period:
-        raise IdentificationError(unsteady(uneven[0]))
-    said = (*said, *dict.fromkeys(reason for shaft in shafts for reason in shaft.reasons))
+        raise IdentificationError(str(uneven[0]))
+    said = (*said, *dict.fromkeys(own for shaft in shafts for own in shaft.findings))
     return Prepared(
         settings=settings, records=records, responses=responses, clocks=clocks, shafts=shafts, findings=said
     )
@@ -261,7 +259,7 @@ def _tied(
 
 def _with_own_period(
     records: tuple[Record, ...], about: float | None, report: Callable[[str], None]
-) -> tuple[tuple[Record, ...], tuple[str, ...]]:
+) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
     """The records with the period that the response has, near `about` where that is given, and how it is known.
 
     Raises
@@ -276,13 +274,13 @@ def _with_own_period(
         where = f" between {shortest:.6g} and {longest:.6g} s"
     found = estimate_period(records, shortest=shortest, longest=longest, report=report)
     if not found.told or found.period is None:
-        wrong = "another first value (`--period`)" if about else "the period (`--period`)"
+        wrong = "another first value (`period=`)" if about else "the period (`period=`)"
         raise IdentificationError(
             f"The response does not tell its period{where}. {' '.join(found.reasons)}\n  Give {wrong}, a tachometer "
-            "(`--tach`), or a record with more cycles or less noise."
+            "(`tach=`), or a record with more cycles or less noise."
         )
     clocked = tuple(record.with_clock(ConstantPeriod(period=found.period, origin=record.start)) for record in records)
-    return clocked, found.reasons
+    return clocked, found.findings
 
 
 def _clocks(

@@ -75,7 +75,9 @@ def refuse_short(records: Sequence[Record], clocks: Sequence[ConstantPeriod | Sh
         None does.
     """
     turned = any(isinstance(clock, ShaftAngle) for clock in clocks)
-    check = "the pulses and periods of a revolution (`--pulses-per-rev`, `--periods-per-rev`)" if turned else ""
+    check = (
+        "the pulses and periods of a revolution (`pulses_per_revolution=`, `periods_per_revolution=`)" if turned else ""
+    )
     refuse_few(max(_held(r, clock.period) for r, clock in zip(records, clocks, strict=True)), check)
 
 
@@ -112,7 +114,7 @@ def _slip(period: float, record: Record) -> str:
     else:
         meant = (
             f"{inverse:.6g} s (1/{period:.6g}, if {period:.6g} was meant in Hz)",
-            f"`period={inverse:.6g}` (`--frequency {period:.6g}`)",
+            _as_period(inverse),
         )
     slips = [
         (inverse, rate, *meant),
@@ -128,7 +130,7 @@ def _slip(period: float, record: Record) -> str:
             period,
             1e3 * rate,
             f"a sampling rate of {1e3 * rate:.6g} Hz (if times or rate were meant in ms or kHz)",
-            f"`rate={1e3 * rate:.6g}` (`--rate`)",
+            f"`rate={1e3 * rate:.6g}`",
         ),
     ]
     fits = [
@@ -140,7 +142,7 @@ def _slip(period: float, record: Record) -> str:
 
 
 def _as_period(period: float) -> str:
-    return f"`period={period:.6g}` (`--period`)"
+    return f"`period={period:.6g}`"
 
 
 def refuse_unlike(records: Sequence[Record], of: str) -> None:
@@ -159,7 +161,7 @@ def refuse_unlike(records: Sequence[Record], of: str) -> None:
         ):
             if one != other:
                 must, got = f"have the same {what}", f"number 1 has {one} and number {number} has {other}"
-                raise input_error("records", of, must, got, "Choose common channels with `--channels`, in one order.")
+                raise input_error("records", of, must, got, "Choose common channels with `channels=`, in one order.")
 
 
 def refuse_unusable(records: Sequence[Record], of: str = "identify") -> None:
@@ -170,7 +172,7 @@ def refuse_unusable(records: Sequence[Record], of: str = "identify") -> None:
         refuse_values([record.channels[row] for row in rows], record.values[rows], f"record {number}", of=of)
         for fault in wrapped(record):
             must, remedy = "hold the samples that were measured", "Read them as wider integers, or measure anew."
-            raise input_error("records", of, must, f"in record {number} {fault.sentence}", remedy)
+            raise input_error("records", of, must, f"in record {number} {fault.finding.clause}", remedy)
 
 
 def refuse_copies(records: Sequence[Record], of: str = "identify") -> None:

@@ -173,7 +173,7 @@ class Settings:
         if not structure.strip():
             object.__setattr__(self, "structure", "")
             if self.output_error:
-                remedy = 'Pass structure="auto" beside it (`--structure auto`).'
+                remedy = 'Pass `structure="auto"` beside it.'
                 raise input_error("output_error", of, "come with a structure", "there is none", remedy)
             return
         meant = structure_of(structure)
@@ -181,7 +181,7 @@ class Settings:
         form = "first-order" if isinstance(meant, FirstOrder) else "second-order"
         if self.form != form:
             must, got = f'come with the form "{form}"', f'is "{self.structure}" with the form "{self.form}"'
-            raise input_error("structure", of, must, got, f'Pass form="{form}" (`--form {form}`).')
+            raise input_error("structure", of, must, got, f'Pass `form="{form}"`.')
         if not self.states:
             got = f'is "{self.structure}" without any'
             raise input_error("structure", of, "come with states", got, "Name the channels that are the `states`.")

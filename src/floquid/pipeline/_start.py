@@ -176,17 +176,17 @@ def _followed(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def out_of_step(responses: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], settings: Settings) -> str:
-    """Why responses are not whole samples a period as they are; empty where they are."""
+    """The code for why responses are not whole samples a period as they are; empty where they are."""
     if any(isinstance(clock, ShaftAngle) for clock in clocks):
-        return "a shaft angle that is measured"
+        return "angle"
     if settings.estimate_period:
-        return "a period that is fitted too"
+        return "own period"
     if any(np.isnan(record.values).any() for record in responses):
-        return "missing samples"
+        return "missing"
     try:
         segment(responses)
     except NotSynchronousError:
-        return "a period that is no whole number of samples"
+        return "no whole number"
     return ""
 
 

@@ -86,7 +86,7 @@ def state_of(
         raise IdentificationError(
             "A state matrix with a structure is fitted to coefficients with their joint covariance, and there is none: "
             "the residues were not held to their harmonics.\n  Use maximum likelihood with `constrained=True`, the "
-            "defaults, or leave `structure` out (`--structure`)."
+            "defaults, or leave `structure=` out."
         )
     found = refine(
         model,

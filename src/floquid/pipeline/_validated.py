@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from floquid.errors import FloquidError
+from floquid.findings import failure
 from floquid.pipeline._analysis import FAILED, Analysis
 from floquid.validation import Criterion, Validation, validate
 
@@ -46,7 +47,7 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
             metrics={},
             criteria={},
             passed=False,
-            reasons=(f"The model could not be checked: {str(error).rstrip('.')}.",),
+            findings=(failure("not_checked", error=str(error).rstrip(".")),),
             fit=nothing,
             held_out_error=nothing,
             colour=nothing,
@@ -60,13 +61,13 @@ def _with_misfit(verdict: Validation, analysis: Analysis) -> Validation:
     """The verdict with what the fit leaves as one more number: a model that fails does not pass, whatever else does."""
     if analysis.misfit is None:
         return verdict
-    reasons = verdict.reasons
+    findings = verdict.findings
     if analysis.failed:
-        reasons = (f"The model fails: it leaves {analysis.misfit:.3g} times the noise of the record.", *reasons)
+        findings = (failure("fails", misfit=analysis.misfit), *findings)
     return replace(
         verdict,
         metrics={**verdict.metrics, "misfit": analysis.misfit},
         criteria={**verdict.criteria, "misfit": Criterion(limit=FAILED)},
         passed=verdict.passed and not analysis.failed,
-        reasons=reasons,
+        findings=findings,
     )

@@ -264,7 +264,7 @@ def _even(source: Source, head: _BinaryHead) -> tuple[float, float]:
     first, step = head.first, head.second
     if not np.isfinite([first, step]).all() or step <= 0.0 or not np.isfinite(1.0 / step):
         must, got = "state a first time and a positive step", f"states {first} s and {step} s"
-        raise source.error(must, got, "Pass `rate` (`--rate`) [Hz] to say what it is.")
+        raise source.error(must, got, "Pass `rate=` [Hz] to say what it is.")
     return rate_of_step(step), first
 
 
@@ -290,7 +290,7 @@ def _values(source: Source, stream: BinaryIO, head: _BinaryHead, rows: Sequence[
         raise source.error(
             "have a scale that is not zero, and an offset, for each channel",
             got,
-            f"{_AGAIN} Or leave it out with `channels` (`--channels`).",
+            f"{_AGAIN} Or leave it out with `channels=`.",
         )
     n_channels = len(head.scales)
     dtype = np.dtype("<f8" if head.kind == _UNPACKED else "<i2")

@@ -145,7 +145,7 @@ def describe_file(
     notes: tuple[str, ...]
     try:
         axis = settle_axis(table, source, rate)
-        notes = axis.notes if axis else ("No sampling rate in the file: pass `rate` (`--rate`) [Hz] to read it.",)
+        notes = axis.notes if axis else ("No sampling rate in the file: pass `rate=` [Hz] to read it.",)
     except InputError as error:
         axis, notes = None, (" ".join(str(error).split()),)
     values = table.values if axis is None else axis.place(table.values)

@@ -18,7 +18,7 @@ from floquid.readers._angles import is_shaft_angle
 from floquid.tables import Table, TimeColumn, find_time, make_channels, name_and_unit, rate_of_step, rows_of
 
 _AGAIN = "Copy or export it again."
-_CHOOSE = "Choose channels that go together with `channels` (`--channels`), as in `group/channel`."
+_CHOOSE = "Choose channels that go together with `channels=`, as in `group/channel`."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -160,6 +160,6 @@ def _even(
         if ignore_time:
             return None, None, notes
         must, got = "state a positive step of time (`wf_increment`) [s]", f"states {step!r}"
-        raise source.error(must, got, "Pass `rate` (`--rate`) [Hz] to say what it is.")
+        raise source.error(must, got, "Pass `rate=` [Hz] to say what it is.")
     start = float(offset) if isinstance(offset, (int, float)) and np.isfinite(offset) else 0.0
     return rate_of_step(step), start, notes

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from floquid.core import Estimates
 from floquid.errors import IdentificationError
+from floquid.findings import Finding, note
 from floquid.reconstruction._coordinates import Part
 from floquid.reconstruction._harmonic_balance import Mode, slopes_of, solved
 from floquid.reconstruction._structure import AbstractStructure, Basis, Block, SecondOrder
@@ -311,7 +312,7 @@ Fitted = Callable[[AbstractStructure], tuple[Point, Basis]]
 
 def found_structure(
     fit: Fitted, report: Callable[[str], None] = lambda _: None
-) -> tuple[AbstractStructure, tuple[str, ...]]:
+) -> tuple[AbstractStructure, tuple[Finding, ...]]:
     """The simplest second-order form that the data do not contradict, and what was added to it and gained by that.
 
     Forward selection from constant symmetric stiffness and constant damping, by likelihood ratio tests.
@@ -319,7 +320,7 @@ def found_structure(
     from scipy.special import chdtrc
 
     now: AbstractStructure = SecondOrder(stiffness=Block(symmetry="symmetric"), damping=Block())
-    point, reasons = _tried(fit, now), []
+    point, found = _tried(fit, now), []
     for _ in range(MOST):
         best: Point | None = None
         least, words, chosen = (False, 0.0), "", now
@@ -338,11 +339,11 @@ def found_structure(
         if best is None:
             break
         before = np.inf if point is None else point.cost
-        reasons.append(f"{words[0].upper()}{words[1:]}: chi-square from {before:.4g} to {best.cost:.4g}.")
+        found.append(note("structure_widened", name=words, before=before, after=best.cost))
         now, point = chosen, best
     if point is None:
         raise IdentificationError("No second-order form of few harmonics fits the response in these states.")
-    return now, (f"Structure found: {now.words()}.", *reasons)
+    return now, (note("structure_found", structure=now.words()), *found)
 
 
 def _tried(fit: Fitted, structure: AbstractStructure) -> Point | None:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import finite, input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
+from floquid.findings import Finding
 from floquid.reconstruction._coordinates import Coordinates, Part, State, derivative_of
 from floquid.reconstruction._harmonic_balance import Mode, NoModeError
 from floquid.reconstruction._invariance import Point, Seen, covariance_of, fitted, found_structure, problem_of
@@ -108,9 +109,9 @@ def refine(
             must = 'be "auto", a structure such as SecondOrder(stiffness=Block(harmonics=2)), or its text'
             raise input_error("structure", OF, must, f"is {structure!r:.60}")
         first = _Fit.made(model, states, 2, estimates)
-        structure, reasons = found_structure(first.at, report)
+        structure, findings = found_structure(first.at, report)
     else:
-        reasons = ()
+        findings = ()
     report("fitting the structured state matrix")
     fit = _Fit.made(model, states, structure.degree, estimates)
     try:
@@ -128,7 +129,7 @@ def refine(
         point, basis, wider = _from_wider(fit, structure, point, basis)
         if point.p_value < refuse:
             raise IdentificationError(_contradicted(point, refuse, wider))
-    return _refinement(fit, structure, basis, point, instants_of(times, model.period, OF), reasons)
+    return _refinement(fit, structure, basis, point, instants_of(times, model.period, OF), findings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,7 +279,7 @@ def _refinement(
     basis: Basis,
     point: Point,
     times: NDArray[np.float64],
-    reasons: tuple[str, ...],
+    findings: tuple[Finding, ...],
 ) -> Refinement:
     """The result, with every deviation."""
     whole, n = covariance_of(point), len(basis.names)
@@ -329,7 +330,7 @@ def _refinement(
         chi_square=point.cost,
         degrees=point.degrees,
         p_value=point.p_value,
-        reasons=reasons,
+        findings=findings,
     )
 
 

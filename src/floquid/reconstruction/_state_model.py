@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, frozen_array
 from floquid.core import Provenance
+from floquid.findings import Finding, texts
 from floquid.reconstruction._structure import AbstractStructure
 
 
@@ -74,8 +75,8 @@ class Refinement(Rebuilt):
     chi_square, degrees, p_value
         What is left between the structure and the free model, its degrees of freedom, and the probability of as much or
         more under the right structure.
-    reasons
-        How the structure was found, a sentence each; empty where it was given.
+    findings
+        How the structure was found; empty where it was given.
     """
 
     state: StateModel
@@ -88,7 +89,7 @@ class Refinement(Rebuilt):
     chi_square: float
     degrees: int
     p_value: float
-    reasons: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         of, n = "Refinement", len(self.names)
@@ -99,6 +100,11 @@ class Refinement(Rebuilt):
             ("exponent_std", (len(self.exponents),), np.complex128),
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), name, of, axes=axes, dtype=dtype))
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """How the structure was found, a sentence each."""
+        return texts(self.findings)
 
     @property
     def std(self) -> NDArray[np.float64]:

@@ -106,7 +106,7 @@ def _wrong_number(model: PeriodicModel, needed: int, got: str, what: str, must: 
         f"{must}: {model.order} modes (conjugates one by one) need as many states, {what}",
         got,
         f"The channels are: {', '.join(c.name for c in model.channels)}."
-        + (' There are too few of them to span these modes: pass `form="delayed"` (`--form delayed`).' if few else ""),
+        + (' There are too few of them to span these modes: pass `form="delayed"`.' if few else ""),
     )
 
 
@@ -178,7 +178,7 @@ def combined(model: PeriodicModel, count: int) -> Coordinates:
     powers = np.array([derivative_of(channel) for channel in model.channels])
     if len(powers) < count:
         must, got = f"be at least {count} channels: half as many as there are modes", f"there are {len(powers)}"
-        raise input_error("states", "reconstruct", must, got, 'Pass `form="delayed"` (`--form delayed`).')
+        raise input_error("states", "reconstruct", must, got, 'Pass `form="delayed"`.')
     noise = channel_noise(model)
     if len(powers) == count:
         mixing, chosen, loose = np.eye(count), np.arange(count), None

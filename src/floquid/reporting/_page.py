@@ -35,7 +35,7 @@ from floquid.reporting._record_figures import (
 )
 from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
 from floquid.reporting._system_figures import Truth, element_figures
-from floquid.views import Synchronisation, mode_table, note_meanings
+from floquid.views import Synchronisation, for_command, mode_table, note_meanings
 
 LONGEST = 60  # the longest name of a source that fits a heading, in characters
 
@@ -58,7 +58,7 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
         loader=PackageLoader("floquid.reporting", "page"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    environment.filters["minus"] = words.minus
+    environment.filters |= {"minus": words.minus, "options": for_command}
     analysis, rows = case.analysis, mode_table(case.analysis)
     mark, sentence = words.verdict(analysis)
     return environment.get_template("page.html.jinja").render(

@@ -2,13 +2,12 @@
 
 `result.h5` is an HDF5 file, so MATLAB, Julia and others read it too. Nothing in it is code: loading runs nothing.
 
-Attributes of the file: `format` is "floquid-result", `version` is 2, `floquid` is the version of floquid that wrote it.
+Attributes of the file: `format` is "floquid-result", `version` is 3, `floquid` is the version of floquid that wrote it.
 Every array names its `axes`, slowest first (as C and Python have them), and its `unit` if it has one. Real
 numbers are float64, integers int64, texts UTF-8. A complex number is a compound of float64 `r` and `i`. A dataset
 without content (a null dataspace) stands for None: "not estimated", or "not given". The datasets are::
 
-    /warnings                       texts
-    /synchronisation                sentences on the records
+    /findings                       what was done and what a reader must know: JSON, as in summary.json
     /fit/                           noise (channels, hits), period_std, own_period (the difference and its deviation),
                                     held (1 where residues were held to their harmonics), misfit (what they then leave
                                     over the noise), whitening (channels, taps) where the noise was coloured, reasons,
@@ -30,7 +29,7 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     one, channels/, provenance/
     /modal/                         multipliers (modes,), residues (modes, outputs, inputs), dt, covariance,
                                     residue_spread, residue_slope, residual_std, outcome (a name), stats/
-    /choice/                        reasons, doubts: sentences for and against the order, where it was found
+    /choice/                        findings for and against the order, where it was found
     /model/                         exponents (modes,), coefficients (modes, channels, hits, harmonics), harmonics,
                                     period, covariance, coefficient_std, channels/, provenance/; estimates/ and
                                     unselected/, the fit with its joint covariance: exponents, real (modes,),

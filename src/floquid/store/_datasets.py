@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from enum import Enum
 from numbers import Integral, Real
@@ -10,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from floquid.core import Channel
+from floquid.findings import Finding, as_mapping, from_mapping
 from floquid.io import DamagedError
-from floquid.store._layout import ABSENT, FLAGS, LAYOUT, TEXTS
+from floquid.store._layout import ABSENT, FLAGS, LAYOUT, SENTENCES, TEXTS
 
 _DTYPES = {"b": np.int64, "i": np.int64, "u": np.int64, "f": np.float64, "c": np.complex128}
 
@@ -48,8 +50,8 @@ def put(group: Any, name: str, value: Any, place: str = "") -> None:
         dataset = group.create_dataset(name, data=h5py.Empty(np.float64))
     elif isinstance(texts, str):
         dataset = group.create_dataset(name, data=_storable(texts), dtype=h5py.string_dtype())
-    elif isinstance(value, tuple) and all(isinstance(text, str) for text in value):
-        data = np.array([_storable(text) for text in value], dtype=object)
+    elif isinstance(value, tuple) and all(isinstance(text, (str, Finding)) for text in value):
+        data = np.array([_storable(_json(text) if isinstance(text, Finding) else text) for text in value], dtype=object)
         dataset = group.create_dataset(name, data=data, dtype=h5py.string_dtype())
     elif isinstance(value, (Integral, Real, tuple, np.ndarray, np.bool_)):
         array = np.asarray(value)
@@ -65,6 +67,11 @@ def put(group: Any, name: str, value: Any, place: str = "") -> None:
         dataset.attrs["unit"] = unit
 
 
+def _json(finding: Finding) -> str:
+    """A finding as JSON: its code, severity, numbers and where, and the sentence."""
+    return json.dumps(as_mapping(finding), ensure_ascii=False)
+
+
 def _storable(text: str) -> str:
     """`text` with what HDF5 cannot hold written as an escape: undecodable bytes of a file name, a NUL."""
     return text.encode("utf-8", "backslashreplace").decode("utf-8").replace("\0", "\\x00")
@@ -76,7 +83,9 @@ def get_fields(group: Any, kind: type) -> dict[str, Any]:
     for name, place in LAYOUT[kind].items():
         if name in ABSENT and name not in group:
             continue
-        if isinstance(place, str):
+        if name == "findings":
+            found[name] = get_findings(group)
+        elif isinstance(place, str):
             found[name] = get(group, name, place)
         elif place is Channel:
             found[name] = _channels(group[name])
@@ -95,6 +104,18 @@ def get_object(group: Any, kind: Any) -> Any:
 def get_numbers(group: Any) -> dict[str, float]:
     """Numbers by their names."""
     return {str(name): get(group, name) for name in group}
+
+
+def get_findings(group: Any) -> tuple[Finding, ...]:
+    """The findings of a group; of a file up to version 2 the sentences that it has instead."""
+    if "findings" in group:
+        return tuple(from_mapping(json.loads(text)) for text in get(group, "findings", "findings"))
+    return tuple(
+        Finding("sentence", severity, words=text)
+        for name, severity in SENTENCES.items()
+        if name in group
+        for text in get(group, name, name)
+    )
 
 
 def _channels(group: Any) -> tuple[Channel, ...]:

@@ -12,6 +12,7 @@ from floquid.core import (
     Record,
     TachometerSignal,
 )
+from floquid.findings import Severity
 from floquid.lti import Composites, ModalModel
 from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, PartialTests, Periodicity
@@ -20,7 +21,7 @@ from floquid.sync import AngleSpline, ShaftAngle
 from floquid.validation import Validation
 
 FORMAT = "floquid-result"
-VERSION = 2
+VERSION = 3
 
 SETTINGS_OF_VERSION_1 = (
     "period", "channels", "order", "harmonics", "states", "system_times", "mode_false_alarm", "harmonic_false_alarm",
@@ -33,10 +34,18 @@ ABSENT = ("estimates", "unselected", "composites", "coordinates", "transition_st
 FLAGS = ("held", "kept", "passed", "real", "speed_dependent", "steady")
 """HDF5 has no truth values: these are 0 and 1."""
 
+SENTENCES = {
+    "reasons": Severity.NOTE,
+    "doubts": Severity.WARNING,
+    "synchronisation": Severity.NOTE,
+    "warnings": Severity.WARNING,
+}
+"""What files up to version 2 have instead of findings: sentences, and how much they matter."""
+
 TEXTS = (
     "name", "quantity", "unit", "location", "direction", "sources", "steps", "reasons", "doubts", "names", "states",
     "channel", "channels", "outcome", "coordinates", "jitter_unit", "warnings", "synchronisation", "at_least", "kind",
-    "structure",
+    "structure", "findings",
 )  # fmt: skip
 """What is text, by its name."""
 
@@ -68,7 +77,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "composites": Composites,
     },
     Composites: {"angles": "lines; rad/period", "data": "lines", "model": "lines", "difference": "lines"},
-    Choice: {"reasons": "reasons", "doubts": "doubts"},
+    Choice: {"findings": "findings"},
     PeriodicModel: {
         "exponents": "modes; 1/s",
         "coefficients": f"modes, channels, hits, harmonics; {_UNIT}",
@@ -103,8 +112,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "held": "",
         "misfit": "",
         "whitening": "channels, taps",
-        "reasons": "reasons",
-        "doubts": "doubts",
+        "findings": "findings",
     },
     ForcedResponse: {
         "harmonics": "harmonics",
@@ -128,7 +136,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "geometry": "lines; rad",
         "geometry_std": "lines; rad",
         **dict.fromkeys(("n_pulses", "missing", "doubled", "rejected", "wander", "steady"), ""),
-        "reasons": "reasons",
+        "findings": "findings",
         "spline": AngleSpline,
     },
     AngleSpline: {
@@ -142,7 +150,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
     },
     Validation: {
         "passed": "",
-        "reasons": "reasons",
+        "findings": "findings",
         **dict.fromkeys(("fit", "held_out_error", "colour"), "channels, hits"),
         "turns": "tones",
         "tones": "channels, hits, tones",
@@ -183,6 +191,6 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "chi_square": "",
         "degrees": "",
         "p_value": "",
-        "reasons": "reasons",
+        "findings": "findings",
     },
 }

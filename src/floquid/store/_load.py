@@ -15,7 +15,7 @@ from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, Periodicity
 from floquid.pipeline import Analysis, Settings, blas_threads, lifted_views, samples_of
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
-from floquid.store._datasets import get, get_fields, get_numbers, get_object
+from floquid.store._datasets import get, get_fields, get_findings, get_numbers, get_object
 from floquid.store._identifiers import from_text
 from floquid.store._layout import FORMAT, LAYOUT, SETTINGS_OF_VERSION_1, VERSION
 from floquid.sync import ShaftAngle
@@ -101,9 +101,8 @@ def _read(file: Any, version: int) -> Analysis:
         choice=None if choice is None else Choice(order=modal.order, model=modal, **choice),
         shafts=shafts,
         periodicity=get_object(file["periodicity"], Periodicity) if "periodicity" in file else None,
-        synchronisation=get(file, "synchronisation", "sentences") if "synchronisation" in file else (),
         validation=_validation(file["validation"]) if "validation" in file else None,
-        warnings=get(file, "warnings", "warnings"),
+        findings=get_findings(file),
     )
 
 
@@ -156,7 +155,7 @@ def _fit_of_version_1(file: Any, model: PeriodicModel, settings: Settings) -> St
     if "measured" in group:
         free = tuple(map(_record, _hits(group, "records" if group is file else "free", model)))
     found: dict[str, Any] = dict.fromkeys(("period_std", "own_period", "misfit", "whitening"))
-    found |= {"held": False, "reasons": (), "doubts": ()}
+    found |= {"held": False, "findings": () if group is file else get_findings(group)}
     for place in (file, file["lifted"] if group is file else group):
         found |= {name: get(place, name, str(axes)) for name, axes in LAYOUT[Fit].items() if name in place}
     found["held"] = group is not file or found["held"]

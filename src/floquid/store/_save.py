@@ -59,8 +59,7 @@ def _write(analysis: Analysis, stream: BytesIO) -> None:
         file.attrs["format"] = FORMAT
         file.attrs["version"] = VERSION
         file.attrs["floquid"] = __version__
-        put(file, "warnings", analysis.warnings, "warnings")
-        put(file, "synchronisation", analysis.synchronisation, "sentences")
+        put(file, "findings", analysis.findings, "findings")
         _put_settings(file.create_group("settings"), analysis.settings)
         for number, record in enumerate(analysis.records, start=1):
             _put_record(file.create_group(f"records/hit{number}"), record)

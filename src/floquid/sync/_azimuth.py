@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Channel, Record, channels_named
+from floquid.findings import Finding, note
 
 OF = "shaft_angle"
 
@@ -48,7 +49,7 @@ class Evidence:
     each: int = 1
     """Samples behind each instant."""
     what: str = "pulses"
-    said: tuple[str, ...] = ()
+    said: tuple[Finding, ...] = ()
 
 
 def of_azimuth(record: Record, clock: AzimuthSignal) -> Evidence:
@@ -91,7 +92,6 @@ def of_azimuth(record: Record, clock: AzimuthSignal) -> Evidence:
         raise input_error(
             "record", OF, must, got, "Cut the record to a part in which the shaft turns, or check the channel."
         )
-    said = ("The azimuth falls: the shaft turns backwards, and that way is counted as positive.",)
     return Evidence(
         times=record.start + places[tight].mean(axis=1) / record.sample_rate,
         angles=2.0 * np.pi * angles,
@@ -100,7 +100,7 @@ def of_azimuth(record: Record, clock: AzimuthSignal) -> Evidence:
         rejected=len(index) - len(good),
         each=block,
         what="samples",
-        said=said if backwards else (),
+        said=(note("backwards"),) if backwards else (),
     )
 
 

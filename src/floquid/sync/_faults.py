@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import AzimuthSignal, Record, TachometerSignal
+from floquid.findings import Finding, failure, note, warning
 from floquid.sync._impact_search import runs_of
 
 FLAT = 3
@@ -50,11 +51,9 @@ class Clipping:
     share: float
 
     @property
-    def sentence(self) -> str:
-        """What was found, in words."""
-        unit = "" if self.unit == "-" else f" {self.unit}"
-        at = " and ".join(f"{level:.6g}{unit}" for level in self.levels)
-        return f"channel {self.channel!r} is clipped at {at}: {self.samples} samples, {100.0 * self.share:.3g} %"
+    def finding(self) -> Finding:
+        """What was found."""
+        return warning("clipped", **asdict(self))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,11 +78,9 @@ class Dropout:
     samples: int
 
     @property
-    def sentence(self) -> str:
-        """What was found, in words."""
-        unit = "" if self.unit == "-" else f" {self.unit}"
-        where = f"from {self.first:.6g} to {self.last:.6g} s, {self.samples} samples"
-        return f"channel {self.channel!r} stands still at {self.level:.6g}{unit} {where}"
+    def finding(self) -> Finding:
+        """What was found."""
+        return warning("stands_still", **asdict(self))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,16 +104,9 @@ class Gap:
     of: int
 
     @property
-    def sentence(self) -> str:
-        """What is missing, in words."""
-        names = ", ".join(repr(name) for name in self.channels)
-        if len(self.channels) > 1:
-            who = f"all {self.of} channels miss" if len(self.channels) == self.of else f"channels {names} miss"
-        else:
-            who = f"channel {names} misses"
-        if self.samples == 1:
-            return f"{who} 1 sample at {self.first:.6g} s"
-        return f"{who} {self.samples} samples from {self.first:.6g} to {self.last:.6g} s"
+    def finding(self) -> Finding:
+        """What is missing."""
+        return note("missing_samples", **asdict(self))
 
 
 def clipped(record: Record) -> tuple[Clipping, ...]:
@@ -247,10 +237,9 @@ class Wrapping:
     jumps: int
 
     @property
-    def sentence(self) -> str:
-        """What was found, in words."""
-        times = "once" if self.jumps == 1 else f"{self.jumps} times"
-        return f"channel {self.channel!r} wraps round: it jumps by {2**self.bits} counts, its whole range, {times}"
+    def finding(self) -> Finding:
+        """What was found."""
+        return failure("wraps_round", **asdict(self))
 
 
 def wrapped(record: Record) -> tuple[Wrapping, ...]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from floquid._checks import finite, input_error, positive
 from floquid.core import AzimuthSignal, Record, TachometerSignal, channels_named
+from floquid.findings import Finding, note
 from floquid.sync._impact_search import by_force, by_response
 
 LEAST = 0.05
@@ -45,15 +46,9 @@ class Impact:
     channel: str | None = None
 
     @property
-    def sentence(self) -> str:
-        """What was found, in words."""
-        where = "in the response" if self.channel is None else f"in the force {self.channel!r}"
-        lasting = f" over by {self.end:.6g} s" if self.end > self.start else ""
-        double = "; more than one blow (a double hit or a bounce)" if self.double else ""
-        return (
-            f"impact at {self.start:.6g} s{lasting}, seen {where}, "
-            f"{100.0 * self.strength:.3g} % of the strongest{double}"
-        )
+    def finding(self) -> Finding:
+        """What was found."""
+        return note("impact", **asdict(self))
 
 
 def find_impacts(

@@ -245,7 +245,7 @@ def _check_alike(records: tuple[Record, ...], clocks: tuple[ConstantPeriod | Sha
                 "resample",
                 "have the same channels, in the same units",
                 f"number 1 has {_words(first)} and number {number} has {_words(other)}",
-                "Choose common channels with `--channels`, in one order.",
+                "Choose common channels with `channels=`, in one order.",
             )
 
 

@@ -121,7 +121,7 @@ def _clock(record: Record) -> ConstantPeriod:
             "segment",
             "have a clock",
             "the record has none",
-            "Give the period: `--period SECONDS` or `--frequency HZ`, or `read(path, period=...)`.",
+            "Give the period: `period=`, or `read(path, period=...)`.",
         )
     if not isinstance(record.clock, ConstantPeriod):
         must = "have a clock of constant period"
@@ -147,7 +147,7 @@ def _check_alike(first: Record, record: Record, number: int) -> None:
                 "segment",
                 f"have the same {what}",
                 f"number 1 has {one} and number {number} has {other}",
-                "Choose common channels with `--channels`, in one order.",
+                "Choose common channels with `channels=`, in one order.",
             )
     for what, (one, other, unit) in numbers.items():
         if abs(one - other) > 1e-9 * one:
@@ -171,7 +171,7 @@ def _cut(record: Record, phases: int, phase: float) -> Cycles:
             "have no missing samples",
             f"{len(rows)} are missing, the first in channel {record.channels[rows[0]].name!r} at sample {columns[0]}"
             + (f" of {record.provenance.sources[0]}" if len(record.provenance.sources) == 1 else ""),
-            "Cut the record to a part without gaps, or leave the channel out with `--channels`.",
+            "Cut the record to a part without gaps, or leave the channel out with `channels=`.",
         )
     clock = _clock(record)
     ahead = ((phase - clock.phase(record.start)) % 1.0) * phases

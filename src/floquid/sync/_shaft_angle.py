@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import AzimuthSignal, PulseTimes, Record, TachometerSignal
+from floquid.findings import Finding, note, texts, warning
 from floquid.sync._angle_spline import AngleFit, AngleSpline, fit_angle
 from floquid.sync._azimuth import OF, Evidence, of_azimuth
 from floquid.sync._count import count
@@ -54,7 +55,7 @@ class ShaftAngle(Rebuilt):
     n_pulses, missing, doubled, rejected
         Pulses (of an azimuth: samples) that were used; that should have come and did not; left out as one too many in
         its place; left out as outliers.
-    wander, steady, reasons
+    wander, steady, findings
         The rms of the speed about its mean, over the mean; true where that is constant enough for a periodic model; and
         why, with numbers, and what was repaired.
     """
@@ -75,7 +76,7 @@ class ShaftAngle(Rebuilt):
     rejected: int
     wander: float
     steady: bool
-    reasons: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
     def __post_init__(self) -> None:
         for name in ("times", "residuals", "lines", "kept", "geometry", "geometry_std"):
@@ -84,6 +85,11 @@ class ShaftAngle(Rebuilt):
                 array = array.copy()
                 array.flags.writeable = False
                 object.__setattr__(self, name, array)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the speed is constant enough or not, and what was repaired, a sentence each."""
+        return texts(self.findings)
 
     @property
     def first(self) -> float:
@@ -212,11 +218,11 @@ def shaft_angle(record: Record) -> ShaftAngle:
         rejected=rejected,
         wander=wander,
         steady=steady,
-        reasons=(why, *_remarks(record, seen, fit, n_used, rejected)),
+        findings=(why, *_remarks(record, seen, fit, n_used, rejected)),
     )
 
 
-def _remarks(record: Record, seen: Evidence, fit: AngleFit, n_used: int, rejected: int) -> list[str]:
+def _remarks(record: Record, seen: Evidence, fit: AngleFit, n_used: int, rejected: int) -> list[Finding]:
     """What was repaired, learned or has to be taken on trust."""
     spline = fit.spline
     fixed = repairs(seen.missing, seen.doubled, rejected, n_used, seen.what, seen.absent, seen.n_lines)
@@ -224,10 +230,7 @@ def _remarks(record: Record, seen: Evidence, fit: AngleFit, n_used: int, rejecte
     if seen.n_lines > 1:
         said += uneven(fit.offsets, fit.offsets_std)
     if fit.std > ROUGH * TURN:
-        said.append(
-            f"What is left over scatters by {np.degrees(fit.std):.3g} deg: the sensor is poor, or the speed changes "
-            "within a revolution."
-        )
+        said.append(warning("rough_angle", degrees=np.degrees(fit.std)))
     said += alike(fit.residuals[fit.kept])
     ends = spline.speed(np.array([spline.first, spline.last])) / TURN
     stop = record.start + (record.n_samples - 1) / record.sample_rate
@@ -247,16 +250,13 @@ def _of_pulses(record: Record, clock: TachometerSignal | PulseTimes) -> Evidence
             "Use a longer record, or pass ConstantPeriod(period=..., origin=...) from these two.",
         )
     found = count(times, lines)
-    said = [
-        f"How many pulses were lost between {a:.6g} and {b:.6g} s is a guess: the speeds before and after differ."
-        for a, b in found.doubtful
-    ]
+    said = [warning("pulses_guessed", first=first, last=last) for first, last in found.doubtful]
     seen = len(np.unique(found.numbers % lines))
     known = lines > 1 and found.numbers[-1] - found.numbers[0] >= 3 * lines and len(found.kept) >= 2 * seen
     if lines > 1 and not known:
-        said.append(f"There are fewer than three revolutions: the {lines} lines are taken as evenly spaced.")
+        said.append(note("few_revolutions", lines=lines))
     if lines > 1 and not found.absent:
-        said.append("Nothing marks one of the lines: phase zero is at the first pulse, not at a known angle.")
+        said.append(note("no_mark"))
     # Zero at the first pulse of line 0.
     origin = -(-int(found.numbers[0]) // lines) * lines
     return Evidence(

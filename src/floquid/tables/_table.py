@@ -14,7 +14,7 @@ from floquid.errors import InputError
 from floquid.io import Source
 from floquid.tables._time_axis import TimeAxis, TimeColumn, repair
 
-OPTION = "`rate` (`--rate`)"
+OPTION = "`rate=`"
 """What says the sampling rate where nothing else does, in Python and on the command line."""
 
 

@@ -39,7 +39,7 @@ _COARSE = 0.25
 _FARTHEST, _SHORTEST = 1e13, 1e-15
 """Bounds on a time and on a step [s]; beyond them the numbers are not times, and their squares overflow."""
 
-_IGNORE = "pass `rate` (`--rate`) [Hz] to ignore the times."
+_IGNORE = "pass `rate=` [Hz] to ignore the times."
 _RESAMPLE = f"Resample onto even times first, or {_IGNORE}"
 
 

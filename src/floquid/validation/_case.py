@@ -1,16 +1,17 @@
-"""The model and the records after the filter that makes their noise white, and what is found on the way, in words."""
+"""The model and the records after the filter that makes their noise white, and what is gathered on the way."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, frozen_array, input_error
 from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.findings import Finding, failure
 from floquid.periodic import instants
 from floquid.sync import ShaftAngle
 from floquid.validation._held_out import cycles_of, only
@@ -18,30 +19,30 @@ from floquid.validation._types import Criterion
 
 
 @dataclass(slots=True)
-class Findings:
-    """What is gathered on the way."""
+class Checks:
+    """The numbers, their limits and the findings, gathered on the way."""
 
     metrics: dict[str, float] = field(default_factory=dict)
     criteria: dict[str, Criterion] = field(default_factory=dict)
-    reasons: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
 
-    def add(self, name: str, value: float, limit: float, *, at_least: bool = False) -> bool:
-        """A number and its limit; whether it keeps to it."""
+    def kept(self, name: str, value: float, limit: float, *, at_least: bool = False) -> bool:
+        """Whether a number keeps to its limit, both noted; true where it is none, which is a finding of its own."""
         self.criteria[name] = Criterion(limit=limit, at_least=at_least)
         if not np.isfinite(value):
-            self.reasons.append(f"{name} could not be computed: the numbers of the record or the model overflow.")
+            self.fail("overflow", name=name)
             return True
         self.metrics[name] = float(value)
         return self.criteria[name].met(value)
 
-    def say(self, text: str, remedy: str) -> None:
-        """What is wrong, and what to do."""
-        self.reasons.append(sentence(text, remedy))
+    def fail(self, code: str, **numbers: Any) -> None:
+        """Note what is wrong."""
+        self.findings.append(failure(code, **numbers))
 
-    def missing(self, names: dict[str, float], why: str) -> None:
-        """Numbers that could not be computed."""
+    def missing(self, names: dict[str, float], why: Finding) -> None:
+        """Note numbers that could not be computed, and why."""
         self.criteria.update({name: Criterion(limit=limit) for name, limit in names.items()})
-        self.reasons.append(why)
+        self.findings.append(why)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,19 @@ class Case:
     """Half of the lowest sampling rate, in fundamentals."""
     per_revolution: float
     false_alarm: float
+
+    def places(self, places: Sequence[tuple[int, ...]]) -> dict[str, list[Any]]:
+        """The names of the channels and the numbers of the hits of responses; 0 where there is one hit alone."""
+        several = self.model.n_hits > 1
+        return {
+            "channels": [self.model.channels[channel].name for channel, _ in places],
+            "hits": [hit + 1 if several else 0 for _, hit in places],
+        }
+
+    def place(self, channel: int, hit: int) -> dict[str, Any]:
+        """The same of one response."""
+        named = self.places([(channel, hit)])
+        return {"channel": named["channels"][0], "hit": named["hits"][0]}
 
     @property
     def responses(self) -> int:
@@ -144,43 +158,6 @@ def filtered(values: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[
     if taps.shape[1] > values.shape[1]:
         return values[:, :0]
     return np.array([np.convolve(row, own, "valid") for row, own in zip(values, taps, strict=True)])
-
-
-LISTED = 3
-"""Findings of one kind that are named one by one."""
-
-
-@dataclass(frozen=True, slots=True)
-class Names:
-    """What channels, hits and modes are called."""
-
-    model: PeriodicModel
-
-    def channel(self, channel: int, hit: int) -> str:
-        """One response."""
-        name = f"channel {self.model.channels[channel].name}"
-        return f"{name} of hit {hit + 1}" if self.model.n_hits > 1 else name
-
-    def mode(self, mode: int) -> str:
-        """One mode, by its frequency."""
-        return f"the mode at {self.model.frequencies_hz[mode]:.4g} Hz"
-
-    def tone(self, turn: float, per_revolution: float) -> str:
-        """One harmonic of the revolution."""
-        if turn == 0.0:
-            return "an offset"
-        return f"{Fraction(turn * per_revolution).limit_denominator(999)} per revolution"
-
-
-def listed(parts: Sequence[str]) -> str:
-    """The first few, and how many more there are."""
-    more = len(parts) - LISTED
-    return "; ".join(parts[:LISTED]) + (f"; and {more} more" if more > 0 else "")
-
-
-def sentence(text: str, remedy: str) -> str:
-    """What is wrong, and what to do."""
-    return f"{text[0].upper()}{text[1:]}. {remedy}"
 
 
 def strongest(sizes: np.ndarray) -> list[tuple[int, ...]]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
+from floquid.findings import Finding, failure
 from floquid.reconstruction import StateModel
 
 TOLERANCE = 1e-4
@@ -40,7 +41,7 @@ class Consistency:
     """The largest relative difference of Φ(t + T, t0), integrated, and Φ(t, t0) Φ(t0 + T, t0)."""
 
 
-def consistency(model: PeriodicModel, state: StateModel) -> Consistency | str:
+def consistency(model: PeriodicModel, state: StateModel) -> Consistency | Finding:
     r"""A(t) interpolated between its instants and integrated over a period, against the model and against Φ.
 
     .. math:: \Phi(T) v = e^{\lambda T} v, \qquad \int_0^T \operatorname{tr} A\, dt = T \sum_r \lambda_r, \qquad
@@ -48,17 +49,17 @@ def consistency(model: PeriodicModel, state: StateModel) -> Consistency | str:
 
     A(t) is a trigonometric polynomial through its samples, integrated by Magnus' expansion of order 4 (Blanes et al.
     2009, eq. 253), halving the step until Φ stays. Too few instants, or a real part taken of what is not real, give
-    other multipliers. A text says why there is nothing to compare.
+    other multipliers. A finding says why there is nothing to compare.
     """
     instants, n = len(state.times), len(state.states)
     if n != model.order:
-        return f"A(t) has {n} states and the model {model.order} modes"
+        return failure("system_states", states=n, modes=model.order)
     steps = np.diff(state.times, append=state.times[0] + model.period)
     if np.abs(steps - model.period / instants).max() > 1e-6 * model.period / instants:
-        return "the instants of A(t) are not spread evenly over one period"
+        return failure("system_instants")
     integrated = _integrated(state, model.period)
     if integrated is None:
-        return "A(t) is so large that it could not be integrated over a period"
+        return failure("system_too_large")
     reached, monodromy = integrated
     multipliers, pair = _multipliers(np.asarray(np.linalg.eigvals(monodromy), np.complex128), model)
     parts = np.zeros(2 * model.order)

@@ -1,4 +1,4 @@
-"""What a model leaves, as numbers, limits and sentences."""
+"""What a model leaves, as numbers, limits and findings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import line_amplitudes, unexplained, without_lines
 from floquid.sync import ShaftAngle
-from floquid.validation._case import Case, Findings, Names, listed, strongest
+from floquid.validation._case import Case, Checks, strongest
 
 TONE = 0.1
 """The amplitude of a tone, over the noise, that is let pass in any case."""
@@ -49,7 +49,7 @@ PIECE = 64
 """Lines of a spectrum over which its level is taken."""
 
 
-def left_by(case: Case, found: Findings) -> dict[str, NDArray]:
+def left_by(case: Case, found: Checks) -> dict[str, NDArray]:
     """What the model leaves: tones, harmonics, other lines, colour; arrays for the reader."""
     left = [np.array(own) for own in unexplained(case.model, case.records, case.clocks)]
     tones = _tones(case, left, found)
@@ -58,11 +58,11 @@ def left_by(case: Case, found: Findings) -> dict[str, NDArray]:
     return {**tones, **lines, "colour": _colour(case, left, hidden, found)}
 
 
-def _tones(case: Case, left: list[NDArray[np.float64]], found: Findings) -> dict[str, NDArray]:
+def _tones(case: Case, left: list[NDArray[np.float64]], found: Checks) -> dict[str, NDArray]:
     """Harmonics of the revolution; those that are found are taken off."""
     from scipy.special import chdtri
 
-    turns, names = tones_of(case.highest, case.per_revolution), Names(case.model)
+    turns = tones_of(case.highest, case.per_revolution)
     size, score = np.zeros((2, *case.noise.shape, len(turns)))
     for hit, rest in enumerate(left):
         amplitudes, squares = line_amplitudes(*_residual(case, hit, rest), np.zeros(len(turns)), turns)
@@ -71,16 +71,17 @@ def _tones(case: Case, left: list[NDArray[np.float64]], found: Findings) -> dict
     there = (score > chdtri(2, case.false_alarm / score.size)) & (size > TONE)
     candidates = np.flatnonzero(there.any(axis=(0, 1)))
     there[..., candidates] &= score[..., candidates] > ABOVE * _beside(case, left, turns[candidates])
-    found.add("tone", float(np.max(size * there, initial=0.0)), TONE)
+    found.kept("tone", float(np.max(size * there, initial=0.0)), TONE)
     which = strongest((size * there).max(axis=1))
     if which:
-        parts = []
-        for channel, tone in which:
-            hit = int(np.argmax((size * there)[channel, :, tone]))
-            words = f"{names.tone(turns[tone], case.per_revolution)} left in {names.channel(channel, hit)}"
-            parts.append(f"{words}: {size[channel, hit, tone]:.3g} times its noise")
-        remedy = "It is a forced response: fit it beside the modes with `forced` (`--forced`), or take it off."
-        found.say(listed(parts), remedy)
+        at = [(channel, int(np.argmax((size * there)[channel, :, tone])), tone) for channel, tone in which]
+        found.fail(
+            "tone_left",
+            turns=[turns[tone] for *_, tone in at],
+            per_revolution=case.per_revolution,
+            sizes=[size[place] for place in at],
+            **case.places([(channel, hit) for channel, hit, _ in at]),
+        )
     for channel, hit in {(c, h) for c, h, _ in strongest(there)}:
         own = turns[there[channel, hit]]
         left[hit][channel] = without_lines(*_residual(case, hit, left[hit]), np.zeros(len(own)), own)[channel]
@@ -110,11 +111,11 @@ def _beside(case: Case, left: list[NDArray[np.float64]], turns: NDArray[np.float
     return score
 
 
-def _harmonics(case: Case, left: list[NDArray[np.float64]], found: Findings) -> dict[str, NDArray]:
+def _harmonics(case: Case, left: list[NDArray[np.float64]], found: Checks) -> dict[str, NDArray]:
     """Harmonics of the modes beside their bands; those that are found are taken off."""
     from scipy.special import chdtri
 
-    model, names = case.model, Names(case.model)
+    model = case.model
     modes, harmonics = lines_of(model, case.highest)
     score = np.zeros((*case.noise.shape, len(modes)))
     for hit, rest in enumerate(left):
@@ -127,16 +128,17 @@ def _harmonics(case: Case, left: list[NDArray[np.float64]], found: Findings) -> 
     joint, degrees = score.sum(axis=(0, 1)), 2 * case.responses
     there = np.sqrt(joint) > np.sqrt(chdtri(degrees, LEFT_OUT)) + MARGIN
     share = np.sqrt(np.maximum(joint - degrees, 0.0) / max(_energy(case), 1.0)) * there
-    if not found.add("harmonic", float(share.max()), HARMONIC):
-        over, parts = share > HARMONIC, []
-        for (line,) in strongest(share * over):
-            channel, hit = (int(i) for i in np.unravel_index(int(np.argmax(score[:, :, line])), case.noise.shape))
-            words = f"harmonic {harmonics[line]:+d} of {names.mode(int(modes[line]))} left, {share[line]:.2g} of the"
-            parts.append(f"{words} response, most in {names.channel(channel, hit)}")
-        remedy = (
-            "Keep more harmonics (`harmonics`), or let them be chosen; where many are left, modes are missing or wrong."
+    if not found.kept("harmonic", float(share.max()), HARMONIC):
+        over = share > HARMONIC
+        lines = [line for (line,) in strongest(share * over)]
+        largest = np.argmax(score.reshape(-1, len(modes))[:, lines], axis=0)
+        found.fail(
+            "harmonic_left",
+            harmonics=harmonics[lines],
+            frequencies=model.frequencies_hz[modes[lines]],
+            shares=share[lines],
+            **case.places([divmod(int(place), model.n_hits) for place in largest]),
         )
-        found.say(listed(parts), remedy)
         for hit, rest in enumerate(left):
             alive = case.alive(hit)
             own = _residual(case, hit, rest[:, alive])
@@ -153,9 +155,9 @@ def _energy(case: Case) -> float:
     return total
 
 
-def _peaks(case: Case, left: list[NDArray[np.float64]], found: Findings) -> NDArray[np.bool_]:
+def _peaks(case: Case, left: list[NDArray[np.float64]], found: Checks) -> NDArray[np.bool_]:
     """Lines that are none of those known, in the whole record and where the response is alive (channels, hits)."""
-    names, looks = Names(case.model), []
+    looks = []
     for hit, rest in enumerate(left):
         for end in sorted({rest.shape[1], case.alive(hit).stop} - {0}):
             score, where = peaks(rest[:, :end], case.noise[:, hit])
@@ -167,29 +169,20 @@ def _peaks(case: Case, left: list[NDArray[np.float64]], found: Findings) -> NDAr
         better = (score > np.log(total / case.false_alarm)) & (amplitude > TONE) & (amplitude > size[:, hit])
         size[better, hit] = amplitude[better]
         frequency[better, hit] = where[better] * case.records[hit].sample_rate
-    if not found.add("line", float(size.max()), TONE):
-        parts = [
-            f"a line at {frequency[place]:.5g} Hz left in {names.channel(*place)}: {size[place]:.3g} times its noise"
-            for place in strongest(size)
-        ]
-        remedy = (
-            "It is no harmonic of the revolution, and none of those looked at of a mode: a mode that is missing "
-            "(`order`, `--order`), harmonics beyond those kept (`harmonics`, `--harmonics`), a period that is not the "
-            "response's own, or interference."
-        )
-        found.say(listed(parts), remedy)
+    if not found.kept("line", float(size.max()), TONE):
+        channels, hits = np.transpose(at := strongest(size))
+        found.fail("line_left", frequencies=frequency[channels, hits], sizes=size[channels, hits], **case.places(at))
     return size > 0
 
 
 def _colour(
-    case: Case, left: list[NDArray[np.float64]], hidden: NDArray[np.bool_], found: Findings
+    case: Case, left: list[NDArray[np.float64]], hidden: NDArray[np.bool_], found: Checks
 ) -> NDArray[np.float64]:
     """What noise that is not white has beyond white noise (channels, hits)."""
     from scipy.special import chdtri
 
-    model, names = case.model, Names(case.model)
     excess, limit = np.zeros(case.noise.shape), np.zeros(case.noise.shape)
-    rates = rates_of(model)
+    rates = rates_of(case.model)
     for hit, rest in enumerate(left):
         rate = case.records[hit].sample_rate
         squares, numbers, lags = colour(rest, 1.0 / rate, rates, int(2.0 * case.highest) - 1)
@@ -198,16 +191,11 @@ def _colour(
         excess[:, hit] = np.where(rounding, 0.0, squares - lags / size)
         limit[:, hit] = np.maximum((chdtri(lags, case.false_alarm / case.responses) - lags) / size, COLOUR)
     place = np.unravel_index(int(np.argmax(excess / limit)), excess.shape)
-    found.add("colour", float(excess[place]), float(limit[place]))
+    found.kept("colour", float(excess[place]), float(limit[place]))
     over = np.where(hidden, 0.0, excess) * (excess > limit)
     which = strongest(over)
     if which:
-        parts = [f"{names.channel(*where)} (squared correlations sum to {excess[where]:.3g})" for where in which]
-        found.say(
-            f"what is left is not white but broadband colour in {listed(parts)}",
-            "Deviations are too small or too large there: look for modes that are missing, filters and drifts of "
-            "the sensors, or a period that is not the response's own.",
-        )
+        found.fail("colour_left", squares=[excess[where] for where in which], **case.places(which))
     return excess
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, finite, frozen_array, input_error
+from floquid.findings import Finding, texts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +59,8 @@ class Validation(Rebuilt):
         The limit of each of them.
     passed
         Whether every number keeps to its limit, and none is missing.
-    reasons
-        What speaks against the model and what to do, a sentence each; empty where it passed.
+    findings
+        What speaks against the model; empty where it passed.
     fit, held_out_error
         The share of the response of each channel and hit that the model predicts on held-out cycles, and the rms of the
         prediction error over the noise (channels, hits); NaN where not computed, or the channel shows no response.
@@ -81,7 +82,7 @@ class Validation(Rebuilt):
     metrics: Mapping[str, float]
     criteria: Mapping[str, Criterion]
     passed: bool
-    reasons: tuple[str, ...]
+    findings: tuple[Finding, ...]
     fit: NDArray[np.float64]
     held_out_error: NDArray[np.float64]
     colour: NDArray[np.float64]
@@ -108,6 +109,11 @@ class Validation(Rebuilt):
             raise input_error("criteria", of, "have a limit for each of the metrics", got)
         put(self, "metrics", MappingProxyType({name: float(value) for name, value in self.metrics.items()}))
         put(self, "criteria", MappingProxyType(dict(self.criteria)))
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What speaks against the model and what to do, a sentence each; empty where it passed."""
+        return texts(self.findings)
 
     @property
     def unmet(self) -> tuple[str, ...]:

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import integer
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import FloquidError
+from floquid.findings import Finding, failure
 from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, own_period
 from floquid.reconstruction import StateModel
 from floquid.sync import ShaftAngle
-from floquid.validation._case import Case, Findings, Names, case_of, listed, sentence, strongest
+from floquid.validation._case import Case, Checks, case_of, strongest
 from floquid.validation._consistency import consistency
 from floquid.validation._held_out import held_out
 from floquid.validation._residual import left_by
@@ -89,7 +90,7 @@ def validate(
     case = case_of(model, records, clocks, noise, whitening, periods_per_revolution, false_alarm)
     integer(folds, "folds", "validate", at_least=2)
     report("checking the model on cycles left out")
-    found = Findings()
+    found = Checks()
     _period(case, found)
     strength(case, found)
     # What names a cause comes before what shows the effect.
@@ -103,29 +104,26 @@ def validate(
         metrics=found.metrics,
         criteria=found.criteria,
         passed=passed,
-        reasons=tuple(found.reasons),
+        findings=tuple(found.findings),
         fit=fit,
         held_out_error=error,
         **arrays,
     )
 
 
-def _held_out(case: Case, folds: int, found: Findings) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _held_out(case: Case, folds: int, found: Checks) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The fit, and the rms error over the noise (channels, hits)."""
     from scipy.special import chdtri
 
-    names, nothing = Names(case.model), np.full(case.noise.shape, np.nan)
+    nothing = np.full(case.noise.shape, np.nan)
     criteria = {"fit": LEAST_FIT, "held_out_error": ERROR, "held_out_stretch": ERROR}
     try:
         sums = held_out(case.model, case.records, case.clocks, case.cycles, case.noise, folds)
-        why = "the response is alive in too few cycles to leave some out. Record longer, or with less noise."
+        why = failure("held_out_too_few")
     except (FloquidError, np.linalg.LinAlgError) as error:
-        sums, why = (
-            None,
-            f"the model cannot be fitted to a part of them ({str(error).rstrip('.')}). Ask for fewer modes.",
-        )
+        sums, why = None, failure("held_out_singular", error=str(error).rstrip("."))
     if sums is None:
-        found.missing(criteria, f"Cycles held out could not be predicted: {why}")
+        found.missing(criteria, why)
         return nothing, nothing
     alarm = case.false_alarm / case.responses
     numbers, own = sums.numbers.sum(axis=2), sums.own.sum(axis=2)
@@ -134,30 +132,22 @@ def _held_out(case: Case, folds: int, found: Findings) -> tuple[NDArray[np.float
     seen = response > np.maximum(most - numbers, 0.0)
     fit = np.where(seen, 1.0 - np.sqrt(beyond / np.where(seen, response, 1.0)), np.nan)
     total = response[seen].sum()
-    if not found.add("fit", 1.0 - np.sqrt(beyond[seen].sum() / total) if total else 1.0, LEAST_FIT, at_least=True):
+    if not found.kept("fit", 1.0 - np.sqrt(beyond[seen].sum() / total) if total else 1.0, LEAST_FIT, at_least=True):
         worst = strongest(np.where(seen, 1.0 - fit, 0.0))[0]
-        found.say(
-            f"the model predicts {found.metrics['fit']:.1%} of the response in cycles that it was not fitted to, "
-            f"least in {names.channel(*worst)} ({fit[worst]:.1%})",
-            "It is not a model of this response: look for missing modes and harmonics, and check the period.",
-        )
+        place = case.place(*worst)
+        found.fail("held_out_fit", fit=found.metrics["fit"], least=fit[worst], **place)
     whole = _worst(own, numbers, alarm, ERROR)
     along = _worst(sums.own, sums.numbers, alarm / sums.numbers.shape[2], 1.0 + 2.0 * (ERROR - 1.0))
-    clear = found.add("held_out_error", *whole[:2])
-    if not (found.add("held_out_stretch", *along[:2]) and clear):
+    clear = found.kept("held_out_error", *whole[:2])
+    if not (found.kept("held_out_stretch", *along[:2]) and clear):
         channel, hit, stretch = along[2]
         part = ("first", "middle", "last")[min(3 * stretch // sums.numbers.shape[2], 2)]
-        found.say(
-            f"where cycles are held out, the error of prediction is {along[0]:.3g} times what noise explains in "
-            f"{names.channel(channel, hit)}, most in the {part} part of its response",
-            "Look there for clipping, other samples that are not the response's, a nonlinearity (leave the first "
-            "periods out with `skip`), or modes that are missing.",
-        )
+        found.fail("held_out_error", ratio=along[0], part=part, **case.place(channel, hit))
     error = np.sqrt(np.divide(sums.squares.sum(axis=2), numbers, out=nothing.copy(), where=numbers > 0))
     return fit, error
 
 
-def _period(case: Case, found: Findings) -> None:
+def _period(case: Case, found: Checks) -> None:
     """The period that the harmonics of the response turn with, against that of the model."""
     own = None
     if all(isinstance(clock, ConstantPeriod) for clock in case.clocks):
@@ -168,15 +158,11 @@ def _period(case: Case, found: Findings) -> None:
     relative, std = own
     cycles = max(int(own.max()) + 1 for own in case.cycles)
     slip = abs(relative) * cycles * 2.0 * case.highest
-    if not found.add("period", abs(relative) / std if slip > NEGLIGIBLE_SLIP else 0.0, SIGNIFICANT):
-        period = case.model.period * (1.0 + relative)
+    if not found.kept("period", abs(relative) / std if slip > NEGLIGIBLE_SLIP else 0.0, SIGNIFICANT):
+        given = case.model.period
         # A model that fails has no deviations: then what it leaves says nothing of that of the period either.
-        deviation = "" if case.model.covariance is None else f" ± {case.model.period * std:.1g}"
-        found.say(
-            f"the response repeats with {period:.10g}{deviation} s, not with the period of "
-            f"the model, {case.model.period:.10g} s",
-            "Correct the period, or let it be found (`estimate_period`).",
-        )
+        deviation = None if case.model.covariance is None else given * std
+        found.fail("own_period", period=given * (1.0 + relative), std=deviation, given=given)
 
 
 def _worst(
@@ -192,28 +178,25 @@ def _worst(
     return float(ratio[place]), float(limit[place]), place
 
 
-def _state(model: PeriodicModel, state: StateModel, found: Findings) -> None:
+def _state(model: PeriodicModel, state: StateModel, found: Checks) -> None:
     """A(t), integrated."""
     own = consistency(model, state)
-    if isinstance(own, str):
-        names = {"multipliers": 1.0, "liouville": 1.0, "composition": PHI}
-        found.missing(names, sentence(f"A(t) could not be checked: {own}", "Ask for instants evenly over one period."))
+    if isinstance(own, Finding):
+        found.missing({"multipliers": 1.0, "liouville": 1.0, "composition": PHI}, own)
         return
-    one, other = own.pair
-    kept = {
-        f"a multiplier of A(t) is {one:.6g} where the model has {other:.6g}": found.add(
-            "multipliers", own.multipliers, 1.0
-        ),
-        "the mean of tr A is not the sum of the exponents": found.add("liouville", own.liouville, 1.0),
-        f"Φ(t, t0) is off by {own.composition:.2g} of its size": found.add("composition", own.composition, PHI),
-    }
-    if not all(kept.values()):
-        broken = "; ".join(words for words, met in kept.items() if not met)
-        remedy = "Ask for more instants (`system_times`), other states, or more harmonics."
-        found.say(f"A(t), integrated over a period, is another system: {broken}", remedy)
+    multipliers = found.kept("multipliers", own.multipliers, 1.0)
+    trace = found.kept("liouville", own.liouville, 1.0)
+    composition = found.kept("composition", own.composition, PHI)
+    if not (multipliers and trace and composition):
+        found.fail(
+            "system_other",
+            pair=None if multipliers else own.pair,
+            trace=not trace,
+            composition=None if composition else own.composition,
+        )
 
 
-def strength(case: Case, found: Findings) -> None:
+def strength(case: Case, found: Checks) -> None:
     r"""Each mode's power in the records over the noise, against what a fit makes of noise alone.
 
     .. math:: \frac{1}{\ell_r} \sum_{c,h} \frac{1}{\sigma_{c,h}^2}
@@ -232,12 +215,10 @@ def strength(case: Case, found: Findings) -> None:
     looks = LOOKS * sum(record.n_samples for record in case.records)
     limits = chdtri(2 * case.responses * np.maximum(kept, 1) + 2, EXPLAINED / looks)
     shares = powers / limits
-    if found.add("mode", float(shares.min()), 1.0, at_least=True):
+    if found.kept("mode", float(shares.min()), 1.0, at_least=True):
         return
-    names, below = Names(model), np.where(shares < 1.0, 2.0 - shares, 0.0)
-    parts = [f"{names.mode(int(own[k]))} has {shares[k]:.2g} of" for (k,) in strongest(below)]
-    remedy = "Ask for a lower order (`order`, `--order`), or let it be found."
-    found.say(f"{listed(parts)} the power that a fit finds in noise alone at most", remedy)
+    below = [k for (k,) in strongest(np.where(shares < 1.0, 2.0 - shares, 0.0))]
+    found.fail("mode_weak", frequencies=model.frequencies_hz[own[below]], shares=shares[below])
 
 
 def _power(case: Case, mode: int) -> float:

@@ -9,6 +9,7 @@ from floquid.views._families import Family, families, unfolded
 from floquid.views._mode_table import ModeRow, mode_table, note_meanings
 from floquid.views._modes import grows, is_real, upper_modes
 from floquid.views._names import element_unit, shortened
+from floquid.views._option_names import SHORT, for_command
 from floquid.views._outcome import outcome_lines, verdict_line
 from floquid.views._shapes import ShapeCurves, closed_period, shape_curves
 from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
@@ -18,6 +19,7 @@ from floquid.views._words import MODE_NOTES, mode_notes, passed_words, period_wo
 
 __all__ = [
     "MODE_NOTES",
+    "SHORT",
     "Expansion",
     "Family",
     "ModeRow",
@@ -32,6 +34,7 @@ __all__ = [
     "expansion",
     "exponent_ellipses",
     "families",
+    "for_command",
     "grows",
     "identified_residue",
     "is_real",

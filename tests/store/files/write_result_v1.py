@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from floquid.core import Channel, Provenance, Record
+from floquid.findings import Finding
 from floquid.pipeline import identify
 from floquid.store import save
 from floquid.systems import JeffcottRotor
@@ -35,7 +36,7 @@ def analysis():
             )
         )
     found = identify(records, states=["x", "y"], system_times=8)
-    return replace(found, warnings=("a warning, with an ümlaut",))
+    return replace(found, findings=(Finding("sentence", "warning", words="a warning, with an ümlaut"),))
 
 
 def main(folder: Path) -> None:

@@ -63,7 +63,7 @@ def test_without_times_the_rate_is_given(tmp_path):
     assert (record.sample_rate, record.start, record.n_samples) == (50.0, 0.0, 3)
     found = describe_file(tmp_path / "run.csv")
     assert found.sample_rate is found.duration is found.start is None
-    assert any("pass `rate`" in note for note in found.notes)
+    assert any("pass `rate=`" in note for note in found.notes)
 
 
 def test_a_rate_that_is_given_makes_the_times_of_no_account(tmp_path):

@@ -209,7 +209,7 @@ def test_times_have_a_unit_too(tmp_path, unit, rate):
     with h5py.File(path, "r+") as file:
         file["t"].attrs["units"] = unit
     if rate is None:
-        refused(path, "times in one of s, ms", "`t` in 'furlong'", "`rate`", channels=["a"])
+        refused(path, "times in one of s, ms", "`t` in 'furlong'", "`rate=`", channels=["a"])
         return
     assert read(path, channels=["a"]).sample_rate == pytest.approx(rate, rel=1e-12)
     path = saved(tmp_path, sample_rate=None, time=attached(TIME, units=unit))
@@ -301,7 +301,7 @@ BAD = {
     "names missing": ({"channels": ["x"]}, "1 channels", "Name every row"),
     "no channels": ({"channels": None}, "has no `channels`", "values: 2 x 40", "values[0],values[1]"),
     "no values": ({"values": None}, "has no `values`", "channels: 2, text"),
-    "no rate": ({"sample_rate": None}, "neither a rate nor a column of times", "`rate` (`--rate`)"),
+    "no rate": ({"sample_rate": None}, "neither a rate nor a column of times", "`rate=`"),
     "complex": ({"values": VALUES * 1j}, "real numbers in `values`", "complex numbers", "real part"),
     "text": ({"values": [["a", "b"], ["c", "d"]]}, "real numbers in `values`", "has text"),
     "records": ({"values": np.zeros((2, 4), dtype=[("a", float)])}, "real numbers in `values`", "records"),
@@ -326,10 +326,10 @@ BAD = {
     "numbers that stand for others": (
         {"values": attached(np.ones((2, 40), "i2"), scale_factor=0.5)}, "real numbers in `values`", "`scale_factor`",
     ),
-    "a rate in kilohertz": ({"sample_rate": attached(0.0125, units="kHz")}, "`sample_rate` in Hz", "'kHz'", "`rate`"),
+    "a rate in kilohertz": ({"sample_rate": attached(0.0125, units="kHz")}, "`sample_rate` in Hz", "'kHz'", "`rate=`"),
     "a period in milliseconds": ({"period": attached(80.0, unit="ms")}, "`period` in s", "'ms'", "Save it in s"),
     "a signalling NaN among the times": (
-        {"time": np.full(40, 0x7FF0000000000001).view("f8"), "sample_rate": None}, "finite time", "`time`", "`rate`",
+        {"time": np.full(40, 0x7FF0000000000001).view("f8"), "sample_rate": None}, "finite time", "`time`", "`rate=`",
     ),
     "a MATLAB object": (
         {"values": attached(np.zeros((1, 6), "u4"), MATLAB_class=np.bytes_("table"), MATLAB_object_decode=3)},

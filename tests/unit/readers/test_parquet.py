@@ -76,7 +76,7 @@ def test_what_pandas_writes(tmp_path):
     pd.DataFrame({"x [m]": X}, index=pd.Index(TIME, name="time [s]")).to_parquet(path)
     assert read(path).sample_rate == 64.0
     pd.DataFrame({"x [m]": X, "y": X})[::2].to_parquet(path)  # the numbers of the rows are no times
-    assert_refused(path, ["neither a rate nor a column of times", "`rate`"])
+    assert_refused(path, ["neither a rate nor a column of times", "`rate=`"])
     assert read(path, rate=5.0).n_channels == 2
 
 
@@ -125,7 +125,7 @@ def test_rows_left_out_contradict_the_rate_that_is_stated(tmp_path):
     path = tmp_path / "run.parquet"
     write(record(), path)
     parquet.write_table(parquet.read_table(path).take(list(range(0, 40, 2))), path)
-    assert_refused(path, ["states 64 Hz", "its times make 32 Hz", "`rate`"])
+    assert_refused(path, ["states 64 Hz", "its times make 32 Hz", "`rate=`"])
 
 
 def test_a_changed_sample_is_found(tmp_path):

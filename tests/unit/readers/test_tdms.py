@@ -75,7 +75,7 @@ def test_groups_of_unlike_rates(tmp_path):
 
 def test_starts_that_differ(tmp_path):
     path = saved(tmp_path, ("g", "x", X, WAVE), ("g", "y", X, WAVE | {"wf_start_offset": 0.6}))
-    assert_refused(path, ["channels of one start", "g/x has", "g/y has", "`channels`"])
+    assert_refused(path, ["channels of one start", "g/x has", "g/y has", "`channels=`"])
     assert read(path, channels=["y"]).start == 0.6
 
 

@@ -150,12 +150,12 @@ def test_the_rate_and_what_is_said_of_it(tmp_path):
     assert record.sample_rate == 51200.0
     assert (
         "Sampling rate 51200 Hz: nominal; the header's 1.95313e-05 s is rounded to 6 digits, and agrees. "
-        "`rate` (`--rate`) overrides it."
+        "`rate=` overrides it."
     ) in record.provenance.steps
     record = read(saved(tmp_path, function(np.zeros(200_000), step="3.94737e-04")))
     assert record.sample_rate == 1 / 3.94737e-4
     assert "known to 6 digits only: the true one may drift by up to 0.253 samples" in notes(record)
-    assert "No round rate is clearly meant; `rate` (`--rate`) overrides it." in notes(record)
+    assert "No round rate is clearly meant; `rate=` overrides it." in notes(record)
     record = read(saved(tmp_path, function(step="1.95313e-05")), rate=51199.0)
     assert record.sample_rate == 51199.0
     assert "Sampling rate 51199 Hz: as given; the file states 51200 Hz." in record.provenance.steps
@@ -408,7 +408,7 @@ def test_channels_that_go_together_can_be_chosen(tmp_path):
     words = "'12:+X' with 30 points of 0.001 from 0.0 s and '13:+X' with 20 points of 0.001 from 0.0 s"
     with pytest.raises(InputError, match=re.escape(words)) as caught:
         read(path)
-    assert "`channels` (`--channels`): 12:+X, 14:+X | 13:+X | 15:+X." in str(caught.value)
+    assert "`channels=`: 12:+X, 14:+X | 13:+X | 15:+X." in str(caught.value)
     assert read(path, channels=["14:+X", "12:+X"]).values.shape == (2, 30)
     assert read(path, channels=["13:+X"]).n_samples == 20
 
@@ -438,7 +438,7 @@ BAD = {
         text_set(15, "1") + function(function=4) + text_set(15, "2"),
         "hold time responses", "2 datasets of type 15 (nodes), 1 function of type 4 (frequency response)", "Export",
     ),
-    "complex": (function(data_type=6, points=15), "real numbers", "complex ordinates in '12:+X'", "`--channels`"),
+    "complex": (function(data_type=6, points=15), "real numbers", "complex ordinates in '12:+X'", "`channels=`"),
     "an unknown type": (function(data_type=3), "headers of dataset 58", "line 7", "Mend"),
     "byte order 3": (
         GOOD.replace(b"b     1", b"b     3"), "say the byte order", "'3     2", "Copy",
@@ -462,9 +462,9 @@ BAD = {
     ),
     "text for a count": (GOOD.replace(b"        30", b"     thirt"), "line 7", "Mend"),
     "an underscore": (GOOD.replace(b"        30", b"       3_0"), "line 7", "Mend"),
-    "zero step": (function(step="0.00000e+00"), "positive step", "0.00000e+00", "`rate` (`--rate`)"),
-    "negative step": (function(step="-1.0000e-03"), "positive step", "-1.0000e-03 s for '12:+X'", "`rate`"),
-    "tiny step": (function(step="1.0000e-320"), "positive step", "1.0000e-320", "`rate`"),
+    "zero step": (function(step="0.00000e+00"), "positive step", "0.00000e+00", "`rate=`"),
+    "negative step": (function(step="-1.0000e-03"), "positive step", "-1.0000e-03 s for '12:+X'", "`rate=`"),
+    "tiny step": (function(step="1.0000e-320"), "positive step", "1.0000e-320", "`rate=`"),
     "infinite step": (function(step="inf"), "line 7", "Mend"),
     "step beyond floats": (function(step="1.00000e+999"), "line 7", "Mend"),
     "NaN for the start": (function(start="nan"), "line 7", "Mend"),
@@ -475,19 +475,19 @@ BAD = {
         function(VALUES[:4], binary=False, body=b"1.0E+999 1 1 1\n"), "hold finite samples", "'12:+X'", "NaN",
     ),
     "frequencies": (function(abscissa=(18, "Frequency", "Hz")), "times in seconds", "type 18 in 'Hz'", "Export"),
-    "unknown unit of time": (function(abscissa=(17, "", "rev")), "times in seconds", "'rev'", "`rate`"),
+    "unknown unit of time": (function(abscissa=(17, "", "rev")), "times in seconds", "'rev'", "`rate=`"),
     "two of one name": (GOOD + GOOD, "apart", "'12:+X' twice, at bytes 7 and", "one run a file"),
-    "steps that differ": (GOOD + function(node=1, step="2.0e-3"), "of one step", "'12:+X'", "'1:+X'", "`--channels`"),
-    "starts that differ": (GOOD + function(node=1, start="1.0"), "of one step", "'12:+X'", "'1:+X'", "`--channels`"),
+    "steps that differ": (GOOD + function(node=1, step="2.0e-3"), "of one step", "'12:+X'", "'1:+X'", "`channels=`"),
+    "starts that differ": (GOOD + function(node=1, start="1.0"), "of one step", "'12:+X'", "'1:+X'", "`channels=`"),
     "times that differ": (
         function(even=0, times=np.arange(30.0)) + function(even=0, times=np.arange(30.0) + 1, node=1),
-        "the same times", "'1:+X' than for '12:+X'", "`--channels`",
+        "the same times", "'1:+X' than for '12:+X'", "`channels=`",
     ),
     "times going back": (function(even=0, times=-np.arange(30.0)), "goes back in `abscissa`", "Sort"),
     "our rate against the step": (
-        function(ids=OURS, step="2.00000e-03"), "ID line 2 that agrees", "1000 Hz", "2.00000e-03 s", "`rate`",
+        function(ids=OURS, step="2.00000e-03"), "ID line 2 that agrees", "1000 Hz", "2.00000e-03 s", "`rate=`",
     ),
-    "our start against it": (function(ids=OURS, start="1.0e+00"), "ID line 2 that agrees", "1.0e+00 s", "`rate`"),
+    "our start against it": (function(ids=OURS, start="1.0e+00"), "ID line 2 that agrees", "1.0e+00 s", "`rate=`"),
     "our rate, garbled": (function(ids=[OURS[0], "floquid rate=1e3x Hz start=0.0 s", *OURS[2:]]), "ID lines 2", "Mend"),
     "our rate, negative": (function(ids=[OURS[0], "floquid rate=-1 Hz start=0.0 s", *OURS[2:]]), "ID lines 2", "Mend"),
     "our origin, far": (
@@ -495,7 +495,7 @@ BAD = {
     ),
     "our periods, differing": (
         function(ids=[*OURS[:3], "floquid period=1.0 s origin=0.0 s", "NONE"]) + function(ids=["y", *OURS[1:]]),
-        "'x' with", "a period of 1.0 s", "'y' with", "no period", "`--channels`",
+        "'x' with", "a period of 1.0 s", "'y' with", "no period", "`channels=`",
     ),
 }  # fmt: skip
 

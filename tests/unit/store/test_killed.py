@@ -12,13 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 from floquid.pipeline import identify
 from floquid.store import load, save
+from floquid.findings import Finding
 from floquid.systems import JeffcottRotor
 
 path = Path(sys.argv[1]) / "result.h5"
 record = JeffcottRotor().simulate(n_periods=256, samples_per_period=16, noise=0.01)
 found = identify(record)
 words = ("first " * 50, "second " * 5000)
-results = [replace(found, warnings=(text,)) for text in words]
+results = [replace(found, findings=(Finding("sentence", "warning", words=text),)) for text in words]
 save(results[0], path)
 
 def slowly(self, content):

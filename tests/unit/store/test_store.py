@@ -16,6 +16,7 @@ import floquid
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, Provenance, PulseTimes, Record
 from floquid.errors import InputError
 from floquid.exports import summary
+from floquid.findings import Finding, warning
 from floquid.pipeline import Settings, identify
 from floquid.reconstruction import Block
 from floquid.store import _layout, _save, load, save
@@ -56,7 +57,8 @@ def full():
     wide = found.model.unselected
     model = replace(found.model, unselected=replace(wide, bend=0.1j * wide.scales))
     fit = replace(found.fit, model=model)
-    return replace(found, model=model, fit=fit, refinement=refinement, warnings=("of the first kind", "of the second"))
+    said = (Finding("sentence", "warning", words="of the first kind"), warning("product", frequency=1.5, of=(0.5, 1.0)))
+    return replace(found, model=model, fit=fit, refinement=refinement, findings=(*found.findings, *said))
 
 
 @pytest.fixture(scope="module")
@@ -185,14 +187,14 @@ def test_the_comparison_can_fail(full):
         replace(full, settings=replace(full.settings, order=4)),
         replace(full, model=replace(full.model, covariance=None)),
         replace(full, modal=replace(full.modal, stats={**full.modal.stats, "cost": 1.0})),
-        replace(full, warnings=full.warnings[:1]),
+        replace(full, findings=full.findings[:1]),
         replace(full, model=replace(full.model, provenance=Provenance())),
         replace(full, model=replace(full.model, estimates=None)),
         replace(full, model=replace(full.model, unselected=full.model.estimates)),
         replace(full, state=replace(full.state, coordinates="others")),
         replace(full, state=replace(full.state, transition_std=None)),
         replace(full, refinement=replace(full.refinement, p_value=0.5)),
-        replace(full, refinement=replace(full.refinement, reasons=())),
+        replace(full, refinement=replace(full.refinement, findings=())),
     ]
     assert [len(list(differences(full, other))) > 0 for other in others] == [True] * len(others)
 
@@ -245,7 +247,7 @@ def test_the_file_describes_itself(saved):
     """Version and units are attributes, complex numbers are compounds of r and i, and the page names each dataset."""
     names = []
     with h5py.File(saved) as file:
-        assert dict(file.attrs) == {"format": "floquid-result", "version": 2, "floquid": floquid.__version__}
+        assert dict(file.attrs) == {"format": "floquid-result", "version": 3, "floquid": floquid.__version__}
         assert dict(file["model/exponents"].attrs) == {"axes": "modes", "unit": "1/s"}
         kind = file["model/exponents"].id.get_type()
         assert [kind.get_member_name(k) for k in range(kind.get_nmembers())] == [b"r", b"i"]
@@ -298,7 +300,7 @@ DAMAGE = {
     "another format": (attribute("format", "weather"), "no attribute `format`"),
     "no version": (lambda file: file.attrs.pop("version"), "damaged or not whole: 'version'"),
     "a version in words": (attribute("version", "one"), "damaged"),
-    "a later version": (attribute("version", 3), "is of version 3, written by floquid"),
+    "a later version": (attribute("version", 4), "is of version 4, written by floquid"),
     "no settings": (drop("settings"), "damaged"),
     "no second record": (drop("records/hit2"), "damaged"),
     "no exponents": (drop("model/exponents"), 'damaged or not whole: "Unable to'),
@@ -594,8 +596,7 @@ def test_the_reasons_of_a_fit_come_back_where_the_order_was_given(rig, tmp_path)
     save(replace(rig, choice=None), tmp_path / "r.h5")
     back = load(tmp_path / "r.h5")
     assert back.choice is None
-    assert back.fit.reasons == rig.fit.reasons != ()
-    assert back.fit.doubts == rig.fit.doubts
+    assert back.fit.findings == rig.fit.findings != ()
 
 
 @pytest.mark.parametrize(

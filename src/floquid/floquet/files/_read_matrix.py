@@ -307,7 +307,7 @@ def _period(found: Contents, given: float | None) -> float:
         stated = float(array.ravel()[0])
     if given is None and stated is None:
         got = f"is not, and {found.path} states none (it holds {found.listing()})"
-        raise input_error("period", OF, "be given", got, "In seconds, as in --period 0.02 or period=0.02: 2π/ω.")
+        raise input_error("period", OF, "be given", got, "In seconds, as in `period=0.02`: 2π/ω.")
     if given is None:
         assert stated is not None
         return stated

@@ -173,7 +173,7 @@ def _check(modal: ModalModel, lifted: Lifted, harmonics: int | None, of: str = "
             "be given when the modal model has no deviations",
             "is None: which harmonics rise above the noise cannot be told",
             "Pass the number of harmonics to keep on each side, or let maximum likelihood finish the poles: "
-            "MaximumLikelihood(initial=...) (`--identifier era-ml`, lscf-ml, poly-ml).",
+            "MaximumLikelihood(initial=...) as `identifier=`, or era-ml, lscf-ml, poly-ml by name.",
         )
 
 

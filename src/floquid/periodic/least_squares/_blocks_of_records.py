@@ -53,7 +53,7 @@ def record_blocks(
                     "fit",
                     "have samples in each channel",
                     f"channel {record.channels[rows[0]].name!r} of record {hit + 1} has none",
-                    "Leave it out with `--channels`.",
+                    "Leave it out with `channels=`.",
                 )
             whole_record = bool(taken.all()) and len(rows) == record.n_channels
             grid = RecordBlock(

@@ -207,7 +207,7 @@ def solve(
             if not hold:
                 raise IdentificationError(
                     "Holding the residues to their harmonics moves an exponent away from where lifting found it, by "
-                    f"{moved.max():.2g} a period: a mode hardly rises above the noise. Leave it out (`order`), or "
+                    f"{moved.max():.2g} a period: a mode hardly rises above the noise. Leave it out (`order=`), or "
                     "finish without (`constrained=False`)."
                 )
             away = moved > FARTHEST

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
+from floquid.findings import Finding, note, texts, warning
 from floquid.periodic.least_squares import Block, ModeParameters, RecordBlock, Solution, chosen_bands, noise_left, solve
 from floquid.periodic.period._fse import model_at
 from floquid.periodic.period._fundamental_candidates import Spacing, spacings_of
@@ -72,8 +73,8 @@ class PeriodEstimate(Rebuilt):
         The period and its standard deviation [s]; None where the record cannot tell it.
     told
         Whether the record tells it.
-    reasons
-        Why, or why not, in sentences.
+    findings
+        Why, or why not.
     candidates
         Periods considered, the one with the highest odds first.
     model
@@ -85,7 +86,7 @@ class PeriodEstimate(Rebuilt):
     period: float | None
     period_std: float | None
     told: bool
-    reasons: tuple[str, ...]
+    findings: tuple[Finding, ...]
     candidates: tuple[PeriodCandidate, ...]
     model: PeriodicModel | None
     lines: NDArray[np.complex128]
@@ -95,6 +96,11 @@ class PeriodEstimate(Rebuilt):
         for name in ("lines", "undamped"):
             value = frozen_array(getattr(self, name), name, "PeriodEstimate", axes=("lines",), dtype=np.complex128)
             object.__setattr__(self, name, value)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why, or why not, a sentence each."""
+        return texts(self.findings)
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """The period's interval [s] at a level of confidence.
@@ -167,26 +173,24 @@ def estimate_period(
     lines = find_lines(blocks, shortened=True, false_alarm=false_alarm, report=report)
     damped, tones = lines.picked(~lines.undamped), lines.picked(lines.undamped)
     found = spacings_of(damped, tones, 2.0 * np.pi / longest, 2.0 * np.pi / shortest)
-    reasons, told = _judgement(damped, tones, found)
+    findings, told = _judgement(damped, tones, found)
     refined = None
     if told:
         report("fitting the period")
         try:
             refined = _refined(records, blocks, damped, tones, found[0], harmonic_false_alarm)
         except (IdentificationError, np.linalg.LinAlgError):
-            told, why = False, "Cannot tell: the fit with one spacing for all families goes away from the lines."
-            reasons = (*reasons, why)
+            told, findings = False, (*findings, warning("period_lost"))
     if refined is not None:
         model, period_std = refined
         std = float(np.hypot(2.0 * np.pi * found[0].std / found[0].fundamental ** 2, period_std))
         if abs(model.period - 2.0 * np.pi / found[0].fundamental) > AGREE * std:
-            told, why = False, "Cannot tell: fitted to the whole record the period is another than that of its lines."
-            reasons, refined = (*reasons, why), None
+            told, findings, refined = False, (*findings, warning("period_differs")), None
     return PeriodEstimate(
         period=None if refined is None else refined[0].period,
         period_std=None if refined is None else refined[1],
         told=told,
-        reasons=reasons,
+        findings=findings,
         candidates=tuple(_candidate(one) for one in found[:SHOWN]),
         model=None if refined is None else refined[0],
         lines=damped.exponents,
@@ -210,41 +214,31 @@ def _bounds(records: Sequence[Record], longest: float | None, shortest: float | 
     return high, low
 
 
-def _judgement(lines: Lines, tones: Lines, found: list[Spacing]) -> tuple[tuple[str, ...], bool]:
-    """Why the period is told, or why not."""
-    reasons = []
+def _judgement(lines: Lines, tones: Lines, found: list[Spacing]) -> tuple[tuple[Finding, ...], bool]:
+    """Why the period is told, or why not; and whether it is."""
+    findings = []
     if len(tones.exponents):
-        heard = ", ".join(f"{abs(value.imag) / (2.0 * np.pi):.4g}" for value in tones.exponents)
-        on = found[0].tones if found else 0
-        reasons.append(
-            f"Lines that do not decay, at {heard} Hz, are a forced response: they tell the revolution, not the period. "
-            f"{on} of {len(tones.exponents)} are at multiples of half the fundamental."
-        )
-    if not len(lines.exponents):
-        return (*reasons, "Cannot tell: no line that decays rises above the noise."), False
+        heard, on = np.abs(tones.exponents.imag) / (2.0 * np.pi), found[0].tones if found else 0
+        findings.append(note("undamped_lines", frequencies=heard, on=on))
     if not found:
-        why = "Cannot tell: no two lines have one decay, as harmonics of a mode have: the response is that of a system "
-        return (*reasons, f"{why}that is constant, as far as it rises above the noise."), False
+        return (*findings, warning("period_no_family" if len(lines.exponents) else "period_no_line")), False
     best = found[0]
-    hertz = best.fundamental / (2.0 * np.pi)
-    spaced = "one spacing" if best.spacings == 1 else f"{best.spacings} spacings"
-    families = "one family" if len(best.groups) == 1 else f"{len(best.groups)} families"
-    reasons.append(
-        f"{len(lines.exponents)} lines that decay are {families} with {spaced} of multiples of {hertz:.6g} Hz; odds "
-        f"against chance, from frequencies alone, are 1e{best.certainty / np.log(10.0):.1f}."
+    findings.append(
+        note(
+            "line_families",
+            lines=len(lines.exponents),
+            spacings=best.spacings,
+            families=len(best.groups),
+            frequency=best.fundamental / (2.0 * np.pi),
+            odds=best.certainty / np.log(10.0),
+        )
     )
     if best.certainty < CERTAIN:
-        if best.spacings == 1:
-            why = "one spacing alone is no period: two modes of a constant system with the same damping look the same"
-        else:
-            why = "spacings as noisy as these would agree by chance"
-        return (*reasons, f"Cannot tell: {why}."), False
+        return (*findings, warning("period_one_spacing" if best.spacings == 1 else "period_by_chance")), False
     others = [one for one in found[1:] if one.partition != best.partition]
     if others and best.evidence - others[0].evidence < DISTINCT:
-        other = others[0].fundamental / (2.0 * np.pi)
-        why = f"spacings of {other:.6g} Hz explain the lines as well, with other lines belonging together"
-        return (*reasons, f"Cannot tell: {why}."), False
-    return tuple(reasons), True
+        return (*findings, warning("period_other", frequency=others[0].fundamental / (2.0 * np.pi))), False
+    return tuple(findings), True
 
 
 def _refined(

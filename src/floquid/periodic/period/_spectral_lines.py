@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Record
 from floquid.errors import IdentificationError
+from floquid.findings import failure
 from floquid.lti import AbstractIdentifier, TimeResponses
 from floquid.periodic.least_squares import (
     TREND,
@@ -190,7 +191,8 @@ def lines_by(
     own = own[poles[own].imag < np.pi / data.dt * (1.0 - 1e-9)]
     if not len(own):
         raise IdentificationError(
-            f"Identification ended without a result: {type(identifier).__name__} finds no pole ({model.outcome.value})"
+            f"Identification ended without a result: {type(identifier).__name__} finds no pole: "
+            f"{failure(model.outcome.value).clause}."
         )
     real = poles[own].imag == 0
     entries = ModeParameters.made(np.where(real, poles[own].real, poles[own]), (0, 0), fundamental, real=real).joined(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
+from floquid.findings import Finding, note, warning
 from floquid.periodic.least_squares import shapes, upper
 from floquid.periodic.search._result import SearchResult
 
@@ -44,24 +45,28 @@ SPREAD = 0.82
 that are independent, more under a window, which makes neighbouring lines alike."""
 
 
-def evidence(found: SearchResult) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Sentences for the modes, and sentences against them."""
+def evidence(found: SearchResult) -> tuple[Finding, ...]:
+    """What speaks for the modes of a search, and against them."""
     entries, peak = found.solution.entries, found.peak
-    count = int((~entries.fixed).sum())
-    words = "One mode is" if count == 1 else f"{count} modes, a pair counted once, are"
-    found_how = f"{words} needed: noise explains none of them, nor do the harmonics of another."
-    against = (*clusters(found), *doubles(found), *combinations(found))
     share = peak.gain / peak.limit
-    where = f"{abs(peak.exponent.imag) / (2.0 * np.pi):.4g} Hz"
-    text = f"The strongest peak that is left, at {where}, is {share:.2f} of the highest that noise alone mostly has"
-    if share > LOUD:
-        doubt = f"{text}: what is left is not all noise (a nonlinearity, a drifting amplitude, another tone)."
-        return (found_how,), (doubt, *against)
-    return (found_how, f"{text}."), against
+    loud = bool(share > LOUD)
+    left = (warning if loud else note)("strongest_peak", frequency=_hertz(peak.exponent), share=share, loud=loud)
+    return (
+        note("all_needed", number=int((~entries.fixed).sum())),
+        left,
+        *clusters(found),
+        *doubles(found),
+        *combinations(found),
+    )
 
 
-def coloured(found: SearchResult) -> tuple[str, ...]:
-    r"""A sentence where the residual is not white along the record, so that deviations are not those stated.
+def _hertz(exponent: complex) -> float:
+    """The frequency of an exponent [Hz]."""
+    return abs(float(exponent.imag)) / (2.0 * np.pi)
+
+
+def coloured(found: SearchResult) -> tuple[Finding, ...]:
+    r"""That the residual is not white along the record, so that deviations are not those stated; empty where it is.
 
     .. math:: \sum_{c,h} \sum_{b} \frac{n_b}{v} (\ln s_{c,h,b} - \overline{\ln s_{c,h}})^2 \sim \chi^2
 
@@ -87,53 +92,42 @@ def coloured(found: SearchResult) -> tuple[str, ...]:
     ratio, loud, quiet = worst
     if degrees == 0 or ratio < LOPSIDED or chdtrc(degrees, score) > COLOURED:
         return ()
-    sentence = (
-        f"The noise is not white along the record: about {loud:.4g} Hz it is {ratio:.3g} times that about "
-        f"{quiet:.4g} Hz. It is taken for white: the intervals of modes are too short where it is loud, and too long "
-        "where it is quiet; a weak mode where it is loud may be noise."
-    )
-    return (sentence,)
+    return (warning("coloured_noise", ratio=ratio, loud=loud, quiet=quiet),)
 
 
-def clusters(found: SearchResult) -> tuple[str, ...]:
-    """Modes whose harmonics do not have one exponent, a sentence each."""
-    entries = found.solution.entries
-    return tuple(
-        f"The mode at {abs(entries.exponents[entry].imag) / (2.0 * np.pi):.4g} Hz is most likely a cluster of several "
-        "that fold onto one another: its harmonics ask for different exponents. Its deviation covers them."
-        for entry in found.clusters
-    )
+def clusters(found: SearchResult) -> tuple[Finding, ...]:
+    """Modes whose harmonics do not have one exponent."""
+    exponents = found.solution.entries.exponents
+    return tuple(warning("cluster", frequency=_hertz(exponents[entry])) for entry in found.clusters)
 
 
-def doubles(found: SearchResult) -> tuple[str, ...]:
-    """Modes that fold onto one another nearer than they decay, a sentence each: they may be one."""
+def doubles(found: SearchResult) -> tuple[Finding, ...]:
+    """Modes that fold onto one another nearer than they decay: they may be one."""
     entries = found.solution.entries
     free = np.flatnonzero(~entries.fixed)
-    omega, sentences = entries.fundamental, []
+    omega, near = entries.fundamental, []
     values = entries.exponents[free] + 1j * omega * entries.offsets[free]
     for k, value in enumerate(values):
         for other in values[k + 1 :]:
             gaps = [value - other, value - other.conjugate()]
             gaps = [complex(gap.real, gap.imag - omega * round(gap.imag / omega)) for gap in gaps]
             if min(abs(gap) for gap in gaps) < DOUBLE * min(abs(value.real), abs(other.real)):
-                names = f"{abs(value.imag) / (2.0 * np.pi):.4g} Hz and {abs(other.imag) / (2.0 * np.pi):.4g} Hz"
-                sentences.append(
-                    f"The modes at {names} are whole numbers of fundamentals apart within {DOUBLE:g} of their decay: "
-                    "they may be one mode with harmonics that its band leaves out."
-                )
-    return tuple(sentences)
+                near.append(warning("double", first=_hertz(value), second=_hertz(other), decays=DOUBLE))
+    return tuple(near)
 
 
-def combinations(found: SearchResult) -> tuple[str, ...]:
-    """Modes of a search that a nonlinearity makes of others, a sentence each."""
+def combinations(found: SearchResult) -> tuple[Finding, ...]:
+    """Modes of a search that a nonlinearity makes of others."""
     entries = found.solution.entries
     free = np.flatnonzero(~entries.fixed)
     values = entries.exponents[free] + 1j * entries.fundamental * entries.offsets[free]
     return _products(values, _deviations(found, free), _sizes(found, free), entries.fundamental)
 
 
-def combinations_of(model: PeriodicModel, noise: NDArray[np.float64], *, nonlinear: bool = False) -> tuple[str, ...]:
-    r"""Modes of a model that a nonlinearity makes of others, a sentence each.
+def combinations_of(
+    model: PeriodicModel, noise: NDArray[np.float64], *, nonlinear: bool = False
+) -> tuple[Finding, ...]:
+    r"""Modes of a model that a nonlinearity makes of others.
 
     .. math:: \lambda_c = \lambda_a + \lambda_b + i m \omega
 
@@ -149,8 +143,8 @@ def combinations_of(model: PeriodicModel, noise: NDArray[np.float64], *, nonline
 
     Returns
     -------
-    tuple of str
-        The sentences.
+    tuple of Finding
+        One a mode.
     """
     chosen, std = upper(model), model.exponent_std
     if std is None or not chosen:
@@ -169,7 +163,7 @@ def _products(
     *,
     near: float = NEAR,
     chance: float = CHANCE,
-) -> tuple[str, ...]:
+) -> tuple[Finding, ...]:
     r"""Exponents that are sums of those of two larger modes.
 
     .. math:: \lambda_c = \lambda_a + \lambda_b + i m \omega
@@ -177,7 +171,7 @@ def _products(
     a and b being modes or conjugates of modes: the product of two multipliers, as a quadratic term about a large orbit
     leaves it.
     """
-    sentences = []
+    products = []
     for c, value in enumerate(values):
         larger = np.flatnonzero(size > size[c])
         signed = [(a, sign) for a in larger for sign in (1, -1)]
@@ -187,13 +181,10 @@ def _products(
             gap = complex(gap.real, gap.imag - omega * round(gap.imag / omega))
             tolerance = max(CERTAIN * float(np.hypot(std[c], std[a] + std[b])), near * abs(value.real))
             if abs(gap) < tolerance < chance * omega:
-                names = " and ".join(f"{abs(values[k].imag) / (2.0 * np.pi):.4g} Hz" for k in sorted({int(a), int(b)}))
-                sentences.append(
-                    f"The mode at {abs(value.imag) / (2.0 * np.pi):.4g} Hz is most likely no mode: its multiplier is a "
-                    f"product of those at {names}, which a nonlinearity makes."
-                )
+                of = [_hertz(values[k]) for k in sorted({int(a), int(b)})]
+                products.append(warning("product", frequency=_hertz(value), of=of))
                 break
-    return tuple(sentences)
+    return tuple(products)
 
 
 def _sizes(found: SearchResult, free: NDArray[np.int64]) -> NDArray[np.float64]:

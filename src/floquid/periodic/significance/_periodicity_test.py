@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, finite, frozen_array, input_error
 from floquid.core import Estimates, PeriodicModel
+from floquid.findings import Finding, note, texts, warning
 from floquid.lifting import Lifted
 from floquid.periodic.significance._harmonic_spacing_test import spacing_probability
 from floquid.periodic.significance._wald import holm, noncentrality, root, wald
@@ -32,9 +33,6 @@ CLEAR = 1e-6
 TWIN = 0.5
 """How near to a mode a harmonic may be, over the sum of their decays, for its coefficient to be told from the mode's:
 below, chi-squares are no longer those of chance (measured)."""
-
-SMALLEST = 1e-300
-"""Probabilities below this are not told apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -151,52 +149,51 @@ class Periodicity(Rebuilt):
     @property
     def sentences(self) -> tuple[str, ...]:
         """The result in words: the verdict, then what it does not speak for."""
-        return (self._verdict(), *self._remarks())
+        return texts(self.findings)
 
-    def _verdict(self) -> str:
-        p = f"p < {SMALLEST:g}" if self.p_value < SMALLEST else f"p = {self.p_value:.2g}"
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """The verdict, then what it does not speak for."""
+        found = [self._verdict()]
+        if len(self.untested):
+            modes, harmonics = self.untested.T
+            found.append(note("untested", modes=modes + 1, harmonics=harmonics))
+        if len(self.locked):
+            found.append(note("locked", modes=self.locked + 1))
+        return tuple(found)
+
+    def _verdict(self) -> Finding:
         if not self.degrees:
-            return "Whether anything is periodic cannot be tested: no harmonic beside the zeroth is to be seen."
+            return note("periodic_untestable")
         if self.periodic is None:
-            return (
-                f"Whether anything is periodic cannot be told: there are harmonics ({p}), but not where harmonics are "
-                f"(p = {self.spacing_p:.2g}). Most likely modes of a constant system fold onto one another, and were "
-                "taken for one."
-            )
+            return warning("periodic_untold", p=self.p_value, spacing=self.spacing_p)
         if not self.periodic:
-            return f"Nothing periodic is seen: {p}; {self._limits_in_words()}."
-        places = []
-        if self.by_harmonic.adjusted[k := self.by_harmonic.strongest] <= self.level:
-            places.append(f"at {self.harmonics[k]} per period")
-        if self.by_mode.adjusted[k := self.by_mode.strongest] <= self.level:
-            places.append(f"in mode {k + 1}")
-        if self.by_channel.adjusted[k := self.by_channel.strongest] <= self.level:
-            places.append(f"in channel {self.channels[k]}")
-        where = f"strongest {', '.join(places)}" if places else "no one harmonic, mode or channel stands out"
-        return f"The response is periodic: {p}, {where}."
+            return self._limits()
+        parts = (self.by_harmonic, self.by_mode, self.by_channel)
+        strongest = [part.strongest if part.adjusted[part.strongest] <= self.level else None for part in parts]
+        harmonic, mode, channel = strongest
+        return note(
+            "periodic",
+            p=self.p_value,
+            harmonic=0 if harmonic is None else self.harmonics[harmonic],
+            mode=0 if mode is None else mode + 1,
+            channel="" if channel is None else self.channels[channel],
+        )
 
-    def _limits_in_words(self) -> str:
+    def _limits(self) -> Finding:
         seen = np.isfinite(self.limits)
         modes = np.flatnonzero(seen.any(axis=1))
         worst = np.where(seen, self.limits, 0.0).max(axis=1)[modes]
         low, high = int(np.argmin(worst)), int(np.argmax(worst))
-        least, most = f"{100 * worst[low]:.2g} %", f"{100 * worst[high]:.2g} %"
-        size = most if least == most else f"{least} (mode {modes[low] + 1}) to {most} (mode {modes[high] + 1})"
-        return f"harmonics above {size} of the mode would have been, {100 * self.power:.3g} times in 100"
-
-    def _remarks(self) -> tuple[str, ...]:
-        remarks = []
-        if len(self.untested):
-            cases = ", ".join(f"{m} of mode {mode + 1}" for mode, m in self.untested)
-            why = "being beyond what the sampling shows, not fitted, or on a mode"
-            remarks.append(f"Not tested, {why}: m = {cases}.")
-        if len(self.locked):
-            names = ", ".join(str(mode + 1) for mode in self.locked)
-            remarks.append(
-                f"The multipliers of modes {names} are real, as those of modes that periodicity locks; a constant "
-                "system has that only by chance. It is no part of the test."
-            )
-        return tuple(remarks)
+        return note(
+            "not_periodic",
+            p=self.p_value,
+            least=worst[low],
+            most=worst[high],
+            low=modes[low] + 1,
+            high=modes[high] + 1,
+            power=self.power,
+        )
 
 
 def periodicity(

@@ -17,6 +17,7 @@ from floquid._bar import bar
 from floquid._checks import Rebuilt, describe, input_error, integer
 from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError
+from floquid.findings import Finding, note, texts, warning
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._deviations import widening_of
 from floquid.pipeline.draws._draws import Draw, drawn
@@ -31,17 +32,17 @@ FEWEST = 20
 FAMILY_WISE = 0.01
 """The probability at which the verdict is against deviations that are right, over all elements together."""
 
-WORDS = {
-    "exponents": "exponents",
-    "multipliers": "multipliers",
-    "frequencies_hz": "frequencies",
-    "damping_ratios": "damping ratios",
-    "coefficients": "Fourier coefficients",
-    "period": "period",
-    "system": "A(t)",
-    "transition": "Φ(t, t0)",
-}
-"""What a person calls the quantities."""
+QUANTITIES = (
+    "exponents",
+    "multipliers",
+    "frequencies_hz",
+    "damping_ratios",
+    "coefficients",
+    "period",
+    "system",
+    "transition",
+)
+"""The fields that are spreads."""
 
 
 class AbstractDraws(ABC):
@@ -115,7 +116,7 @@ class Bootstrap(Rebuilt):
     @property
     def quantities(self) -> tuple[Spread, ...]:
         """The spreads that there are."""
-        named = (getattr(self, name) for name in WORDS)
+        named = (getattr(self, name) for name in QUANTITIES)
         return tuple(spread for spread in named if spread is not None)
 
     @property
@@ -157,68 +158,67 @@ class Bootstrap(Rebuilt):
     @property
     def reasons(self) -> tuple[str, ...]:
         """The verdict, a sentence each: deviations, bias, draws that failed, orders."""
-        return (*self._on_deviations(), *self._on_bounds(), *self._on_bias(), *self._on_draws())
+        return texts(self.findings)
 
-    def _on_deviations(self) -> list[str]:
-        tested = sum(len(spread.ratios()) for spread in self.quantities)
-        error = f"each ratio is known to {100.0 * self.exponents.sampling_error:.2g} %"
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """The verdict: deviations, bias, draws that failed, orders."""
+        return (self._on_deviations(), *self._on_bounds(), *self._on_bias(), *self._on_draws())
+
+    def _on_deviations(self) -> Finding:
+        tested, error = sum(len(spread.ratios()) for spread in self.quantities), self.exponents.sampling_error
+        doubtful = self.doubtful
         if not tested:
-            return ["The fit gave no asymptotic deviations to compare with: those of the draws are all there is."]
-        if not self.doubtful:
-            return [f"The asymptotic deviations hold: of {tested} the {self.n_used} draws contradict none ({error})."]
-        said = []
-        for spread in self.quantities:
-            if spread.name in self.doubtful:
-                ratios, wrong = spread.ratios(), self.doubtful[spread.name]
-                worst = ratios[wrong]
-                said.append(
-                    f"{WORDS[spread.name]} ({int(wrong.sum())} of {len(ratios)} elements, the draws spread "
-                    f"{worst.min():.3g} to {worst.max():.3g} times as much)"
-                )
-        right = [WORDS[s.name] for s in self.quantities if s.name not in self.doubtful and len(s.ratios())]
-        rest = f" They hold for {', '.join(right)}." if right else ""
-        return [f"The asymptotic deviations do not hold for {'; '.join(said)}; {error}.{rest}"]
+            return note("no_deviations")
+        if not doubtful:
+            return note("deviations_hold", tested=tested, draws=self.n_used, error=error)
+        ratios = {spread.name: spread.ratios() for spread in self.quantities}
+        worst = [ratios[name][wrong] for name, wrong in doubtful.items()]
+        return warning(
+            "deviations_wrong",
+            names=list(doubtful),
+            wrong=[len(own) for own in worst],
+            elements=[len(ratios[name]) for name in doubtful],
+            least=[own.min() for own in worst],
+            most=[own.max() for own in worst],
+            right=[name for name, own in ratios.items() if name not in doubtful and len(own)],
+            error=error,
+        )
 
-    def _on_bounds(self) -> list[str]:
-        """What of the deviations is larger than that of the draws."""
-        said = []
+    def _on_bounds(self) -> list[Finding]:
+        """Those deviations that are larger than the draws spread."""
+        wide = {}
         for spread in self.quantities:
             ratios = spread.ratios()
             if spread.bound and (spread.spare() < FAMILY_WISE / max(len(ratios), 1)).any():
-                said.append(f"{WORDS[spread.name]} ({np.median(1.0 / ratios):.3g} times as large in the median)")
-        beside = "what is left beside noise" if self.exponents.bound else "what harmonics that are left out may do"
-        words = f"as they should be: they also count {beside}, which no draw shows"
-        return [f"The deviations of {' and '.join(said)} are larger than the draws spread, {words}."] if said else []
+                wide[spread.name] = np.median(1.0 / ratios)
+        numbers = {"names": list(wide), "ratios": list(wide.values()), "misfit": self.exponents.bound}
+        return [note("deviations_wide", **numbers)] if wide else []
 
-    def _on_bias(self) -> list[str]:
+    def _on_bias(self) -> list[Finding]:
         from scipy.special import ndtri
 
         # Of a bound, the bias is compared with it together with the spread.
-        biases = {spread.name: spread.biases() for spread in self.quantities if not spread.bound}
+        biases = {spread.name: np.abs(spread.biases()) for spread in self.quantities if not spread.bound}
         count = sum(len(own) for own in biases.values())
         chance = -float(ndtri(0.5 * FAMILY_WISE / max(count, 1))) / np.sqrt(self.n_used)
-        said = []
-        for name, own in biases.items():
-            large = np.abs(own[np.abs(own) > MATERIAL + chance])
-            if len(large):
-                said.append(
-                    f"{WORDS[name]} ({len(large)} of {len(own)} elements, by up to {large.max():.2g} deviations)"
-                )
-        return [f"There is a bias in {'; '.join(said)}."] if said else []
+        large = {name: own[own > MATERIAL + chance] for name, own in biases.items()}
+        names = [name for name, own in large.items() if len(own)]
+        if not names:
+            return []
+        most, elements = [large[name].max() for name in names], [len(biases[name]) for name in names]
+        return [warning("bias", names=names, large=[len(large[n]) for n in names], elements=elements, most=most)]
 
-    def _on_draws(self) -> list[str]:
-        said = []
+    def _on_draws(self) -> list[Finding]:
+        found = []
         if self.failures:
-            reasons = [f"{number}: {words}" for words, number in self.failure_counts[:3]]
-            said.append(
-                f"{len(self.failures)} of {self.n_draws} draws failed, and the spread of the others may be too small. "
-                f"{' '.join(reasons)}"
-            )
+            errors, numbers = zip(*self.failure_counts[:3], strict=True)
+            failed = len(self.failures)
+            found.append(warning("draws_failed", failed=failed, draws=self.n_draws, numbers=numbers, errors=errors))
         if self.whole:
-            counts = Counter(self.orders[self.orders > 0].tolist())
-            others = ", ".join(f"{order} in {number}" for order, number in sorted(counts.items()))
-            said.append(f"Of {self.n_draws} draws the order came out the same in {self.n_used}. Orders: {others}.")
-        return said
+            orders, numbers = np.unique(self.orders[self.orders > 0], return_counts=True)
+            found.append(note("draws_orders", draws=self.n_draws, same=self.n_used, orders=orders, numbers=numbers))
+        return found
 
 
 def bootstrap(

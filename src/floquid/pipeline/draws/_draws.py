@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from floquid._checks import Rebuilt, input_error
 from floquid.core import Estimates, PeriodicModel, Record
 from floquid.errors import FloquidError, IdentificationError
+from floquid.findings import failure
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
 from floquid.periodic import assemble, estimate_at, refit
@@ -163,7 +164,7 @@ def _free(plan: Plan, lifted: Lifted, modal: ModalModel) -> PeriodicModel:
     identifier = plan.settings.identifier or MaximumLikelihood(false_alarm=plan.settings.mode_false_alarm)
     found = identifier.refine(identifier.prepare(lifted.responses), modal)
     if found.outcome is not Outcome.SUCCESS:
-        raise IdentificationError(found.outcome.value)
+        raise IdentificationError(f"{failure(found.outcome.value).clause}.")
     return assemble(found, lifted, harmonics=(lifted.n_phases - 1) // 2)
 
 

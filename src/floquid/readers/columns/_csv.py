@@ -180,7 +180,7 @@ def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]
 
 
 def _number(source: Source, cell: str, line: int, column: str) -> float:
-    remedy = f"{MISSING}, or read the other columns with `channels` (`--channels`); times must be numbers, too."
+    remedy = f"{MISSING}, or read the other columns with `channels=`; times must be numbers, too."
     number = number_in(source, cell, line, column, remedy=remedy)
     if np.isinf(number):
         raise source.error(

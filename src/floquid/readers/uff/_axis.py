@@ -14,7 +14,7 @@ from floquid.tables import SECONDS, Printed, nominal_rate_of_step
 _TIME_KINDS = (0, 1, 17)
 """Specific data types of an abscissa that may be a time: unknown, general, time."""
 
-_OVERRIDE = "Pass `rate` (`--rate`) [Hz] to say what it is."
+_OVERRIDE = "Pass `rate=` [Hz] to say what it is."
 _SEEN = 0.005
 """Samples of drift over the record from which a message says so."""
 
@@ -50,7 +50,7 @@ def shared_axis(
         raise source.error(
             "have times in seconds for its abscissas (specific data type 17)",
             f"has the type {header.abscissa.kind}{unit} for {name!r}",
-            "Export the time histories, in seconds; or pass `rate` (`--rate`) [Hz] if only the unit's name is unknown.",
+            "Export the time histories, in seconds; or pass `rate=` [Hz] if only the unit's name is unknown.",
         )
     scale = scale or 1.0
     start, step = (
@@ -99,7 +99,7 @@ def _rate_of(step: Printed, n_points: int) -> tuple[float, str]:
         why = "nominal" if few else f"a nominal step of {1.0 / nominal:.6g} s"
         return rate, (
             f"Sampling rate {rate:.12g} Hz: {why}; the header's {step.text} s is rounded to {_digits(step)}, {loss}. "
-            "`rate` (`--rate`) overrides it."
+            "`rate=` overrides it."
         )
     drift = 0.5 * step.quantum / step.value * n_points
     if drift <= _SEEN:
@@ -107,7 +107,7 @@ def _rate_of(step: Printed, n_points: int) -> tuple[float, str]:
     return rate, (
         f"Sampling rate {rate:.12g} Hz: one over the header's {step.text} s, known to {_digits(step)} only: the "
         f"true one may drift by up to {drift:.3g} samples over the record. No round rate is clearly meant; "
-        "`rate` (`--rate`) overrides it."
+        "`rate=` overrides it."
     )
 
 
@@ -155,5 +155,5 @@ def _differ(source: Source, names: Sequence[str], facts: Sequence[str], one: int
     return source.error(
         "hold channels of one step, start, length and period",
         f"has {names[one]!r} with {facts[one]} and {names[other]!r} with {facts[other]}",
-        f"Choose channels that go together with `channels` (`--channels`): {listing}.",
+        f"Choose channels that go together with `channels=`: {listing}.",
     )

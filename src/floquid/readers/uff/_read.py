@@ -160,7 +160,7 @@ def _values(
             raise source.error(
                 "hold channels of the same times",
                 f"has others for {function.channel.name!r} than for {functions[0].channel.name!r}",
-                "Choose channels that go together with `channels` (`--channels`), or export them on one time axis.",
+                "Choose channels that go together with `channels=`, or export them on one time axis.",
             )
         shared = times if shared is None else shared
     return values, shared
@@ -238,7 +238,7 @@ def check_size(source: Source, dataset: Dataset, header: FunctionHeader, name: s
         raise source.error(
             "hold time responses of real numbers",
             f"has complex ordinates in {name!r}",
-            "Export the time history itself, or choose the other channels with `channels` (`--channels`).",
+            "Export the time history itself, or choose the other channels with `channels=`.",
         )
     size = dataset.end - dataset.start
     if dataset.binary is None:

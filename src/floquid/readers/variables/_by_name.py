@@ -82,7 +82,7 @@ def time_column(source: Source, file: VariableFile, path: str, n_samples: int) -
         raise source.error(
             "have its times in one of s, ms, us, ns, min, h",
             f"has `{printable(path)}` in {unit!r}",
-            "Save the times as numbers in seconds, or pass `rate` (`--rate`) [Hz] to ignore them.",
+            "Save the times as numbers in seconds, or pass `rate=` [Hz] to ignore them.",
         )
     kept = array if array.dtype == np.float32 else array.astype(np.float64)
     return TimeColumn(values=kept, scale=scale, label=printable(path))
@@ -98,7 +98,7 @@ def scalar(source: Source, file: VariableFile, path: str) -> float | None:
         raise source.error(
             f"have `{printable(path)}` in {unit}",
             f"has it in {variable.unit!r}",
-            f"Save it in {unit}{', or pass `rate` (`--rate`) [Hz]' if unit == 'Hz' else ''}.",
+            f"Save it in {unit}{', or pass `rate=` [Hz]' if unit == 'Hz' else ''}.",
         )
     array = numbers(source, file, path)
     must_be_positive = variable.name in ("sample_rate", "period")
@@ -108,9 +108,7 @@ def scalar(source: Source, file: VariableFile, path: str) -> float | None:
         raise source.error(
             f"hold one finite{' positive' if must_be_positive else ''} number in `{variable.name}`",
             f"has {got} there",
-            "Mend it, or leave it out and pass `rate` (`--rate`) [Hz]."
-            if unit == "Hz"
-            else "Mend it, or leave it out.",
+            "Mend it, or leave it out and pass `rate=` [Hz]." if unit == "Hz" else "Mend it, or leave it out.",
         )
     return number
 

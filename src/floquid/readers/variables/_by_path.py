@@ -59,8 +59,8 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
         raise source.error(
             "hold `values` and `channels`, or have its channels named by their paths",
             f"has no `{missing}` and none is named. It holds:\n{listing(file) or '    nothing'}",
-            f"Name them by `channels` (`identify --channels`), as in {such}; without times beside them pass `rate` "
-            f"(`--rate`) [Hz], too. {file.dialect.save}"
+            f"Name them by `channels=`, as in {such}; without times beside them pass `rate=` [Hz], too. "
+            f"{file.dialect.save}"
             if such
             else file.dialect.save,
         )
@@ -233,12 +233,12 @@ def _no_times(source: Source, time: Variable, named: Mapping[str, str], n_sample
     if time.path in named:
         got = f"has {named[time.path]!r}, which are the times by their name in {source.path}"
         return input_error(
-            "channels", source.of, "leave out the times", got, "If they are none, pass `rate` (`--rate`) [Hz], too."
+            "channels", source.of, "leave out the times", got, "If they are none, pass `rate=` [Hz], too."
         )
     return source.error(
         "have one time a sample beside its channels",
         f"has {time.size} in `{printable(time.path)}` for {n_samples} samples",
-        "Save the times of these samples, or pass `rate` (`--rate`) [Hz] to ignore them.",
+        "Save the times of these samples, or pass `rate=` [Hz] to ignore them.",
     )
 
 
@@ -250,7 +250,7 @@ def _time(source: Source, file: VariableFile, times: Sequence[Variable]) -> Time
             raise source.error(
                 "have one vector of times for the channels named",
                 f"has others in `{columns[0].label}` than in `{column.label}`",
-                "Choose channels of one measurement, or pass `rate` (`--rate`) [Hz] to ignore the times.",
+                "Choose channels of one measurement, or pass `rate=` [Hz] to ignore the times.",
             )
     return columns[0]
 
@@ -269,6 +269,6 @@ def _rate(source: Source, file: VariableFile, rows: Sequence[_Row], *, ignore_ti
         raise source.error(
             "state one rate for the channels named",
             f"states {stated}",
-            "Choose channels of one measurement, or pass `rate` (`--rate`) [Hz].",
+            "Choose channels of one measurement, or pass `rate=` [Hz].",
         )
     return next(iter(found.values()), None)
