@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from floquid.errors import InputError
-from floquid.findings import Finding, Severity, as_mapping, from_mapping, note, texts, warning
+from floquid.findings import Severity, as_mapping, from_mapping, note, texts, warning
 from floquid.views import for_command
 
 
