@@ -28,13 +28,13 @@ settings.load_profile("fixed")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """All sets of parameters but the first few of a test marked `first` are slow; pages but the README's have a target.
+    """All sets of parameters but the first few of a test marked `first` are slow; pages have a target.
 
     `make pages` opens the report in a browser, and runs the blocks of every page as a reader would.
     """
     seen = Counter()
     for item in items:
-        if LOOKED_AT.search(item.nodeid) and "[README.md]" not in item.nodeid:
+        if LOOKED_AT.search(item.nodeid):
             item.add_marker(pytest.mark.pages)
         few = item.get_closest_marker("first")
         if few is not None:

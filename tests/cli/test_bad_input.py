@@ -388,6 +388,7 @@ def command():
     return found
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("words", "code", "pattern"),
     [

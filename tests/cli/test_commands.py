@@ -272,7 +272,7 @@ def test_info_of_a_file_with_gaps(here):
     assert row.split()[-1] == "3"
 
 
-def test_demo(here, request):
+def test_demo(here, quick_pictures):
     text = typed("demo jeffcott --periods 200 --out shown")
     assert set(contents(here / "shown")) == {*RESULT, "record.npz", "figures/system_elements.png"}
     assert [row[0] for row in rows_of_modes(text)] == ["1", "2"]
@@ -286,7 +286,6 @@ def test_demo(here, request):
     # What the folder holds can be made again from what the folder holds.
     again = typed("identify shown/record.npz --settings shown/settings.toml --format json")
     assert strict_json(again) == summary
-    request.getfixturevalue("quick_pictures")
     assert typed("demo --periods 200 --out again --format json") == (here / "shown" / "summary.json").read_text()
 
 

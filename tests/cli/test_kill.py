@@ -116,6 +116,7 @@ def check_moments(here, results, moments):
     return ends, seen
 
 
+@pytest.mark.kill
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs os.fork")
 def test_killed_at_some_file_operations(here, results):
     """The first, some of those in between, and one so late that the command has ended by then."""
@@ -165,6 +166,7 @@ def test_killed_at_many_moments(here, results):
     killed_at(here, results, [rest.uniform(0.2, 1.1) for _ in range(60)])
 
 
+@pytest.mark.kill
 def test_what_a_kill_leaves_behind_is_no_result(here, results):
     """A later run does not take it up, and it cannot be mistaken for a result by its name."""
     self_killed(here, [12])

@@ -49,6 +49,11 @@ TABLE = {
     "of the page": matrix_pencil()(),
 }
 EVERY = pytest.mark.parametrize("identifier", TABLE.values(), ids=TABLE)
+SLOWEST = "BOPDMD"
+STARTS = pytest.mark.parametrize(
+    "identifier",
+    [pytest.param(own, marks=pytest.mark.slow if name == SLOWEST else (), id=name) for name, own in TABLE.items()],
+)
 
 DT = 0.25
 SETS = {
@@ -282,7 +287,7 @@ def test_too_few_samples_for_a_hankel_matrix_is_an_outcome():
     assert (found.order, found.outcome) == (0, Outcome.TOO_FEW_SAMPLES)
 
 
-@EVERY
+@STARTS
 def test_maximum_likelihood_starts_from_it(identifier):
     data = decays(SETS["two pairs"], noise=0.02)[1]
     best = identified(MaximumLikelihood(), data, 4)
@@ -377,6 +382,7 @@ def test_packages_are_loaded_when_used_and_leave_no_trace():
     assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
 
 
+@pytest.mark.pages
 @pytest.mark.skipif(not all(map(present, PEERS)), reason="needs all three packages")
 def test_the_cells_of_the_page_run(capsys):
     names = {"fq": floquid}

@@ -22,6 +22,8 @@ from floquid.lti.ami import _isolation as isolation
 from floquid.sync import segment
 from floquid.systems import JeffcottRotor
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).parents[1] / "data"
 IDENTIFIERS = {"AMI": AMI(), "AMI, then maximum likelihood": MaximumLikelihood(initial=AMI())}
 EVERY = pytest.mark.parametrize("identifier", IDENTIFIERS.values(), ids=IDENTIFIERS)
@@ -183,7 +185,6 @@ def test_noise_does_not_make_a_pair_of_a_real_pole(seed):
     assert known.positions(AMI().extract(AMI().prepare(known.data))) is not None
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.02, 0.05, 0.1])
 @pytest.mark.parametrize("name", SYSTEMS)
 @EVERY
@@ -191,7 +192,6 @@ def test_every_mode_is_found_and_errs_as_it_says_at_the_bound_over_many_seeds(as
     check(repeat(SYSTEMS[name], identifier, range(100, 100 + SEEDS), noise=noise), assert_that)
 
 
-@pytest.mark.slow
 @EVERY
 def test_two_inputs_with_modes_apart(assert_that, identifier):
     """Where modes do not overlap, that their residues are outer products says nothing of their poles."""
@@ -203,7 +203,6 @@ def test_noise_alone_holds_no_mode(orders):
     assert orders.seen_in_noise(AMI(), range(10)) == 0
 
 
-@pytest.mark.slow
 def test_noise_alone_holds_no_mode_in_many_draws(orders):
     assert orders.seen_in_noise(AMI(), range(1000, 1100)) == 0
 
@@ -272,13 +271,11 @@ def rotor_is_identified(papers, identifier, seeds, assert_that):
     assert_that.pulls_have_unit_variance(errors / np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
 
 
-@pytest.mark.slow
 @EVERY
 def test_the_papers_rotor_is_identified_at_the_bound(papers, assert_that, identifier):
     rotor_is_identified(papers, identifier, range(4), assert_that)
 
 
-@pytest.mark.slow
 @EVERY
 def test_the_papers_rotor_is_identified_at_the_bound_over_fifty_seeds(papers, assert_that, identifier):
     rotor_is_identified(papers, identifier, range(SEEDS), assert_that)
@@ -316,19 +313,16 @@ def all_modes_are_found(identifier, seed, *, every=1):
     assert np.abs(errors).max() < 0.01
 
 
-@pytest.mark.slow
 def test_eight_modes_of_a_rotor_are_found_from_a_quarter_of_the_samples():
     all_modes_are_found(AMI(), 0, every=4)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 @EVERY
 def test_eight_modes_of_a_rotor_are_found(identifier, seed):
     all_modes_are_found(identifier, seed)
 
 
-@pytest.mark.slow
 def test_eight_modes_of_a_rotor_are_found_by_the_whole_chain():
     records, _, logs = noisy_blows("rotor_1900rpm", 0)
     model = identify(records, identifier=AMI()).model

@@ -17,12 +17,13 @@ from floquid.pipeline import Settings, find_poles
 from floquid.sync import segment
 from floquid.systems import JeffcottRotor
 
+pytestmark = pytest.mark.slow
+
 
 def errors_of(known, chain, seeds):
     return np.array([known.exponent_errors(chain(known.records(seed)))[0] for seed in seeds])
 
 
-@pytest.mark.slow
 def test_the_chain_is_efficient(plain, chain, assert_that):
     assert_that.is_efficient(errors_of(plain, chain, range(40)), plain.bound(), loss=1.02)
 
@@ -37,7 +38,6 @@ def test_the_covariance_is_that_of_the_bound(plain, chain):
         assert (share < 1.25).all()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "loss"),
     [
@@ -103,12 +103,10 @@ def test_the_papers_rotor_is_identified_at_the_bound(rotor, assert_that):
     rotor_is_efficient(rotor, range(4), 1.02, assert_that)
 
 
-@pytest.mark.slow
 def test_the_papers_rotor_is_identified_at_the_bound_over_many_seeds(rotor, assert_that):
     rotor_is_efficient(rotor, range(100), 1.02, assert_that)
 
 
-@pytest.mark.slow
 def test_maximum_likelihood_with_the_true_noise_is_efficient(plain, assert_that):
     """The identifier alone, over 400 draws: the bound is reached to within its own uncertainty."""
     identifier, errors = MaximumLikelihood(), []
@@ -120,7 +118,6 @@ def test_maximum_likelihood_with_the_true_noise_is_efficient(plain, assert_that)
     assert_that.is_efficient(np.array(errors), plain.bound(), loss=1.0)
 
 
-@pytest.mark.slow
 def test_the_papers_rotor_with_the_order_unknown_over_2000_seeds(rotor, assert_that):
     """Order 4 each time and hardly ever in doubt, errors at the bound, and 95 % intervals that hold 95 %."""
     clean = rotor.truth.response(rotor.truth.period / 50 * np.arange(1024 * 50))[:, 0]

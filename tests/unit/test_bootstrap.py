@@ -236,6 +236,7 @@ def test_the_free_a_t_is_the_same_to_first_order_but_for_the_harmonics_left_out(
     assert "they also count what harmonics that are left out may do" in said
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("name", "word"), [("lifted", "A(t)"), ("refined", "A(t)")])
 def test_deviations_of_a_t_said_too_small_are_found(name, word):
     whole = analysis(name)
@@ -246,6 +247,7 @@ def test_deviations_of_a_t_said_too_small_are_found(name, word):
     assert f"do not hold for {word} (" in checked.reasons[0]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("name", "holds"), [("lifted", True), ("refined", False)])
 def test_deviations_of_a_t_said_too_large_are_a_fault_only_with_a_structure(name, holds):
     whole = analysis(name)

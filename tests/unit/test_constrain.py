@@ -135,6 +135,7 @@ def test_the_gradient_is_that_of_the_cost(kind):
         assert (up - down) / 4e-5 == pytest.approx(-now.gradient[k], rel=1e-4, abs=1e-5 * largest)
 
 
+@pytest.mark.first(1)
 @pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("model", "noise", "taps"),

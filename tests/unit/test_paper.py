@@ -66,6 +66,7 @@ def test_the_experiment_is_the_papers(done):
         assert analysis.state.states == ("X", "Y", "d/dt X", "d/dt Y")
 
 
+@pytest.mark.slow
 def test_each_draw_has_noise_of_its_own(done):
     one, other = done.draws
     assert not [key for key in one.ami if one.ami[key] == other.ami[key]]

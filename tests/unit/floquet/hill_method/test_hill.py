@@ -414,6 +414,7 @@ def test_unequal_units():
     assert_exponents_close(found.exponents, floquid.floquet.exponents(system), 4e-3, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_jump_that_is_not_named_is_refused():
     values, exact = meissner(0.2)
     system = lambda t: values[..., 0] if t % pi < pi / 3 else values[..., 1]  # noqa: E731
