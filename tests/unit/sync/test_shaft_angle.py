@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.unit.test_pulses import TACHOMETER, train
+from tests.unit.sync.test_pulses import TACHOMETER, train
 
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.errors import InputError

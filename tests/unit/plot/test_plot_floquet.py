@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from tests.unit.test_plot_spectra import drawn, legend, outside_and_overlaps
+from tests.unit.plot.test_plot_spectra import drawn, legend, outside_and_overlaps
 
 from floquid import floquet
 from floquid.errors import InputError

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from tests.unit.test_plot_spectra import drawn, legend, outside_and_overlaps
-from tests.unit.test_views import half_a_turn, pair
+from tests.unit.plot.test_plot_spectra import drawn, legend, outside_and_overlaps
+from tests.unit.views.test_views import half_a_turn, pair
 
 from floquid import floquet, plot, views
 from floquid.core import Channel

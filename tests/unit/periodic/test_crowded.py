@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.records.test_rotor_records import duffing
-from tests.unit.test_constrain import OMEGA, PERIOD, records, system
+from tests.unit.periodic.test_constrain import OMEGA, PERIOD, records, system
 
 from floquid import identify
 from floquid.errors import IdentificationError

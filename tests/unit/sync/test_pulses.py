@@ -10,7 +10,7 @@ from floquid.core import Record, TachometerSignal
 from floquid.errors import InputError
 from floquid.sync import pulse_times
 
-TACHOMETER = Path(__file__).parents[3] / "shared" / "data" / "rotor_650rpm_tach.npz"
+TACHOMETER = Path(__file__).parents[4] / "shared" / "data" / "rotor_650rpm_tach.npz"
 SPACING = 94.523  # samples, as in the rotor's record
 N = 7000
 

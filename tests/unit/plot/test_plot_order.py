@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from tests.unit.test_order_scan import DT, decays
-from tests.unit.test_plot_spectra import drawn, legend, outside_and_overlaps
+from tests.unit.order.test_order_scan import DT, decays
+from tests.unit.plot.test_plot_spectra import drawn, legend, outside_and_overlaps
 
 from floquid.errors import InputError
 from floquid.lti import WHITE, MaximumLikelihood, Outcome, fit_residues
