@@ -1,7 +1,7 @@
 r"""Separable least squares for sums of exponentials: Y ≈ E(μ) R, with E one column μ^k a pole and R free.
 
 With unit noise and free residues the cost is tr((I - P) Y Yᵀ), P the projector on the columns of E, so that all that
-the data are needed for is a factor F with F Fᵀ = Y Yᵀ (`errata.md`, "What makes it scale"). The gradient is that of the
+the data are needed for is a factor F with F Fᵀ = Y Yᵀ (`_factor`). The gradient is that of the
 variable projection; the Gauss-Newton matrix is Kaufman's (1975),
 
 .. math:: H_{st} = (d_s^H (I-P) d_t) \sum_j \bar R_{sj} R_{tj}, \qquad d_s = \partial e_s/\partial s

@@ -1,7 +1,7 @@
 r"""Fewer numbers that say the same: factors of the Gram matrix over time, and principal responses.
 
-With unit noise and free residues the cost of a set of poles is tr((I - P) Y Yᵀ), one column of Y a response
-(`errata.md`, "What makes it scale"). A factor F with F Fᵀ = Y Yᵀ stands for Y: Y itself where it has few columns, and
+With unit noise and free residues the cost of a set of poles is tr((I - P) Y Yᵀ), one column of Y a response.
+A factor F with F Fᵀ = Y Yᵀ stands for Y: Y itself where it has few columns, and
 otherwise a triangular one, from a Gram matrix that is summed over blocks of outputs. No whole copy of the data is made.
 """
 

@@ -4,7 +4,7 @@ The transform of N samples of one mode is the finite sum
 
 .. math:: \sum_{k=0}^{N-1} \mu^k z^{-k} = \frac{1 - \mu^N z^{-N}}{1 - \mu z^{-1}}, \qquad z = e^{i\theta}
 
-and z^N = 1 on the DFT's own lines θ = 2πl/N (`errata.md`, to eq. 10 of Allen 2009). With δ = ln μ - iθ it is
+and z^N = 1 on the DFT's own lines θ = 2πl/N (Allen 2009, eq. 10, without its approximation). With δ = ln μ - iθ it is
 expm1(Nδ)/expm1(δ), which stays exact for a pole on a line.
 
 Lines are kept in a weighted form: divided by the noise and √N, and by 1/√2 except at θ = 0 and π, so that real and

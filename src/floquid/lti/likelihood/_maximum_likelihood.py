@@ -66,7 +66,7 @@ class MaximumLikelihood(AbstractIdentifier):
 
     .. math:: \min_\mu \operatorname{tr}\left((I - P_\mu)\, Y Y^T\right)
 
-    (Golub and Pereyra 1973, in Kaufman's form; the Gram matrix as in `errata.md`, "What makes it scale"). Conjugate
+    (Golub and Pereyra 1973, in Kaufman's form). Conjugate
     pairs, positive real and negative real multipliers are kinds of their own. ERA at generous orders gives the start;
     with `order=None` each mode must pass a chi-square test with the others refitted. Any other identifier may be
     wrapped (`initial`): one that decides the order leaves only the finish to this, and the poles of one that does not

@@ -11,7 +11,7 @@ from floquid._checks import input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
-from floquid.periodic.expansion._covariance import free_estimates, share_of_nyquist
+from floquid.periodic.expansion._coefficient_estimates import free_estimates, share_of_nyquist
 from floquid.periodic.expansion._harmonic_bands import GAP, select_bands
 
 
