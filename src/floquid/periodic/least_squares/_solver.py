@@ -4,7 +4,8 @@ r"""The constrained fit: exponents with their residues held to the harmonics tha
           \Big(y_{c,h}(t_k) - 2 \Re \sum_r \sum_{m \in M_r} B_{r,c,h,m}\, e^{(\lambda_r + i m \omega) t_k}\Big)^2
 
 Lifting leaves the residue at each phase free: P numbers a mode and channel, where the shape has a few. Held to a band
-of harmonics, the same record says more of every exponent, and most of one that is weak, fast or aliased next to another.
+of harmonics, the same record says more of every exponent, and most of one that is weak, fast or aliased next to
+another.
 
 The coefficients are eliminated (Golub and Pereyra 1973; Kaufman's Gauss-Newton matrix), and their own noise is taken
 off that matrix, as in `lti`. All that is needed of the data are sums of products with columns (`_sample_block`).
