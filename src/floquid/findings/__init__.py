@@ -1,4 +1,4 @@
-"""What a stage found, by code and numbers, and the table that has the words.
+"""Findings of the stages, by code and numbers, and the table that has the words.
 
 A stage of the chain returns a `Finding`: a code, how much it matters, the numbers, and where it is. `str(finding)` is
 the sentence for people, of the one table of words here; a result file keeps code, numbers and text. Words name the

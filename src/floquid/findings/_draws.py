@@ -14,7 +14,7 @@ QUANTITIES = {
     "system": "A(t)",
     "transition": "Φ(t, t0)",
 }
-"""What a person calls the quantities."""
+"""Words for the quantities."""
 
 Counts = Sequence[int]
 

@@ -16,19 +16,19 @@ from floquid.findings._words import WORDS
 
 
 class Severity(StrEnum):
-    """How much a finding matters."""
+    """Weight of a finding."""
 
     NOTE = "note"
-    """What was done, or what speaks for a result."""
+    """Done, or in favour of a result."""
     WARNING = "warning"
-    """What speaks against a result, or what a reader must know."""
+    """Against a result, or to be known by its reader."""
     FAILURE = "failure"
-    """What a result fails by."""
+    """The cause that a result fails by."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding(Rebuilt):
-    """What a stage found; `str(finding)` is the sentence for people.
+    """One result of a stage; `str(finding)` is the sentence for people.
 
     Parameters
     ----------

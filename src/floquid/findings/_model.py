@@ -10,7 +10,7 @@ WHY = {
     "missing": "missing samples",
     "no whole number": "a period that is no whole number of samples",
 }
-"""Why samples are fitted at their own times."""
+"""Words for why samples are fitted at their own times."""
 
 
 def _impacts(instants: Sequence[float], hits: int) -> str:

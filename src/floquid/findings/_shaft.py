@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 CUT = "Cut the record to a part of steady speed."
-"""What to do where no periodic model holds."""
+"""Remedy where no periodic model holds."""
 
 
 def _absent(absent: tuple[int, ...], lines: int) -> str:

@@ -1,4 +1,4 @@
-"""What the chain gives: the result and every intermediate."""
+"""Result of the chain, with every intermediate."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FAILED = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Analysis:
-    """What `identify` found, with every intermediate.
+    """Result of `identify`, with every intermediate.
 
     Parameters
     ----------
@@ -74,22 +74,22 @@ class Analysis:
 
     @property
     def synchronisation(self) -> tuple[str, ...]:
-        """How well the records are synchronised, and what was done to them, a sentence each."""
+        """Notes on how well the records are synchronised and what was done to them, a sentence each."""
         return texts(self.findings, Severity.NOTE)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader of the result must know, a sentence each; that the model fails is the first."""
+        """Warnings to a reader of the result, a sentence each; that the model fails is the first."""
         return (*texts(self.findings, Severity.FAILURE), *texts(self.findings, Severity.WARNING))
 
     @property
     def clocks(self) -> tuple[ConstantPeriod | ShaftAngle, ...]:
-        """What ties each free response of the fit to the phase."""
+        """Clock of each free response of the fit."""
         return clocks_of(self.fit.free, self.shafts)
 
     @property
     def held(self) -> bool:
-        """Whether the residues were held to their harmonics in the end."""
+        """True where the residues were constrained to their harmonics in the end."""
         return self.fit.held
 
     @property
@@ -103,7 +103,7 @@ class Analysis:
 
     @property
     def failed(self) -> bool:
-        """Whether the fit leaves so many times the noise that the model is none of the record: no deviations then."""
+        """True where the fit leaves so many times the noise that the model is none of the record: no deviations then."""
         return fails(self.fit)
 
     @property
@@ -125,15 +125,15 @@ class Analysis:
 
     @property
     def provenance(self) -> Provenance:
-        """Where the result comes from."""
+        """Sources and steps of the result."""
         return self.model.provenance
 
 
 def fails(found: Fit) -> bool:
-    """Whether a fit leaves so many times the noise that its model is none of the record."""
+    """True where a fit leaves so many times the noise that its model is none of the record."""
     return found.misfit is not None and found.misfit >= FAILED
 
 
 def clocks_of(responses: Sequence[Record], shafts: tuple[ShaftAngle, ...]) -> tuple[ConstantPeriod | ShaftAngle, ...]:
-    """What ties each response to the phase: the angle of its shaft, unless it has a constant period of its own."""
+    """Clock of each response: the angle of its shaft, unless it has a constant period of its own."""
     return tuple(own.clock for own in responses if isinstance(own.clock, ConstantPeriod)) or shafts

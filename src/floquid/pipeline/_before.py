@@ -1,4 +1,4 @@
-"""What is done to records before they are fitted: the orbit taken off, hits cut out."""
+"""Steps before the fit: the orbit subtracted, hits cut out, channels that are no responses left out."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _at(orbit: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def faults_of(records: tuple[Record, ...]) -> tuple[Finding, ...]:
-    """What is wrong with samples: channels that are clipped or stand still."""
+    """Findings on samples: channels that are clipped or stand still."""
     found = [
         replace(fault.finding, where=_name(number, records))
         for number, record in enumerate(records, start=1)
@@ -73,7 +73,7 @@ def faults_of(records: tuple[Record, ...]) -> tuple[Finding, ...]:
 
 
 def missing_of(records: tuple[Record, ...]) -> tuple[Finding, ...]:
-    """Which samples are missing."""
+    """Findings on missing samples."""
     found = []
     for number, record in enumerate(records, start=1):
         where, own = _name(number, records), gaps(record)
@@ -84,7 +84,7 @@ def missing_of(records: tuple[Record, ...]) -> tuple[Finding, ...]:
 
 
 def _name(number: int, records: tuple[Record, ...]) -> str:
-    """What a record is called where there are several."""
+    """Name of a record where there are several."""
     return f"record {number}" if len(records) > 1 else ""
 
 

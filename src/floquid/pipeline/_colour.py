@@ -1,4 +1,4 @@
-"""Whether the noise is coloured along the record, before any mode is known."""
+"""Colour of the noise along the record, before any mode is known."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ALL_PEAKED = (
 
 
 def dies_away(lifted: Lifted) -> bool:
-    """Whether a response ends far below where it began: a free decay does, noise and drift do not."""
+    """True where a response ends far below where it began: a free decay does, noise and drift do not."""
     for hit, length in enumerate(lifted.responses.lengths.tolist()):
         values = lifted.by_channel(lifted.responses.values[:, hit, :length])
         begin = np.abs(values[:, :, : max(length // 4, 1)]).max(axis=(1, 2))
@@ -43,7 +43,7 @@ def dies_away(lifted: Lifted) -> bool:
 
 
 def under_a_peak(lifted: Lifted, modal: ModalModel) -> NDArray[np.bool_]:
-    """Which modes hardly decay over the record and lie where the noise that was whitened has a peak (modes,).
+    """Mask of modes that hardly decay over the record and lie where the noise had a peak (modes,).
 
     What a filter leaves of a narrow peak, or of a drift, looks like such a mode. Looked at is the harmonic that is
     largest after the filter, in the channel where it is.

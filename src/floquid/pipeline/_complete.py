@@ -1,4 +1,4 @@
-"""What `identify` gives: the fit with the views that are derived from it, A(t), and what a reader must be told."""
+"""Analysis of a fit: the views that are derived from it, A(t), and the findings."""
 
 from __future__ import annotations
 
@@ -117,7 +117,9 @@ def free_residues(prepared: Prepared, cutting: Lifting, start: Start, model: Per
 
 
 def again_of(fitted: Fit, lifted: Lifted, shafts: tuple[ShaftAngle, ...], settings: Settings) -> Again:
-    """What linearises a fit anew at given exponents: of its cycles where they hold all of it, else of its samples."""
+    """Function that linearises a fit anew at given exponents: by its cycles where they hold all of it, else by its
+    samples.
+    """
     data: dict[str, Any] = {"lifted": lifted}
     if not by_cycles(fitted, shafts, settings):
         names = ("noise", "whitening", "forced")
@@ -132,7 +134,7 @@ def again_of(fitted: Fit, lifted: Lifted, shafts: tuple[ShaftAngle, ...], settin
 
 
 def _peaked(choice: Choice | None) -> tuple[Finding, ...]:
-    """That a mode may be the peak of the noise, where the choice of the order says so."""
+    """Finding that a mode may be the peak of the noise, where the choice of the order has it."""
     return () if choice is None else tuple(own for own in choice.findings if own.code == "under_a_peak")
 
 
@@ -152,7 +154,7 @@ def _refuse_peaks(model: PeriodicModel, choice: Choice | None, settings: Setting
 
 
 def _alike(model: PeriodicModel, other: PeriodicModel | None) -> bool:
-    """Whether two models have the same poles but for the accuracy of one of them."""
+    """True where two models have the same poles but for the accuracy of one of them."""
     if other is None or model.order != other.order:
         return False
     gaps = np.abs(model.multipliers[:, None] - other.multipliers[None, :])
@@ -230,12 +232,12 @@ def why_sampled(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings)
 
 
 def by_cycles(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -> bool:
-    """Whether the cycles hold all that was fitted: they are its samples, with no forced response beside them."""
+    """True where the cycles hold all that was fitted: they are its samples, with no forced response beside them."""
     return fitted.forced is None and not why_sampled(fitted, shafts, settings)
 
 
 def _done(found: Fit, why: str) -> list[Finding]:
-    """Why the samples were fitted at their own times, if they were, and the forced response."""
+    """Findings on the way the samples were fitted, and on the forced response."""
     forced, done = found.forced, [note("as_sampled", why=why)] if why else []
     if forced is None:
         return done

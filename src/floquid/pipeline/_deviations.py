@@ -1,4 +1,4 @@
-"""What a misfit makes of the deviations: those of a fit that leaves more than noise are wider, or there are none."""
+"""Deviations of a fit that leaves more than noise: wider by its misfit, or none."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ BENT = 1.1
 """The misfit up to which the deviations are those of the noise alone, in a long record."""
 
 SCATTER = 5.0
-"""What the misfit of noise alone may be above one, times the root of the number of samples: its level is estimated."""
+"""Excess of the misfit of noise alone over one, at most, times the root of the number of samples: its level is
+estimated."""
 
 
 def widening(misfit: float | None, records: Sequence[Record]) -> float:
-    """What the deviations are multiplied by: 1 where only noise is left, or nothing is known.
+    """Factor of the deviations from the misfit: 1 where only noise is left, or nothing is known.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ def widening(misfit: float | None, records: Sequence[Record]) -> float:
 
 
 def widening_of(analysis: Analysis) -> float:
-    """What the deviations of an analysis were multiplied by."""
+    """Factor by which the deviations of an analysis were widened."""
     return widening(analysis.misfit, analysis.fit.free)
 
 
@@ -81,7 +82,7 @@ def poles_alone(modal: ModalModel) -> ModalModel:
 
 
 def model_failure(found: Fit, settings: Settings) -> Finding | None:
-    """That the model fails, what was seen, and what to try; None where it does not fail."""
+    """Finding that the model fails, with what to try; None where it does not."""
     if not fails(found):
         return None
     return failure(

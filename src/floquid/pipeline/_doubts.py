@@ -1,4 +1,4 @@
-"""What speaks against a result: a period that is not the response's own, and what a reader must be told."""
+"""Findings against a result: a period that is not the response's own, and what a reader must be told."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STILL = 4.0
 """Standard deviations within which a multiplier is 1 or -1."""
 
 BLURRED = 400.0
-"""What errors of the angle may add to the misfit, spread over the lines about each harmonic."""
+"""Misfit that errors of the angle may add, spread over the lines about each harmonic."""
 
 MISFIT = 1.3
 """Times the noise that a fit may leave."""
@@ -58,7 +58,7 @@ ROUNDED = 4.0
 
 
 def wrong_period_lifted(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> Finding | None:
-    """What is wrong with a period other than that of the lifted response; None when nothing is."""
+    """Finding on a period other than that of the lifted response; None where it is that."""
     if prepared.shafts or prepared.settings.estimate_period:
         return None
     found = synchrony(model, lifted)
@@ -70,7 +70,7 @@ def wrong_period_lifted(model: PeriodicModel, lifted: Lifted, prepared: Prepared
 def wrong_period_fitted(
     fitted: Fit, lifted: Lifted, prepared: Prepared, report: Callable[[str], None] = lambda _: None
 ) -> Finding | None:
-    """What is wrong with the period by the fit of the samples: harmonics of a mode, modes that it tore apart.
+    """Finding on the period by the fit of the samples: harmonics of a mode, modes that a wrong one tore apart.
 
     A harmonic turns as the fundamental does, which is one more parameter; and modes of equal decay that lie apart by
     nearly whole fundamentals are harmonics of one. Where these say nothing sure, the period that the lines of the
@@ -104,13 +104,13 @@ def wrong_period_fitted(
 
 
 def _single(model: PeriodicModel) -> bool:
-    """Whether there are several modes and none has a second harmonic, as where a wrong period tore them apart."""
+    """True where there are several modes and none has a second harmonic, as where a wrong period tore them apart."""
     several = (np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1
     return model.order >= SEVERAL and not several.any()
 
 
 def _folded(model: PeriodicModel) -> bool:
-    """Whether two modes of equal decay fold next to one another, as a wrong period tears one into."""
+    """True where two modes of equal decay fold next to one another, as a wrong period tears one into."""
     std = model.exponent_std
     if std is None:
         return False
@@ -137,7 +137,7 @@ def _period_alone(records: Sequence[Record]) -> tuple[float, float] | None:
 
 
 def _wrong(prepared: Prepared, period: float, relative: float, std: float) -> Finding:
-    """That the period given is not that of the response, and whether it was rounded."""
+    """Finding that the period given is not that of the response, and whether it was rounded."""
     rate = prepared.responses[0].sample_rate
     own, deviation = period * (1.0 + relative), period * std
     slip = abs(relative) * max(one.n_samples for one in prepared.responses)
@@ -149,7 +149,7 @@ def _wrong(prepared: Prepared, period: float, relative: float, std: float) -> Fi
 
 
 def vague_angle(found: Fit, shafts: Sequence[ShaftAngle], records: Sequence[Record]) -> Finding | None:
-    r"""What the error of the shaft's angle makes of a large forced response; None when it is lost in the noise.
+    r"""Finding on what the error of the shaft's angle makes of a large forced response; None where noise hides it.
 
     .. math:: \frac 12 \sum_{c,h} N_h \sum_j (j\, a_{c,h,j}\, \sigma_{\theta,h} / s_{c,h})^2
 
@@ -168,7 +168,7 @@ def vague_angle(found: Fit, shafts: Sequence[ShaftAngle], records: Sequence[Reco
 
 
 def order_too_low(order: int, choice: Choice) -> Finding | None:
-    """What speaks for more modes than an order that was given; None when nothing does."""
+    """Finding for more modes than the order that was given; None where there is none."""
     evidence = choice.evidence
     assert evidence is not None
     share = evidence.gain / evidence.gain_limit
@@ -176,26 +176,26 @@ def order_too_low(order: int, choice: Choice) -> Finding | None:
 
 
 def misfit(found: Fit) -> Finding | None:
-    """What speaks against a fit that leaves more than noise, though not so much that it fails; None when nothing."""
+    """Finding on a fit that leaves more than noise, though not so much that it fails; None on others."""
     if found.misfit is None or not MISFIT < found.misfit < FAILED:
         return None
     return warning("misfit", misfit=found.misfit)
 
 
 def quiet(lifted: Lifted) -> bool:
-    """Whether the noise seen before any mode is fitted is so small that what modes leave is no noise."""
+    """True where the noise before any mode is fitted is so small that what modes leave is no noise."""
     return bool((lifted.noise < QUIET * largest_values(lifted.responses.values, lifted.n_channels)).all())
 
 
 def ambiguity(choice: Choice | None) -> tuple[Finding, ...]:
-    """What makes the order ambiguous, if anything does."""
+    """Finding that the order is ambiguous, if it is."""
     if choice is None or not choice.ambiguous:
         return ()
     return (warning("order_ambiguous", order=choice.order, doubts=choice.doubts),)
 
 
 def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
-    """Whether half of the modes have a partner of equal decay at an odd number of half fundamentals."""
+    """True where half of the modes have a partner of equal decay at an odd number of half fundamentals."""
     gap = model.exponents[:, None] - model.exponents[None, :]
     deviation = np.hypot(std.real[:, None], std.real[None, :]), np.hypot(std.imag[:, None], std.imag[None, :])
     halves = 2.0 * gap.imag / model.fundamental
@@ -218,7 +218,7 @@ def _still(model: PeriodicModel, std: NDArray[np.complex128]) -> list[Finding]:
 
 
 def doubts_of(model: PeriodicModel) -> tuple[Finding, ...]:
-    """What a reader of a model must know: modes that are hardly determined, do not decay, or look like another's."""
+    """Findings on the modes of a model: hardly determined, without decay, of another period, growing."""
     found, std = [], model.exponent_std
     if std is not None:
         weak = int((np.maximum(std.real, std.imag) > CONFIDENT * model.fundamental).sum())

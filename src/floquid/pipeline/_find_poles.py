@@ -21,17 +21,17 @@ ENOUGH_CYCLES = 3
 """Cycles a pole that a hit must hold for its noise to be judged by itself."""
 
 NOISE_ROUNDS = 4
-"""How often the noise may be estimated again from the residual."""
+"""Estimates of the noise from the residual, at most."""
 
 WHITENINGS = 3
-"""How often the filter that whitens the noise may be estimated."""
+"""Estimates of the filter that whitens the noise, at most."""
 
 SAME = 0.02
 """The difference of taps that is not worth another search."""
 
 
 class UnsettledError(IdentificationError):
-    """What modes leave is no noise: its estimate does not settle, or there are modes without an end."""
+    """The residual is no noise: its estimate does not settle, or there are modes without an end."""
 
 
 def find_poles(
@@ -104,7 +104,7 @@ def find_poles(
 
 
 def _alike(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-    """Whether two sets of filters differ by less than is worth another search."""
+    """True where two sets of filters differ by less than is worth another search."""
     width = max(one.shape[1], other.shape[1])
     first, second = (np.pad(taps, ((0, 0), (0, width - taps.shape[1]))) for taps in (one, other))
     return bool(np.abs(first - second).max() < SAME)

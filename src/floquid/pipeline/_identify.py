@@ -72,7 +72,7 @@ def identify(
 
 
 def _of_sums(found: Analysis) -> tuple[Finding, ...]:
-    """What is said of a channel that shares its noise with others; refused if it has next to none of its own.
+    """Finding on a channel that shares its noise with others; refused if it has next to none of its own.
 
     Too low an order leaves modes in what is taken for noise, which are alike in channels that are independent: where
     the order was given, nothing is refused. Noise that the structure itself makes is shared, too. What a model that

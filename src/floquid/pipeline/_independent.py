@@ -13,7 +13,7 @@ from floquid.pipeline._doubts import QUIET
 from floquid.pipeline._refuse import name_of
 
 OWN = 0.1
-"""What a channel has beside the others, over its noise, below which it has no noise of its own: 1 % of its power."""
+"""Share of its noise that a channel has beside the others, below which it has none of its own: 1 % of its power."""
 
 COPIED = 0.04
 """The same below which it is a copy, but for rounding; above, sensors may share what they do not measure."""

@@ -1,4 +1,4 @@
-"""What every consumer of records starts from: the responses and the clock of each, as the settings ask for them."""
+"""Preparation of records for every consumer: the responses and their clocks, as the settings ask for them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LARGE = 20_000_000
 """Samples in all from which linear algebra may use all threads."""
 
 NEAR = 1.5
-"""How far from a first value the period may be, as a factor."""
+"""Largest factor between the period and a first value of it."""
 
 SIGNALS = (TachometerSignal, AzimuthSignal, PulseTimes)
 
@@ -286,7 +286,7 @@ def _with_own_period(
 def _clocks(
     records: tuple[Record, ...], report: Callable[[str], None], of: str
 ) -> tuple[tuple[ConstantPeriod | ShaftAngle, ...], tuple[ShaftAngle, ...]]:
-    """What ties each record to the phase, and those of them that are angles of a shaft."""
+    """Clock of each record, and those of them that are angles of a shaft."""
     clocks: list[ConstantPeriod | ShaftAngle] = []
     for record in records:
         if isinstance(record.clock, SIGNALS):

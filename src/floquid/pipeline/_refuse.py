@@ -1,4 +1,4 @@
-"""What is refused of records before any long work: a period that cannot be, and channels that tell nothing."""
+"""Refusals of records before any long work: a period that cannot be, and channels that tell nothing."""
 
 from __future__ import annotations
 
@@ -96,12 +96,12 @@ def refuse_few(periods: float, check: str = "", slip: str = "") -> None:
 
 
 def _once_a_period(samples: float, record: Record) -> bool:
-    """Whether a period of so many samples is a single one over all of the record."""
+    """True where a period of so many samples is a single one over all of the record."""
     return abs(samples - 1.0) * record.n_samples <= LARGEST_DRIFT
 
 
 def _held(record: Record, period: float) -> float:
-    """How many periods a record holds."""
+    """Length of a record in periods."""
     return (record.n_samples + SLACK) / (period * record.sample_rate)
 
 
@@ -193,5 +193,5 @@ def refuse_copies(records: Sequence[Record], of: str = "identify") -> None:
 
 
 def name_of(channel: str, hit: int, hits: int) -> str:
-    """What a channel of a hit is called in messages."""
+    """Name of a channel of a hit in messages."""
     return f"channel {channel!r}" + (f" of record {hit}" if hits > 1 else "")

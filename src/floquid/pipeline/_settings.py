@@ -13,7 +13,7 @@ from floquid.lti import AbstractIdentifier
 from floquid.reconstruction import MOST_TIMES, AbstractStructure, FirstOrder, Form, structure_of, text_of
 
 ALL = "all"
-"""What is said for all channels as states, each state a weighted sum of them."""
+"""Name of all channels as states, each state a weighted sum of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Where the fit of the samples starts: the records lifted, the forced response taken off, and the poles of the rest."""
+"""Start of the fit of the samples: the records lifted, the forced response taken off, and the poles of the rest."""
 
 from __future__ import annotations
 
@@ -233,7 +233,7 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
 
 
 def _wander(shaft: ShaftAngle, record: Record) -> float:
-    """How far the system's angle goes from that of a steady speed [rad]."""
+    """Largest difference of the system's angle from that of a steady speed [rad]."""
     times = np.linspace(record.times[0], record.times[-1], POINTS)
     angles = shaft.angle(times) * shaft.periods_per_revolution
     return float(np.abs(angles - np.polyval(np.polyfit(times - times[0], angles, 1), times - times[0])).max())

@@ -42,7 +42,7 @@ class Mode:
 
 @dataclass(frozen=True, slots=True)
 class Slopes:
-    """How a mode moves with the parameters, and with ω last."""
+    """Derivatives of a mode with respect to the parameters, and to ω last."""
 
     exponent: Array
     """(parameters + 1,)."""
@@ -133,7 +133,7 @@ def slopes_of(
     jacobian: Array,
     fundamental: float,
 ) -> Slopes:
-    """How a mode moves with the parameters of a basis (parameters, d, harmonics, n, n), and with ω."""
+    """Derivatives of a mode with respect to the parameters of a basis (parameters, d, harmonics, n, n), and to ω."""
     u, count = mode.coefficients, len(mode.coefficients)
     width, most, degree = count // 2, matrices.shape[1] // 2, len(matrices)
     turns = np.arange(-width, width + 1)

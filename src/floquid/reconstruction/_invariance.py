@@ -64,11 +64,11 @@ class Problem:
     whiteners: tuple[Array, ...]
     """L⁻¹ of each V, without what does not turn."""
     parts: NDArray[np.int64]
-    """Which of p are parameters."""
+    """Mask of the parameters in p."""
     root: Array
     """L⁻¹ of the covariance of these."""
     mixed: tuple[int, ...] = ()
-    """Which of `seen` have a gain that is unknown: a parameter more, after those of the basis."""
+    """Indices of `seen` with an unknown gain: a parameter more, after those of the basis."""
 
     @property
     def n_amplitudes(self) -> int:

@@ -32,7 +32,7 @@ class Shapes:
     slopes: NDArray[np.complex128]
     """The slope of the weights by the rate (modes, harmonics, states, channels)."""
     kept: NDArray[np.bool_]
-    """Which coefficients count (modes, harmonics)."""
+    """Mask of the coefficients that count (modes, harmonics)."""
 
     @property
     def rates(self) -> NDArray[np.complex128]:
@@ -47,7 +47,7 @@ class Shapes:
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """Where the terms of estimates are in `Shapes`."""
+    """Places of the terms of estimates in `Shapes`."""
 
     estimates: Estimates
     modes: NDArray[np.int64]
@@ -102,7 +102,7 @@ def shapes_of(
 
 
 def terms_of(model: PeriodicModel, estimates: Estimates) -> Terms:
-    """Where the terms of estimates are in the shapes of a model."""
+    """Places of the terms of estimates in the shapes of a model."""
     modes, low = model.modes_of(estimates), _ends(model, estimates)[0]
     own = modes[estimates.modes]
     partners = np.argmin(np.abs(np.subtract.outer(model.exponents[modes].conj(), model.exponents)), axis=1)

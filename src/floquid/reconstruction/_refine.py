@@ -37,7 +37,7 @@ BEYOND = 3
 """Harmonics of the shapes beyond those of the estimates, in harmonics of the equation of motion."""
 
 WIDENED = 4
-"""How often these may be more."""
+"""Times that these may be more."""
 
 SAME = 0.02
 """Deviations that an exponent may move when the shapes are given more harmonics."""

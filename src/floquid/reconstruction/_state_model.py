@@ -103,7 +103,7 @@ class Refinement(Rebuilt):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """How the structure was found, a sentence each."""
+        """Steps by which the structure was found, a sentence each."""
         return texts(self.findings)
 
     @property

@@ -1,4 +1,4 @@
-"""How well the poles of known responses can be told: the Cramér-Rao bound, independent of the code that it judges."""
+"""Cramér-Rao bound of the poles of known responses, independent of the code that it judges."""
 
 from __future__ import annotations
 

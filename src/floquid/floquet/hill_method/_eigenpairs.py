@@ -61,7 +61,7 @@ class Truncated(NamedTuple):
         return 4.0 * _EPS * self.condition * problem.norm
 
     def split(self, problem: Problem) -> NDArray[np.float64]:
-        """How far off, modulo iω, each has the farthest of those that may be one with it but for rounding (modes,).
+        """Distance, modulo iω, of each to the farthest of those that may be one with it but for rounding (modes,).
 
         A defective exponent is found as several, as far from it as from each other: what they are known to, although
         they may hardly change from one truncation to the next.

@@ -179,7 +179,7 @@ def _refined(problem: Problem, modes: Truncated, allowed: NDArray[np.float64]) -
 
 
 def _changes(now: NDArray[np.complex128], before: NDArray[np.complex128], fundamental: float) -> NDArray[np.float64]:
-    """How far each exponent is from its own of the truncation before, modulo iω."""
+    """Distance of each exponent from its own of the truncation before, modulo iω."""
     from scipy.optimize import linear_sum_assignment
 
     apart = np.abs(modulo(np.subtract.outer(now, before), fundamental))

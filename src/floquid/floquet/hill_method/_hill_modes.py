@@ -18,7 +18,7 @@ _ON_AXIS = 1e-9  # of max(|λ|, ω): an exponent whose real part is less cannot 
 
 
 class HillOutcome(Enum):
-    """How a truncated harmonic problem ended; the value says what it means and what to do."""
+    """Ends of a truncated harmonic problem; the value says what it means and what to do."""
 
     CONVERGED = "the exponents have settled"
     TRUNCATED = (

@@ -73,7 +73,7 @@ def _derivatives(
 def _reach(
     pieces: Elements, before: list[NDArray[np.float64]], after: list[NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """How far from each break P may differ from one (breaks,) [s], so that it never is far from one."""
+    """Distance from each break at which P may differ from one (breaks,) [s], so that it never is far from one."""
     largest = np.abs(pieces.series).sum(axis=1).max(axis=0)
     scale = binary_units(largest)
     jump = np.abs(after[0] - before[0]) * scale / scale[:, None]

@@ -30,7 +30,7 @@ class Elements(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """How far the lines of a periodic matrix reach."""
+    """Reach of the lines of a periodic matrix."""
 
     highest: int  # the highest harmonic that counts
     strong: int  # the highest of those that are strong: a truncation raised by less may not meet anything new
@@ -38,7 +38,7 @@ class Reach(NamedTuple):
 
 
 def reach(matrix: AbstractPeriodicMatrix, tolerance: float, scale: NDArray[np.float64] | None = None) -> Reach:
-    """How far the lines above `tolerance` of the norm of all reach, states in units of `scale` (n,).
+    """Reach of the lines above `tolerance` of the norm of all, states in units of `scale` (n,).
 
     Where the lines have no end (jumps, kinks) only the strong ones are counted; the others fall off steadily.
     """

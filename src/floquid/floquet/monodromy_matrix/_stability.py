@@ -20,7 +20,7 @@ _PHASES = 64  # of the period over which the share of a state is averaged
 
 
 class Verdict(Enum):
-    """How the free response ends."""
+    """End of the free response."""
 
     STABLE = "asymptotically stable"
     MARGINAL = "marginal within the accuracy of the exponents"
@@ -164,7 +164,7 @@ def _span(modes: FloquetModes, mode: int) -> str:
 
 
 def _way(modes: FloquetModes, mode: int) -> str:
-    """How the mode moves: divergence, locked to the period, or flutter, with its frequency."""
+    """Kind of motion of the mode: divergence, locked to the period, or flutter, with its frequency."""
     imaginary = abs(float(modes.exponents[mode].imag))
     frequency = imaginary / (2.0 * np.pi)
     if not multiplier_is_real(modes, mode):

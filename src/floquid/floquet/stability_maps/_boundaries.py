@@ -1,4 +1,4 @@
-"""Where stability ends: thin bands looked for, edges halved down to a tolerance, cells refined about a boundary."""
+"""Boundaries of stability: thin bands looked for, edges halved down to a tolerance, cells refined about a boundary."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ def _corners(cells: NDArray[np.int64], lattice: NDArray[np.int64]) -> NDArray[np
 def _split(
     known: Samples, lattice: NDArray[np.int64], cells: NDArray[np.int64], fresh: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Which cells to halve."""
+    """Mask of the cells to halve."""
     corners = _corners(cells, lattice)
     wild = known.unstable[corners]
     mixed = wild.any(axis=1) & ~wild.all(axis=1)

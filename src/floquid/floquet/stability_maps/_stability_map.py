@@ -33,7 +33,7 @@ _CHUNK = 512  # points of one batch
 
 
 class Instability(IntEnum):
-    """How a system is unstable: by its largest multiplier μ."""
+    """Kinds of instability, by the largest multiplier μ."""
 
     STABLE = 0
     """It is not."""
@@ -50,7 +50,7 @@ class Instability(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StabilityMap(Rebuilt):
-    """Where a periodic system is unstable; `stability_map` makes it.
+    """Map of where a periodic system is unstable; `stability_map` makes it.
 
     Parameters
     ----------

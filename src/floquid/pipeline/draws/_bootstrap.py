@@ -46,7 +46,7 @@ QUANTITIES = (
 
 
 class AbstractDraws(ABC):
-    """Where the draws of a bootstrap are kept."""
+    """Store of the draws of a bootstrap."""
 
     @abstractmethod
     def read(self) -> list[Draw]:
@@ -75,7 +75,7 @@ class AbstractDraws(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Bootstrap(Rebuilt):
-    """What `bootstrap` found: the spread of each quantity, its elements as in the `PeriodicModel` or `StateModel`.
+    """Result of `bootstrap`: the spread of each quantity, its elements as in the `PeriodicModel` or `StateModel`.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class Bootstrap(Rebuilt):
 
     @property
     def failure_counts(self) -> tuple[tuple[str, int], ...]:
-        """Why draws failed and how many, the most frequent first; messages that differ in numbers alone are one."""
+        """Reasons of failed draws with their counts, the most frequent first; those that differ in numbers alone are one."""
         alike: dict[str, list[str]] = {}
         for words in self.failures:
             alike.setdefault(re.sub(r"\d+", "", words), []).append(words)
@@ -139,7 +139,7 @@ class Bootstrap(Rebuilt):
 
     @property
     def doubtful(self) -> dict[str, NDArray[np.bool_]]:
-        """Which of `Spread.ratios` differ from one by more than chance, by quantity; those alone that have any.
+        """Elements of `Spread.ratios` that differ from one by more than chance, by quantity; those alone that have any.
 
         Together, over all quantities, right deviations are found wrong with a probability of at most `FAMILY_WISE`
         (Bonferroni).
@@ -150,7 +150,7 @@ class Bootstrap(Rebuilt):
 
     @property
     def holds(self) -> bool | None:
-        """Whether the asymptotic deviations hold; None where there are none to compare with."""
+        """True where the asymptotic deviations hold; None where there are none to compare with."""
         if not any(len(spread.ratios()) for spread in self.quantities):
             return None
         return not self.doubtful
@@ -232,7 +232,7 @@ def bootstrap(
     progress: bool = False,
     report: Callable[[str], None] = lambda _: None,
 ) -> Bootstrap:
-    r"""How the estimates spread over records that are drawn from the model.
+    r"""Spread of the estimates over records that are drawn from the model.
 
     .. math:: y^{(b)}_{c,h}(t_n) = \hat y_{c,h}(t_n) + \hat\sigma_{c,h}\, e^{(b)}_{c,h,n}, \qquad b = 1 \dots B
 

@@ -1,4 +1,4 @@
-"""What the draws of a bootstrap need: the model, what it makes of each record, and how records were fitted."""
+"""Plan of a bootstrap: the model, its response in each record, and how records were fitted."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ class Plan:
     """All that a draw needs beside its seed."""
 
     model: PeriodicModel
-    """What is drawn from, without its joint covariance."""
+    """The model drawn from, without its joint covariance."""
     fitted: PeriodicModel
     """The same with every harmonic that was fitted, also those that the model does not keep: where fits start."""
     built: PeriodicModel
     """The same with the harmonics alone that A(t) was built from."""
     states: tuple[str, ...]
-    """What the states of A(t) are; none where there is no A(t)."""
+    """Names of the states of A(t); none where there is no A(t)."""
     settings: Settings
     """Without states where there is no A(t); with the structure and the delay that were found."""
     clean: tuple[NDArray[np.float64], ...]
-    """What all that was fitted makes of each record (channels, samples), NaN where a sample is missing."""
+    """Response of all that was fitted in each record (channels, samples), NaN where a sample is missing."""
     noise: NDArray[np.float64]
     """(channels, hits)."""
     whole: bool
     estimated: bool
-    """Whether the model has the joint covariance of its coefficients, as what draws give should then have."""
+    """True where the model has the joint covariance of its coefficients, as those of draws should then have."""
     free_period: bool
-    """Whether the period is fitted too."""
+    """True where the period is fitted too."""
     lifted: Lifted | None
     """The lifted responses, where they hold all that was fitted: then a fit of them is the cheaper one."""
     modal: ModalModel | None
@@ -57,11 +57,11 @@ class Plan:
     rows: tuple[tuple[int, ...], ...]
     """The rows of `records` that are responses."""
     clocks: tuple[ConstantPeriod | ShaftAngle, ...]
-    """What ties each to the phase."""
+    """Clock of each record."""
 
 
 def plan_of(analysis: Analysis, whole: bool) -> Plan:
-    """What the draws need."""
+    """The plan of an analysis."""
     model, fit, shafts, settings = analysis.model, analysis.fit, analysis.shafts, analysis.settings
     bare = replace(model, covariance=None, estimates=None, unselected=None)
     # Free residues have no harmonics to hold: then the poles are refined, and the shapes expanded again. All that was

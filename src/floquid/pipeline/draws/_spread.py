@@ -1,4 +1,4 @@
-"""How much a quantity spreads over draws, and whether that is what was said of it beforehand."""
+"""Spread of a quantity over draws, against its asymptotic deviation."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class Spread(Rebuilt):
         return self._size()[self._tested()] / _parts(self.asymptotic)[self._tested()]
 
     def chances(self) -> NDArray[np.float64]:
-        r"""How likely a ratio is at least as far from one by chance (ratios,), in the order of `ratios`.
+        r"""Probability that chance takes a ratio at least as far from one (ratios,), in the order of `ratios`.
 
         Twice the smaller tail of (B - 1) s²/σ² against the chi-square distribution of B - 1 degrees of freedom; of a
         bound, the upper tail of B (s² + bias²)/σ² against that of B.
@@ -139,7 +139,7 @@ class Spread(Rebuilt):
         return np.minimum(2.0 * np.minimum(chdtr(degrees, score), chdtrc(degrees, score)), 1.0)
 
     def spare(self) -> NDArray[np.float64]:
-        """How likely a ratio of a bound is at least as far below one by chance, were it none (ratios,)."""
+        """Probability that chance takes a ratio at least as far below one, were the deviation no bound (ratios,)."""
         from scipy.special import chdtr
 
         return chdtr(len(self.draws), len(self.draws) * self.ratios() ** 2)
@@ -151,13 +151,13 @@ class Spread(Rebuilt):
         return bias[kept] / std[kept]
 
     def _size(self) -> NDArray[np.float64]:
-        """What is compared with the asymptotic deviation (..., parts)."""
+        """Deviation of the draws that is compared with the asymptotic one (..., parts)."""
         if not self.bound:
             return _parts(self.std)
         return np.sqrt(np.mean((_parts(self.draws) - _parts(self.estimate)) ** 2, axis=0))
 
     def _tested(self) -> NDArray[np.bool_]:
-        """Which parts have a deviation to compare with, and are not said twice (..., parts)."""
+        """Mask of parts that have a deviation to compare with, and are not listed twice (..., parts)."""
         assert self.asymptotic is not None
         own = _parts(self.asymptotic)
         return _parts_of(self.distinct, self.estimate) & (own > STRUCTURAL * own.max(initial=0.0))
