@@ -13,11 +13,11 @@ from floquid.pipeline._complete import lifted_views, samples_of
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
 from floquid.pipeline._lifted import lifted
-from floquid.pipeline._prepare import Prepared, prepare
-from floquid.pipeline._prepare import blas_threads as blas_threads
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import AbstractDraws, Bootstrap, Draw, Spread, bootstrap
+from floquid.pipeline.preparation import Prepared, prepare
+from floquid.pipeline.preparation import blas_threads as blas_threads
 
 __all__ = [
     "CONFIDENT",

@@ -103,7 +103,7 @@ class Analysis:
 
     @property
     def failed(self) -> bool:
-        """True where the fit leaves so many times the noise that the model is none of the record: no deviations then."""
+        """True where the fit leaves so many times the noise that the model is none of the record."""
         return fails(self.fit)
 
     @property

@@ -20,10 +20,10 @@ from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._colour import ALL_PEAKED
 from floquid.pipeline._deviations import model_failure, poles_alone, widened, widening, with_misfit
 from floquid.pipeline._doubts import STILL, ambiguity, doubts_of, misfit, vague_angle
-from floquid.pipeline._prepare import Prepared, uneven_speed, without_clock
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import BRIDGED, Lifting, Start, filled, out_of_step, steady_clock
 from floquid.pipeline._state import Again, state_of
+from floquid.pipeline.preparation import Prepared, uneven_speed, without_clock
 from floquid.sync import ShaftAngle, rejoin, resample, segment
 
 
@@ -117,9 +117,7 @@ def free_residues(prepared: Prepared, cutting: Lifting, start: Start, model: Per
 
 
 def again_of(fitted: Fit, lifted: Lifted, shafts: tuple[ShaftAngle, ...], settings: Settings) -> Again:
-    """Function that linearises a fit anew at given exponents: by its cycles where they hold all of it, else by its
-    samples.
-    """
+    """Function that linearises a fit anew at given exponents: by its cycles if they hold all of it, else by samples."""
     data: dict[str, Any] = {"lifted": lifted}
     if not by_cycles(fitted, shafts, settings):
         names = ("noise", "whitening", "forced")

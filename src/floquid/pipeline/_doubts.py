@@ -23,7 +23,7 @@ from floquid.periodic import (
     synchrony,
 )
 from floquid.pipeline._analysis import FAILED
-from floquid.pipeline._prepare import Prepared
+from floquid.pipeline.preparation import Prepared
 from floquid.sync import ShaftAngle
 
 QUIET = 1e-4

@@ -16,11 +16,10 @@ from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._complete import completed, free_residues, samples_of
 from floquid.pipeline._doubts import order_too_low, wrong_period_fitted, wrong_period_lifted
 from floquid.pipeline._independent import COPIED, sum_of_others
-from floquid.pipeline._prepare import Prepared, blas_threads, prepare, settings_of
-from floquid.pipeline._refuse import NO_NEWS
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import Lifting, Start, cut, start_of
 from floquid.pipeline._validated import validated
+from floquid.pipeline.preparation import NO_NEWS, Prepared, blas_threads, prepare, settings_of
 
 
 def identify(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from floquid.periodic import unexplained
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._doubts import QUIET
-from floquid.pipeline._refuse import name_of
+from floquid.pipeline.preparation import name_of
 
 OWN = 0.1
 """Share of its noise that a channel has beside the others, below which it has none of its own: 1 % of its power."""

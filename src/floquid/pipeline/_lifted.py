@@ -8,9 +8,9 @@ from floquid._checks import input_error
 from floquid.core import Record
 from floquid.lifting import Lifted, whitened
 from floquid.pipeline._colour import first_filter
-from floquid.pipeline._prepare import Prepared, blas_threads, prepare, settings_of
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import cut
+from floquid.pipeline.preparation import Prepared, blas_threads, prepare, settings_of
 
 
 def lifted(

@@ -18,9 +18,8 @@ from floquid.periodic import Known, without_known
 from floquid.pipeline._colour import first_filter
 from floquid.pipeline._doubts import quiet
 from floquid.pipeline._find_poles import UnsettledError, find_poles
-from floquid.pipeline._prepare import Prepared
-from floquid.pipeline._refuse import refuse_few
 from floquid.pipeline._settings import Settings
+from floquid.pipeline.preparation import Prepared, refuse_few
 from floquid.sync import ShaftAngle, resample, segment
 
 FLOORS = (1e-4, 1e-3)

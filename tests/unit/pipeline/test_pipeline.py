@@ -11,7 +11,7 @@ from floquid.core import Channel, ConstantPeriod, PeriodicModel, Record
 from floquid.errors import IdentificationError, InputError
 from floquid.lti import LSCF
 from floquid.pipeline import Analysis, Settings, identify
-from floquid.pipeline._before import responses_of
+from floquid.pipeline.preparation._before import responses_of
 from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close, pair_exponents
 

@@ -126,7 +126,7 @@ class Bootstrap(Rebuilt):
 
     @property
     def failure_counts(self) -> tuple[tuple[str, int], ...]:
-        """Reasons of failed draws with their counts, the most frequent first; those that differ in numbers alone are one."""
+        """Reasons of failed draws with their counts, largest first; those that differ in numbers alone are one."""
         alike: dict[str, list[str]] = {}
         for words in self.failures:
             alike.setdefault(re.sub(r"\d+", "", words), []).append(words)

@@ -113,7 +113,7 @@ def _fitted(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
 
 
 def _compared(plan: Plan, found: PeriodicModel, again: Again, built: PeriodicModel | None = None) -> Draw:
-    """Estimates of a draw: the modes in the order drawn from, and A(t), built from the harmonics of a model if given."""
+    """Estimates of a draw: the modes in the order drawn from, and A(t), of the harmonics of a model if given."""
     exponents, coefficients = aligned(plan.model, found)
     held, own = built is not None, found if built is None else built
     state, _ = state_of(own, plan.settings, again, lambda _: None, held=held, refuse=NEVER)

@@ -15,10 +15,16 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
 from floquid.lti import TimeResponses
 from floquid.periodic import estimate_period
-from floquid.pipeline._before import faults_of, hits_of, later, missing_of, responses_of, without_orbit
-from floquid.pipeline._refuse import refuse_copies, refuse_period, refuse_short, refuse_unlike, refuse_unusable
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import check_states
+from floquid.pipeline.preparation._before import faults_of, hits_of, later, missing_of, responses_of, without_orbit
+from floquid.pipeline.preparation._refuse import (
+    refuse_copies,
+    refuse_period,
+    refuse_short,
+    refuse_unlike,
+    refuse_unusable,
+)
 from floquid.sync import ShaftAngle, shaft_angle
 
 if TYPE_CHECKING:

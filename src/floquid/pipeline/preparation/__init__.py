@@ -1,0 +1,23 @@
+"""From records and settings to the responses and their clocks, and the refusals before any long work."""
+
+from floquid.pipeline.preparation._prepare import (
+    Prepared,
+    blas_threads,
+    prepare,
+    settings_of,
+    uneven_speed,
+    without_clock,
+)
+from floquid.pipeline.preparation._refuse import NO_NEWS, name_of, refuse_few
+
+__all__ = [
+    "NO_NEWS",
+    "Prepared",
+    "blas_threads",
+    "name_of",
+    "prepare",
+    "refuse_few",
+    "settings_of",
+    "uneven_speed",
+    "without_clock",
+]
