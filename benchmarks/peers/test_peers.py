@@ -91,7 +91,6 @@ def test_the_true_poles_cost_nothing_and_spare_ones_are_not_looked_at():
     assert row["error"] < 1e-6
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("off", "lost"), [(9.0, 0), (11.0, 1)])
 def test_eleven_bounds_off_is_lost_and_nine_is_not(off, lost):
     moved = np.exp(CASE.logs + np.array([off * CASE.std[0, 0], 0.0]))

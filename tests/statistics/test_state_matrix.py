@@ -20,8 +20,6 @@ from floquid.reconstruction import Block, SecondOrder, reconstruct, refine
 from floquid.systems import JeffcottRotor
 from floquid.systems._jeffcott import free_response
 
-pytestmark = pytest.mark.slow
-
 RARE = 1e-3
 """The probability with which chance may leave a band, over all parameters together."""
 
@@ -394,6 +392,7 @@ def judged(name: str, found: Draws) -> None:
     assert binom.sf(rare - 1, len(parts), 0.01) > RARE, f"{rare} of {len(parts)} right structures at p < 0.01"
 
 
+@pytest.mark.slow
 def test_intervals_cover_and_errors_are_those_of_the_bound(found):
     judged("strongly periodic", found)
 
@@ -406,6 +405,7 @@ def test_the_same_on_a_short_record_of_the_rotor():
     covers(found.free_system_pulls, at_least=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_intervals_cover_and_errors_are_those_of_the_bound_over_many_seeds(name):
     seeds = range(1000, 1100 if "five" in name else 1400)
@@ -417,11 +417,13 @@ def found() -> Draws:
     return draws(strong(), range(24), 4)
 
 
+@pytest.mark.slow
 def test_deviations_that_are_too_small_are_seen(found):
     with pytest.raises(AssertionError, match=r"an interval of 95 % covers"):
         covers(found.system_pulls / 0.6)
 
 
+@pytest.mark.slow
 def test_an_estimator_that_wastes_half_of_the_record_is_seen(found):
     with pytest.raises(AssertionError, match=r"times the Cramér-Rao bound"):
         is_efficient(np.sqrt(2.0) * found.exponents, free_bound(strong(), 4)[0])
@@ -438,6 +440,7 @@ def test_a_wrong_structure_is_refused():
             )
 
 
+@pytest.mark.slow
 def test_the_papers_experiment_and_its_worst_block():
     """Allen 2009, section 3: 0.013 in the damping block; here the largest error of A(t) over a few draws."""
     jeffcott, structure = JeffcottRotor(), rotor(cycles=8).motion.structure
@@ -458,6 +461,7 @@ def test_the_papers_experiment_and_its_worst_block():
     assert max(damping) < 0.0006
 
 
+@pytest.mark.slow
 def test_the_automatic_harmonics_are_about_the_best_fixed_ones():
     jeffcott = JeffcottRotor()
     for noise in (0.002, 0.1):

@@ -5,8 +5,6 @@ import pytest
 
 from floquid.lti import MaximumLikelihood
 
-pytestmark = pytest.mark.slow
-
 EXPERIMENTS = {
     "two pairs": {"exponents": [-0.03 + 0.85j, -0.02 + 0.32j]},
     "a close pair": {"exponents": [-0.03 + 0.85j, -0.03 + 0.865j], "hits": 2, "noise": 0.01},
@@ -65,6 +63,7 @@ def test_a_mode_that_is_weak_in_very_many_responses_errs_as_it_says(assert_that,
     assert_that.pulls_have_unit_variance(np.array(found))
 
 
+@pytest.mark.slow
 @EVERY
 def test_exponents_and_coefficients_err_as_they_say_over_many_seeds(experiment, chain, assert_that, name):
     check(experiment(**EXPERIMENTS[name]), chain, MANY, assert_that)

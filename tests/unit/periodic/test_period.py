@@ -46,6 +46,15 @@ class TestTold:
         assert found.model.order == 6
         assert found.model.period == found.period
 
+    @pytest.mark.parametrize("unit", [1e-3, 1e3])
+    def test_the_unit_of_time_does_not_matter(self, unit):
+        record = record_of(THREE, width=1)
+        other = Record(values=record.values, sample_rate=record.sample_rate / unit, channels=record.channels)
+        one, scaled = estimate_period([record]), estimate_period([other])
+        assert (scaled.told, [own.code for own in scaled.findings]) == (one.told, [own.code for own in one.findings])
+        assert scaled.told
+        assert scaled.period == pytest.approx(unit * one.period, rel=1e-9)
+
     def test_the_declared_period_is_not_looked_at(self):
         rotor = JeffcottRotor().simulate(n_periods=400, seed=1)
         wrong = rotor.with_clock(ConstantPeriod(period=5.0))
