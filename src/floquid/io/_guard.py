@@ -21,6 +21,8 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, BinaryIO, cast
 
+import numpy as np
+
 from floquid.errors import FloquidError
 from floquid.io._source import DamagedError
 
@@ -194,11 +196,10 @@ def _received(stream: BinaryIO) -> Any:
     return pickle.loads(body, buffers=buffers)  # noqa: S301  # from our own child
 
 
-def _exactly(stream: BinaryIO, length: int) -> bytearray:
-    content = bytearray(length)
-    view, at = memoryview(content), 0
+def _exactly(stream: BinaryIO, length: int) -> memoryview:
+    content, at = memoryview(np.empty(length, np.uint8)), 0  # not filled with zeros first, as a bytearray is
     while at < length:
-        count = stream.readinto(view[at:])  # type: ignore[attr-defined]
+        count = stream.readinto(content[at:])  # type: ignore[attr-defined]
         if not count:
             raise EOFError
         at += count
