@@ -197,7 +197,7 @@ def _received(stream: BinaryIO) -> Any:
 
 
 def _exactly(stream: BinaryIO, length: int) -> memoryview:
-    content, at = memoryview(np.empty(length, np.uint8)), 0  # not filled with zeros first, as a bytearray is
+    content, at = np.empty(length, np.uint8).data, 0  # not filled with zeros first, as a bytearray is
     while at < length:
         count = stream.readinto(content[at:])  # type: ignore[attr-defined]
         if not count:
