@@ -115,12 +115,12 @@ def test_what_was_fitted_in_version_1(name, tmp_path):
     assert read.keys() == truth.keys() - {"misfit"}
     for key, value in read.items():
         np.testing.assert_allclose(value, truth[key], rtol=1e-9, atol=1e-12, err_msg=key)
-    assert found.held == (name != "resampled")
-    assert found.misfit == (truth["misfit"] if found.held else None)
+    assert found.constrained == (name != "resampled")
+    assert found.misfit == (truth["misfit"] if found.constrained else None)
     assert bool(found.fit.findings) == (name == "sampled")
     save(found, tmp_path / "again.h5")
     again = load(tmp_path / "again.h5")
-    for key in ("held", "misfit", "shafts", "settings"):
+    for key in ("constrained", "misfit", "shafts", "settings"):
         assert repr(getattr(again, key)) == repr(getattr(found, key))
     assert np.array_equal(again.lifted.responses.values, found.lifted.responses.values)
     assert np.array_equal(again.fit.free[0].values, found.fit.free[0].values, equal_nan=True)

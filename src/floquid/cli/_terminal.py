@@ -117,7 +117,7 @@ def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> Non
     parts = [f"±: a conjugate pair; {deviations}"]
     if verbose:
         kept = ", as asked for" if analysis.settings.harmonics is not None else " that rise above the noise"
-        kept += ", the residues held to them" if analysis.held else ""
+        kept += ", the residues held to them" if analysis.constrained else ""
         parts += [LEGEND, f"m: harmonics of the shape{kept}"]
     console.print("; ".join([*parts, *meanings]) + ".", style="dim")
 

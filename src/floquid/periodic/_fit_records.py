@@ -71,9 +71,10 @@ class Fit(Rebuilt):
     own_period
         (own period - period given)/period given as the response has it, a linear estimate, and its deviation; None
         where the period was a parameter, the shaft tells it, or the response does not.
-    held, misfit
-        Whether the residues are held to their harmonics, and not free at each phase; the rms of what is left over the
-        level of its noise, the largest of all channels and hits: 1 where it is noise, None where residues are free.
+    constrained, misfit
+        Whether the residues are constrained to their harmonics, and not free at each phase; the rms of the residual
+        over the level of its noise, the largest of all channels and hits: 1 where it is noise, None where residues
+        are free.
     whitening
         The filter of each channel along the record that made its noise white (channels, taps); None where it was.
     findings
@@ -86,7 +87,7 @@ class Fit(Rebuilt):
     free: tuple[Record, ...]
     period_std: float | None
     own_period: tuple[float, float] | None
-    held: bool = True
+    constrained: bool = True
     misfit: float | None = None
     whitening: NDArray[np.float64] | None = None
     findings: tuple[Finding, ...] = ()

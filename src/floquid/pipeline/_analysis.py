@@ -88,9 +88,9 @@ class Analysis:
         return clocks_of(self.fit.free, self.shafts)
 
     @property
-    def held(self) -> bool:
+    def constrained(self) -> bool:
         """True where the residues were constrained to their harmonics in the end."""
-        return self.fit.held
+        return self.fit.constrained
 
     @property
     def misfit(self) -> float | None:

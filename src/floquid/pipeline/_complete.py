@@ -111,7 +111,7 @@ def free_residues(prepared: Prepared, cutting: Lifting, start: Start, model: Per
         free=tuple(replace(record, values=rejoin(hit).values) for record, hit in pairs),
         period_std=None,
         own_period=None,
-        held=False,
+        constrained=False,
         whitening=start.lifted.whitening,
     )
 
@@ -226,7 +226,7 @@ def lifted_views(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings
 
 def why_sampled(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -> str:
     """The code for why samples were fitted at their own times; empty where their cycles are cut out of them."""
-    return out_of_step(fitted.free, clocks_of(fitted.free, shafts), settings) if fitted.held else ""
+    return out_of_step(fitted.free, clocks_of(fitted.free, shafts), settings) if fitted.constrained else ""
 
 
 def by_cycles(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -> bool:

@@ -9,14 +9,14 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
 
     /findings                       what was done and what a reader must know: JSON, as in summary.json
     /fit/                           noise (channels, hits), period_std, own_period (the difference and its deviation),
-                                    held (1 where residues were held to their harmonics), misfit (what they then leave
-                                    over the noise), whitening (channels, taps) where the noise was coloured, reasons,
-                                    doubts; forced/, the forced response, where there is one: harmonics of the
-                                    revolution, coefficients, coefficient_std, offset, offset_std, drift, drift_std,
+                                    constrained (1 where residues were constrained to their harmonics), misfit (what
+                                    they then leave over the noise), whitening (channels, taps) where the noise was
+                                    coloured, findings; forced/, the forced response, where there is one: harmonics of
+                                    the revolution, coefficients, coefficient_std, offset, offset_std, drift, drift_std,
                                     revolution, speed_dependent; free/hit1, ..., what was fitted without it, each as in
                                     records/, where that is not the response that the records have
     /shafts/hit1, hit2, .../        the angle of the shaft where it was measured: the pulses' times, residuals, lines
-                                    and kept, jitter, geometry, counts, wander, steady, reasons, and spline/ (first,
+                                    and kept, jitter, geometry, counts, wander, steady, findings, and spline/ (first,
                                     last, slope, knots, coefficients, degree, covariance)
     /periodicity/                   of a model whose periodicity was tested: statistic, degrees, p_value, level, power,
                                     spacing_p, harmonics, exponents (modes,), channels, sizes and limits (modes,
@@ -37,7 +37,7 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     hits), covariance, slopes (terms, channels, hits, 2 modes + 1), spread (blocks,
                                     2 terms, 2 terms), blocks (channels, hits), drift, as spread, and bend, as scales;
                                     absent where there is none
-    /validation/                    passed (1 or 0), reasons, fit, held_out_error, colour (channels, hits), tones
+    /validation/                    passed (1 or 0), findings, fit, held_out_error, colour (channels, hits), tones
                                     (channels, hits, tones) left at turns, lines (channels, hits, lines) left at
                                     harmonics of modes; metrics/ and limits/, both of fit, held_out_error,
                                     held_out_stretch, period, tone, harmonic, line, colour, mode, multipliers,
@@ -47,16 +47,17 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     system_std, transition_std, coordinates (what the states are, in words),
                                     provenance/; a null dataset when no A(t) was asked for
     /refinement/                    of an A(t) that was fitted with a structure: structure (a text), parameters, names,
-                                    covariance, exponents, exponent_std (modes,), chi_square, degrees, p_value, reasons;
-                                    state/ where it is not that of the file; absent where no structure was asked for
+                                    covariance, exponents, exponent_std (modes,), chi_square, degrees, p_value,
+                                    findings; state/ where it is not that of the file; absent where no structure was asked for
     .../channels/                   name, quantity, unit, location, direction, each (channels,)
     .../provenance/                 sources, steps
 
 The cycles and the lifted responses are not in the file: they are made of the free response again. A field of
-`Settings` younger than the file has its default. Files of version 1 are read: there `held` and `misfit` are beside
-`fit/`, which only records fitted as they were sampled have, with measured/ and shafts/ in it; their `records/` are the
-free response resampled, and without `fit/` and `measured/` they are the records used, lifted with the noise in
-`lifted/`.
+`Settings` younger than the file has its default. Files of version 1 and 2 are read: `constrained` is `held` there, and
+sentences (warnings, synchronisation, reasons, doubts) are in the place of findings. In version 1 `held` and `misfit`
+are beside `fit/`, which only records fitted as they were sampled have, with measured/ and shafts/ in it; their
+`records/` are the free response resampled, and without `fit/` and `measured/` they are the records used, lifted with
+the noise in `lifted/`.
 """
 
 from floquid.store._draws import DrawFile

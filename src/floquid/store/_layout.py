@@ -31,7 +31,7 @@ SETTINGS_OF_VERSION_1 = (
 ABSENT = ("estimates", "unselected", "composites", "coordinates", "transition_std")
 """What a file need not have: older files do not, and a group is not there for None."""
 
-FLAGS = ("held", "kept", "passed", "real", "speed_dependent", "steady")
+FLAGS = ("constrained", "held", "kept", "passed", "real", "speed_dependent", "steady")
 """HDF5 has no truth values: these are 0 and 1."""
 
 SENTENCES = {
@@ -41,6 +41,9 @@ SENTENCES = {
     "warnings": Severity.WARNING,
 }
 """What files up to version 2 have instead of findings: sentences, and how much they matter."""
+
+EARLIER = {"constrained": "held"}
+"""Names that files up to version 2 have for fields."""
 
 TEXTS = (
     "name", "quantity", "unit", "location", "direction", "sources", "steps", "reasons", "doubts", "names", "states",
@@ -109,7 +112,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "noise": f"channels, hits; {_UNIT}",
         "period_std": "; s",
         "own_period": "difference and deviation",
-        "held": "",
+        "constrained": "",
         "misfit": "",
         "whitening": "channels, taps",
         "findings": "findings",

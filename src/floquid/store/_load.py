@@ -15,7 +15,7 @@ from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, Periodicity
 from floquid.pipeline import Analysis, Settings, blas_threads, lifted_views, samples_of
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
-from floquid.store._datasets import get, get_fields, get_findings, get_numbers, get_object
+from floquid.store._datasets import get, get_fields, get_findings, get_numbers, get_object, name_in
 from floquid.store._identifiers import from_text
 from floquid.store._layout import FORMAT, LAYOUT, SETTINGS_OF_VERSION_1, VERSION
 from floquid.sync import ShaftAngle
@@ -155,11 +155,12 @@ def _fit_of_version_1(file: Any, model: PeriodicModel, settings: Settings) -> St
     if "measured" in group:
         free = tuple(map(_record, _hits(group, "records" if group is file else "free", model)))
     found: dict[str, Any] = dict.fromkeys(("period_std", "own_period", "misfit", "whitening"))
-    found |= {"held": False, "findings": () if group is file else get_findings(group)}
+    found |= {"constrained": False, "findings": () if group is file else get_findings(group)}
     for place in (file, file["lifted"] if group is file else group):
-        found |= {name: get(place, name, str(axes)) for name, axes in LAYOUT[Fit].items() if name in place}
-    found["held"] = group is not file or found["held"]
-    if found["held"] and found["misfit"] is None:  # of an early file
+        own = {name: name_in(place, name) for name in LAYOUT[Fit]}
+        found |= {name: get(place, own[name], str(axes)) for name, axes in LAYOUT[Fit].items() if own[name] in place}
+    found["constrained"] = group is not file or found["constrained"]
+    if found["constrained"] and found["misfit"] is None:  # of an early file
         found["misfit"] = 1.0
     return records, shafts, _made_fit(group, found, model, free, samples)
 
@@ -171,7 +172,7 @@ def _made_fit(
     for was, own in zip(samples, free, strict=True):
         if [channel.name for channel in own.channels] != [channel.name for channel in model.channels]:
             raise DamagedError("model/channels are not those of the records")
-        if found["held"] and own.n_samples != was.n_samples:
+        if found["constrained"] and own.n_samples != was.n_samples:
             raise DamagedError("fit/free is not the response that the records hold")
     if "forced" in group:
         forced = ForcedResponse(**get_fields(group["forced"], ForcedResponse), channels=model.channels)

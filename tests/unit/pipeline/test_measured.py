@@ -57,7 +57,7 @@ def test_such_a_result_comes_back_from_a_file(tmp_path):
     analysis = of_run()
     save(analysis, tmp_path / "result.h5")
     back = load(tmp_path / "result.h5")
-    assert back.held
+    assert back.constrained
     assert back.synchronisation == analysis.synchronisation
     assert_allclose(back.fit.noise, analysis.fit.noise)
     assert_allclose(back.fit.forced.coefficients, analysis.fit.forced.coefficients)

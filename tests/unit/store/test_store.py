@@ -529,7 +529,7 @@ def test_residues_that_were_left_free_are_a_fit_that_comes_back(of, tmp_path):
         values[:, 100:104] = np.nan
         record = replace(whole, values=values)
     found = identify(record, constrained=False, validate=False)
-    assert not found.held
+    assert not found.constrained
     assert found.misfit is None
     assert len(found.shafts) == (of == "a tachometer")
     save(found, tmp_path / "r.h5")
@@ -583,7 +583,7 @@ def test_a_result_of_every_kind_of_record_comes_back(kind, tmp_path):
     records = given if isinstance(given, list) else [given]
     assert [record.values.tobytes() for record in found.records] == [record.values.tobytes() for record in records]
     assert found.model is found.fit.model
-    assert found.held == ("constrained" not in options)
+    assert found.constrained == ("constrained" not in options)
 
 
 def test_a_free_response_is_in_the_file_only_where_it_is_not_the_record(full, rig, tmp_path):

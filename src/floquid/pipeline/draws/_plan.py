@@ -66,8 +66,8 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
     bare = replace(model, covariance=None, estimates=None, unselected=None)
     # Free residues have no harmonics to hold: then the poles are refined, and the shapes expanded again. All that was
     # fitted is drawn from: of a weak mode, what is not kept may be much of what the record says.
-    fitted = bare if not fit.held or model.estimates is None else _fitted(model)
-    measured = samples_of(analysis.records, shafts, settings) if whole and fit.held else fit.free
+    fitted = bare if not fit.constrained or model.estimates is None else _fitted(model)
+    measured = samples_of(analysis.records, shafts, settings) if whole and fit.constrained else fit.free
     clean = []
     for hit, (record, clock, seen) in enumerate(zip(fit.free, analysis.clocks, measured, strict=True)):
         own = _response(fitted, hit, *instants(record, clock, model.fundamental))
@@ -85,7 +85,7 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
         estimated=model.estimates is not None,
         free_period=fit.period_std is not None,
         lifted=analysis.lifted if by_cycles(fit, shafts, settings) else None,
-        modal=None if fit.held else analysis.modal,
+        modal=None if fit.constrained else analysis.modal,
         whitening=fit.whitening,
         records=records,
         rows=tuple(tuple(row for row, c in enumerate(record.channels) if c.name in names) for record in records),
