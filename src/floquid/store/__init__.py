@@ -48,7 +48,8 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     provenance/; a null dataset when no A(t) was asked for
     /refinement/                    of an A(t) that was fitted with a structure: structure (a text), parameters, names,
                                     covariance, exponents, exponent_std (modes,), chi_square, degrees, p_value,
-                                    findings; state/ where it is not that of the file; absent where no structure was asked for
+                                    findings; state/ where it is not that of the file; absent where no structure was
+                                    asked for
     .../channels/                   name, quantity, unit, location, direction, each (channels,)
     .../provenance/                 sources, steps
 
