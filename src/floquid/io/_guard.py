@@ -128,11 +128,11 @@ class Guard:
         answers = os.fdopen(os.dup(1), "wb")
         os.dup2(2, 1)  # what a library prints is no answer
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+        os.chdir(Path(__file__).parent)
         answers.write(_THERE)
         answers.flush()
         with suppress(EOFError, BrokenPipeError):
             while True:
-                os.chdir(Path(__file__).parent)  # a folder of the user's could not be removed on Windows
                 _send(answers, _answer(*_received(sys.stdin.buffer)))
 
 
@@ -156,6 +156,8 @@ def _answer(
         if not isinstance(error, (FloquidError, DamagedError)):
             error.add_note(traceback.format_exc())
         return error, None
+    finally:
+        os.chdir(Path(__file__).parent)  # a folder of the user's could not be removed on Windows
 
 
 def _limit(seconds: int) -> None:

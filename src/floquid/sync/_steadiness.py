@@ -27,9 +27,9 @@ def verdict(wander: float, run: float, mean_speed: float) -> tuple[bool, Finding
     """Whether the speed is steady enough, and why: from the relative wander and the relative change over the record."""
     hz, percent = mean_speed / (2.0 * np.pi), 100.0 * wander
     if abs(run) > USABLE:
-        return False, warning("speed_runs", percent=100.0 * run, hz=hz)
+        return False, note("speed_runs", percent=100.0 * run, hz=hz)
     if wander > USABLE:
-        return False, warning("speed_wanders", percent=percent, hz=hz, limit=100.0 * USABLE)
+        return False, note("speed_wanders", percent=percent, hz=hz, limit=100.0 * USABLE)
     if wander > STEADY:
         return True, note("speed_usable", percent=percent, hz=hz, limit=100.0 * STEADY)
     return True, note("speed_steady", percent=percent, hz=hz) if wander > 0.0 else note("speed_constant", hz=hz)
