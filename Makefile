@@ -42,7 +42,7 @@ slow: $(INSTALLED) ## run the slow tests, look further for what breaks a law, an
 kill: $(INSTALLED) ## kill and interrupt programs at work: what they leave behind is whole
 	$(PYTEST) $(PARALLEL) -m kill
 
-pages: $(INSTALLED) ## open the report in a browser, and run every block of every page
+pages: $(INSTALLED) ## make the report and open it in a browser, and run every block of every page
 	$(PYTEST) $(PARALLEL) -m "pages and not slow"
 
 bench: $(INSTALLED) ## time the benchmarks

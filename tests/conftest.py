@@ -30,7 +30,7 @@ settings.load_profile("fixed")
 def pytest_collection_modifyitems(items):
     """All sets of parameters but the first few of a test marked `first` are slow; pages have a target.
 
-    `make pages` opens the report in a browser, and runs the blocks of every page as a reader would.
+    `make pages` makes the report, opens it in a browser, and runs the blocks of every page as a reader would.
     """
     seen = Counter()
     for item in items:

@@ -13,7 +13,7 @@ _COUNT = re.compile(r"(\d+) of (\d+)")
 
 
 def lines() -> Callable[[str], None]:
-    """What writes each stage to stderr, once, as a line of its own: what comes after its colon is left out.
+    """Writer of each stage to stderr, once, as a line of its own: the part after its colon is left out.
 
     A log keeps these, and they say where a command is that runs without a terminal.
     """
@@ -35,7 +35,7 @@ def lines() -> Callable[[str], None]:
 
 @contextmanager
 def bar(wanted: bool, report: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
-    """What is to be told of each stage: `report`, and, where it is wanted, a bar on stderr; without a terminal, lines.
+    """Listener to each stage: `report`, and, where it is wanted, a bar on stderr; without a terminal, lines.
 
     A stage that says «… 3 of 8» fills the bar; another makes it run without a measure.
     """

@@ -1,4 +1,4 @@
-"""What several fits share: steps to the least cost, and what is done with information matrices."""
+"""Numerics that several fits share: steps to the least cost, and what is done with information matrices."""
 
 from __future__ import annotations
 

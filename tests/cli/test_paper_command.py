@@ -10,6 +10,8 @@ from tests.cli.test_commands import RESULT, strict_json, typed
 import floquid
 from floquid.cli import run
 
+pytestmark = pytest.mark.pages
+
 FIGURES = {f"figures/paper_{number}.png" for number in range(2, 9)}
 SHORT = "demo jeffcott --paper --periods 200 --draws 2"
 

@@ -5,6 +5,8 @@ import pytest
 import floquid as fq
 from floquid.cli import run
 
+pytestmark = pytest.mark.pages
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

@@ -89,7 +89,7 @@ def bootstrap(
 
 
 def _key(file: Path, seed: int, *, whole: bool) -> str:
-    """What the draws depend on: the result, the seed, what is fitted, and the code."""
+    """Key of the draws: the result, the seed, what is fitted, and the code."""
     content = hashlib.sha256(file.read_bytes()).hexdigest()
     return f"floquid {version('floquid')}, {content}, seed {seed}, {'whole' if whole else 'held'}"
 
@@ -150,7 +150,7 @@ def _modes(analysis: Analysis, found: Bootstrap) -> Table:
 
 
 def _quantities(found: Bootstrap) -> Table:
-    """How the ratios of each quantity lie."""
+    """Least, median and largest ratio of each quantity."""
     table = new_table([""], ["number", "least", "median", "most", "not by chance"])
     for spread in found.quantities:
         ratios = spread.ratios()
@@ -161,7 +161,7 @@ def _quantities(found: Bootstrap) -> Table:
 
 
 def _doubtful(spread: Spread, found: Bootstrap) -> int:
-    """How many ratios of a quantity chance does not explain."""
+    """Number of ratios of a quantity that chance does not explain."""
     return int(found.doubtful[spread.name].sum()) if spread.name in found.doubtful else 0
 
 

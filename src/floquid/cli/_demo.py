@@ -49,7 +49,7 @@ PUBLISHED = {"X, Y": 0.013, "X_tt, Y_tt": 0.031}
 STATES = ("X", "Y")
 
 PAPER_FILES = ("paper.md", *(f"figures/paper_{number}.png" for number in range(2, 9)))
-"""What --paper writes beside the usual files."""
+"""Files that --paper writes beside the usual ones."""
 
 COLUMNS = ("printed", "corrected", "AMI", "max. likelihood")
 

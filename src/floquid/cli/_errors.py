@@ -1,4 +1,4 @@
-"""What an error looks like to a person: one message, in the words of the command line, and an exit code."""
+"""Errors for a person: one message, in the words of the command line, and an exit code."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ _OPTIONS = {
         **_alike("samples_per_period", "noise", "seed", "impulse_deg"),
     },
 }
-"""What a person who typed a command calls the arguments of the library's callables, by callable and argument."""
+"""Words of the command line for the arguments of the library's callables, by callable and argument."""
 
 
 def explained(error: BaseException) -> tuple[str, int]:
@@ -113,7 +113,7 @@ def in_options(message: str) -> str:
 
 
 def explained_usage(error: CycloptsError) -> str:
-    """What is wrong with the words typed, and where to read on."""
+    """Message on the words typed, and where to read on."""
     if isinstance(error, UnusedCliTokensError):
         words = f"Too many words: {' '.join(error.unused_tokens or [])}."
     else:

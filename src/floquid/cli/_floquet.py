@@ -137,12 +137,12 @@ def _modes(matrix: AbstractPeriodicMatrix, tolerance: float) -> FloquetModes:
 
 
 def _refusal(error: InputError) -> str:
-    """What was said of the argument, as of A(t)."""
+    """Message on the argument, as one on A(t)."""
     return re.sub(r"Argument `system` of `floquet\.(modes|hill)` must", "A(t) must", str(error))
 
 
 def _halved(model: OpenFastLinearisation, found: FloquetModes, tolerance: float) -> tuple[float, str]:
-    """How far the exponents of every other azimuth are from those of all [1/s], or why that is not known."""
+    """Difference of the exponents of every other azimuth from those of all [1/s], or why that is not known."""
     count = model.azimuths.size
     if count % 2 or count < 6:
         return float("nan"), f"there are {count}, and it takes an even number of six or more."

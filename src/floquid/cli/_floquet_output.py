@@ -1,4 +1,4 @@
-"""What `floquid floquet` says: tables and a verdict for a person, `summary.json` and `modes.npz` for a program."""
+"""Output of `floquid floquet`: tables and a verdict for a person, `summary.json` and `modes.npz` for a program."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Examined:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What may be wrong, in sentences."""
+        """Warnings, a sentence each."""
         words = list(self.file.warnings)
         if self.modes.defective:
             listed = ([f"{self.modes.exponents[r]:.6g}" for r in group] for group in self.modes.defective)
@@ -97,7 +97,7 @@ class Examined:
 
 
 def hill_claims(modes: FloquetModes, found: HillModes) -> np.ndarray:
-    """What Hill's method claims its exponents to be right to, with a margin of ten (modes,) [1/s]."""
+    """Accuracy that Hill's method claims for its exponents, with a margin of ten (modes,) [1/s]."""
     size = np.maximum(np.abs(modes.exponents), modes.fundamental)
     return 10.0 * (_HILL * size + float(found.change.max()))
 
@@ -132,7 +132,7 @@ def print_examined(found: Examined, out: Path | None) -> None:
 
 
 def _print_checks(console: Console, found: Examined) -> None:
-    """What Hill's method says, and the azimuths of a turbine."""
+    """Print the result of Hill's method, and the azimuths of a turbine."""
     model = found.file.linearisation
     agrees = found.hill is not None and found.hill.converged
     if agrees or model is not None:
@@ -193,7 +193,7 @@ def _notes(found: Examined, mode: int) -> list[str]:
 
 
 def _shapes_table(found: Examined, shown: list[int]) -> Table:
-    """What each mode is made of."""
+    """Table of the harmonics and states that take part in each mode."""
     modes, shares = found.modes, state_participation(found.modes)
     table = new_table([""], [], ["m", "states"])
     table.columns[1].no_wrap = True
@@ -251,7 +251,7 @@ def summary_text(found: Examined) -> str:
 
 
 def _azimuths(found: Examined) -> dict[str, Any]:
-    """Whether the azimuths of a turbine resolve A(t)."""
+    """Entry on whether the azimuths of a turbine resolve A(t)."""
     model = found.file.linearisation
     assert model is not None
     assert found.halved is not None

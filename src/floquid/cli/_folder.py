@@ -43,7 +43,7 @@ LOCK = ".floquid-lock"  # held while files take their names
 READY, MOVING = ".floquid-ready", ".floquid-moving"
 
 UNFINISHED = ".floquid-unfinished-"
-"""What the folder is called in which a result is put together. One left behind by a kill is removed by the next run."""
+"""Name of the folder in which a result is put together. One left behind by a kill is removed by the next run."""
 
 _OWNED = ".lock"
 """In an unfinished folder: held by the program that fills it, so that no other takes it for left behind."""

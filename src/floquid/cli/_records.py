@@ -206,7 +206,7 @@ def _refuse_same(file: Path, out: Path) -> None:
 
 
 def _is_result(file: Path) -> bool:
-    """Whether it is a file that `identify` wrote."""
+    """True where it is a file that `identify` wrote."""
     if file.suffix.lower() not in (".h5", ".hdf5"):
         return False
     try:

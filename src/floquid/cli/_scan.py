@@ -63,7 +63,7 @@ LEGEND = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scanned:
-    """What a scan gives: the records as used, their lifted responses, and the models over the orders."""
+    """Result of a scan: the records as used, their lifted responses, and the models over the orders."""
 
     prepared: Prepared
     lifted: Lifted

@@ -1,4 +1,4 @@
-"""What a person reads on the terminal."""
+"""Output for a person on the terminal."""
 
 from __future__ import annotations
 
@@ -69,12 +69,12 @@ def new_table(left: Sequence[str], right: Sequence[str], after: Sequence[str] = 
 
 
 def json_text(content: Any) -> str:
-    """What a program reads."""
+    """Output for a program."""
     return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
 def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
-    """Where the files are, or how to keep what there is."""
+    """Print the place of the files, or the option that keeps them."""
     if folder is None:
         terminal().print(f"Add --out DIR {kept}.", style="dim")
     else:
@@ -110,7 +110,7 @@ def print_analysis(analysis: Analysis, *, verbose: bool = False) -> None:
 
 
 def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> None:
-    """What the columns of the table of modes are: with `verbose` all of them, else what a table cannot say itself."""
+    """Print a legend of the table of modes: with `verbose` all columns, else what a table cannot say itself."""
     meanings = note_meanings(mode_table(analysis))
     without = FAILS if analysis.failed else NO_DEVIATIONS
     deviations = without if analysis.model.exponent_std is None else DEVIATIONS
@@ -123,7 +123,7 @@ def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> Non
 
 
 def _print_reasons(console: Console, analysis: Analysis) -> None:
-    """Why the order is what it is, what the test for periodicity says, and what was done about coloured noise."""
+    """Print the reasons for the order, the test for periodicity, and the numbers of a verdict that passed."""
     console.print()
     if analysis.choice is not None and not analysis.choice.ambiguous:
         console.print(f"The order is clear. {' '.join(analysis.choice.reasons)}", style="dim")
@@ -134,7 +134,7 @@ def _print_reasons(console: Console, analysis: Analysis) -> None:
 
 
 def print_folder(folder: Path | None, *others: str) -> None:
-    """Where the result is, or how to keep it."""
+    """Print the place of the result, or the option that keeps it."""
     if folder is None:
         print_files(None, (), "to keep the result, the figures and a report for the browser")
         return
@@ -144,7 +144,7 @@ def print_folder(folder: Path | None, *others: str) -> None:
 
 
 def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> None:
-    """How much was measured and what was done with it; with `verbose` also before, and the noise of each channel."""
+    """Print the size of the records and what was done with them; with `verbose` all of it, and the noise."""
     first, cycles = analysis.records[0], analysis.cycles
     samples = counted(f"{first.sample_rate * analysis.model.period:.6g}", "sample")
     console.print(
@@ -168,7 +168,7 @@ def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> Non
 
 
 def print_whitening(console: Console, found: Lifted | Analysis) -> None:
-    """What was done about noise that is coloured, if it is."""
+    """Print the treatment of noise that is coloured, if it is."""
     if words := whitening_words(found):
         console.print(words, style="dim")
 

@@ -1,4 +1,4 @@
-"""What a sensor measures, where, and in which unit."""
+"""Channel of a record: quantity, unit and place of a sensor."""
 
 from __future__ import annotations
 

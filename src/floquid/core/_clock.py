@@ -143,7 +143,7 @@ class PulseTimes(Rebuilt):
 
 
 Clock = ConstantPeriod | TachometerSignal | AzimuthSignal | PulseTimes
-"""What ties the time of a record to the phase of the system's period."""
+"""Relation of the time of a record to the phase of the system's period."""
 
 
 def _check_name(channel: str, of: str) -> None:

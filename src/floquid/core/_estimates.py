@@ -114,17 +114,17 @@ class Estimates(Rebuilt):
 
     @property
     def turning(self) -> NDArray[np.bool_]:
-        """Which terms turn (terms,): all but that of a real multiplier that has a real coefficient."""
+        """Mask of the terms that turn (terms,): all but that of a real multiplier that has a real coefficient."""
         return ~(self.real[self.modes] & (2 * self.harmonics + self.half_turns[self.modes] == 0))
 
     @property
     def multiplicity(self) -> NDArray[np.float64]:
-        """How often a term is in the response, its mirror image counted: 2, or 1 where it does not turn (terms,)."""
+        """Count of a term in the response, its mirror image included: 2, or 1 where it does not turn (terms,)."""
         return np.where(self.turning, 2.0, 1.0)
 
     @property
     def rate_slopes(self) -> NDArray[np.complex128]:
-        """What the parameters move the rate of each term by (terms, 2 modes + 1)."""
+        """Derivatives of the rate of each term with respect to the parameters (terms, 2 modes + 1)."""
         count = len(self.exponents)
         own = (self.modes[:, None] == np.arange(count)).astype(float)
         turns = self.harmonics + 0.5 * self.half_turns[self.modes]

@@ -1,4 +1,4 @@
-"""Where a result comes from: the files and what was done to them, in order."""
+"""Sources of a result: the files and what was done to them, in order."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from floquid.views import upper_modes
 
 _STRUCTURAL, _FIRST_ORDER, _TRANSLATIONS, _WITH_ROTATIONS, _COMPLEX = 1, 3, 2, 3, 5
 _SPECIFIC = UFF_KINDS | {"force": 1}
-"""What a shape is of: the codes of dataset 58, but for a force, whose 13 is an energy in dataset 55. 1 is general."""
+"""Quantity of a shape: the codes of dataset 58, but for a force, whose 13 is an energy in dataset 55. 1 is general."""
 
 _DIRECTION = re.compile(r"([+-]?)(R?)([XYZ])")
 _MONTHS = ("JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC")
@@ -31,7 +31,7 @@ _END = f"{-1:6d}"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dof:
-    """Where a channel is in the file: a node, one of its six components (0 to 5), and the sign along it."""
+    """Place of a channel in the file: a node, one of its six components (0 to 5), and the sign along it."""
 
     node: int
     component: int

@@ -50,7 +50,7 @@ class Guard:
         self._serving = False
 
     def call(self, path: Path, function: Callable[..., Any], *args: Any, **options: Any) -> Any:
-        """What `function`, given `args` and `options`, makes of the file at `path`; an error of its own is raised here.
+        """Result of `function`, given `args` and `options`, for the file at `path`; an error of its own is raised here.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class Guard:
 
 
 def _folder() -> Path | None:
-    """Where the program is now; None where that folder is gone."""
+    """Folder that the program is in; None where it is gone."""
     with suppress(OSError):
         return Path.cwd()
     return None

@@ -32,7 +32,7 @@ def attribute(thing: Any, name: str) -> str:
 
 
 def is_whole(dataset: Any) -> bool:
-    """Whether all of a `dataset` was written, or what was not is told by NaN; HDF5 itself reads zeros in its place."""
+    """True where all of a `dataset` was written, or the rest is told by NaN; HDF5 itself reads zeros in its place."""
     if not dataset.size or (dataset.dtype.kind == "f" and np.isnan(dataset.fillvalue)):
         return True
     if dataset.chunks is None:
@@ -47,7 +47,7 @@ def is_whole(dataset: Any) -> bool:
 
 
 def is_elsewhere(dataset: Any) -> bool:
-    """Whether the data of a `dataset` are kept in another file, or put together from others."""
+    """True where the data of a `dataset` are kept in another file, or put together from others."""
     return bool(dataset.external) or dataset.is_virtual
 
 

@@ -94,7 +94,7 @@ class Lifted(Rebuilt):
         return (self.first_phase + np.arange(self.n_phases) / self.n_phases) * self.period
 
     def gain(self, rates: NDArray[np.complexfloating], *, slope: bool = False) -> NDArray[np.complex128]:
-        r"""What the whitening filter multiplies e^{st} by, or its derivative by s.
+        r"""Gain of the whitening filter at e^{st}, or its derivative with respect to s.
 
         .. math:: g_c(s) = \sum_i a_{c,i}\, e^{-s\, i\, T/P}
 

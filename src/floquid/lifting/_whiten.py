@@ -106,7 +106,7 @@ def whitened(lifted: Lifted, taps: NDArray[np.float64]) -> Lifted:
 
 
 def _left(values: NDArray[np.float64], shapes: NDArray[np.float64], powers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What a model leaves of one channel (phases, cycles), in the order of time; some phases at a time."""
+    """Residual of one channel (phases, cycles), in the order of time; some phases at a time."""
     left = np.empty(values.shape[::-1])
     for first in range(0, len(values), 64):
         part = slice(first, first + 64)
@@ -150,7 +150,7 @@ def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[NDArray
 
 
 def _colours(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far correlations are from those of white noise, in deviations of Box and Pierce's sum (channels,)."""
+    """Distance of correlations from those of white noise, in deviations of Box and Pierce's sum (channels,)."""
     lags = max(correlations.shape[1] - 1, 1)
     return (numbers * np.sum(correlations[:, 1:] ** 2, axis=1) - lags) / np.sqrt(2.0 * lags)
 

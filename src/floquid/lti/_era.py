@@ -73,7 +73,7 @@ class Realisation:
 
     @staticmethod
     def of(blocks: Sequence[Factor], window: int | None, most: int) -> Realisation:
-        """That of windows of M samples, from blocks longer than M; at most `most` leading directions."""
+        """Realisation of windows of M samples, from blocks longer than M; at most `most` leading directions."""
         longest = max(len(block.values) for block in blocks)
         lags = max(1, min(window or search_window(longest), longest - 1))
         covariance = hankel_covariance(blocks, lags + 1)

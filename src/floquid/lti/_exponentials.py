@@ -152,7 +152,7 @@ def of_dependent_noise(found: Fit, factors: Sequence[Factor]) -> Fit:
 
 @dataclass(frozen=True, slots=True)
 class Slopes:
-    """Which columns each real parameter moves, and which residues are its coefficients there (order,) each."""
+    """Columns that each real parameter moves, and the residues that are its coefficients there (order,) each."""
 
     columns: tuple[NDArray[np.int64], NDArray[np.int64]]
     residues: tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -279,7 +279,7 @@ def model_of(
 
 
 def from_sample_zero(poles: PoleSet, samples: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """What residues of the columns of `powers` are at sample zero, where they belong, as a factor; and its inverse.
+    """Factor that takes residues of the columns of `powers` to sample zero, where they belong; and its inverse.
 
     A pole of noise that would have to start from less than can be computed with has no residue: zero for both.
     """

@@ -23,7 +23,7 @@ LARGEST = 2**22
 """The most numbers that a factor may hold; beyond, it is made of leading directions."""
 
 LEADING = 192
-"""How many leading directions then."""
+"""Number of leading directions then."""
 
 SAFE = 1e-4
 """The share of the noise that rounding in a squared matrix may reach before the triangular factor is made by

@@ -118,7 +118,7 @@ class PoleSet:
         return self.keep((self.s.real > FASTEST[0]) & (self.s.real < FASTEST[1]))
 
     def crowded(self, entry: int, near: float) -> bool:
-        """Whether another pole is so near that it could move to take this one's part."""
+        """True where another pole is so near that it could move to take this one's part."""
         distance = np.minimum(np.abs(self.s - self.s[entry]), np.abs(self.s - self.s[entry].conj()))
         return bool((np.delete(distance, entry) < near).any())
 

@@ -1,4 +1,4 @@
-"""What the cost would rise by if a pole were taken away, the residues of the others refitted and all poles fixed."""
+"""Rise of the cost if a pole were taken away, the residues of the others refitted and all poles fixed."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class Block:
 
 
 def line_weights(samples: int) -> NDArray[np.float64]:
-    """What a line is multiplied by (lines,): √2 stands for its mirror image too, which the ends do not have."""
+    """Weight of a line (lines,): √2 stands for its mirror image too, which the ends do not have."""
     weights = np.full(samples // 2 + 1, np.sqrt(2.0))
     weights[0] = 1.0
     if samples % 2 == 0:

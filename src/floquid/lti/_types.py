@@ -1,4 +1,4 @@
-"""What goes into a modal identification and what comes out. No channels, no periods: anonymous responses."""
+"""Input and output of a modal identification. No channels, no periods: anonymous responses."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PRODUCTS = "outer products"
 
 
 class Outcome(Enum):
-    """How an identification ended; the value is the code of a finding that says what it means and what to do."""
+    """Ends of an identification; the value is the code of a finding that says what it means and what to do."""
 
     SUCCESS = "poles_found"
     NO_MODE = "no_mode"
@@ -167,7 +167,7 @@ class ModalModel(Rebuilt):
 
     @property
     def outer_products(self) -> bool:
-        """Whether the residues were fitted as outer products of shape and input, so that poles may be equal."""
+        """True where the residues were fitted as outer products of shape and input, so that poles may be equal."""
         return PRODUCTS in self.stats
 
     @property

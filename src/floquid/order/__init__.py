@@ -1,4 +1,4 @@
-"""How many modes: models over a range of orders, the poles that stay, and what can be seen before any model.
+"""Order selection: models over a range of orders, the poles that stay, and what can be seen before any model.
 
 `scan` takes `TimeResponses` and gives an `OrderScan`; `indicators` needs no model; `choose` finds the order and says
 why. Knows nothing of channels and periods, as `lti`.

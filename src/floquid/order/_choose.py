@@ -1,4 +1,4 @@
-"""How many modes: the order that the data support, the reasons, and what speaks against it."""
+"""Order selection: the order that the data support, the reasons, and the doubts."""
 
 from __future__ import annotations
 
@@ -48,17 +48,17 @@ class Choice:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """What speaks for the order, a sentence each."""
+        """Reasons for the order, a sentence each."""
         return texts(self.findings, Severity.NOTE)
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What speaks against it, a sentence each."""
+        """Reasons against the order, a sentence each."""
         return texts(self.findings, Severity.WARNING)
 
     @property
     def ambiguous(self) -> bool:
-        """Whether another order could be right too."""
+        """True where another order could be right too."""
         return bool(self.doubts)
 
 
@@ -122,7 +122,7 @@ def _runner_up(evidence: Evidence) -> ModalModel | None:
 
 
 def _findings(evidence: Evidence) -> list[Finding]:
-    """What the modes, their neighbours and the residual say of the order."""
+    """Findings of the modes, their neighbours and the residual on the order."""
     found = []
     if len(evidence.rises):
         found += [_weakest(evidence), _determined(evidence), *_nearness(evidence)]
@@ -145,7 +145,7 @@ def _drift(data: TimeResponses, evidence: Evidence) -> list[Finding]:
 
 
 def _hits(data: TimeResponses, model: ModalModel, evidence: Evidence) -> Finding:
-    """What the number of initial conditions lets be said."""
+    """Finding on equal multipliers, by the number of initial conditions."""
     apart = int((model.multipliers.imag >= 0).sum()) - len(evidence.multipliers)
     if data.n_inputs == 1:
         return note("one_initial_condition")
@@ -184,7 +184,7 @@ def _determined(evidence: Evidence) -> Finding:
 
 
 def _nearness(evidence: Evidence) -> list[Finding]:
-    r"""How near two modes may be and still be seen as one, by the mode that is shown best and has no near neighbour.
+    r"""Distance within which two modes are seen as one, by the mode that is shown best and has no near neighbour.
 
     A pair of like strength and unlike shapes, Δ half-power widths apart, leaves about (Δ/2)² of the rise of one of them
     when it is fitted as one mode: to first order it is seen where :math:`\Delta > 2 \sqrt{\ell / \text{rise}}`.

@@ -12,7 +12,7 @@ from floquid.lti import ModalModel, TimeResponses, composites, compress
 from floquid.order._types import Indicators
 
 SMOOTHING = 5
-"""How many adjacent lines are looked at together."""
+"""Number of adjacent lines that are looked at together."""
 
 FEW = 64
 """Rows below which delays are added, half of the samples allowing: fewer responses than poles cannot tell them."""

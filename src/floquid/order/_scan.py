@@ -100,7 +100,7 @@ def _orders(orders: Sequence[int] | None, samples: int) -> tuple[int, ...]:
 
 
 def _rank_one(identifier: AbstractIdentifier) -> bool:
-    """Whether the identifier, or the one it wraps, takes the residues of several inputs for outer products."""
+    """True where the identifier, or the one it wraps, takes the residues of several inputs for outer products."""
     wrapped = getattr(identifier, "initial", None)
     return bool(getattr(identifier, "rank_one", False)) or (wrapped is not None and _rank_one(wrapped))
 

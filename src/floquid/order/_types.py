@@ -1,4 +1,4 @@
-"""What a scan over orders gives."""
+"""Results of a scan over orders."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from floquid.lti import ModalModel
 
 
 class Stability(IntEnum):
-    """How far a pole agrees with one of the next lower order; each level holds those before it."""
+    """Agreement of a pole with one of the next lower order; each level holds those before it."""
 
     NEW = 0
     FREQUENCY = 1
@@ -58,7 +58,7 @@ class Tolerances:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Criteria(Rebuilt):
-    """How well each order fits, whatever found its poles: the residues are those that leave least.
+    """Fit of each order, whatever found its poles: the residues are those that leave least.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class Criteria(Rebuilt):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Indicators(Rebuilt):
-    """What can be seen of the number of modes before any model is fitted.
+    """Indications of the number of modes before any model is fitted.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ class Indicators(Rebuilt):
 
     @property
     def n_above(self) -> int:
-        """How many singular values rise above the noise: at least so many poles are there."""
+        """Number of singular values above the noise: at least so many poles are there."""
         return int((self.singular_values > self.noise_edge).sum())
 
 

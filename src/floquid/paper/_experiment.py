@@ -76,12 +76,12 @@ CUTS: Mapping[str, tuple[tuple[str, str], Cut]] = MappingProxyType(
         "turntable_two_harmonics": (TURNTABLE, lambda model: lowest(model, 2)),
     }
 )
-"""How the Fourier series are cut short before A(t) is rebuilt, and in which states."""
+"""Ways to cut the Fourier series short before A(t) is rebuilt, and the states."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draw:
-    """What one draw of the noise gave, by name: largest errors of A(t), and errors of the exponents.
+    """Results of one draw of the noise, by name: largest errors of A(t), and errors of the exponents.
 
     Parameters
     ----------

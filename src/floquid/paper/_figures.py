@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 FIRST, SHOWN = 0, 22  # the indices of the 1st and the 23rd lifted response
 
 STANDS_OUT = 4.0
-"""How many times its surroundings a peak must be. White noise does so on one line in a hundred thousand."""
+"""Least ratio of a peak to its surroundings. White noise does so on one line in a hundred thousand."""
 
 TOP, NEAR, AROUND = 0.004, 0.012, 0.06
 """A peak is the largest line within the first of these of a frequency; its surroundings are the lines between the
@@ -285,7 +285,7 @@ def _residue_of(analysis: Analysis, mode: int, row: int) -> tuple[float, float, 
 
 
 def _coefficients_of(analysis: Analysis, mode: int, row: int) -> tuple[int, float, float]:
-    """How many coefficients of a residue are kept, the smallest of them and the largest of the others [deviations]."""
+    """Number of kept coefficients of a residue, the smallest of them and the largest of the others [deviations]."""
     model, whole = analysis.model, uncut(analysis)
     assert whole.coefficient_std is not None
     size = np.abs(whole.coefficients[mode, row, 0])

@@ -255,7 +255,7 @@ def _coefficients(done: Reproduction) -> Iterator[Number]:
 
 
 def _features(stiffness: NDArray[np.float64]) -> dict[str, float]:
-    """What section 3.2 says of K(t), from its values over a period (times, 2, 2)."""
+    """Rows of section 3.2 on K(t), from its values over a period (times, 2, 2)."""
     count = len(stiffness)
     k11, k12 = stiffness[:, 0, 0], stiffness[:, 0, 1]
     at = {degrees: round(degrees / 180.0 * count) for degrees in (0, 45, 90)}

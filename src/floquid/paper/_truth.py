@@ -1,4 +1,4 @@
-"""What the paper's rotor does by its equations: the oracle's exponents and residues, and where it is unstable."""
+"""The paper's rotor by its equations: the oracle's exponents and residues, and where it is unstable."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ SURELY = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit(Rebuilt):
-    """What the fit of the samples gives.
+    """Result of the fit of the samples.
 
     Parameters
     ----------
@@ -97,12 +97,12 @@ class Fit(Rebuilt):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """What speaks for the modes found, a sentence each."""
+        """Reasons for the modes found, a sentence each."""
         return texts(self.findings, Severity.NOTE)
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What speaks against them, a sentence each."""
+        """Reasons against them, a sentence each."""
         return texts(self.findings, Severity.WARNING)
 
 
@@ -239,12 +239,12 @@ class _Samples:
 
     @property
     def projected(self) -> bool:
-        """Whether the forced response is projected off the blocks of the search."""
+        """True where the forced response is projected off the blocks of the search."""
         return self.search is not self.final
 
     @property
     def wanders(self) -> bool:
-        """Whether the speed does."""
+        """True where the speed wanders."""
         return any(isinstance(block, RecordBlock) and block.speeds is not None for block in self.final)
 
     @staticmethod
@@ -291,7 +291,7 @@ def _result(
     noise_floor: float,
     search: bool,
 ) -> Fit:
-    """What was found, as it is reported."""
+    """The result of a search, as it is reported."""
     names = records[0].channels
     colour = (coloured(found) if taps is None else ()) + (_endless(found) if search else ())
     try:
@@ -323,7 +323,7 @@ def _result(
 
 
 def _endless(found: SearchResult) -> tuple[Finding, ...]:
-    """That the search ended by its limit alone; empty where it did not."""
+    """Finding that the search ended by its limit alone; empty where it did not."""
     if int((~found.solution.entries.fixed).sum()) < MOST_ENTRIES:
         return ()
     return (warning("search_ended", number=MOST_ENTRIES),)
@@ -344,7 +344,7 @@ def _most(records: Sequence[Record], period: float) -> int:
 
 
 def _no_mode(found: SearchResult) -> str:
-    """Why there is none: nothing rises above the noise, or what does is no mode that could be fitted."""
+    """Message that no mode was found: nothing rises above the noise, or what does is no mode that could be fitted."""
     beside = ", beside a forced response, an offset and a drift" if found.solution.entries.fixed.any() else ""
     if found.peak.gain < SURELY * found.peak.limit:
         return (

@@ -67,7 +67,7 @@ def _listed(forced: str | Sequence[int], most: int, nu: float) -> tuple[int, ...
 
 
 def forced_base(chosen: tuple[list[float], bool] | None, fundamental: float, *, wanders: bool) -> ModeParameters:
-    """What is fitted in any case: offset, drift and the harmonics listed, let follow the speed where it wanders."""
+    """Entries fitted in any case: offset, drift and the harmonics listed, let follow the speed where it wanders."""
     if chosen is None:
         return forced_entries([], fundamental)
     turns, drift = chosen

@@ -1,4 +1,4 @@
-"""What the record says near exponents that something else has found: one output-error step."""
+"""Linearisation of the record at exponents that something else has found: one output-error step."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def _others(known: Estimates) -> Exception:
 
 
 def _forced(forced: ForcedResponse | None, fundamental: float) -> ModeParameters:
-    """What of a forced response was fitted beside the modes."""
+    """Parts of a forced response that were fitted beside the modes."""
     if forced is None:
         return forced_entries([], fundamental)
     turns = (forced.harmonics / (forced.revolution * fundamental / (2.0 * np.pi))).tolist()

@@ -160,7 +160,7 @@ def own_period(
 
 
 def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> tuple[NDArray[np.float64], ...]:
-    r"""What a model leaves of records, at the samples that are there.
+    r"""Residual of records, at the samples that are there.
 
     .. math:: e_{c,h}(t_k) = y_{c,h}(t_k) - \sum_{r,m} B_{r,c,h,m}\, e^{\lambda_r t_k + i m \theta(t_k)}
 

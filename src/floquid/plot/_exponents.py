@@ -121,7 +121,7 @@ def _draw_exponents(axes: Axes, modes: FloquetModes) -> None:
 
 
 def _kinds(modes: FloquetModes) -> tuple[tuple[NDArray[np.bool_], dict[str, Any], str], ...]:
-    """Which modes decay, which grow, which do neither as far as can be told, and how each is drawn."""
+    """Groups of modes that decay, grow, or do neither as far as can be told, with their marks."""
     real, margins = modes.exponents.real, stability(modes).margins
     return (
         (real < -margins, _DECAYS, "decays"),
@@ -271,7 +271,7 @@ def _moved(values: NDArray[np.complex128], turn: float) -> NDArray[np.complex128
 
 
 def _draw_identified(axes: Axes, model: PeriodicModel, values: NDArray[np.complex128]) -> None:
-    """What was found of each mode (modes,), those that grow apart."""
+    """Points of each mode (modes,), those that grow apart."""
     growing = np.array([grows(model, mode) for mode in range(model.order)], bool)
     axes.plot(values.real[~growing], values.imag[~growing], **_DECAYS, label="identified")
     if growing.any():

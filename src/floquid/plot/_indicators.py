@@ -1,4 +1,4 @@
-"""What is seen before any model, and what a model explains: mode indicators, singular values and composites."""
+"""Indications before any model, and the part that a model explains: mode indicators, singular values and composites."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def time_record(
 
 
 def _marks(cycles: Cycles, phase: int, periods_per_revolution: int | None) -> str:
-    """What the circles stand for: the number of the phase, or the angles of the shaft."""
+    """Meaning of the circles: the number of the phase, or the angles of the shaft."""
     if periods_per_revolution is None:
         return f"phase {phase} of {cycles.n_phases}, once a period"
     step = degrees_a_period(periods_per_revolution, "time_record")
@@ -190,7 +190,7 @@ def _draw_whole(axes: Axes, found: Synthesis, points: int) -> None:
 
 
 def _draw_left(axes: Axes, found: Synthesis, points: int) -> None:
-    """What is left, between the lines of the noise, and its rms stretch by stretch."""
+    """Residual between the lines of the noise, and its rms stretch by stretch."""
     axes.plot(*envelope(found.times, found.residual, points), color=GREY, linewidth=0.5, label="measured − model")
     for side in (-INTERVAL, INTERVAL):
         axes.axhline(side * found.noise, color=BLACK, linestyle="--", linewidth=0.9, label="95 % of the noise")

@@ -244,7 +244,7 @@ def _strongest(model: PeriodicModel) -> list[int]:
 
 
 def _looks(model: PeriodicModel, rows: list[int], modes: list[int], hit: int) -> dict[int, tuple[str, Any]]:
-    """How each channel drawn is drawn: of each unit the strongest, as many as can be told apart."""
+    """Style of each channel that is drawn: of each unit the strongest, as many as can be told apart."""
     sizes = np.sqrt(np.sum(np.abs(model.coefficients[modes][:, :, hit]) ** 2, axis=2)).max(axis=0)
     looks: dict[int, tuple[str, Any]] = {}
     for unit in dict.fromkeys(model.channels[row].unit for row in rows):

@@ -202,7 +202,7 @@ def _draw_behind(axes: Axes, curve: Any, look: dict[str, Any], name: str, bottom
 
 
 def _draw_folds(axes: Axes, analysis: Analysis, turn: float, end: float) -> None:
-    """Where the lifted band folds."""
+    """Lines at which the lifted band folds."""
     half = np.pi / analysis.lifted.period
     for number in range(1, int(end / half * (1.0 - 1e-9)) + 1):
         label = r"multiples of $\omega$/2" if number == 1 else None

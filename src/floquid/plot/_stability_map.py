@@ -1,4 +1,4 @@
-"""Where a periodic system is unstable, over one or two parameters."""
+"""Map of the stability of a periodic system, over one or two parameters."""
 
 from __future__ import annotations
 

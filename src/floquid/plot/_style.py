@@ -25,7 +25,7 @@ PLAIN_FROM, PLAIN_TO = 5e-3, 1e4  # values of this size are written out
 SIZE = 9.0  # of all text [pt]
 
 ACROSS, HANDLE = 100, 9
-"""How many characters a row of a legend holds, and how many the space of a handle and the gaps about it take."""
+"""Characters that a row of a legend holds, and those that a handle and the gaps about it take."""
 
 INTERVAL = 1.96  # the standard deviations to each side within which 95 % of estimates lie
 
@@ -51,7 +51,7 @@ _LOOK = {
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How the points and the line of one of several results are drawn: a dot sits inside a ring where two agree."""
+    """Style of the points and the line of one of several results: a dot sits inside a ring where two agree."""
 
     points: dict[str, Any]
     line: dict[str, Any]
@@ -154,12 +154,12 @@ def plain(text: str) -> str:
 
 
 def frequency_unit(*, angular: bool) -> tuple[float, str]:
-    """How many of its units a cycle a second is, and the unit of a frequency."""
+    """Units in a cycle a second, and the unit of a frequency."""
     return (2.0 * np.pi, "rad/s") if angular else (1.0, "Hz")
 
 
 def degrees_a_period(periods_per_revolution: int | None, of: str) -> float:
-    """How far the phase, or the shaft, turns in a period [deg]."""
+    """Turn of the phase, or of the shaft, in a period [deg]."""
     if periods_per_revolution is None:
         return 360.0
     return 360.0 / integer(periods_per_revolution, "periods_per_revolution", of, at_least=1)

@@ -1,4 +1,4 @@
-"""How well a record keeps step with its period or its tachometer, and the speed that the tachometer tells."""
+"""Slip of a record against its period or its tachometer, and the speed that the tachometer tells."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _limit(axes: Axes, values: np.ndarray, widths: np.ndarray) -> None:
 
 
 def _verdict(found: Synchronisation) -> str:
-    """What the slips say, in words."""
+    """Summary of the slips, in words."""
     if not np.isfinite(found.relative):
         return "The response does not tell its period: no mode with two harmonics that holds is seen in two stretches."
     off = abs(found.relative) / found.relative_std if found.relative_std > 0 else 0.0
@@ -169,7 +169,7 @@ def _draw_speed(axes: Axes, shaft: ShaftAngle, begin: float, end: float, *, rpm:
 
 
 def _draw_residuals(axes: Axes, shaft: ShaftAngle) -> None:
-    """What each pulse lies off the fit, as a time or as an angle; those left out, apart."""
+    """Residual of each pulse, as a time or as an angle; those left out, apart."""
     if shaft.jitter_unit == "s":
         values, unit, name = -1e6 * shaft.residuals / shaft.mean_speed, "µs", "pulse − fit"  # ahead in angle is early
         std = 1e6 * shaft.jitter
@@ -189,7 +189,7 @@ def _draw_residuals(axes: Axes, shaft: ShaftAngle) -> None:
 
 
 def _draw_geometry(axes: Axes, shaft: ShaftAngle) -> None:
-    """How far each line is ahead of even spacing."""
+    """Distance of each line from even spacing."""
     assert shaft.geometry is not None
     assert shaft.geometry_std is not None
     values, deviations = np.degrees(shaft.geometry), np.degrees(shaft.geometry_std)

@@ -1,4 +1,4 @@
-"""Which channels tell the angle of the shaft, by their names and units."""
+"""Channels that tell the angle of the shaft, by their names and units."""
 
 from __future__ import annotations
 
@@ -22,5 +22,5 @@ _ANGLE_NAME = re.compile(
 
 
 def is_shaft_angle(name: str, unit: str) -> bool:
-    """Whether a channel is an angle of the shaft: by its name (also OpenFAST's other names of it) and its unit."""
+    """True where a channel is an angle of the shaft: by its name (also OpenFAST's other names of it) and its unit."""
     return unit in TURNS and _ANGLE_NAME.search(name.replace("_", " ")) is not None

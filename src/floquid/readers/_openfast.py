@@ -58,7 +58,7 @@ _MOST_WORDS = 60
 """Lines above the names, at most."""
 
 _NO_E = re.compile(r"(\d)([-+]\d{3})\b")
-"""How Fortran prints an exponent of three digits: 1.0-101."""
+"""An exponent of three digits as Fortran prints it: 1.0-101."""
 
 _FORTRAN = re.compile(r"(?<=[\d.])[Dd](?=[-+\d])")
 

@@ -1,4 +1,4 @@
-"""What is in a file, as `floquid info` prints it."""
+"""Summary of a file, as `floquid info` prints it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from floquid.readers._read import load_table
 from floquid.tables import TimeAxis, settle_axis
 
 ClockKind: TypeAlias = Literal["period", "pulses", "azimuth", "speed"]
-"""What a candidate for the clock may be: `identify` takes all but a speed, which is only a hint."""
+"""Kinds of candidates for the clock: `identify` takes all but a speed, which is only a hint."""
 
 _SPEEDS = ("rpm", "RPM", "Hz", "rad/s", "deg/s")
 
@@ -47,7 +47,7 @@ class ChannelSummary:
 
     @property
     def is_constant(self) -> bool:
-        """Whether every sample that is there has one value."""
+        """True where every sample that is there has one value."""
         return self.minimum is not None and self.minimum == self.maximum
 
 
@@ -75,7 +75,7 @@ class ClockCandidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileSummary:
-    """What is in a file.
+    """Summary of a file.
 
     Parameters
     ----------
@@ -110,14 +110,14 @@ class FileSummary:
 
     @property
     def has_missing(self) -> bool:
-        """Whether any sample is missing."""
+        """True where any sample is missing."""
         return any(channel.n_missing for channel in self.channels)
 
 
 def describe_file(
     path: str | PathLike[str], *, rate: float | None = None, channels: Sequence[str] | None = None
 ) -> FileSummary:
-    """What is in a file: channels, units, rate, candidates for the clock.
+    """Summary of a file: channels, units, rate, candidates for the clock.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def _summary(channel: Channel, row: NDArray[np.float64]) -> ChannelSummary:
 
 
 def _is_angle(channel: Channel) -> bool:
-    """Whether it is one by its quantity, or by its name and unit where a file has no more to say."""
+    """True where it is one by its quantity, or by its name and unit where a file has no more to say."""
     return channel.quantity == "angle" or (
         channel.quantity == "displacement" and is_shaft_angle(channel.name, channel.unit)
     )
@@ -227,7 +227,7 @@ def _candidates(
 
 
 def _wraps(channel: Channel, row: NDArray[np.float64]) -> str:
-    """Whether an angle runs round and jumps back by a turn, as an encoder's does."""
+    """True where an angle runs round and jumps back by a turn, as an encoder's does."""
     turn = TURNS.get(channel.unit)
     there = row[np.isfinite(row)]
     if turn is None or there.size < 3 or not 0.5 * turn < np.ptp(there) <= 1.02 * turn:
@@ -241,7 +241,7 @@ def _wraps(channel: Channel, row: NDArray[np.float64]) -> str:
 
 
 def _pulses(row: NDArray[np.float64], axis: TimeAxis | None) -> str:
-    """Whether a signal has two levels and changes between them regularly, as a pulse once per revolution does."""
+    """True where a signal has two levels and changes between them regularly, as a pulse once per revolution does."""
     there = np.flatnonzero(np.isfinite(row))
     if there.size < 8:
         return ""

@@ -1,4 +1,4 @@
-"""What the page shows of an analysis: its modes, and of many channels the strongest."""
+"""Parts of an analysis that the page shows: its modes, and of many channels the strongest."""
 
 from __future__ import annotations
 

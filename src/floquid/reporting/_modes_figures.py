@@ -1,4 +1,4 @@
-"""Where the modes lie: the stabilisation diagram, the complex plane, and the multipliers about the unit circle."""
+"""Figures of the modes: the stabilisation diagram, the complex plane, the multipliers about the unit circle."""
 
 from __future__ import annotations
 

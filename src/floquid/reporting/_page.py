@@ -134,7 +134,7 @@ def _figures(case: Case, found: list[Synchronisation], truth: Truth | None) -> d
 
 
 def _described(made: Figure) -> str:
-    """What a figure shows, in words."""
+    """Description of a figure, in words."""
     heading = f"{made.title.text}: " if made.title is not None and made.title.text else ""
     legend = [item.label.value for item in made.legend[0].items] if made.legend else []
     curves = f"; {', '.join(legend)}" if legend else ""
@@ -155,7 +155,7 @@ def _short(source: str) -> str:
 
 
 def _embedded(figures: dict[str, Figure]) -> str:
-    """What bokeh draws in the elements of these names, as JSON in which no text of a record can end the script.
+    """Content that bokeh draws in the elements of these names, as JSON in which no text of a record can end the script.
 
     The models are numbered anew: bokeh numbers those of a whole process, and the same analysis gives the same page.
     """

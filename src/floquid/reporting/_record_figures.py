@@ -41,7 +41,7 @@ def responses(case: Case) -> list[tuple[int, int]]:
 
 
 def response_name(case: Case, channel: int, hit: int) -> str:
-    """What a response is called."""
+    """Name of a response."""
     name = case.analysis.model.channels[channel].name
     return name if len(case.analysis.records) == 1 else f"{name}, hit {hit + 1}"
 
@@ -189,7 +189,7 @@ def speed_figure(shaft: ShaftAngle) -> Figure:
 
 
 def _shown(found: list[Synchronisation], told: list[NDArray[np.bool_]]) -> float:
-    """How far the axis reaches: stretches where the response has nearly died would flatten the rest."""
+    """Limit of the axis: stretches where the response has nearly died would flatten the rest."""
     slip = np.abs(np.concatenate([one.slip[own] for one, own in zip(found, told, strict=True)]))
     width = BAND * np.concatenate([one.slip_std[own] for one, own in zip(found, told, strict=True)])
     sure = width <= FAR * np.median(width)
@@ -197,12 +197,12 @@ def _shown(found: list[Synchronisation], told: list[NDArray[np.bool_]]) -> float
 
 
 def slips(case: Case) -> list[Synchronisation]:
-    """How well each hit keeps step."""
+    """Slip of each hit."""
     return [synchronisation(case.analysis, hit) for hit in range(min(len(case.analysis.records), MOST_HITS))]
 
 
 def slip_words(found: list[Synchronisation]) -> list[str]:
-    """What the slips say of the period, a sentence a hit."""
+    """Summary of the slips, a sentence a hit."""
     sentences = []
     for number, one in enumerate(found):
         if not np.isfinite(one.relative):

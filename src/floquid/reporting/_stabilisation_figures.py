@@ -1,4 +1,4 @@
-"""How many modes: which poles stay when the order changes, folded and unfolded, and what is seen before any model."""
+"""Figures on the number of modes: poles that stay when the order changes, folded and unfolded, and indicators."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def indicator_figures(case: Case) -> list[Figure]:
 
 
 def _mode_lines(made: Figure, source: ColumnDataSource, column: str, top: float) -> None:
-    """Where the modes of the model lie, with their numbers; the one chosen stands out."""
+    """Marks of the modes of the model, with their numbers; the one chosen stands out."""
     made.vspan(
         x=column, source=source, line_color=VERMILION, line_width=2.5, nonselection_line_color=GREY,
         nonselection_line_width=1.0, nonselection_line_alpha=1.0, legend_label="modes of the table",

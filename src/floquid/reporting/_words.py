@@ -1,4 +1,4 @@
-"""What the page says: the verdict, its numbers, the modes, what was done, and how to cite."""
+"""Texts of the page: the verdict, its numbers, the modes, what was done, and how to cite."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def verdict(analysis: Analysis) -> tuple[str, str]:
 
 
 def under_verdict(analysis: Analysis) -> str:
-    """What the verdict means for a reader."""
+    """Meaning of the verdict for a reader."""
     found = analysis.validation
     if analysis.failed:
         return "What it leaves of the record is many times the noise: do not use the numbers below."
@@ -115,7 +115,7 @@ def evidence(analysis: Analysis) -> list[tuple[str, list[str]]]:
 
 
 def steps(analysis: Analysis) -> list[str]:
-    """What was done to the records, in order, each step once."""
+    """Steps done to the records, in order, each once."""
     done = [step for record in analysis.records for step in record.provenance.steps]
     done += analysis.synchronisation
     if words := whitening_words(analysis):
@@ -130,7 +130,7 @@ def _sentence(step: str) -> str:
 
 
 def sources(analysis: Analysis) -> list[str]:
-    """Where the records come from."""
+    """Sources of the records."""
     return list(dict.fromkeys(source for record in analysis.records for source in record.provenance.sources))
 
 

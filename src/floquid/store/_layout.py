@@ -1,4 +1,4 @@
-"""What a result file has of each type: its datasets by the names of fields, "axes; unit" each, and its groups."""
+"""Layout of a result file by type: its datasets by the names of fields, "axes; unit" each, and its groups."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SETTINGS_OF_VERSION_1 = (
 """The fields that every file has; those that `Settings` gains later are written too, and have a default when absent."""
 
 ABSENT = ("estimates", "unselected", "composites", "coordinates", "transition_std")
-"""What a file need not have: older files do not, and a group is not there for None."""
+"""Groups and datasets that a file need not have: older files do not, and a group is not there for None."""
 
 FLAGS = ("constrained", "held", "kept", "passed", "real", "speed_dependent", "steady")
 """HDF5 has no truth values: these are 0 and 1."""
@@ -40,7 +40,7 @@ SENTENCES = {
     "synchronisation": Severity.NOTE,
     "warnings": Severity.WARNING,
 }
-"""What files up to version 2 have instead of findings: sentences, and how much they matter."""
+"""Sentences that files up to version 2 have instead of findings, and their severity."""
 
 EARLIER = {"constrained": "held"}
 """Names that files up to version 2 have for fields."""
@@ -50,7 +50,7 @@ TEXTS = (
     "channel", "channels", "outcome", "coordinates", "jitter_unit", "warnings", "synchronisation", "at_least", "kind",
     "structure", "findings",
 )  # fmt: skip
-"""What is text, by its name."""
+"""Names of datasets of text."""
 
 _UNIT = "that of the channel"
 

@@ -17,7 +17,7 @@ TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "mrad": 2e3 * np.pi, "urad": 2e6 * np
 """A revolution in each unit."""
 
 AGREES = 0.05
-"""How far the size of a wrap may be from a revolution, of it."""
+"""Largest difference of a wrap from a revolution, as a share of it."""
 
 AMISS = 0.1
 """Revolutions by which a sample may be off its neighbours before it is left out: one averaged over a wrap."""

@@ -13,7 +13,7 @@ SPAN = 11
 """The fewest intervals of which the median is the local one: every second pulse but one may be wrong."""
 
 STEADY = 0.25
-"""What a revolution of an undisturbed stretch may differ by from those about it, in line spacings."""
+"""Largest difference of a revolution of an undisturbed stretch from those about it, in line spacings."""
 
 DOUBT = 0.25
 """Line spacings by which the speeds on the two sides of a gap may differ about the number of pulses lost in it."""
@@ -29,7 +29,7 @@ class Counted:
     kept: NDArray[np.intp]
     """The indices of the pulses kept (kept,)."""
     numbers: Numbers
-    """How many line spacings after line 0 of the first revolution each is (kept,)."""
+    """Line spacings from line 0 of the first revolution to each (kept,)."""
     missing: int
     """Pulses that should have come between the first and the last."""
     doubled: int
@@ -77,7 +77,7 @@ def _spacing(times: Times, numbers: Numbers, lines: int) -> Times:
 
 
 def _pattern(times: Times, spacing: Times, lines: int) -> tuple[int, Times] | None:
-    """Where to begin, and the spacings of the lines from there on (lines,), of mean one: None when they are even.
+    """First line, and the spacings of the lines from there on (lines,), of mean one: None when they are even.
 
     They are seen in the longest stretch in which each revolution of `lines` pulses takes as long as those about it,
     whatever the lines' own spacing: no pulse is missing there, and none is doubled.

@@ -24,10 +24,10 @@ FULL = 0.95
 """The share of its range that a channel must span to have wrapped round."""
 
 SMOOTHER = 0.25
-"""What taking the jumps out must leave of the second differences, in power."""
+"""Share of the power of second differences that taking the jumps out may leave."""
 
 WHOLE = 1e-3
-"""How far counts may be from whole numbers: a factor of calibration rounds them."""
+"""Largest difference of counts from whole numbers: a factor of calibration rounds them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class Clipping:
 
     @property
     def finding(self) -> Finding:
-        """What was found."""
+        """The fault as a finding."""
         return warning("clipped", **asdict(self))
 
 
@@ -79,7 +79,7 @@ class Dropout:
 
     @property
     def finding(self) -> Finding:
-        """What was found."""
+        """The fault as a finding."""
         return warning("stands_still", **asdict(self))
 
 
@@ -105,7 +105,7 @@ class Gap:
 
     @property
     def finding(self) -> Finding:
-        """What is missing."""
+        """The gap as a finding."""
         return note("missing_samples", **asdict(self))
 
 
@@ -206,7 +206,7 @@ def measuring(record: Record, *, standing: bool = False) -> list[tuple[int, NDAr
 
 
 def _two_levels(values: NDArray[np.float64], lowest: float, highest: float) -> bool:
-    """Whether a channel switches between two levels: nine samples of ten within a tenth of the range of either."""
+    """True where a channel switches between two levels: nine samples of ten within a tenth of the range of either."""
     margin = 0.1 * (highest - lowest)
     low, high = (values <= lowest + margin).sum(), (values >= highest - margin).sum()
     switches = len(runs_of(values >= highest - margin))
@@ -214,7 +214,7 @@ def _two_levels(values: NDArray[np.float64], lowest: float, highest: float) -> b
 
 
 def _cut(values: NDArray[np.float64], first: int, stop: int, quantum: float) -> bool:
-    """Whether no smooth crest explains the flat top."""
+    """True where no smooth crest explains the flat top."""
     length = stop - first
     beside = [values[n] for n in (first - length, stop - 1 + length) if 0 <= n < len(values)]
     lost = [abs(value - values[first]) for value in beside if np.isfinite(value)]
@@ -238,7 +238,7 @@ class Wrapping:
 
     @property
     def finding(self) -> Finding:
-        """What was found."""
+        """The fault as a finding."""
         return failure("wraps_round", **asdict(self))
 
 
@@ -265,7 +265,7 @@ def wrapped(record: Record) -> tuple[Wrapping, ...]:
 
 
 def _jumps(counts: NDArray[np.float64], whole: float) -> int:
-    """How often counts jump by the whole range; 0 where they do not leave it, or are no smoother without."""
+    """Number of jumps of counts by the whole range; 0 where they do not leave it, or are no smoother without."""
     lowest, highest = float(counts.min()), float(counts.max())
     signed = -0.5 * whole <= lowest and highest < 0.5 * whole
     if not (signed or (lowest >= 0.0 and highest < whole)) or highest - lowest < FULL * (whole - 1.0):

@@ -47,7 +47,7 @@ class Impact:
 
     @property
     def finding(self) -> Finding:
-        """What was found."""
+        """The impact as a finding."""
         return note("impact", **asdict(self))
 
 

@@ -1,4 +1,4 @@
-"""Where the samples of a record tell of an impact: in its force, or in what an autoregressive model does not foretell.
+"""Search for impacts in the samples of a record: in its force, or in what an autoregressive model does not foretell.
 
 Instants are sample numbers here. A blow is (first sample, first free sample, strength as a share of the strongest's,
 whether it is more than one).
@@ -108,7 +108,7 @@ def longest_run(mask: NDArray[np.bool_]) -> tuple[int, int]:
 
 
 def _memory(complete: NDArray[np.bool_], channels: int) -> tuple[int, NDArray[np.bool_]]:
-    """How far the model looks back, and which rows (samples - memory,) of the fit miss no sample."""
+    """Memory of the model, and the mask of rows (samples - memory,) of the fit that miss no sample."""
     memory = max(1, min(LONGEST_MEMORY, TERMS // channels, len(complete) // (ROWS_A_TERM * channels + 1)))
     counted = np.concatenate([[0], np.cumsum(~complete)])
     while memory >= 2:
@@ -157,7 +157,7 @@ def _errors(
 
 
 def _filter(gram: NDArray[np.float64], channels: int, *, ahead: bool) -> NDArray[np.float64]:
-    """What makes the prediction error of a row's last (or first) sample out of the row, in order of time."""
+    """Filter that makes the prediction error of a row's last (or first) sample out of the row, in order of time."""
     size = len(gram)
     target = slice(size - channels, size) if ahead else slice(0, channels)
     known = slice(0, size - channels) if ahead else slice(channels, size)
@@ -198,7 +198,7 @@ def _excess(
 
 
 def _limit(excess: NDArray[np.float64], terms: int) -> float:
-    """What only an impact exceeds, given the excess in every window and the number of squares in half of one.
+    """Threshold that only an impact exceeds, given the excess in every window and the number of squares in half of one.
 
     The scatter is that of white noise, or what the record shows where it is larger (chatter, a system not quite
     linear). Squared, since the upper tail of a sum of squares is longer than the lower.

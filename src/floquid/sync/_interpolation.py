@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import finite, frozen_array, input_error, positive
 
 BAND = 0.8
-"""Where the pass band ends, as a share of the cut-off frequency, unless told."""
+"""End of the pass band, as a share of the cut-off frequency, by default."""
 
 ACCURACY = 1e-6
 """The error of interpolation, as a share of each line's amplitude, unless told."""
@@ -45,7 +45,7 @@ class Kernel:
 
     @property
     def offsets(self) -> NDArray[np.intp]:
-        """Where each tap lies (taps,) [samples] from the last sample before the instant."""
+        """Position of each tap (taps,) [samples] from the last sample before the instant."""
         return np.arange(1 - self.half_width, self.half_width + 1)
 
 

@@ -28,7 +28,7 @@ SEPARATE = 10.0
 """Two levels are told from one by how far apart they are, in standard deviations of the lower."""
 
 MOSTLY = 0.6
-"""What is high for longer than this fraction of the time is the base of pulses that go down."""
+"""Fraction of the time beyond which a high level is the base of pulses that go down."""
 
 Samples = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -80,7 +80,7 @@ def pulse_times(record: Record, channel: str) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """What a typical pulse of the channel looks like [samples]."""
+    """Width, gap and rise of a typical pulse of the channel [samples]."""
 
     width: float
     gap: float
@@ -88,7 +88,7 @@ class _Shape:
 
 
 def _excursions(heights: Samples) -> tuple[Indices, Indices]:
-    """Where pulses begin, and the first sample after each: between the thresholds, and in gaps, the state is kept."""
+    """First sample of each pulse, and the first after it: between the thresholds, and in gaps, the state is kept."""
     state = np.zeros(len(heights), dtype=np.int8)
     state[heights > RISE] = 1
     state[heights < FALL] = -1
@@ -99,7 +99,7 @@ def _excursions(heights: Samples) -> tuple[Indices, Indices]:
 
 
 def _positions(heights: Samples, begins: Indices, ends: Indices, levels: Levels, lines: int) -> Samples:
-    """Where each pulse is [samples], those left out that cannot be seen whole."""
+    """Position of each pulse that is seen whole [samples]."""
     if len(begins) < 2:
         whole = (begins > 0) & (ends < len(heights))
         return begins[whole].astype(float)
@@ -247,7 +247,7 @@ def _deviation(values: Samples, level: float) -> float:
 
 
 def _typical_height(above: Samples, noise: float) -> float:
-    """How high pulses go, a few higher spikes and many lower ones left aside: of the highest, then the typical top."""
+    """Height of pulses, a few higher spikes and many lower ones left aside: of the highest, then the typical top."""
     largest = float(np.nanmax(above))
     high = np.nan_to_num(above, nan=-np.inf) > max(8.0 * noise, 0.05 * largest, 0.0)
     turns = np.flatnonzero(np.diff(high.astype(np.int8), prepend=0, append=0))

@@ -27,7 +27,7 @@ _SMALLEST_LINE = 1e-12
 
 @runtime_checkable
 class Shaft(Protocol):
-    """What is asked of a shaft angle: the angle at a time, the time at an angle, periods of the system a revolution."""
+    """Interface of a shaft angle: the angle at a time, the time at an angle, periods of the system a revolution."""
 
     @property
     def periods_per_revolution(self) -> float:
@@ -281,7 +281,7 @@ def bandwidth(record: Record) -> float:
 
 
 def _stretches(gaps: NDArray[np.intp], length: int) -> NDArray[np.intp]:
-    """Where half overlapping stretches without a missing sample begin; `gaps` counts those before each sample."""
+    """First samples of half overlapping stretches without a missing one; `gaps` counts those before each sample."""
     starts = np.arange(0, max(len(gaps) - length, 0), length // 2)
     return starts[gaps[starts + length] == gaps[starts]]
 

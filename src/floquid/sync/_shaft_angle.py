@@ -88,17 +88,17 @@ class ShaftAngle(Rebuilt):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the speed is constant enough or not, and what was repaired, a sentence each."""
+        """Steadiness of the speed and repairs of the pulses, a sentence each."""
         return texts(self.findings)
 
     @property
     def first(self) -> float:
-        """Where the evidence begins [s]."""
+        """Begin of the evidence [s]."""
         return self.spline.first
 
     @property
     def last(self) -> float:
-        """Where the evidence ends [s]."""
+        """End of the evidence [s]."""
         return self.spline.last
 
     @property
@@ -223,7 +223,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
 
 
 def _remarks(record: Record, seen: Evidence, fit: AngleFit, n_used: int, rejected: int) -> list[Finding]:
-    """What was repaired, learned or has to be taken on trust."""
+    """Findings on repairs, and on what has to be taken on trust."""
     spline = fit.spline
     fixed = repairs(seen.missing, seen.doubled, rejected, n_used, seen.what, seen.absent, seen.n_lines)
     said = [*seen.said, *fixed, *gaps(seen.times[fit.kept], spline.mean_speed()[0])]

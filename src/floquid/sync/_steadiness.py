@@ -1,4 +1,4 @@
-"""What is found on a shaft: how steady its speed is, against what a periodic model needs, and what was repaired."""
+"""Findings on a shaft: the steadiness of its speed against what a periodic model needs, and repairs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ROUGH = 0.01
 
 
 def verdict(wander: float, run: float, mean_speed: float) -> tuple[bool, Finding]:
-    """Whether the speed is steady enough, and why: from the relative wander and the relative change over the record."""
+    """True where the speed is steady enough, with the finding: from its relative wander and change over the record."""
     hz, percent = mean_speed / (2.0 * np.pi), 100.0 * wander
     if abs(run) > USABLE:
         return False, note("speed_runs", percent=100.0 * run, hz=hz)
@@ -38,7 +38,7 @@ def verdict(wander: float, run: float, mean_speed: float) -> tuple[bool, Finding
 def repairs(
     missing: int, doubled: int, rejected: int, used: int, what: str, absent: tuple[int, ...], lines: int
 ) -> list[Finding]:
-    """What was wrong with the pulses and how it was put right."""
+    """Findings on pulses that were missing, doubled or rejected."""
     said = [note("absent_lines", absent=absent, lines=lines)] if absent else []
     if missing:
         said.append(note("pulses_missing", number=missing, used=used, what=what))
@@ -47,7 +47,7 @@ def repairs(
 
 
 def uneven(offsets: NDArray[np.float64], offsets_std: NDArray[np.float64]) -> list[Finding]:
-    """What is said of lines that are unevenly spaced beyond what chance explains."""
+    """Finding on lines that are unevenly spaced beyond what chance explains."""
     known = np.isfinite(offsets) & (offsets_std > 0.0)
     n = int(known.sum())
     if n < 2:
@@ -61,7 +61,7 @@ def uneven(offsets: NDArray[np.float64], offsets_std: NDArray[np.float64]) -> li
 
 
 def gaps(times: NDArray[np.float64], mean_speed: float) -> list[Finding]:
-    """What is said of stretches without evidence."""
+    """Finding on stretches without evidence."""
     turns = np.diff(times) * mean_speed / (2.0 * np.pi)
     wide = np.flatnonzero(turns > max(GAP, 3.0 * float(np.median(turns))))
     if len(wide) == 0:
@@ -72,7 +72,7 @@ def gaps(times: NDArray[np.float64], mean_speed: float) -> list[Finding]:
 
 
 def alike(residuals: NDArray[np.float64]) -> list[Finding]:
-    """What is said of residuals that follow one another: a random error differs from pulse to pulse."""
+    """Finding on residuals that follow one another: a random error differs from pulse to pulse."""
     power = float(residuals @ residuals)
     correlation = float(residuals[1:] @ residuals[:-1]) / power if power > 0.0 else 0.0
     if correlation < max(ALIKE, 4.0 / np.sqrt(len(residuals))):
@@ -81,6 +81,6 @@ def alike(residuals: NDArray[np.float64]) -> list[Finding]:
 
 
 def outside(before: float, after: float) -> list[Finding]:
-    """What is said of a record that goes beyond the evidence by so many revolutions."""
+    """Finding on a record that goes beyond the evidence by so many revolutions."""
     before, after = (many if many > BEYOND else 0.0 for many in (before, after))
     return [note("beyond_angle", before=before, after=after)] if before or after else []

@@ -79,7 +79,7 @@ def _slow_scatter(residuals: NDArray[np.float64]) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rounding:
-    """How a time column was rounded: to the `quantum` (rows,) [s] of each time, and the same in `words`."""
+    """Rounding of a time column: to the `quantum` (rows,) [s] of each time, and the same in `words`."""
 
     quantum: NDArray[np.float64]
     words: str
@@ -140,7 +140,7 @@ def _decades_and_decimals(size: NDArray[np.float64]) -> tuple[NDArray[np.int16],
 
 
 def _decimals(size: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How many decimals each non-negative number needs (rows,), as far as double precision can tell."""
+    """Number of decimals of each non-negative number (rows,), as far as double precision can tell."""
     decimals = np.zeros(len(size))
     left = np.arange(len(size))
     for count in range(23):  # 10^22 is the largest power of ten that is exact
@@ -274,7 +274,7 @@ def _explains(
     rounding: Rounding,
     line: LineFit,
 ) -> bool:
-    """Whether some line of this step runs within half the rounding of every time."""
+    """True where some line of this step runs within half the rounding of every time."""
     rest = times - positions * step
     half = rounding.quantum / 2.0
     room = float((rest + half).min() - (rest - half).max())

@@ -1,4 +1,4 @@
-"""What a file or an object says of a record, and the record that comes of it."""
+"""Content of a file or an object, and the record that comes of it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from floquid.io import Source
 from floquid.tables._time_axis import TimeAxis, TimeColumn, repair
 
 OPTION = "`rate=`"
-"""What says the sampling rate where nothing else does, in Python and on the command line."""
+"""The option that says the sampling rate where nothing else does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,4 +1,4 @@
-"""Whether a model can be believed: cycles held out, what is left of the record, A(t) integrated, and a verdict."""
+"""Verdict on a model: cycles held out, the residual of the record, and A(t) integrated."""
 
 from floquid.validation._types import Criterion, Validation
 from floquid.validation._validate import validate

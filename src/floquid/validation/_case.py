@@ -27,7 +27,7 @@ class Checks:
     findings: list[Finding] = field(default_factory=list)
 
     def kept(self, name: str, value: float, limit: float, *, at_least: bool = False) -> bool:
-        """Whether a number keeps to its limit, both noted; true where it is none, which is a finding of its own."""
+        """True where a number keeps to its limit, both noted; also where it is none, which is a finding of its own."""
         self.criteria[name] = Criterion(limit=limit, at_least=at_least)
         if not np.isfinite(value):
             self.fail("overflow", name=name)
@@ -47,7 +47,7 @@ class Checks:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What is validated: the model and the free response, after the filter that makes its noise white."""
+    """Model and free response to be validated, after the filter that makes its noise white."""
 
     model: PeriodicModel
     records: tuple[Record, ...]
@@ -148,7 +148,7 @@ def _whitened(
 
 
 def gains(taps: NDArray[np.float64], rates: NDArray[np.complex128], step: float) -> NDArray[np.complex128]:
-    r"""What filters multiply e^{st} by (channels, ...): Σ_i a_i e^{-s i Δt}."""
+    r"""Gain of filters at e^{st} (channels, ...): Σ_i a_i e^{-s i Δt}."""
     turned = np.exp(-np.multiply.outer(np.arange(taps.shape[1]) * step, rates))
     return np.asarray(np.tensordot(taps, turned, axes=1), np.complex128)
 

@@ -29,12 +29,12 @@ MOST_STEPS = 2**16
 
 @dataclass(frozen=True, slots=True)
 class Consistency:
-    """What integrating A(t) says."""
+    """Result of integrating A(t)."""
 
     multipliers: float
     """The largest difference of a multiplier from the model's, over what it may be."""
     pair: tuple[complex, complex]
-    """That multiplier of A(t), and the model's."""
+    """Worst multiplier of A(t), and that of the model."""
     liouville: float
     """The mean of tr A less the sum of the exponents, times the period, over what it may be."""
     composition: float

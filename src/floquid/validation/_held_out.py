@@ -35,7 +35,7 @@ AT_REST = 0.1
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """What the prediction of held-out cycles leaves, each sum over the noise squared."""
+    """Sums of squares that the prediction of held-out cycles leaves, over the noise squared."""
 
     numbers: NDArray[np.int64]
     """Samples predicted (channels, hits, stretches)."""

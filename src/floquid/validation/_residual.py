@@ -1,4 +1,4 @@
-"""What a model leaves, as numbers, limits and findings."""
+"""Checks of the residual of a model: numbers, limits and findings."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ LINES_BESIDE = (-5.0, -3.0, 3.0, 5.0)
 """Lines of the record beside a tone, to hold it against."""
 
 ABOVE = 8.0
-"""What a tone has over those lines."""
+"""Least score of a tone over that of those lines."""
 
 COLOUR = 0.01
 """The sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter."""
 
 ROUNDING = 0.5
-"""What is left, over the noise, below which the noise is no estimate but what the record is believed down to."""
+"""Residual over the noise below which the noise is no estimate but what the record is believed down to."""
 
 LEFT_OUT = 1e-8
 """The probability at which noise passes for a harmonic where it is let be none: weaker ones are left out on purpose."""
@@ -50,7 +50,7 @@ PIECE = 64
 
 
 def left_by(case: Case, found: Checks) -> dict[str, NDArray]:
-    """What the model leaves: tones, harmonics, other lines, colour; arrays for the reader."""
+    """Tones, harmonics, other lines and colour of the residual, as arrays for the reader."""
     left = [np.array(own) for own in unexplained(case.model, case.records, case.clocks)]
     tones = _tones(case, left, found)
     lines = _harmonics(case, left, found)
@@ -89,7 +89,7 @@ def _tones(case: Case, left: list[NDArray[np.float64]], found: Checks) -> dict[s
 
 
 def _residual(case: Case, hit: int, left: NDArray[np.float64]) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
-    """What is left of a hit, from its first sample on, as a record with its clock and period."""
+    """Residual of a hit, from its first sample on, as a record with its clock and period."""
     return replace(case.records[hit], values=left), case.clocks[hit], case.model.period
 
 
@@ -178,7 +178,7 @@ def _peaks(case: Case, left: list[NDArray[np.float64]], found: Checks) -> NDArra
 def _colour(
     case: Case, left: list[NDArray[np.float64]], hidden: NDArray[np.bool_], found: Checks
 ) -> NDArray[np.float64]:
-    """What noise that is not white has beyond white noise (channels, hits)."""
+    """Excess of squared autocorrelations over those of white noise (channels, hits)."""
     from scipy.special import chdtri
 
     excess, limit = np.zeros(case.noise.shape), np.zeros(case.noise.shape)

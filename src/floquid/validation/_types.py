@@ -35,7 +35,7 @@ class Criterion:
         object.__setattr__(self, "limit", finite(self.limit, "limit", "Criterion"))
 
     def met(self, value: float) -> bool:
-        """Whether `value` keeps to the limit."""
+        """True where `value` keeps to the limit."""
         return value >= self.limit if self.at_least else value <= self.limit
 
 
@@ -112,7 +112,7 @@ class Validation(Rebuilt):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """What speaks against the model and what to do, a sentence each; empty where it passed."""
+        """Reasons against the model and what to do, a sentence each; empty where it passed."""
         return texts(self.findings)
 
     @property

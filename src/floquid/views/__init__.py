@@ -1,4 +1,4 @@
-"""What a figure shows, as numbers: shared by `plot`, which draws them on paper, and `reporting`, on the page.
+"""Content of figures as numbers: shared by `plot`, which draws them on paper, and `reporting`, on the page.
 
 Nothing here draws, and no plotting library is loaded.
 """

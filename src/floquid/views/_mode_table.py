@@ -85,7 +85,7 @@ def mode_table(analysis: Analysis, *, derived: bool = True) -> tuple[ModeRow, ..
 
 
 def note_meanings(rows: Sequence[ModeRow]) -> list[str]:
-    """What the words in the notes of a table of modes mean.
+    """Meanings of the words in the notes of a table of modes.
 
     Parameters
     ----------

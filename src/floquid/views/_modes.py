@@ -1,4 +1,4 @@
-"""Which mode, channel and hit is meant."""
+"""Choice of modes, channels and hits."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def checked(analysis: Analysis, of: str, *, channel: int | None = None, hit: int
 
 
 def paired(one: NDArray[np.complex128], other: NDArray[np.complex128]) -> NDArray[np.int64]:
-    """Which of `other` each of `one` is (modes of `one`,): each taken once, so that the differences are least.
+    """Index in `other` of each mode of `one` (modes of `one`,): each taken once, so that the differences are least.
 
     Two modes that have one multiplier would both find the same one otherwise. Where `other` has too few, those left
     over take the nearest.

@@ -1,4 +1,4 @@
-"""What the options of Python are called on the command line."""
+"""Names of the options of Python on the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was found beside the modes, a line each: noise, order, period, forced response, verdict."""
+"""Results beside the modes, a line each: noise, order, period, forced response, verdict."""
 
 from __future__ import annotations
 

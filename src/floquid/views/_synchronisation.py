@@ -1,4 +1,4 @@
-"""How well a record keeps step with its period, stretch by stretch."""
+"""Slip of a record against its period, stretch by stretch."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Synchronisation(Sealed):
 
     @property
     def told(self) -> NDArray[np.bool_]:
-        """Which stretches tell the slip (stretches,)."""
+        """Mask of the stretches that determine the slip (stretches,)."""
         return np.isfinite(self.slip)
 
     def parts_in_a_million(self) -> str:
@@ -90,7 +90,7 @@ class Synchronisation(Sealed):
 
 
 def synchronisation(analysis: Analysis, hit: int = 0) -> Synchronisation:
-    r"""How well a record keeps step with the period, or the tachometer, that it was identified with.
+    r"""Slip of a record against the period, or the tachometer, that it was identified with.
 
     In each stretch of the record the model is fitted anew with a factor for each mode and a slip of the phase,
 

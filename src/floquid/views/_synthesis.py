@@ -111,7 +111,7 @@ def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
 
 
 def colour(whitening: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How much more noise there is before the whitening filter of each channel (channels,) [-]."""
+    """Ratio of the noise before the whitening filter to that after it (channels,) [-]."""
     gain = np.fft.fft(whitening, 512, axis=1)
     return np.asarray(np.sqrt(np.mean(np.abs(gain) ** -2.0, axis=1)), np.float64)
 

@@ -20,7 +20,7 @@ MODE_NOTES = {
 """The words that a mode may deserve and what they mean; they are short, for a table has to fit 80 columns."""
 
 RIVAL = 0.5
-"""What a line needs of the energy of the strongest for the branch to be told as a choice."""
+"""Share of the energy of the strongest line from which on another makes the branch a choice."""
 
 MOST_DIGITS = 10
 """After the point; beyond them a deviation says nothing that a reader could use."""
@@ -78,7 +78,7 @@ def mode_notes(analysis: Analysis, mode: int) -> list[str]:
 
 
 def passed_words(validation: Validation) -> str:
-    """What a model that passed its checks can do, in a sentence without its beginning.
+    """Achievements of a model that passed its checks, in a sentence without its beginning.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def passed_words(validation: Validation) -> str:
 
 
 def whitening_words(found: Lifted | Analysis) -> str:
-    """What was done about noise that is coloured along the record, in a sentence.
+    """Treatment of noise that is coloured along the record, in a sentence.
 
     Parameters
     ----------

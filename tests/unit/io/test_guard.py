@@ -148,6 +148,7 @@ def test_a_fork_has_a_child_of_its_own(guard):
     assert guard.call(HERE, os.getpid) == child
 
 
+@pytest.mark.kill
 def test_the_child_ends_with_its_parent():
     """Also with one that is killed: its standard input ends."""
     code = (

@@ -24,6 +24,8 @@ from floquid.systems import Run
 from floquid.validation import Criterion
 from floquid.views import mode_table, multiplier_ellipses
 
+pytestmark = pytest.mark.pages
+
 LARGEST = 6_000_000
 """Bytes that a page may have."""
 

@@ -258,7 +258,7 @@ def _energy_of(mode: Mode, state: Lines) -> float:
 
 
 def _crowded(now: Isolated, position: int, state: Lines) -> bool:
-    """Whether another pole is so near that it could move to take this one's part."""
+    """True where another pole is so near that it could move to take this one's part."""
     poles = now.poles()
     return poles.crowded(position, 2.0 * max(abs(poles.s[position].real), _resolution(state)))
 

@@ -21,17 +21,17 @@ KNOWN = 1e9
 """The condition number beyond which no deviations are known: rounding in the slopes grows with its power 3/2."""
 
 LEAST_INFORMATION = 1e-100
-"""What the data say of a parameter below which they say nothing: its mode has no residues left."""
+"""Information on a parameter below which it is undetermined: its mode has no residues left."""
 
 HALVINGS = 6
-"""How often Newton's step is halved before it is given up."""
+"""Halvings of Newton's step before it is given up."""
 
 SLACK = 0.01
-"""What a leap may add to the sum of squares, for each residue: fits near the peaks are not quite the least over all."""
+"""Largest addition of a leap to the sum of squares, for each residue: fits near the peaks are not quite the least."""
 
 
 def slack(modes: Sequence[Mode]) -> float:
-    """What a leap of these modes may add to the sum of squares."""
+    """Largest addition of a leap of these modes to the sum of squares."""
     return 1.0 + SLACK * sum(own.size for mode in modes for own in mode.coefficients)
 
 
@@ -45,7 +45,7 @@ def bands_of(modes: Sequence[Mode], blocks: Sequence[Block], widths: float) -> l
 
 
 def columns_of(modes: Sequence[Mode]) -> list[slice]:
-    """Which of the real columns of all modes are those of each."""
+    """Indices of the real columns of each mode."""
     return [slice(int(a), int(b)) for a, b in pairwise(np.cumsum([0, *(mode.size for mode in modes)]))]
 
 

@@ -43,7 +43,7 @@ class Isolated:
     left: tuple[NDArray[np.complex128], ...]
     cost: float
     rest: float = 0.0
-    """How far a pole moved in the last round, in its deviations."""
+    """Distance that a pole moved in the last round, in its deviations."""
 
     @staticmethod
     def of(modes: Sequence[Mode], left: Sequence[NDArray[np.complex128]], rest: float = 0.0) -> Isolated:
@@ -63,7 +63,7 @@ class Isolated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rounds:
-    """How to go round the modes, and how often at `most`: the options of `AMI`."""
+    """Order of going round the modes, and rounds at `most`: the options of `AMI`."""
 
     widths: float
     tolerance: float
@@ -121,7 +121,7 @@ def go_round(now: Isolated, blocks: Sequence[Block], rounds: Rounds) -> Isolated
 
 
 def _left(modes: Sequence[Mode], blocks: Sequence[Block]) -> tuple[NDArray[np.complex128], ...]:
-    """What modes leave of the blocks' lines."""
+    """Residual of the blocks' lines beside modes."""
     return tuple(block.values - sum(mode.lines(b, block) for mode in modes) for b, block in enumerate(blocks))
 
 
@@ -159,7 +159,7 @@ def fit_mode(
 
 
 def growth(s: complex, block: Block) -> complex:
-    """What brings a residue of the scaled columns to sample zero: growing modes are scaled to one at the last."""
+    """Factor that takes a residue of the scaled columns to sample zero: growing modes are scaled to one at the last."""
     return complex(np.exp(-(block.samples - 1) * s)) if s.real > 0 else 1.0 + 0.0j
 
 

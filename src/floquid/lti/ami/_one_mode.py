@@ -38,7 +38,7 @@ class Mode:
         return 2 if self.kind == PAIR else 1
 
     def lines(self, number: int, block: Block) -> NDArray[np.complex128]:
-        """What the mode is on the lines of block `number` (lines, outputs, inputs)."""
+        """Mode on the lines of block `number` (lines, outputs, inputs)."""
         columns, _ = mode_columns(self.s, self.kind, block.angles, block.samples, block.weights)
         return np.tensordot(columns, self.coefficients[number], axes=1)
 

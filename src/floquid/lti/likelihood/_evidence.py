@@ -1,4 +1,4 @@
-"""What the data say for and against an order: each mode taken away, the clearest one more, and what is left."""
+"""Evidence for and against an order: each mode taken away, the clearest one more, and what is left."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SKETCHED = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evidence(Rebuilt):
-    """How clearly an order stands out from its neighbours.
+    """Evidence for an order against its neighbours.
 
     Parameters
     ----------

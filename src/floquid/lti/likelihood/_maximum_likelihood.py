@@ -21,7 +21,7 @@ from floquid.lti.likelihood._residual import Residual, filtered, whitening_of
 from floquid.lti.likelihood._select import Threshold, choose, force_order
 
 LOOKS = 4
-"""How often the search may start over, with more samples or with the noise whitened."""
+"""Starts of the search, with more samples or with the noise whitened."""
 
 FIRM = 1e-3
 """The share of the false-alarm probability at which a mode is beyond doubt."""
@@ -41,7 +41,7 @@ class Prepared:
     factors: tuple[Factor, ...]
     """Of the samples that hold energy."""
     initial: Any = None
-    """What the wrapped identifier prepared, where there is one."""
+    """State of the wrapped identifier, where there is one."""
 
     @property
     def whole(self) -> int:
@@ -228,7 +228,7 @@ class MaximumLikelihood(AbstractIdentifier):
             taps, before = after, found.poles
 
     def _looked_at(self, state: Prepared, blocks: tuple[Factor, ...]) -> tuple[Callable[[int], PoleSet], Residual]:
-        """Where poles of any order come from, and what generous ones leave: the noise."""
+        """Source of poles of any order, and the noise that generous ones leave."""
         start = self._start(state, blocks)
         return start, Residual.of(start(self._starts(blocks)[-1]).plausible(), blocks)
 

@@ -31,7 +31,7 @@ NOTHING = 1e-16
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """What the noise of a free fit is beside independent white noise of the deviations stated.
+    """Noise of a free fit, relative to independent white noise of the deviations stated.
 
     `power` (modes,) is the noise at the frequency of each pole, over its mean; `independent` the share of the responses
     that it is worth.
@@ -63,7 +63,7 @@ class Noise:
 
 
 def ranks(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noise | None = None) -> NDArray[np.int64]:
-    """How many outer products the residues of each pole of a free fit hold beyond noise (modes,).
+    """Number of outer products that the residues of each pole of a free fit hold beyond noise (modes,).
 
     A singular value of the residues, over the noise that they carry, is kept when those from it on hold more than a
     chi-square of their degrees of freedom does at the false-alarm probability.
@@ -131,7 +131,7 @@ def split(model: ModalModel, data: TimeResponses, counts: NDArray[np.int64]) -> 
 
 @dataclass(frozen=True, slots=True)
 class Tangents:
-    """How each real parameter moves the columns of its entry: the moved columns and which residues they carry."""
+    """Derivatives of the columns of each entry: the moved columns and the residues that they carry."""
 
     first: NDArray[np.float64]
     second: NDArray[np.float64]

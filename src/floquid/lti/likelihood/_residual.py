@@ -1,4 +1,4 @@
-r"""What a fit leaves: whether it is white, and whether the responses err independently.
+r"""Residual of a fit: its colour, and the independence of the responses.
 
 Both are read from the residual's Gram matrix over time, G = R Rᵀ. Its sums along diagonals are the autocorrelation of
 all responses together. Off the diagonal its elements are Σ_j r_j[n] r_j[m]: for noise with the covariance Σ between
@@ -59,11 +59,11 @@ class Residual:
     variance: float
     """The mean square left, over that of the noise as it was stated, where it is judged; otherwise 1."""
     judged: bool
-    """Whether it is noise: neither rounding, far below the noise that was stated, nor a response that dies away."""
+    """True where it is noise: neither rounding, far below the noise that was stated, nor a response that dies away."""
 
     @staticmethod
     def of(poles: PoleSet, factors: Sequence[Factor]) -> Residual:
-        """That of the longest block, over its own mean deviation."""
+        """Residual of the longest block, over its own mean deviation."""
         samples = min(LONGEST, len(factors[0].values))
         block = factors[0].cut(samples - samples % EVENLY if samples > FEW * EVENLY else samples)
         q = np.zeros((len(block.values), 0))
@@ -90,7 +90,7 @@ class Residual:
         return sums / sums[0]
 
     def colour(self) -> float:
-        r"""How far the residual is from white noise, in standard deviations of that number for white noise.
+        r"""Distance of the residual from white noise, in standard deviations of that number for white noise.
 
         .. math:: z = \frac{\sum_l (v_l - 1)^2 m_l - L}{\sqrt{\sum_l 2 + 6/m_l}}
 
@@ -120,7 +120,7 @@ class Residual:
 
 
 def _lasts(left: NDArray[np.float64], fitted: NDArray[np.float64]) -> bool:
-    """Whether the residual is as large in the second half of the record as in the first, as noise is and no decay."""
+    """True where the residual is as large in the second half of the record as in the first: noise is, no decay is."""
     samples, poles = fitted.shape
     if samples - poles < FEWEST:
         return False

@@ -1,4 +1,4 @@
-r"""What a residual holds: the poles that would take most out of it, on a grid of angle and decay.
+r"""Search of a residual: the poles that would take most out of it, on a grid of angle and decay.
 
 A pole of decay d and angle θ correlates with a residual R as z = Σ_n e^{-dn} e^{-iθn} R_n, and takes
 
@@ -51,7 +51,7 @@ def candidates(poles: PoleSet, factors: Sequence[Factor]) -> list[tuple[PoleSet,
 
 
 def _gains(poles: PoleSet, block: Factor, decays: NDArray[np.float64], lines: int) -> NDArray[np.float64]:
-    """What a pole of each decay at each line of the grid would take out of the residual (decays, lines/2 + 1)."""
+    """Reduction of the residual by a pole of each decay at each line of the grid (decays, lines/2 + 1)."""
     samples = len(block.values)
     k, half = np.arange(samples), np.arange(lines // 2 + 1)
     envelopes = np.exp(-np.multiply.outer(decays, k))

@@ -1,4 +1,4 @@
-r"""How many poles: each must earn its place against the noise, with the others refitted.
+r"""Number of poles: each must earn its place against the noise, with the others refitted.
 
 The rule. With noise of unit variance, taking away a mode that is not there raises the least-squares cost by a chi-
 square of as many degrees of freedom as the mode has parameters (2M + 2 for a conjugate pair over M responses, M + 1
@@ -35,7 +35,7 @@ STRONG = 20.0
 """Times the limit at which a mode away from others is needed, however they are fitted again."""
 
 SEARCHES = 8
-"""How often the residual of one start may be searched and still hold another mode, before it counts as not white."""
+"""Searches of the residual of one start that may each find another mode, before it counts as not white."""
 
 RESOLVED = 3.0
 """Standard deviations by which two real poles must differ to be preferred to a conjugate pair."""
@@ -73,7 +73,7 @@ class Threshold:
         return self.variance * rise_limit(probability, degrees, self.samples * share) / share
 
     def promising(self, size: int) -> float:
-        """What a pole (1) or pair (2) on the grid must take out of the residual to be tried."""
+        """Reduction of the residual by a pole (1) or pair (2) on the grid from which on it is tried."""
         return min(self.at(PROMISING, size, own=0.0), self.of(size))
 
     def penalised(self, found: Fit) -> float:
@@ -128,7 +128,7 @@ def choose(
 
 
 def possible(found: Fit) -> bool:
-    """Whether all poles of a fit could be seen."""
+    """True where all poles of a fit could be seen."""
     return len(found.poles.plausible()) == len(found.poles)
 
 
@@ -170,7 +170,7 @@ def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
 
 
 def crowded(poles: PoleSet, entry: int, factors: Sequence[Factor]) -> bool:
-    """Whether another pole, its own conjugate too, is so near that it could move to take this one's part."""
+    """True where another pole, its own conjugate too, is so near that it could move to take this one's part."""
     near = 2.0 * max(abs(poles.s[entry].real), 2.0 * np.pi / max(len(f.values) for f in factors))
     return poles.crowded(entry, near) or abs(poles.s[entry].imag) < near
 
@@ -215,7 +215,7 @@ def real_poles(kind: int, *decays: float) -> PoleSet:
 
 
 def _told_apart(found: Fit, first: int, second: int) -> bool:
-    """Whether two real entries are `RESOLVED` standard deviations apart."""
+    """True where two real entries are `RESOLVED` standard deviations apart."""
     starts = found.poles.starts()
     difference = np.zeros(found.poles.order)
     difference[starts[first]], difference[starts[second]] = 1.0, -1.0

@@ -97,7 +97,7 @@ class Band:
 
     @property
     def whole(self) -> bool:
-        """Whether it is all lines."""
+        """True where the band is all lines."""
         return self.low == 0.0 and self.high == 1.0
 
     @property
@@ -119,7 +119,7 @@ class Band:
 
     @property
     def size(self) -> int:
-        """How many real numbers the lines are of one response."""
+        """Number of real numbers in the lines of one response."""
         return int(np.rint(np.sum(self.weights**2)))
 
     def spectrum(self, values: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -127,7 +127,7 @@ class Band:
         return np.fft.rfft(values)[..., self.lines] * (self.weights / np.sqrt(self.samples))
 
     def holds(self, s: NDArray[np.complex128]) -> NDArray[np.bool_]:
-        """Which logarithms of multipliers, 0 ≤ Im s ≤ π, have their angles in it."""
+        """Mask of logarithms of multipliers, 0 ≤ Im s ≤ π, with angles in the band."""
         return (s.imag >= np.pi * self.low - 1e-9) & (s.imag <= np.pi * self.high + 1e-9)
 
 
@@ -152,7 +152,7 @@ class Equations:
         return Equations(band, values, np.linalg.qr(weighted)[0])
 
     def noise(self) -> NDArray[np.float64]:
-        """What unit white noise on one response adds to the normal matrix (n + 1, n + 1)."""
+        """Addition to the normal matrix by unit white noise on one response (n + 1, n + 1)."""
         half = len(self.values)
         leverage = np.sum(self.numerators[:half] ** 2 + self.numerators[half:] ** 2, axis=1)
         left = self.band.weights**2 - leverage
@@ -216,7 +216,7 @@ class Denominators:
         return Denominators(basis, samples, len(of_inputs), values, directions, equations, rounding)
 
     def rank(self, order: int | None = None) -> int:
-        """How many directions hold modes: those above the noise, or `order` if those are fewer.
+        """Number of directions that hold modes: those above the noise, or `order` if those are fewer.
 
         The noise is believed to be one, unless the lower quartile of the eigenvalues tells otherwise: above one it is
         the noise, and far below one, too. The limit is the edge of Marchenko and Pastur, which a few eigenvalues of

@@ -48,7 +48,7 @@ class Modes:
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """What a response is looked at through: its samples, or the lines of a band less what lies outside.
+    """Data of a response: its samples, or the lines of a band less what lies outside.
 
     `outside` (rows, k) is orthonormal; without a band it has no columns.
     """

@@ -24,7 +24,7 @@ DEGREE = 128
 """The degree of the denominator on all lines, if there are twice as many samples."""
 
 EXTRA = 16
-"""What is added on a band, for the skirts of the modes outside."""
+"""Terms that are added on a band, for the skirts of the modes outside."""
 
 LARGEST = 192
 """The number of roots of a matrix up to which its degree is chosen: their cost grows with its cube."""
@@ -228,7 +228,7 @@ def common(blocks: Sequence[Factor], bands: Sequence[Band], degree: int) -> Deno
 
 
 def rows_of(modes: Modes, data: TimeResponses, band: tuple[float, float] | None) -> tuple[list[Rows], Modes]:
-    """What each input is looked at through, the modes beside a band taken off; and the modes in it."""
+    """Data of each input, the modes beside a band taken off; and the modes in it."""
     bands = [Band(int(length), *(band or (0.0, 1.0))) for length in data.lengths]
     inside = bands[0].holds(modes.poles.s)
     return [Rows.of(one, modes.poles.keep(~inside)) for one in bands], modes.keep(inside)

@@ -194,7 +194,7 @@ class Expansion:
 
     @property
     def real(self) -> NDArray[np.bool_]:
-        """Which multipliers are real (modes,)."""
+        """Mask of the real multipliers (modes,)."""
         return self.partners == np.arange(len(self.partners))
 
     @property

@@ -1,4 +1,4 @@
-"""Which harmonics of a shape rise above the noise."""
+"""Harmonics of a shape that rise above the noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a fit with held residues says of coefficients: values, deviations, bands, and the model they make."""
+"""Coefficients of a constrained fit: values, deviations, bands, and the model they make."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def estimates_of(blocks: Sequence[Block], found: Solution) -> Estimates:
 
 
 def parts_of(entries: ModeParameters) -> NDArray[np.float64]:
-    """Which part each real parameter is: real parts, imaginary parts, fundamental (2 entries + 1, parameters)."""
+    """Selection of real parts, imaginary parts and the fundamental from the parameters (2 entries + 1, parameters)."""
     decays, pairs = np.flatnonzero(~entries.fixed), np.flatnonzero(~entries.fixed & ~entries.real)
     count = len(entries.exponents)
     parts = np.concatenate([decays, count + pairs, [2 * count] * entries.free_period]).astype(int)

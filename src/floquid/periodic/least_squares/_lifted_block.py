@@ -69,7 +69,7 @@ class LiftedBlock(Block):
         return replace(self, noise=noise)
 
     def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
-        """What the whitening filter multiplies e^{st} by, or its slope (rows, rates)."""
+        """Gain of the whitening filter at e^{st}, or its slope (rows, rates)."""
         return self.lifted.gain(rates, slope=slope)
 
     def residual(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:

@@ -22,7 +22,7 @@ class KeptCycles(LiftedBlock):
     """One hit, without the cycles that are left out."""
 
     kept: NDArray[np.bool_] = field(kw_only=True)
-    """Which cycles are there (cycles,)."""
+    """Mask of the cycles that are there (cycles,)."""
 
     @property
     def n_cycles(self) -> int:

@@ -22,7 +22,7 @@ class Parameters:
     weights: NDArray[np.float64]
     """(parameters, 2 columns)."""
     turns: NDArray[np.bool_]
-    """Which of them turn (parameters,)."""
+    """Mask of the frequencies and the fundamental (parameters,)."""
 
     def applied(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
         """The coefficients on the slopes t cos, t sin (parameters, 2 columns, channels): α, β or β, -α."""
@@ -93,12 +93,12 @@ class ModeParameters:
         return Columns(self.exponents, self.offsets, self.factors, *self._members(), self.fundamental)
 
     def sines(self) -> NDArray[np.bool_]:
-        """Which columns have a sine (columns,): not a real multiplier's that does not turn."""
+        """Mask of the columns that have a sine (columns,): not a real multiplier's that does not turn."""
         modes, harmonics = self._members()
         return ~(self.real[modes] & (2 * harmonics + self.half_turns[modes] == 0))
 
     def parameters(self) -> Parameters:
-        """What the real parameters move: decays, turns of pairs, the fundamental."""
+        """Real parameters: decays, frequencies of pairs, the fundamental."""
         columns = self.columns()
         own = (columns.modes == np.arange(len(self.exponents))[:, None]).astype(float)
         rows = [own[~self.fixed], own[~self.fixed & ~self.real]]
@@ -109,7 +109,7 @@ class ModeParameters:
         return Parameters(np.concatenate([weights, weights], axis=1), turns)
 
     def ties(self) -> NDArray[np.float64]:
-        """How the real parameters tie the decays and then the frequencies of all columns (parameters, 2 columns)."""
+        """Derivatives of the decays and then the frequencies of all columns (parameters, 2 columns)."""
         own = self.parameters()
         weights = own.weights[:, : own.weights.shape[1] // 2]
         return np.concatenate([weights * ~own.turns[:, None], weights * own.turns[:, None]], axis=1)
@@ -182,7 +182,7 @@ class ModeParameters:
 
 
 def is_real(model: PeriodicModel, mode: int) -> bool:
-    """Whether a mode is its own conjugate: its multiplier is real, and it is listed once."""
+    """True where a mode is its own conjugate: its multiplier is real, and it is listed once."""
     twice = 2.0 * model.exponents[mode].imag / model.fundamental
     alone = not (np.delete(model.exponents, mode) == model.exponents[mode].conj()).any()
     return alone and abs(twice - round(twice)) < 1e-9

@@ -41,7 +41,7 @@ class RecordBlock(Block):
     speeds: NDArray[np.float64] | None = None
     """The factors `SPEED`, `SPEED_SQUARED` and `SPEED_RATE`, of unit size (3, samples); None for a steady shaft."""
     ends: tuple[float, float] | None = None
-    """What growth and trends are counted from, where it is not the first and the last of the times [s]."""
+    """Origins of growth and trends, where they are not the first and the last of the times [s]."""
     taps: NDArray[np.float64] | None = None
     """The filter that the values went through (rows, taps); None where there was none."""
     before: RecordBlock | None = None
@@ -69,7 +69,7 @@ class RecordBlock(Block):
 
     @property
     def half(self) -> float:
-        """What trends are counted in [s]: half of the time between the first and the last sample."""
+        """Unit of trends [s]: half of the time between the first and the last sample."""
         return max(0.5 * (self.last - self.first), np.finfo(float).tiny)
 
     @cached_property
@@ -86,7 +86,7 @@ class RecordBlock(Block):
         return replace(self, hit=hit, rows=rows)
 
     def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
-        """What the filter multiplies e^{st} by, or its slope (rows, rates): 1 where the columns go through it."""
+        """Gain of the filter at e^{st}, or its slope (rows, rates): 1 where the columns go through it."""
         if self.taps is None or self.before is not None:
             return super().gain(rates, slope=slope)
         delays = np.arange(self.taps.shape[1]) * self.interval
@@ -231,16 +231,16 @@ class GappyBlock(Block):
     holes: RecordBlock
     """The missing samples with the same values."""
     taken: NDArray[np.int64]
-    """Where on the grid there are samples (samples,)."""
+    """Mask of the samples on the grid (samples,)."""
 
     @property
     def hit(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Which hit."""
+        """Index of the hit."""
         return self.whole.hit
 
     @property
     def rows(self) -> NDArray[np.int64]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Which channels (rows,)."""
+        """Indices of the channels (rows,)."""
         return self.whole.rows
 
     @property
@@ -260,7 +260,7 @@ class GappyBlock(Block):
 
     @property
     def half(self) -> float:
-        """What trends are counted in [s]."""
+        """Unit of trends [s]."""
         return self.whole.half
 
     def with_noise(self, noise: NDArray[np.float64]) -> GappyBlock:
@@ -288,7 +288,7 @@ class GappyBlock(Block):
         return Sums(*(getattr(whole, name) - getattr(holes, name) for name in names))
 
     def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
-        """What the filter multiplies e^{st} by, or its slope (rows, rates)."""
+        """Gain of the filter at e^{st}, or its slope (rows, rates)."""
         return self.whole.gain(rates, slope=slope)
 
     def filtered(self, taps: NDArray[np.float64]) -> GappyBlock | None:

@@ -1,4 +1,4 @@
-"""What a fit leaves of the samples: its noise, and the grids on which its spectrum is searched."""
+"""Residual of a fit: its noise, and the grids on which its spectrum is searched."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ QUIETEST = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """What a fit leaves of one block, on the grid it was sampled on: missing samples are zero."""
+    """Residual of one block, on the grid it was sampled on: missing samples are zero."""
 
     values: NDArray[np.float64]
     """(rows, grid)."""
     taken: NDArray[np.int64]
-    """Where on the grid there are samples (samples,)."""
+    """Mask of the samples on the grid (samples,)."""
     step: float
     """The sampling interval [s]."""
     noise: NDArray[np.float64]
@@ -104,7 +104,7 @@ def squared(lines: NDArray[np.complexfloating]) -> NDArray[np.floating]:
 
 
 def residuals_of(blocks: Sequence[Block], solution: Solution, floor: float = FLOOR) -> list[Residual]:
-    """What a fit leaves of each block, its noise at least `least_noise`."""
+    """Residual of each block, its noise at least `least_noise`."""
     columns = solution.entries.columns()
     return [
         Residual.of(*block.residual(columns, complex_of(linear.coefficients)), least)
@@ -113,7 +113,7 @@ def residuals_of(blocks: Sequence[Block], solution: Solution, floor: float = FLO
 
 
 def least_noise(blocks: Sequence[Block], solution: Solution, floor: float) -> list[NDArray[np.float64]]:
-    """What the noise of each block is at least (rows,): a share of the largest free response, and rounding."""
+    """Least noise of each block (rows,): a share of the largest free response, and rounding."""
     columns, least = solution.entries.columns(), []
     fixed = solution.entries.fixed[columns.modes]
     for block, linear in zip(blocks, solution.linear, strict=True):

@@ -1,4 +1,4 @@
-r"""What a fit of modulated exponentials works on: blocks of samples, each of some channels of one hit.
+r"""Data of a fit of modulated exponentials: blocks of samples, each of some channels of one hit.
 
 A column is z_j = e^{λ_e t + i (m + q_e) θ(t)}, with e the entry of column j: a decay and a frequency that run in time,
 and a harmonic that runs in the phase angle θ of the system, which is ωt where the period is constant.
@@ -18,12 +18,12 @@ PLAIN, TREND, SPEED, SPEED_SQUARED, SPEED_RATE = range(5)
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Which columns there are, of entries with exponents (entries,) [1/s] and offsets of their harmonics (entries,)."""
+    """Columns of a fit, of entries with exponents (entries,) [1/s] and offsets of their harmonics (entries,)."""
 
     exponents: NDArray[np.complex128]
     offsets: NDArray[np.float64]
     factors: NDArray[np.int64]
-    """What each entry is multiplied by beside, such as `PLAIN` (entries,)."""
+    """Further factor of each entry, such as `PLAIN` (entries,)."""
     modes: NDArray[np.int64]
     """The entry of each column (columns,)."""
     harmonics: NDArray[np.int64]
@@ -63,9 +63,9 @@ class Block(ABC):
     """Samples of some channels of one hit, all at the same times."""
 
     hit: int
-    """Which hit."""
+    """Index of the hit."""
     rows: NDArray[np.int64]
-    """Which channels (rows,)."""
+    """Indices of the channels (rows,)."""
     noise: NDArray[np.float64]
     """The deviation of their noise (rows,)."""
 
@@ -100,11 +100,11 @@ class Block(ABC):
         """The same samples with other noise (rows,)."""
 
     def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
-        """What a filter that the samples went through multiplies e^{st} by, or its slope (rows, rates)."""
+        """Gain at e^{st} of the filter that the samples went through, or its slope (rows, rates)."""
         return np.full((len(self.rows), len(rates)), 0j if slope else 1.0 + 0j)
 
     def scales(self, columns: Columns) -> NDArray[np.complex128]:
-        """What the scaled columns are to be multiplied by to be z (columns,)."""
+        """Factors that make z of the scaled columns (columns,)."""
         own = columns.exponents[columns.modes]
         return np.where(own.real > 0, np.exp(np.where(own.real > 0, own, 0.0) * self.last), 1.0 + 0j)
 

@@ -37,10 +37,10 @@ AT_REST = 1e-4
 """Standard deviations that the last step may have."""
 
 PASSES = 3
-"""How often the coefficients of one set of exponents may be corrected."""
+"""Corrections of the coefficients of one set of exponents, at most."""
 
 GAINED = 100.0
-"""What a step of the coefficients may gain, over what is left, for it to have lost no digits that matter."""
+"""Gain of a step of the coefficients, over the residual, up to which no digits that matter are lost."""
 
 LITTLE = 1e-3
 """The same where columns are all but alike."""
@@ -61,7 +61,7 @@ NOTHING = 1e-18
 
 @dataclass(frozen=True, slots=True)
 class Linear:
-    """What the linear part of one block is worth: coefficients α Re z + β Im z (2 columns, rows), and matrices."""
+    """Linear part of one block: coefficients α Re z + β Im z (2 columns, rows), and matrices."""
 
     coefficients: NDArray[np.float64]
     inverse: NDArray[np.float64]
@@ -89,7 +89,7 @@ class ByColumn:
     gauss_newton: NDArray[np.float64]
     """(2 columns, 2 columns)."""
     noise: NDArray[np.float64]
-    """What noise on the coefficients adds to it (2 columns, 2 columns)."""
+    """Part of it that noise on the coefficients adds (2 columns, 2 columns)."""
 
     def tied(self, ties: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Gradient, Gauss-Newton matrix and information of parameters `ties` (parameters, 2 columns)."""
@@ -109,7 +109,7 @@ class Solution:
     information: NDArray[np.float64]
     by_column: ByColumn
     further: NDArray[np.float64] | None = None
-    """What is added to variances: of clusters, and of modes next to their conjugate (parameters,); None for nothing."""
+    """Addition to variances, of clusters and of modes next to their conjugate (parameters,); None for nothing."""
 
     def covariance(self) -> NDArray[np.float64]:
         """Of the real parameters (parameters, parameters): the sandwich of information and scatter."""

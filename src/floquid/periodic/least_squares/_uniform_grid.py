@@ -26,7 +26,7 @@ AT_ONCE = 1 << 16
 """Samples of a channel whose rest is formed at a time."""
 
 STEEPEST = 300.0
-"""What a column may grow by within a piece, as the logarithm: its power is formed there."""
+"""Largest growth of a column within a piece, as the logarithm: its power is formed there."""
 
 UNEVEN = 8.0 * np.finfo(float).eps
 """The share of the largest time by which evenly spaced times may be off."""
@@ -52,7 +52,7 @@ class Pieces:
     """Some pieces of a block, of equal length."""
 
     slots: slice
-    """Where their samples are in the block."""
+    """Places of their samples in the block."""
     own: NDArray[np.complex128]
     """e (samples of a piece, products)."""
     first: NDArray[np.complex128]
@@ -72,9 +72,9 @@ class EvenColumns:
     step: float
     n_samples: int
     middle: float
-    """Where the trend is zero [s]."""
+    """Time at which the trend is zero [s]."""
     half: float
-    """What it is counted in [s]."""
+    """Unit of the trend [s]."""
 
     @classmethod
     def of(
@@ -127,7 +127,7 @@ class EvenColumns:
         return np.concatenate([np.arange(len(modes)), np.flatnonzero(self.columns.factors[modes] == TREND)])
 
     def residual(self, values: NDArray[np.float64], coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """What the model 2 Re Σ B_j z_j leaves of the values (rows, samples)."""
+        """Residual of the values beside the model 2 Re Σ B_j z_j (rows, samples)."""
         left, coefficients = np.empty_like(values), coefficients[self._stands_for()]
         for pieces in self.pieces():
             left[:, pieces.slots] = _rest(pieces, values, coefficients).reshape(len(values), -1)
@@ -153,7 +153,7 @@ class EvenColumns:
 
 
 def _rest(pieces: Pieces, values: NDArray[np.float64], coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """What the model leaves (rows, pieces, samples of a piece)."""
+    """Residual (rows, pieces, samples of a piece)."""
     shape = (len(values), len(pieces.times), len(pieces.later))
     weights = 2.0 * coefficients.T[:, None, :] * pieces.first
     own = np.concatenate([pieces.own.real, -pieces.own.imag], axis=1)

@@ -25,7 +25,7 @@ DISTINCT = float(np.log(10.0))
 """The odds of a fundamental against another one."""
 
 ROUNDS = 3
-"""How often bands may grow."""
+"""Rounds in which bands may grow."""
 
 AGREE = 6.0
 """Standard deviations within which the fit keeps the fundamental of the lines."""
@@ -65,7 +65,7 @@ class PeriodCandidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PeriodEstimate(Rebuilt):
-    """What a response says of its period.
+    """Period of a response, estimated from itself.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def _bounds(records: Sequence[Record], longest: float | None, shortest: float | 
 
 
 def _judgement(lines: Lines, tones: Lines, found: list[Spacing]) -> tuple[tuple[Finding, ...], bool]:
-    """Why the period is told, or why not; and whether it is."""
+    """Findings on whether the lines determine the period, and whether they do."""
     findings = []
     if len(tones.exponents):
         heard, on = np.abs(tones.exponents.imag) / (2.0 * np.pi), found[0].tones if found else 0

@@ -52,7 +52,7 @@ class Family(Rebuilt):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FSE(Rebuilt):
-    """What the FSE method gives.
+    """Result of the FSE method.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ class Spacing:
 
     @property
     def partition(self) -> frozenset[frozenset[int]]:
-        """Which lines belong together."""
+        """Groups of lines that belong together."""
         return frozenset(frozenset(group.lines) for group in self.groups)
 
     @property
@@ -94,7 +94,7 @@ def _fundamentals(lines: Lines, least: float, most: float) -> tuple[NDArray[np.f
 
 
 def _judged(lines: Lines, tones: Lines, groups: tuple[Group, ...], fundamental: float, range_: float) -> Spacing | None:
-    """How well families of lines spaced by about a fundamental explain the lines; None where there is no family."""
+    """Evidence for families of lines spaced by about a fundamental; None where there is no family."""
     n = len(lines.exponents)
     merged = [(group, line) for group in groups for line in group.lines[1:]]
     if not merged:
@@ -126,7 +126,7 @@ def _judged(lines: Lines, tones: Lines, groups: tuple[Group, ...], fundamental: 
 
 
 def _on_tones(tones: Lines, omega: float, std: float) -> tuple[float, int]:
-    """What tones at multiples of half the fundamental add to the odds, and how many there are."""
+    """Addition to the odds by tones at multiples of half the fundamental, and their number."""
     added, count = 0.0, 0
     for value, own in zip(np.abs(tones.exponents.imag), tones.std.imag, strict=True):
         half = round(2.0 * value / omega)

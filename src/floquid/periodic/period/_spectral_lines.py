@@ -56,13 +56,13 @@ class Lines:
     exponents: NDArray[np.complex128]
     """(lines,) [1/s]."""
     real: NDArray[np.bool_]
-    """Which do not turn at all (lines,)."""
+    """Mask of the lines without a frequency (lines,)."""
     covariance: NDArray[np.float64]
     """Of decays, then of angular frequencies (2 lines, 2 lines); zero where a line does not turn."""
     strength: NDArray[np.float64]
     """The norm of each amplitude over the noise (lines,)."""
     undamped: NDArray[np.bool_]
-    """Which are pure tones, as far as the record tells (lines,)."""
+    """Mask of the pure tones, as far as the record tells (lines,)."""
     noise: NDArray[np.float64]
     """The deviation of what is left (channels, hits)."""
 
@@ -116,7 +116,7 @@ def after_phase_zero(
 
 
 def beside(fundamental: float) -> ModeParameters:
-    """What is fitted beside lines in any case: offset and drift."""
+    """Entries that are fitted beside lines in any case: offset and drift."""
     return forced_entries([0.0], fundamental).joined(forced_entries([0.0], fundamental, factor=TREND))
 
 

@@ -1,4 +1,4 @@
-"""Which modes and bands there are: moves decided by scores, lines of the residual, the final fit."""
+"""Search for modes and bands: moves decided by scores, lines of the residual, the final fit."""
 
 from floquid.periodic.search._evidence import coloured, combinations_of, evidence
 from floquid.periodic.search._final import finished

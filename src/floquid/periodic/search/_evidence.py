@@ -1,4 +1,4 @@
-"""What speaks for the modes that a search found, and against them."""
+"""Findings for and against the modes of a search."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LOUD = 2.0
 """Times what noise has from which on a peak that is left is a doubt."""
 
 NEAR = 0.1
-"""How near a sum of two exponents must be to a third, over its decay, to be taken for it."""
+"""Largest distance of a sum of two exponents from a third, over its decay, to be taken for it."""
 
 FAR = 0.6
 """The same where a record is known to be nonlinear."""
@@ -46,7 +46,7 @@ that are independent, more under a window, which makes neighbouring lines alike.
 
 
 def evidence(found: SearchResult) -> tuple[Finding, ...]:
-    """What speaks for the modes of a search, and against them."""
+    """Findings for and against the modes of a search."""
     entries, peak = found.solution.entries, found.peak
     share = peak.gain / peak.limit
     loud = bool(share > LOUD)
@@ -66,7 +66,7 @@ def _hertz(exponent: complex) -> float:
 
 
 def coloured(found: SearchResult) -> tuple[Finding, ...]:
-    r"""That the residual is not white along the record, so that deviations are not those stated; empty where it is.
+    r"""Finding that the residual is not white along the record, so that deviations are not those stated; else empty.
 
     .. math:: \sum_{c,h} \sum_{b} \frac{n_b}{v} (\ln s_{c,h,b} - \overline{\ln s_{c,h}})^2 \sim \chi^2
 

@@ -122,7 +122,7 @@ def with_final_bands(state: State, limits: Limits) -> tuple[State, NDArray[np.in
 
 
 def _sure(state: State) -> NDArray[np.bool_]:
-    """Which columns are surely no noise: what others ask for says nothing (columns,)."""
+    """Mask of columns that are surely no noise: the demands of others say nothing (columns,)."""
     from scipy.special import chdtri
 
     return sure_columns(state.blocks, state.solution, float(chdtri(2 * state.rows, STRICT)))
@@ -162,7 +162,7 @@ def _with_room(state: State, limits: Limits) -> State:
 
 
 def _apart(entries: ModeParameters, one: int, other: int) -> float:
-    """How far apart two modes are modulo the fundamental, over the decays of both."""
+    """Distance of two modes modulo the fundamental, over the decays of both."""
     _, _, gap = differences(entries, one, other) or (1, 0, np.inf)
     return abs(gap) / (abs(entries.exponents[one].real) + abs(entries.exponents[other].real) + 1e-300)
 
@@ -258,7 +258,7 @@ def _padded(entries: ModeParameters, bands: NDArray[np.int64], most: int) -> Mod
 
 
 def _simpler(state: State, found: Solution) -> bool:
-    """Whether a fit with fewer numbers does: noise explains what it leaves more."""
+    """True where a fit with fewer numbers does: noise explains the rise of its cost."""
     from scipy.special import chdtri
 
     fewer = len(state.solution.gradient) - len(found.gradient)

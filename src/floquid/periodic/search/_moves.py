@@ -272,7 +272,7 @@ def _numbers(state: State, solution: Solution) -> int:
 
 
 def _dearer(state: State, solution: Solution) -> float:
-    """What noise takes out of the cost by the numbers that a fit has more."""
+    """Reduction of the cost by noise through the numbers that a fit has more."""
     from scipy.special import chdtri
 
     return float(chdtri(max(_numbers(state, solution) - _numbers(state, state.solution), 1), STRICT))

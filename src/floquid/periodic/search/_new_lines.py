@@ -1,4 +1,4 @@
-"""What the spectrum of the residual holds: further harmonics of modes, of the forced response, and modes."""
+"""Search of the spectrum of the residual: further harmonics of modes, of the forced response, and modes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ AT_ONCE = 3
 """Peaks that are tried together."""
 
 EXPECTED = 1.0
-"""How many peaks of noise are expected among those that are tried: it is the fit that decides."""
+"""Peaks of noise expected among those that are tried: it is the fit that decides."""
 
 STEPS = 8
 """Steps that a fit with a further line may take before it is judged."""

@@ -107,7 +107,7 @@ def peaks(
 
 
 def _gains(spectra: Sequence[_Spectra], rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What an exponential of each frequency and one decay takes out of the misfit, and the frequencies (lines,)."""
+    """Reduction of the misfit by an exponential of each frequency and one decay, and the frequencies (lines,)."""
     from scipy.fft import next_fast_len
 
     step = min(own.residual.step for own in spectra)
@@ -133,7 +133,7 @@ class _Spectra:
         self.weights: dict[int, NDArray[np.floating]] = {}
 
     def gain(self, decay: float, omega: NDArray[np.float64], lines: int) -> NDArray[np.float64]:
-        """What an exponential of each frequency takes out of the misfit (lines,)."""
+        """Reduction of the misfit by an exponential of each frequency (lines,)."""
         from scipy.fft import rfft
 
         residual, times, precision = self.residual, self.times[:lines], self.values.dtype

@@ -20,7 +20,7 @@ class SearchResult:
     bands: NDArray[np.int64]
     peak: Peak
     residuals: tuple[Residual, ...]
-    """What is left of each block."""
+    """Residual of each block."""
     misfit: float = 1.0
     """The rms of what is left over the level of its noise, the largest of all responses."""
     clusters: tuple[int, ...] = ()

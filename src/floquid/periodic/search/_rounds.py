@@ -14,7 +14,7 @@ from floquid.periodic.search._new_lines import with_lines
 from floquid.periodic.search._state import ROUGHLY, Limits, State, released, with_bands
 
 ROUNDS = 4
-"""How often modes and bands may change."""
+"""Rounds in which modes and bands may change."""
 
 STRONG = 0.1
 """The sum of squared correlations from which on what modes leave is coloured noise and no weak mode."""
@@ -74,5 +74,5 @@ def _whitened(state: State, limits: Limits, report: Report) -> tuple[State, NDAr
 
 
 def _same(one: ModeParameters, other: ModeParameters) -> bool:
-    """Whether modes and bands are the same."""
+    """True where modes and bands are the same."""
     return len(one.exponents) == len(other.exponents) and bool((one.bands == other.bands).all())

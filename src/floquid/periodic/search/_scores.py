@@ -1,4 +1,4 @@
-"""What one linearisation says of changes to a fit: modes taken away, parted or joined, and its period."""
+"""Scores of changes to a fit by one linearisation: modes taken away, parted or joined, and its period."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SINGULAR = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """Where a mode is best cut in two: its first harmonic of the upper part, and what that would take off the cost."""
+    """Best cut of a mode in two: the first harmonic of the upper part, and the reduction of the cost."""
 
     entry: int
     harmonic: int
@@ -75,7 +75,7 @@ class ColumnsLeft:
 
 
 def sure_columns(blocks: Sequence[Block], solution: Solution, limit: float) -> NDArray[np.bool_]:
-    """Which columns would raise the cost by more than the limit if they were taken away (columns,)."""
+    """Mask of columns that would raise the cost by more than the limit if they were taken away (columns,)."""
     left = ColumnsLeft(blocks, solution)
     return np.array([left.rise(column) > limit for column in range(len(solution.entries.sines()))], bool)
 
@@ -140,7 +140,7 @@ def score_step(solution: Solution, ties: NDArray[np.float64]) -> tuple[NDArray[n
 
 
 def score_gain(solution: Solution, ties: NDArray[np.float64]) -> float:
-    """What a Gauss-Newton step of parameters that tie columns as given takes off the cost."""
+    """Reduction of the cost by a Gauss-Newton step of parameters that tie columns as given."""
     return score_step(solution, ties)[1]
 
 

@@ -31,7 +31,7 @@ STRICT = 1e-6
 """The probability at which noise may pass for a harmonic, or for a difference of exponents, while modes may change."""
 
 GROWTHS = 4
-"""How often narrow bands may grow."""
+"""Rounds in which narrow bands may grow."""
 
 NEAR = 0.02
 """Fundamentals within which a column is taken for one that there was before."""
@@ -39,7 +39,7 @@ NEAR = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a fit is held to.
+    """Limits of a fit.
 
     Parameters
     ----------
@@ -136,12 +136,12 @@ def released(state: State) -> State:
 
 
 def modes_of(entries: ModeParameters) -> NDArray[np.bool_]:
-    """Which entries are modes, also those that are held where they are: not the forced response (entries,)."""
+    """Mask of the entries that are modes, fixed ones too: not the forced response (entries,)."""
     return ~entries.fixed | (entries.exponents != 0.0)
 
 
 def limit_of(state: State, entries: ModeParameters, limits: Limits) -> float:
-    """What modes beside others may take out of the cost without being any: noise, and errors of the shaft's angle.
+    """Reduction of the cost that is no evidence of a mode: by noise, and by errors of the shaft's angle.
 
     Noise takes more with the probability `mode_alarm` alone.
     """
@@ -153,7 +153,7 @@ def limit_of(state: State, entries: ModeParameters, limits: Limits) -> float:
 
 
 def _blurred(state: State, angle_std: tuple[float, ...]) -> float:
-    r"""What errors of the angle leave of the forced response: the most that one line may hold.
+    r"""Residual of the forced response from errors of the angle: the most that one line may hold.
 
     .. math:: \frac 12 \sum_{c,h} N_h \sum_j (j\, a_{c,h,j}\, \sigma_{\theta,h} / s_{c,h})^2
     """

@@ -1,4 +1,4 @@
-"""Whether what was taken for harmonics lies where harmonics do, or is modes of its own that fold onto another."""
+"""Score test of the spacing of harmonics: where harmonics would be, or modes of their own that fold onto another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the response agrees with the period that it was lifted with."""
+"""Agreement of the response with the period that it was lifted with."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ WITNESSES = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Synchrony:
-    """How far the response's own period is from the one given.
+    """Difference of the response's own period from the one given.
 
     Parameters
     ----------
@@ -51,12 +51,12 @@ class Synchrony:
 
     @property
     def broken(self) -> bool:
-        """Whether the response's own period is significantly another one, by more than does no harm."""
+        """True where the response's own period is significantly another one, by more than does no harm."""
         return abs(self.relative) > SIGNIFICANT * self.std and self.slip > NEGLIGIBLE_SLIP
 
 
 def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
-    """How far the response's own period is from the one it was lifted with.
+    """Difference of the response's own period from the one it was lifted with.
 
     Two signs are looked for: a slow turn of the harmonics within each mode (`drift`), and, where the difference is so
     large that each harmonic came out as a mode of its own, modes of equal decay spaced by something close to ω

@@ -31,7 +31,7 @@ CLEAR = 1e-6
 """The probability at which noise may pass for a harmonic whose place is looked at."""
 
 TWIN = 0.5
-"""How near to a mode a harmonic may be, over the sum of their decays, for its coefficient to be told from the mode's:
+"""Least distance of a harmonic from a mode, over the sum of their decays, at which their coefficients are told apart:
 below, chi-squares are no longer those of chance (measured)."""
 
 
@@ -66,7 +66,7 @@ class PartialTests(Rebuilt):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Periodicity(Rebuilt):
-    r"""Whether a response is that of a periodic system.
+    r"""Test of whether a response is that of a periodic system.
 
     The null hypothesis is a constant system seen by sensors that stand still in it: of every mode the zeroth harmonic
     alone is there. A sensor that moves periodically, such as one that scans, makes the response periodic as well.
@@ -142,7 +142,7 @@ class Periodicity(Rebuilt):
 
     @property
     def periodic(self) -> bool | None:
-        """Whether the null hypothesis is refused at `level`; None where harmonics are not where they would be."""
+        """True where the null hypothesis is refused at `level`; None where harmonics are not where they would be."""
         refused = self.p_value <= self.level
         return None if refused and self.spacing_p is not None and self.spacing_p < MISPLACED else refused
 
@@ -302,7 +302,7 @@ def _orders(harmonics: Sequence[int]) -> NDArray[np.int64]:
 
 
 def _on_a_mode(whole: Estimates) -> NDArray[np.bool_]:
-    """Which terms lie on another mode's zeroth harmonic, or on the conjugate of one (terms,)."""
+    """Mask of terms that lie on another mode's zeroth harmonic, or on the conjugate of one (terms,)."""
     zeroth = np.flatnonzero(whole.harmonics == 0)
     places = np.concatenate([whole.rates[zeroth], whole.rates[zeroth].conj()])
     gaps = np.abs(np.subtract.outer(whole.rates, places))
@@ -330,7 +330,7 @@ def _clear(whole: Estimates, tested: NDArray[np.intp]) -> NDArray[np.intp]:
 def _sizes_and_limits(
     whole: Estimates, orders: NDArray[np.int64], tested: NDArray[np.intp], least: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    r"""How large each harmonic is, and how large it would have to be, over the zeroth of its mode.
+    r"""Size of each harmonic, and its detection limit, over the zeroth of its mode.
 
     The shape that is seen least has the largest variance, at most the sum of the largest of noise and of exponents:
 

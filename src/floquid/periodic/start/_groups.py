@@ -1,4 +1,4 @@
-"""Where the fit of the samples starts: the poles of lifted responses, taken apart at their unfolded frequencies."""
+"""Start of the fit of the samples: the poles of lifted responses, taken apart at their unfolded frequencies."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ CERTAIN = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What of the forced response is there in lifted responses.
+    """Forced response that lifted responses hold.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def _squares_left(values: NDArray[np.float64], basis: NDArray[np.float64]) -> ND
 
 
 def _gain(lifted: Lifted, bases: Sequence[NDArray[np.float64]], less: Known, more: Known) -> float:
-    """What the columns of `more` beyond those of `less` take out of the misfit, over the noise.
+    """Reduction of the misfit by the columns of `more` beyond those of `less`, over the noise.
 
     Beside orthonormal columns of the poles, one array a hit (cycles, rank).
     """
@@ -201,7 +201,7 @@ def _least(lifted: Lifted) -> NDArray[np.float64]:
 
 
 def _limit(lifted: Lifted, less: Known, more: Known) -> float:
-    """What noise may take out of it."""
+    """Reduction of it that noise may make."""
     from scipy.special import chdtri
 
     degrees = sum(

@@ -123,7 +123,7 @@ def _head(source: Source) -> tuple[list[str], tuple[int, str]]:
 
 
 def _body(source: Source, top: int, head: str) -> _Body:
-    """What is under the header; blank lines and rows of bare delimiters at its end, as spreadsheets leave them, not."""
+    """Rows under the header; blank lines and rows of bare delimiters at its end, as spreadsheets leave them, not."""
     last, count, first_row = 0, 0, ""
     waiting, commas, points = 0, False, False
     for number, line in _lines(source.path, top + 1):

@@ -31,7 +31,7 @@ from floquid.tables import (
 _KEY = b"floquid"
 _BLOCK = 1 << 16
 _INDEX = "__index_level_"
-"""What pandas calls an index without a name: dates, or a mere count."""
+"""Names that pandas gives an index without one: dates, or a mere count."""
 
 
 def load_parquet(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:

@@ -1,4 +1,4 @@
-"""What floquid writes into a table beside the samples: one line of JSON that other programs skip.
+"""Statement that floquid writes into a table beside the samples: one line of JSON that other programs skip.
 
 A table cannot say everything that a record says: an exact rate, a period, a quantity. The line has it:
 
@@ -21,14 +21,14 @@ from floquid.io import Source
 from floquid.tables import numbers_of
 
 RECORD_LINE = "# floquid record: "
-"""What the line begins with in a text file."""
+"""Begin of the line in a text file."""
 
 _WORDS = ("name", "quantity", "unit", "location", "direction")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stated:
-    """What our own line states, None for what it does not; `orbit` is (channels, phases)."""
+    """Statements of our own line, None for those it has not; `orbit` is (channels, phases)."""
 
     sample_rate: float | None = None
     start: float | None = None
@@ -55,7 +55,7 @@ def stated_text(record: Record, *, ascii_only: bool = True) -> str:
 
 
 def stated_in(source: Source, text: str | bytes | None, place: str, remedy: str) -> Stated:
-    """What our own line at `place` of a file states; nothing where there is none."""
+    """Statements of our own line at `place` of a file; empty where there is none."""
     if text is None:
         return Stated()
     try:
@@ -72,7 +72,7 @@ def stated_in(source: Source, text: str | bytes | None, place: str, remedy: str)
 
 
 def stated_line(source: Source, lines: Sequence[str]) -> Stated:
-    """What our own line among those of a text states; nothing where there is none."""
+    """Statements of our own line among those of a text; empty where there is none."""
     text = next((line.removeprefix(RECORD_LINE) for line in lines if line.startswith(RECORD_LINE)), None)
     remedy = "Delete that line: the table can be read without it."
     return stated_in(source, text, f"the line `{RECORD_LINE.strip()}`", remedy)

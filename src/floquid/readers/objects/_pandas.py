@@ -154,7 +154,7 @@ def from_pandas(
 
 
 def _own(attrs: Mapping[Any, Any], source: Source) -> Mapping[str, Any]:
-    """What `to_pandas` said, and nothing where it did not."""
+    """Attributes that `to_pandas` wrote; empty where it did not."""
     said = attrs.get(OWN, {})
     tables = [said.get(key, {}) for key in ("channels", "orbit")] if isinstance(said, Mapping) else [None]
     if not all(isinstance(table, Mapping) for table in tables):

@@ -21,7 +21,7 @@ _SEEN = 0.005
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """What the headers say of time: the rate [Hz] (None for a column of times), the start [s], and how it was found.
+    """Time axis of the headers: the rate [Hz] (None for a column of times), the start [s], and how it was found.
 
     `scale` is the unit of the abscissas [s].
     """
@@ -80,7 +80,7 @@ def shared_axis(
 
 
 def _agree(stated: OwnLines, start: Printed, step: Printed) -> bool:
-    """Whether exact numbers are printed as those of the header."""
+    """True where exact numbers are printed as those of the header."""
     off = abs(1.0 / stated.sample_rate - step.value), abs(stated.start - start.value)
     return off[0] <= 0.6 * step.quantum and off[1] <= 0.6 * start.quantum
 

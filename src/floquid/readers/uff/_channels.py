@@ -48,7 +48,7 @@ _WORDS = "floquid {"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnLines:
-    """What ID lines of ours state: numbers in Hz and s, and the `words` of the channel, as far as they could be read.
+    """Content of ID lines of ours: numbers in Hz and s, and the `words` of the channel, as far as they could be read.
 
     `doubt` says in a sentence why they could not, or is empty.
     """
@@ -83,7 +83,7 @@ def unit_label(unit: str) -> str:
 
 
 def own_lines(source: Source, header: FunctionHeader) -> OwnLines | None:
-    """What the ID lines state if floquid wrote them, else None."""
+    """Statements of the ID lines if floquid wrote them, else None."""
     rate = _RATE.fullmatch(header.ids[1])
     if rate is None:
         return None
@@ -152,7 +152,7 @@ _QUANTITIES: dict[int, Quantity] = {
     19: "other",
     20: "other",
 }
-"""What the specific data type of an ordinate says; 0 (unknown) and 1 (general) leave it to the unit."""
+"""Quantity by the specific data type of an ordinate; 0 (unknown) and 1 (general) leave it to the unit."""
 
 _SYSTEMS = {1: ("m", "N"), 2: ("ft", "lbf"), 5: ("mm", "mN"), 6: ("cm", "cN"), 7: ("in", "lbf")}
 """Units of length and force, by the code of dataset 164; others name none that could be taken over."""

@@ -47,7 +47,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """What an axis measures: the number of the specific data type, and the texts for people, "" when unused."""
+    """Quantity of an axis: the number of the specific data type, and the texts for people, "" when unused."""
 
     kind: int
     label: str
@@ -76,7 +76,7 @@ class FunctionHeader:
 
     @property
     def is_complex(self) -> bool:
-        """Whether each ordinate is a complex number."""
+        """True where each ordinate is a complex number."""
         return self.data_type in (5, 6)
 
     @property
@@ -188,7 +188,7 @@ def _field(cell: str, kind: str) -> object:
 
 _MARK = b"    -1"
 _BLANK = b" \t\r\n\x1a"
-"""What may stand between datasets; 0x1A is the end mark of old text files."""
+"""Bytes that may stand between datasets; 0x1A is the end mark of old text files."""
 
 _CLOSING = re.compile(rb"[\r\n]{0,4}    -1[ \t]*(?:\r?\n|\Z)")
 """After a binary block: some programs begin a new line before it, some do not."""
@@ -199,7 +199,7 @@ _COPY = "Copy it again as a binary file, or export it again."
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BinaryBlock:
-    """What the first line of a binary dataset says of its bytes."""
+    """Layout of the bytes of a binary dataset, from its first line."""
 
     byte_order: int
     float_format: int
@@ -295,7 +295,7 @@ def _binary(source: Source, text: str, place: int) -> BinaryBlock:
 
 
 def _end_of_text(source: Source, data: bytes, place: int, number: int, first: int) -> tuple[int, int]:
-    """Where the text from `place` on ends, and where the line after its closing mark begins."""
+    """End of the text from `place` on, and begin of the line after its closing mark."""
     found = place - 1
     while (found := data.find(b"\n" + _MARK, found)) >= 0:
         line, following = _line(data, found + 1)

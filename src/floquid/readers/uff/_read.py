@@ -136,7 +136,7 @@ def _functions(source: Source, datasets: Sequence[Dataset], system: int | None) 
 
 
 def _aside(datasets: Sequence[Dataset]) -> list[str]:
-    """What is not a time response, as in «3 datasets of type 15 (nodes)»."""
+    """Datasets that are no time responses, as in «3 datasets of type 15 (nodes)»."""
     others = Counter(d.number for d in datasets if d.header is None)
     functions = Counter(d.header.function for d in datasets if d.header and d.header.function != _TIME_RESPONSE)
     words = [_counted(count, "dataset", number, _TYPES) for number, count in others.items()]
@@ -169,7 +169,7 @@ def _values(
 def _notes(
     axis: Axis, datasets: Sequence[Dataset], functions: Sequence[_Function], system: int | None
 ) -> tuple[str, ...]:
-    """What else the file says, and what of it is not used."""
+    """Further statements of the file, and parts of it that are not used."""
     notes = [*axis.notes, *(note for function in functions for note in function.notes)]
     notes += [f"The file also holds {words}, not used." for words in _aside(datasets) if "type 164 " not in words]
     if system is not None:

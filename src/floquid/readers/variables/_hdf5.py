@@ -100,7 +100,7 @@ class Hdf5File:
 
 
 def _is_one_thing(group: Any) -> bool:
-    """Whether MATLAB keeps one variable in a group that is not a struct."""
+    """True where MATLAB keeps one variable in a group that is not a struct."""
     return "MATLAB_sparse" in group.attrs or attribute(group, "MATLAB_class") == "function_handle"
 
 

@@ -66,7 +66,7 @@ class Variable:
 
     @property
     def levels(self) -> list[str]:
-        """Where the variable is, from the innermost group or struct outwards, each ending in a slash; "" is last."""
+        """Path of the variable, from the innermost group or struct outwards, each ending in a slash; "" is last."""
         words = self.path.split("/")[:-1]
         return ["".join(f"{word}/" for word in words[:depth]) for depth in range(len(words), -1, -1)]
 
@@ -77,12 +77,12 @@ class Variable:
 
     @property
     def is_vector(self) -> bool:
-        """Whether these are numbers along one axis, at least two."""
+        """True for numbers along one axis, at least two."""
         return self.kind == "numbers" and self.size >= 2 and max(self.shape) == self.size
 
     @property
     def is_matrix(self) -> bool:
-        """Whether these are numbers along two axes, at least two of each."""
+        """True for numbers along two axes, at least two of each."""
         return self.kind == "numbers" and len(self.shape) == 2 and min(self.shape) >= 2
 
     @property
@@ -94,7 +94,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dialect:
-    """How the program that wrote a file says things: how to `save` a record, and how to turn `values` round."""
+    """Expressions of the program that wrote a file: how to `save` a record, and how to turn `values` round."""
 
     save: str
     turn: str

@@ -261,6 +261,7 @@ HIDDEN = {
 }
 
 
+@pytest.mark.first(10)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", HIDDEN)
 def test_one_mode_of_each_family(name, seed):
@@ -375,6 +376,7 @@ def test_a_truncation_below_the_lines_is_not_settled(n_harmonics):
     assert_exponents_close(hill(system, n_harmonics=36).exponents, exact, 2 * pi, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_lines_beyond_what_can_be_held_are_refused():
     with pytest.raises(InputError, match=r"harmonics \(up to 300\) that were not met"):
         hill(block_matrix(far_lines(16, 0.0, {300: 1.0}), 6))
