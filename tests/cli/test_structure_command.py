@@ -13,7 +13,6 @@ import floquid
 from floquid.cli import _terminal
 from floquid.reconstruction import refine
 from floquid.systems import JeffcottRotor
-from floquid.views import upper_modes
 
 ROTOR = JeffcottRotor()
 IDENTIFY = f"identify rotor.npz --channels X,Y --period {2.0 * np.pi!r}"
@@ -184,7 +183,7 @@ def test_the_modes_have_deviations_of_frequency_and_damping_where_they_fit(refin
     monkeypatch.setenv("COLUMNS", "80")
     _terminal.print_modes(_terminal.terminal(), refined)
     rows = [line for line in capsys.readouterr().out.splitlines() if re.match(r"\s*[12] ", line)]
-    for row, r in zip(rows, upper_modes(model), strict=True):
+    for row, r in zip(rows, model.upper_modes, strict=True):
         assert len(row) <= 80
         _, _, (frequency, frequency_std), (damping, damping_std) = numbers(row)
         assert frequency == pytest.approx(model.frequencies_hz[r], abs=frequency_std)

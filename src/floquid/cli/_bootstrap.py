@@ -21,7 +21,6 @@ from floquid.cli._terminal import counted, json_text, new_table, print_files, pr
 from floquid.pipeline import Analysis, Bootstrap, Spread
 from floquid.pipeline import bootstrap as bootstrap_analysis
 from floquid.store import DrawFile, load
-from floquid.views import upper_modes
 
 OF = "floquid bootstrap"
 
@@ -131,7 +130,7 @@ def _modes(analysis: Analysis, found: Bootstrap) -> Table:
         ("f [Hz]", found.frequencies_hz, np.real),
         ("ζ", found.damping_ratios, np.real),
     )
-    for number, mode in enumerate(upper_modes(analysis.model), start=1):
+    for number, mode in enumerate(analysis.model.upper_modes, start=1):
         for place, (name, spread, part) in enumerate(rows):
             std, ratio = part(spread.std[mode]), spread.ratio
             low, high = (part(end[mode]) for end in spread.interval())

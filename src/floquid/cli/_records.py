@@ -21,7 +21,6 @@ from floquid.exports import MODE_FORMATS, export_modes
 from floquid.io import GUARD, attribute
 from floquid.readers import ClockCandidate, FileSummary, describe_file, read, write
 from floquid.store import load
-from floquid.views import upper_modes
 
 OF = "floquid convert"
 
@@ -263,5 +262,5 @@ def _convert_modes(result: Path, out: Path, options: Mapping[str, object]) -> No
         report(f"writing {out.name}")
         export_modes(analysis, out)
     model = analysis.model
-    modes, harmonics = counted(len(upper_modes(model)), "mode"), counted(len(model.harmonics), "harmonic")
+    modes, harmonics = counted(len(model.upper_modes), "mode"), counted(len(model.harmonics), "harmonic")
     terminal().print(f"Written to {out}: {modes}, of {harmonics}.", soft_wrap=True)

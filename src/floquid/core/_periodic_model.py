@@ -14,6 +14,9 @@ from floquid.core._estimates import Estimates
 from floquid.core._provenance import Provenance
 from floquid.core._record import as_channels
 
+SAME = 1e-9
+"""Share of the fundamental within which two exponents are one."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PeriodicModel(Rebuilt):
@@ -125,6 +128,23 @@ class PeriodicModel(Rebuilt):
     def order(self) -> int:
         """The number of modes, conjugates counted one by one."""
         return len(self.exponents)
+
+    @property
+    def unpaired(self) -> NDArray[np.bool_]:
+        """Mask of the modes that are no half of a conjugate pair of the model (modes,)."""
+        near = np.abs(np.subtract.outer(self.exponents, self.exponents.conj())) < SAME * self.fundamental
+        return np.diag(near) | ~near.any(axis=1)
+
+    @property
+    def real(self) -> NDArray[np.bool_]:
+        """Mask of the modes of a real multiplier, listed once (modes,): 2 Im λ is a whole number of fundamentals."""
+        turns = 2.0 * self.exponents.imag / self.fundamental
+        return self.unpaired & (np.abs(turns - np.rint(turns)) < SAME)
+
+    @property
+    def upper_modes(self) -> tuple[int, ...]:
+        """One mode of each conjugate pair, that of positive imaginary part, and each that is unpaired (indices)."""
+        return tuple(np.flatnonzero(self.unpaired | (self.exponents.imag > 0.0)).tolist())
 
     @property
     def n_hits(self) -> int:

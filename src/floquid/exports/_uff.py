@@ -18,7 +18,6 @@ from floquid._checks import frozen_array, input_error
 from floquid._version import __version__
 from floquid.core import Channel, PeriodicModel
 from floquid.readers import UFF_KINDS
-from floquid.views import upper_modes
 
 _STRUCTURAL, _FIRST_ORDER, _TRANSLATIONS, _WITH_ROTATIONS, _COMPLEX = 1, 3, 2, 3, 5
 _SPECIFIC = UFF_KINDS | {"force": 1}
@@ -43,7 +42,7 @@ def uff_bytes(model: PeriodicModel, coordinates: Mapping[str, ArrayLike]) -> byt
     places = degrees_of_freedom(model.channels)
     lines = [*_header(), *_nodes(model.channels, places, coordinates)]
     number = 0
-    for mode in upper_modes(model):
+    for mode in model.upper_modes:
         for index in np.flatnonzero((model.coefficients[mode] != 0).any(axis=(0, 1))):
             number += 1
             for hit in range(model.n_hits):

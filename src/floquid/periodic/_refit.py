@@ -26,7 +26,6 @@ from floquid.periodic.least_squares import (
     record_blocks,
     solve,
     through,
-    upper,
 )
 from floquid.sync import ShaftAngle
 
@@ -202,7 +201,7 @@ def _scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> NDAr
     """The coefficients of a model on the scaled columns of a block, after its filter (columns, rows)."""
     columns = entries.columns()
     place = np.searchsorted(model.harmonics, columns.harmonics)
-    own = np.array(upper(model), np.int64)[columns.modes]
+    own = np.array(model.upper_modes, np.int64)[columns.modes]
     # A column without a sine counts once, the others with their conjugates.
     share = np.where(entries.sines(), 1.0, 0.5) * block.scales(columns)
     coefficients = model.coefficients[own, :, block.hit, place][:, block.rows] * share[:, None]

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid import views
 from floquid._checks import frozen_array, input_error
 from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, stability, upper_modes
@@ -217,7 +216,7 @@ def _number(axes: Axes, values: NDArray[np.complex128]) -> None:
 def _identified(model: PeriodicModel, truth: ArrayLike | None, of: str) -> Figure:
     """The exponents and the multipliers of a model, and each exponent close up with the region of its errors."""
     known = None if truth is None else frozen_array(truth, "truth", of, axes=("exponents",), dtype=np.complex128)
-    upper, edges = list(views.upper_modes(model)), exponent_ellipses(model, LEVEL)
+    upper, edges = list(model.upper_modes), exponent_ellipses(model, LEVEL)
     close = upper[:MOST] if edges is not None else []
     rows = -(-len(close) // ACROSS)
     paired = None if known is None else _truth_of(model, known)

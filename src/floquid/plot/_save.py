@@ -23,7 +23,6 @@ from floquid.plot._spectra import spectra
 from floquid.plot._style import style
 from floquid.plot._synchronisation import speed, synchronisation
 from floquid.plot._system_elements import system_elements
-from floquid.views import upper_modes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -129,7 +128,7 @@ def _drawings(analysis: Analysis, truth: tuple[ArrayLike, ArrayLike] | None) -> 
 
 def _strongest(analysis: Analysis) -> tuple[int, int, int]:
     """The mode, channel and hit of the largest response over the noise; of a pair the mode above the real axis."""
-    model, upper = analysis.model, upper_modes(analysis.model)
+    model, upper = analysis.model, analysis.model.upper_modes
     energy = np.sum(np.abs(model.coefficients[list(upper)]) ** 2, axis=3) / analysis.noise**2
     place, row, hit = np.unravel_index(int(np.argmax(energy)), energy.shape)
     return upper[place], int(row), int(hit)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid import views
 from floquid._checks import frozen_array, index, input_error
 from floquid.core import PeriodicModel, channels_named
 from floquid.floquet import FloquetModes, multiplier_is_real, stability, state_participation, upper_modes
@@ -239,7 +238,7 @@ def _strongest(model: PeriodicModel) -> list[int]:
     energy = np.sum(np.abs(model.coefficients) ** 2, axis=(2, 3))
     share = np.sum(energy / np.maximum(energy.max(axis=0), 1e-300), axis=1)
     units = len({channel.unit for channel in model.channels})
-    upper = sorted(views.upper_modes(model), key=lambda r: -share[r])
+    upper = sorted(model.upper_modes, key=lambda r: -share[r])
     return sorted(upper[: max(1, min(_MODES, _ROWS // units))])
 
 
@@ -255,7 +254,7 @@ def _looks(model: PeriodicModel, rows: list[int], modes: list[int], hit: int) ->
 
 def _title_with_errors(model: PeriodicModel, mode: int) -> str:
     """The number of the mode and its exponent with the deviations."""
-    value, std, upper = model.exponents[mode], model.exponent_std, views.upper_modes(model)
+    value, std, upper = model.exponents[mode], model.exponent_std, model.upper_modes
     spread = complex(np.nan, np.nan) if std is None else complex(std[mode])
     number = f"mode {upper.index(mode) + 1}" if mode in upper else f"index {mode}"
     sign = "+" if value.imag >= 0.0 else "-"

@@ -13,7 +13,7 @@ from floquid.core import channels_named
 from floquid.pipeline import Analysis
 from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
 from floquid.plot._style import SIZE, columns_that_fit, degrees_a_period, drawing, frequency_unit, plain
-from floquid.views import Family, envelope, families, lifted_spectrum, record_spectrum, upper_modes
+from floquid.views import Family, envelope, families, lifted_spectrum, record_spectrum
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,7 +99,7 @@ def spectra(
         below = figure.add_subplot(grid[1], sharex=panels[0])
         _draw_record(panels[0], analysis, rows, hit, marks, turn=turn, end=end, points=points)
         _draw_lifted(panels[1], analysis, rows, angles, hit, turn=turn, points=points)
-        upper = upper_modes(analysis.model)
+        upper = analysis.model.upper_modes
         numbers = [upper.index(family.mode) + 1 for family in shown]
         _draw_families(below, shown, numbers, scale=scale, end=end)
         panels[0].tick_params(labelbottom=False)

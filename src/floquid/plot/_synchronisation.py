@@ -13,7 +13,7 @@ from floquid.pipeline import Analysis
 from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
 from floquid.plot._style import INTERVAL, drawing, keep_sizes, label_values, whole_numbers
 from floquid.sync import ShaftAngle
-from floquid.views import Synchronisation, upper_modes
+from floquid.views import Synchronisation
 from floquid.views import synchronisation as synchronisation_of
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def synchronisation(analysis: Analysis, *, hit: int = 0) -> Figure:
     with drawing(5.2) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True)
         _draw_slip(upper, found)
-        _draw_phases(lower, found, upper_modes(analysis.model))
+        _draw_phases(lower, found, analysis.model.upper_modes)
         upper.set_title(_verdict(found), loc="left")
         lower.set_title("phase of the strongest lines", loc="left")
         lower.set_xlabel("time [s]")

@@ -8,7 +8,7 @@ import numpy as np
 
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis
-from floquid.views import shortened, upper_modes
+from floquid.views import shortened
 
 MOST_CHANNELS = 8  # channels that one figure can tell apart; the result file holds all
 LONGEST = 28  # characters of a name in a legend
@@ -48,7 +48,7 @@ class Case:
 def case_of(analysis: Analysis, scan: OrderScan | None, why: str = "") -> Case:
     """Choose what is shown."""
     model = analysis.model
-    modes = tuple(upper_modes(model))
+    modes = tuple(model.upper_modes)
     energy = np.abs(model.coefficients) ** 2 / analysis.noise[:, :, None] ** 2
     energy = energy.sum(axis=-1)  # (modes, channels, hits)
     # Every mode counts the same, or the channels of the strongest mode alone would be seen.

@@ -214,8 +214,8 @@ def lines_of(model: PeriodicModel, highest: float) -> tuple[NDArray[np.int64], N
     kept = (model.coefficients != 0).any(axis=(1, 2))
     modes, harmonics = [], []
     for mode, row in enumerate(kept):
-        alone = not (np.delete(model.exponents, mode) == model.exponents[mode].conj()).any()
-        if not row.any() or (model.exponents[mode].imag < 0 and not alone):
+        alone = bool(model.unpaired[mode])
+        if not row.any() or mode not in model.upper_modes:
             continue
         low, high = model.harmonics[row][[0, -1]]
         near = np.concatenate([np.arange(low - BESIDE, low), np.arange(high + 1, high + 1 + BESIDE)])

@@ -225,7 +225,6 @@ def _power(case: Case, mode: int) -> float:
     """The power of a mode, with its conjugate, in all records over the noise."""
     model, total = case.model, 0.0
     value = model.exponents[mode]
-    alone = not (np.delete(model.exponents, mode) == value.conj()).any()
     for hit, (record, (times, _)) in enumerate(zip(case.records, case.instants, strict=True)):
         # A growing mode is counted from its end, so that nothing overflows.
         origin = times[-1] if value.real > 0 else times[0]
@@ -233,4 +232,4 @@ def _power(case: Case, mode: int) -> float:
         decay = there @ np.exp(2.0 * value.real * (times - origin))
         sizes = np.abs(model.coefficients[mode, :, hit] * np.exp(value.real * origin)) / case.noise[:, hit, None]
         total += float(np.sum(sizes**2, axis=1) @ decay)
-    return total if alone else 2.0 * total
+    return total if model.unpaired[mode] else 2.0 * total

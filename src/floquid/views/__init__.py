@@ -7,7 +7,7 @@ from floquid.views._ellipses import ellipse, exponent_ellipses, multiplier_ellip
 from floquid.views._expansion import Expansion, expansion, identified_residue
 from floquid.views._families import Family, families, unfolded
 from floquid.views._mode_table import ModeRow, mode_table, note_meanings
-from floquid.views._modes import grows, is_real, upper_modes
+from floquid.views._modes import grows
 from floquid.views._names import element_unit, shortened
 from floquid.views._option_names import SHORT, for_command
 from floquid.views._outcome import outcome_lines, verdict_line
@@ -37,7 +37,6 @@ __all__ = [
     "for_command",
     "grows",
     "identified_residue",
-    "is_real",
     "lifted_points",
     "lifted_spectrum",
     "mode_notes",
@@ -54,7 +53,6 @@ __all__ = [
     "synchronisation",
     "synthesis",
     "unfolded",
-    "upper_modes",
     "verdict_line",
     "whitening_words",
     "with_error",

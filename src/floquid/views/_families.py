@@ -13,7 +13,7 @@ from floquid.lti import fit_residues
 from floquid.order import OrderScan
 from floquid.periodic import physical_exponents
 from floquid.pipeline import Analysis
-from floquid.views._modes import checked, frozen, is_real, paired, upper_modes
+from floquid.views._modes import checked, frozen, paired
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,10 +55,10 @@ def families(analysis: Analysis) -> tuple[Family, ...]:
     weighted = np.abs(model.coefficients) / analysis.noise[None, :, :, None]
     energies = np.sum((weighted / max(float(weighted.max(initial=0.0)), 1e-300)) ** 2, axis=(1, 2))
     found = []
-    for mode in upper_modes(model):
+    for mode in model.upper_modes:
         rates = model.exponents[mode].imag + model.fundamental * model.harmonics
         kept = energies[mode] > 0.0
-        if is_real(model, mode):
+        if model.real[mode]:
             kept &= rates > -1e-9 * model.fundamental
         share = energies[mode][kept]
         found.append(

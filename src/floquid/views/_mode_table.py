@@ -9,7 +9,6 @@ import numpy as np
 
 from floquid.periodic import participation
 from floquid.pipeline import Analysis
-from floquid.views._modes import is_real, upper_modes
 from floquid.views._words import MODE_NOTES, mode_notes, with_error
 
 
@@ -64,7 +63,7 @@ def mode_table(analysis: Analysis, *, derived: bool = True) -> tuple[ModeRow, ..
     std = unknown + 0j * unknown if model.exponent_std is None else model.exponent_std
     hertz, damping = (model.frequency_std_hz, model.damping_ratio_std) if derived else (None, None)
     rows = []
-    for number, mode in enumerate(upper_modes(model), start=1):
+    for number, mode in enumerate(model.upper_modes, start=1):
         value, ratio = model.exponents[mode], 100.0 * model.damping_ratios[mode]
         kept, _ = participation(model, mode, 1.0 / analysis.noise)
         own = model.frequencies_hz[mode]
@@ -72,7 +71,7 @@ def mode_table(analysis: Analysis, *, derived: bool = True) -> tuple[ModeRow, ..
             ModeRow(
                 number=str(number),
                 decay=with_error(value.real, std[mode].real),
-                frequency=("" if is_real(model, mode) else "±") + with_error(abs(value.imag), std[mode].imag),
+                frequency=("" if model.real[mode] else "±") + with_error(abs(value.imag), std[mode].imag),
                 hertz=f"{own:.5g}" if hertz is None else with_error(own, hertz[mode]),
                 damping=f"{ratio:.3g}" if damping is None else with_error(ratio, 100.0 * damping[mode]),
                 multiplier=f"{abs(model.multipliers[mode]):.4f}",

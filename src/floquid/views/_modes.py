@@ -12,19 +12,6 @@ from floquid.pipeline import Analysis
 EVIDENT = 4.0  # standard deviations from which on a growth is one
 
 
-def upper_modes(model: PeriodicModel) -> tuple[int, ...]:
-    """The modes of a model, one of each conjugate pair: that of positive imaginary part, or a real one (indices)."""
-    lam, near = model.exponents, 1e-9 * model.fundamental
-    paired = (np.abs(np.subtract.outer(lam, lam.conj())) < near).any(axis=1)
-    return tuple(int(r) for r in np.flatnonzero((lam.imag >= -near) | ~paired))
-
-
-def is_real(model: PeriodicModel, mode: int) -> bool:
-    """True where the multiplier of a `mode` of the `model` is real: 2 Im λ is a whole number of fundamentals."""
-    half_turns = 2.0 * model.exponents[mode].imag / model.fundamental
-    return abs(half_turns - np.rint(half_turns)) < 1e-9
-
-
 def grows(model: PeriodicModel, mode: int) -> bool:
     r"""True where a `mode` of the `model` grows beyond doubt, or as far as is known.
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from floquid.pipeline import Analysis
 from floquid.validation import Validation
-from floquid.views._modes import upper_modes
 from floquid.views._words import mode_notes, period_words
 
 MOST_NAMED = 6
@@ -69,14 +68,14 @@ def _noise(analysis: Analysis) -> str:
 
 
 def _order(analysis: Analysis) -> str:
-    order, modes = analysis.model.order, len(upper_modes(analysis.model))
+    order, modes = analysis.model.order, len(analysis.model.upper_modes)
     if analysis.settings.order is not None:
         return f"{order}, as asked for"
     if analysis.choice is None:
         return ""
     if analysis.choice.ambiguous:
         return f"{order}, ambiguous: the warnings say why"
-    weak = sum("weak" in mode_notes(analysis, r) for r in upper_modes(analysis.model))
+    weak = sum("weak" in mode_notes(analysis, r) for r in analysis.model.upper_modes)
     needed = "the one mode is needed" if modes == 1 else f"each of the {modes} modes is needed"
     return f"{order}, clear: {needed}" + (f", {weak} weakly determined" if weak else "")
 

@@ -13,7 +13,7 @@ from floquid.core import PeriodicModel
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
 from floquid.views._families import families
-from floquid.views._modes import checked, is_real, upper_modes
+from floquid.views._modes import checked
 from floquid.views._synthesis import Response, response_of
 
 STRETCHES, FEWEST = 12, 4  # stretches that a record is cut into at most, and cycles that each has at least
@@ -231,8 +231,8 @@ class Stretch:
         """The samples at `times` [s] and `angles` [rad]; `gain` is a filter's (channels, modes, harmonics)."""
         middle = len(times) // 2
         rates, sizes, turns, places, mirrored, names = [], [], [], [], [], []
-        for place, mode in enumerate(upper_modes(model)):
-            lam, real = model.exponents[mode], is_real(model, mode)
+        for place, mode in enumerate(model.upper_modes):
+            lam, real = model.exponents[mode], model.real[mode]
             half = lam.imag / model.fundamental if real else 0.0
             # What locks to the period turns in the angle alone.
             rate = complex(lam.real, 0.0) if real else complex(lam)

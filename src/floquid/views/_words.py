@@ -8,7 +8,7 @@ from floquid.lifting import Lifted
 from floquid.periodic import CONFIDENT, participation
 from floquid.pipeline import Analysis
 from floquid.validation import Validation
-from floquid.views._modes import grows, is_real
+from floquid.views._modes import grows
 
 MODE_NOTES = {
     "weak": "weakly determined",
@@ -64,7 +64,7 @@ def mode_notes(analysis: Analysis, mode: int) -> list[str]:
     """
     model = analysis.model
     error = complex(np.nan, np.nan) if model.exponent_std is None else model.exponent_std[mode]
-    real, multiplier = is_real(model, mode), model.multipliers[mode]
+    real, multiplier = model.real[mode], model.multipliers[mode]
     _, shares = participation(model, mode, 1.0 / analysis.noise)
     strongest = np.sort(shares)[::-1]
     deserved = {

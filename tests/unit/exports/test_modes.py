@@ -17,7 +17,6 @@ from floquid.exports import MODE_FORMATS, export_modes, summary
 from floquid.exports._uff import degrees_of_freedom
 from floquid.pipeline import identify
 from floquid.systems import JeffcottRotor
-from floquid.views import upper_modes
 
 CHANNELS = (
     Channel(name="a", unit="mm", location="blade 3", direction="-Y"),
@@ -323,4 +322,4 @@ def test_what_cannot_be_is_refused(arguments, options, words, tmp_path, monkeypa
 def test_of_conjugates_one_is_in_a_universal_file(analysis, tmp_path):
     _, _, shapes = datasets(written(analysis, tmp_path / "modes.uff"))
     found = {shape["id2"] for shape in shapes}
-    assert len(found) == len(upper_modes(analysis.model)) == analysis.model.order // 2
+    assert len(found) == len(analysis.model.upper_modes) == analysis.model.order // 2

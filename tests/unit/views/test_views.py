@@ -455,8 +455,8 @@ def test_what_is_not_there_is_refused(found, call, words):
 
 
 def test_modes_of_a_pair_are_one(found, locked):
-    assert views.upper_modes(found.model) == (0, 2)
-    assert views.upper_modes(locked.model) == (0,)
+    assert found.model.upper_modes == (0, 2)
+    assert locked.model.upper_modes == (0,)
     order = [1, 0, 3, 2]
     turned = PeriodicModel(
         exponents=found.model.exponents[order],
@@ -465,7 +465,7 @@ def test_modes_of_a_pair_are_one(found, locked):
         period=found.model.period,
         channels=found.model.channels,
     )
-    assert views.upper_modes(turned) == (1, 3)
+    assert turned.upper_modes == (1, 3)
 
 
 def test_growth_is_told_from_its_deviation(found):

@@ -172,25 +172,13 @@ class ModeParameters:
     @staticmethod
     def of(model: PeriodicModel) -> ModeParameters:
         """The modes of a `model`, with the bands that it keeps."""
-        chosen = upper(model)
-        real = np.array([is_real(model, r) for r in chosen], bool)
+        chosen = list(model.upper_modes)
+        real = model.real[chosen]
         kept = (model.coefficients != 0).any(axis=(1, 2))[chosen]
         bands = [(model.harmonics[row][0], model.harmonics[row][-1]) if row.any() else (0, 0) for row in kept]
         own = model.exponents[chosen]
         offsets = np.where(real, 0.5 * np.rint(2.0 * own.imag / model.fundamental), 0.0)
         return ModeParameters.made(np.where(real, own.real, own), bands, model.fundamental, real=real, offsets=offsets)
-
-
-def is_real(model: PeriodicModel, mode: int) -> bool:
-    """True where a mode is its own conjugate: its multiplier is real, and it is listed once."""
-    twice = 2.0 * model.exponents[mode].imag / model.fundamental
-    alone = not (np.delete(model.exponents, mode) == model.exponents[mode].conj()).any()
-    return alone and abs(twice - round(twice)) < 1e-9
-
-
-def upper(model: PeriodicModel) -> list[int]:
-    """One mode of each pair, that of positive imaginary part, and all real ones."""
-    return [r for r in range(model.order) if is_real(model, r) or model.exponents[r].imag > 0]
 
 
 def forced_entries(turns: Sequence[float], fundamental: float, *, factor: int = 0) -> ModeParameters:

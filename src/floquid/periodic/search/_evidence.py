@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, note, warning
-from floquid.periodic.least_squares import shapes, upper
+from floquid.periodic.least_squares import shapes
 from floquid.periodic.search._result import SearchResult
 
 LOUD = 2.0
@@ -146,7 +146,7 @@ def combinations_of(
     tuple of Finding
         One a mode.
     """
-    chosen, std = upper(model), model.exponent_std
+    chosen, std = list(model.upper_modes), model.exponent_std
     if std is None or not chosen:
         return ()
     size = np.abs(model.coefficients[chosen] / noise[:, :, None]).max(axis=(1, 2, 3))
