@@ -10,11 +10,12 @@ from hypothesis import HealthCheck, settings
 os.environ["MPLBACKEND"] = "Agg"
 
 LOOKED_AT = re.compile(r"tests/browser/|tests/docs/test_blocks\.py::test_page\b")
+REPEATED = re.compile(r"tests/statistics/test_(?!uncertainty|state_matrix)|benchmarks/(peers|order)/")
 
 # No time is ever asserted: neither a deadline nor hypothesis' own complaint about slow data.
 settings.register_profile(
     "fixed",
-    max_examples=30,
+    max_examples=20,
     derandomize=True,
     database=None,
     deadline=None,
@@ -28,7 +29,7 @@ settings.load_profile("fixed")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """All sets of parameters but the first few of a test marked `first` are slow; pages have a target.
+    """Statistics are slow, and all sets of parameters but the first few of a test marked `first`; pages have a target.
 
     `make pages` makes the report, opens it in a browser, and runs the blocks of every page as a reader would.
     """
@@ -36,6 +37,8 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if LOOKED_AT.search(item.nodeid):
             item.add_marker(pytest.mark.pages)
+        if REPEATED.search(item.nodeid):
+            item.add_marker(pytest.mark.slow)
         few = item.get_closest_marker("first")
         if few is not None:
             name = item.nodeid.partition("[")[0]

@@ -16,7 +16,6 @@ from floquid.lti import fit_residues
 CASE = cases.modes(2, 0, outputs=10, samples=120)
 
 
-@pytest.mark.slow
 def test_it_runs_and_writes_its_tables(tmp_path, capsys):
     """Ours on the paper's record, twice: the second time finds what the first wrote."""
     told = ["--seeds", "2", "--only", "Likelihood (order unknown)", "--out", str(tmp_path)]
@@ -37,7 +36,6 @@ def test_unknown_names_are_refused(capsys):
     assert "MaximumLikelihood (order unknown)" in capsys.readouterr().err
 
 
-@pytest.mark.first(0)
 @pytest.mark.parametrize("entry", entries(), ids=lambda e: e.name)
 def test_everyone_finds_two_modes(entry):
     """In twenty times less than the paper's noise: settings are for the paper's record, and these are 120 samples."""
@@ -83,7 +81,6 @@ def entry_that_gives(found):
     return Entry("known", "everything", lambda data, order: found)
 
 
-@pytest.mark.slow
 def test_the_true_poles_cost_nothing_and_spare_ones_are_not_looked_at():
     truth = np.exp(CASE.logs)
     row = judged(entry_that_gives(np.concatenate([truth, truth.conj(), [0.1, np.nan, 0.0]])), [CASE])
@@ -118,7 +115,6 @@ def test_slopes_are_exponents():
     assert slope([10, 100, 1000], [1.0, 100.0, 10_000.0]) == pytest.approx(2.0)
 
 
-@pytest.mark.slow
 def test_memory_beyond_the_data_is_seen(monkeypatch):
     def hungry(data, order):
         return np.full(8_000_000, data.values.sum())

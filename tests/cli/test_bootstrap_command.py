@@ -49,6 +49,7 @@ def test_the_tables_say_what_the_numbers_say(result):
     assert "Add --out DIR" in text
 
 
+@pytest.mark.slow
 def test_json_is_the_bootstrap_alone(result):
     text = typed(f"bootstrap kept {COMMON} --format json --out new")
     content = strict_json(text)
@@ -86,6 +87,7 @@ def test_the_whole_again(result):
     assert re.search(r"the order came out the same in \d+\. Orders: 4 in", text)
 
 
+@pytest.mark.slow
 def test_wrong_deviations_are_said(result):
     """Of a result whose deviations were spoilt, the command says so; that is no failure of the command."""
     import h5py

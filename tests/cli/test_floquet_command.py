@@ -344,6 +344,7 @@ def test_azimuths_that_are_too_few(work):
     assert five["resolved"] is six["resolved"] is False
 
 
+@pytest.mark.slow
 @REAL
 def test_a_real_turbine(work):
     from tests.unit.floquet.files.test_read_openfast import FOLDER

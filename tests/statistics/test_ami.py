@@ -22,8 +22,6 @@ from floquid.lti.ami import _isolation as isolation
 from floquid.sync import segment
 from floquid.systems import JeffcottRotor
 
-pytestmark = pytest.mark.slow
-
 DATA = Path(__file__).parents[1] / "data"
 IDENTIFIERS = {"AMI": AMI(), "AMI, then maximum likelihood": MaximumLikelihood(initial=AMI())}
 EVERY = pytest.mark.parametrize("identifier", IDENTIFIERS.values(), ids=IDENTIFIERS)
@@ -172,7 +170,6 @@ def check(done: Repeated, assert_that, loss=LOSS):
 FEW = [("three", 0.02), ("a half-power width apart", 0.1), ("a real pole and a negative multiplier", 0.05)]
 
 
-@pytest.mark.first(1)
 @pytest.mark.parametrize(("name", "noise"), FEW)
 def test_every_mode_is_found_and_errs_as_it_says_at_the_bound(assert_that, name, noise):
     check(repeat(SYSTEMS[name], AMI(), range(6), noise=noise), assert_that)

@@ -17,8 +17,6 @@ from floquid.pipeline import Settings, find_poles
 from floquid.sync import segment
 from floquid.systems import JeffcottRotor
 
-pytestmark = pytest.mark.slow
-
 
 def errors_of(known, chain, seeds):
     return np.array([known.exponent_errors(chain(known.records(seed)))[0] for seed in seeds])

@@ -6,8 +6,6 @@ import pytest
 from floquid import ConstantPeriod, IdentificationError, Record, identify
 from floquid.systems import JeffcottRotor, Run
 
-pytestmark = pytest.mark.slow
-
 ROTOR = JeffcottRotor()
 
 

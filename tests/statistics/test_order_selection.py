@@ -21,7 +21,6 @@ def test_twenty_modes_at_two_percent(orders):
     assert orders.is_right(*orders.decays(20, outputs=60, samples=256), IDENTIFIER)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("modes", range(1, 21))
 def test_every_mode_of_many_random_systems_is_found_and_no_other(assert_that, orders, modes):
     outputs, samples = 10 + 4 * modes, max(64, 16 * modes)
@@ -34,7 +33,6 @@ def test_pure_noise_holds_no_mode(orders):
     assert orders.seen_in_noise(IDENTIFIER, range(20)) == 0
 
 
-@pytest.mark.slow
 def test_pure_noise_holds_no_mode_in_many_draws(orders):
     assert orders.seen_in_noise(IDENTIFIER, range(1000, 1100)) == 0
 
@@ -59,6 +57,5 @@ def test_pairs_a_tenth_of_the_half_power_width_apart_are_told_apart(assert_that,
     assert_that.happens_at_least(pairs_told_apart(orders, range(8)), 8, RATE)
 
 
-@pytest.mark.slow
 def test_many_pairs_a_tenth_of_the_half_power_width_apart_are_told_apart(assert_that, orders):
     assert_that.happens_at_least(pairs_told_apart(orders, range(100, 200)), 100, RATE)

@@ -1,7 +1,6 @@
 """Over many seeds of the paper's record the interval of the period has its level, and no harmonic is taken for it."""
 
 import numpy as np
-import pytest
 from scipy.stats import binom, chi2
 
 from floquid.periodic import estimate_period
@@ -13,7 +12,6 @@ RARE = 0.005
 """The probability at which a right method fails each of the two bounds."""
 
 
-@pytest.mark.slow
 def test_intervals_have_their_level_and_the_fundamental_is_never_mistaken():
     rotor = JeffcottRotor()
     found = [estimate_period([rotor.simulate(seed=seed)]) for seed in range(SEEDS)]
@@ -30,7 +28,6 @@ def test_intervals_have_their_level_and_the_fundamental_is_never_mistaken():
     assert low < squares < high, f"mean square {squares / len(told):.3g}"
 
 
-@pytest.mark.slow
 def test_a_shorter_and_noisier_record_is_never_mistaken(assert_that):
     rotor = JeffcottRotor()
     found = [estimate_period([rotor.simulate(n_periods=200, noise=0.1, seed=seed)]) for seed in range(20)]

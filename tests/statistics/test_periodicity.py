@@ -76,25 +76,21 @@ def check(kind, noise, seeds, *, exact):
         assert binom.cdf(called, tested, LEVEL) > RARE, f"{called} of {tested}: the test is timid"
 
 
-@pytest.mark.slow
 def test_few_constant_systems_are_called_periodic():
     check("apart", 0.02, 40, exact=False)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.02, 0.1])
 @pytest.mark.parametrize("kind", ["apart", "any"])
 def test_one_in_twenty_constant_systems_is_called_periodic(kind, noise):
     check(kind, noise, 400, exact=kind == "apart")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["half", "whole"])
 def test_a_mode_near_half_or_a_whole_fundamental_is_not_called_periodic_more_often(kind):
     check(kind, 0.02, 400, exact=False)
 
 
-@pytest.mark.first(1)
 @pytest.mark.parametrize("noise", [0.02, 0.1])
 @pytest.mark.parametrize("support", [2.0, 1.1])
 def test_a_tenth_of_the_papers_asymmetry_is_seen(support, noise):

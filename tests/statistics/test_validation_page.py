@@ -6,7 +6,6 @@ import pytest
 from benchmarks.validation import PAGE, ROOT, SECTIONS, write
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("section", SECTIONS)
 def test_a_section_is_measured(section):
     assert "nan" not in write(section)

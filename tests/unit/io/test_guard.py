@@ -81,6 +81,7 @@ def test_a_decoder_that_never_ends_is_damage(guard, monkeypatch):
 BUSY = "[None for now in [process_time] for begin in [now()] for _ in iter(lambda: now() - begin < 0.6, False)]"
 
 
+@pytest.mark.kill
 def test_time_is_counted_for_each_file(guard, monkeypatch):
     """Four times 0.6 s of the processor, where one file may take a second, and the second that it began in."""
     monkeypatch.setattr("floquid.io._guard.SECONDS", 1)

@@ -490,6 +490,7 @@ def louder(found, factor):
     )
 
 
+@pytest.mark.slow
 def test_draws_that_fail_are_counted_and_said():
     loud = louder(analysis(), 300.0)
     with warnings.catch_warnings():

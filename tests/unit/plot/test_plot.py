@@ -423,6 +423,7 @@ def every_figure(found):
     yield system_elements(big, channels=(Channel(name="s0", unit="m/s^2"), Channel(name="s1", unit="rad")))
 
 
+@pytest.mark.pages
 def test_every_figure_is_drawn_without_overlap(found):
     for figure in every_figure(found):
         assert isinstance(figure, Figure)

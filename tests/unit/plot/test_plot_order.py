@@ -162,11 +162,13 @@ def figures(found, other, seen):
     yield draw_indicators({"one": seen, long: found.indicators, "third": other.indicators})
 
 
+@pytest.mark.pages
 def test_nothing_meets_or_sticks_out(found, other, seen):
     for figure in figures(found, other, seen):
         assert outside_and_overlaps(figure) == []
 
 
+@pytest.mark.pages
 def test_the_same_figure_is_the_same_file(found, seen, tmp_path):
     for name, draw in (("s", lambda: stabilisation(found)), ("i", lambda: draw_indicators(seen))):
         files = [save_figure(draw(), tmp_path / f"{name}{n}.png") for n in range(2)]

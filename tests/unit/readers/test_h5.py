@@ -106,6 +106,7 @@ def test_what_is_written_is_read_by_h5py(tmp_path):
     assert (tmp_path / "run.hdf5").read_bytes() == data, "the same record makes the same file"
 
 
+@pytest.mark.slow
 def test_every_byte_that_matters_has_a_checksum(tmp_path):
     path = tmp_path / "run.h5"
     record = Record(values=VALUES, sample_rate=12.5, channels=["x", "y"], clock=ConstantPeriod(period=0.5))

@@ -378,6 +378,7 @@ def test_bad_variables(tmp_path, variables, words):
     refused(raw(tmp_path, *variables), *words)
 
 
+@pytest.mark.slow
 def test_what_keeps_the_decoder_busy_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("floquid.io._guard.SECONDS", 1)
     refused(raw(tmp_path, struct_array("values", shape=(1, 10**9), a=RATE)), "takes far longer than a whole file")

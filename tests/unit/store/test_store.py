@@ -351,7 +351,7 @@ def other_kind(data):
     return np.full(np.shape(data), "text", dtype=object) if numbers else np.ones(np.shape(data))
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("altered", [other_axes, other_kind])
 def test_a_dataset_of_other_axes_or_another_kind_is_refused(saved, altered):
     """Each of all the datasets in turn but those of the settings, which are looked at one by one."""

@@ -348,6 +348,7 @@ def same(one, other):
     )
 
 
+@pytest.mark.slow
 def test_threads_change_nothing():
     grid = {"speed": np.linspace(0.4, 1.2, 1500)}
     one, three = (stability_map(rotor(), half_turn, grid, vectorised=True, workers=n) for n in (1, 3))
