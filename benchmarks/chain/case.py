@@ -41,6 +41,9 @@ class Case:
         What `identify` is given beside the records.
     declared
         The period that `identify` is told [s]; None where that is the true one.
+    slack
+        How far beside an exponent is right too, real + 1j imaginary (modes,) [1/s]: of systems that are not quite
+        linear and periodic; None for none.
     """
 
     records: tuple[Record, ...]
@@ -50,6 +53,7 @@ class Case:
     bound: NDArray[np.complex128] | None = None
     options: dict[str, object] = field(default_factory=dict)
     declared: float | None = None
+    slack: NDArray[np.complex128] | None = None
 
     @property
     def fundamental(self) -> float:

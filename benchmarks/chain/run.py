@@ -165,8 +165,9 @@ def compared(case: Case, model: PeriodicModel) -> dict:
     std = np.full(model.order, complex(np.nan, np.nan)) if std is None else np.asarray(std)
     gaps = np.subtract.outer(case.exponents, model.exponents)
     gaps = gaps.real + 1j * wrapped(gaps.imag, model.fundamental)
-    rounding = ROUNDING * model.fundamental
-    pulls = np.maximum(_over(gaps.real, std.real, rounding), _over(gaps.imag, std.imag, rounding))
+    slack = np.zeros(len(gaps), complex) if case.slack is None else case.slack
+    beside = slack[:, None] + (1.0 + 1.0j) * ROUNDING * model.fundamental
+    pulls = np.maximum(_over(gaps.real, std.real, beside.real), _over(gaps.imag, std.imag, beside.imag))
     true, estimated = linear_sum_assignment(np.abs(gaps))
     own = np.full(len(case.exponents), np.inf)
     own[true] = pulls[true, estimated]
@@ -193,8 +194,8 @@ def compared(case: Case, model: PeriodicModel) -> dict:
     }
 
 
-def _over(errors: NDArray[np.float64], std: NDArray[np.float64], rounding: float) -> NDArray[np.float64]:
-    """Errors beyond rounding, over deviations; infinite where there are none (true, estimated)."""
-    left = np.maximum(np.abs(errors) - rounding, 0.0)
+def _over(errors: NDArray[np.float64], std: NDArray[np.float64], beside: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Errors beyond those allowed, over deviations; infinite where there are none (true, estimated)."""
+    left = np.maximum(np.abs(errors) - beside, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(left > 0.0, np.nan_to_num(left / std, nan=np.inf, posinf=np.inf), 0.0)
