@@ -1,1 +1,1 @@
-"""Records that try to make the chain wrong, with truth from equations of their own: `python -m benchmarks.adversary`."""
+"""Records that try to make the chain wrong, with truth from their own equations: `python -m benchmarks.adversary`."""

@@ -23,6 +23,14 @@ DOUBT = 0.01
 OUTLYING = 6.0
 """Robust standard deviations beyond which a pulse is left out."""
 
+HARMLESS = 1e-3
+"""The share of the angle between pulses below which none is left out: what is left of exact pulses is the spline's own
+error, which is small in most places and not in others."""
+
+LAGS, CHANCE = 8, 1e-4
+"""Lags at which what is left is searched for correlation, and the probability at which a random error may show it:
+beyond, it is motion that the spline does not follow, and the angle is as far off as the pulses are."""
+
 BLOCK = 4096
 """Instants whose deviations are found together."""
 
@@ -162,11 +170,12 @@ def fit_angle(times: Values, angles: Values, lines: NDArray[np.int64], n_lines: 
     wave = angles - slope * (times - first)
     kept = np.ones(len(times), dtype=bool)
     floor = 8.0 * np.finfo(float).eps * max(float(np.abs(angles).max()), slope * abs(first), slope * abs(last))
+    pitch = float(np.median(np.diff(angles)))
     seen = [kept]
     rung = _climb(x, wave, lines, n_lines, most, floor)
     for _ in range(20):
         rest = _residuals(rung, x, wave, lines)
-        limit = OUTLYING * max(1.4826 * float(np.median(np.abs(rest))), floor)
+        limit = max(OUTLYING * max(1.4826 * float(np.median(np.abs(rest))), floor), HARMLESS * pitch)
         kept = np.abs(rest) <= limit
         if any(np.array_equal(kept, one) for one in seen) or np.count_nonzero(kept) <= rung.n_parameters:
             break
@@ -177,6 +186,9 @@ def fit_angle(times: Values, angles: Values, lines: NDArray[np.int64], n_lines: 
     present = np.bincount(lines[kept], minlength=n_lines) > 0
     offsets = np.where(present, rung.offsets, np.nan)
     inverse, lines_std = rung.deviations()
+    residuals = _residuals(rung, x, wave, lines)
+    if _moving(residuals[kept], rung.n_parameters):
+        inverse = inverse + np.eye(len(inverse))
     return AngleFit(
         spline=AngleSpline(
             first=first,
@@ -190,9 +202,22 @@ def fit_angle(times: Values, angles: Values, lines: NDArray[np.int64], n_lines: 
         offsets=offsets - float(np.nanmean(offsets)),
         offsets_std=np.where(present, np.sqrt(variance) * lines_std, np.nan),
         kept=kept,
-        residuals=_residuals(rung, x, wave, lines),
+        residuals=residuals,
         std=float(np.sqrt(variance)),
     )
+
+
+def _moving(residuals: Values, n_parameters: int) -> bool:
+    """True where residuals (pulses,) are correlated: Ljung and Box's sum over some lags, less what the fit makes."""
+    from scipy.special import chdtrc
+
+    n, power = len(residuals), float(residuals @ residuals)
+    if n < 4 * LAGS or power == 0.0:
+        return False
+    sums = [float(residuals[lag:] @ residuals[:-lag]) ** 2 / (n - lag) for lag in range(1, LAGS + 1)]
+    score = n * (n + 2.0) * sum(sums) / power**2
+    # Of white errors a fit of so many parameters makes residuals whose squared correlations sum to about (p/n)²/2 n.
+    return bool(chdtrc(LAGS, max(score - 0.5 * n_parameters**2 / n, 0.0)) < CHANCE)
 
 
 def _residuals(rung: _Rung, x: Values, wave: Values, lines: NDArray[np.int64]) -> Values:
