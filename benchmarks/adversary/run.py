@@ -79,8 +79,9 @@ def judged(kind: str, seed: int) -> Row:
         return Row(kind=kind, seed=seed, outcome=outcome, message=message, wrong=False, told=True, **said, **nothing)
     own = compared(case, analysis.model)
     pulls = np.array(own["pulls"])
-    warned = [each for each in analysis.findings if each.severity is not Severity.NOTE]
-    codes = sorted({each.code for each in (*warned, *analysis.validation.findings)})
+    said_all = (*analysis.findings, *analysis.validation.findings)
+    warned = [each for each in said_all if each.severity is not Severity.NOTE]
+    codes = sorted({each.code for each in warned})
     return Row(
         kind=kind,
         seed=seed,

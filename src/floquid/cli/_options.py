@@ -84,7 +84,7 @@ def period_of(period: float | None, frequency: float | None, of: str) -> float |
 
 RECORDS = (  # the settings that say what records are taken for: those of every command that starts from records
     *("period", "tach", "azimuth", "estimate_period", "pulses_per_revolution", "periods_per_revolution"),
-    *("channels", "orbit", "find_hits", "skip", "forced", "trust_period", "noise_floor"),
+    *("channels", "orbit", "find_hits", "skip", "repair", "forced", "trust_period", "noise_floor"),
 )
 
 SYSTEM = ("states", "form", "delay", "structure", "output_error", "system_times")

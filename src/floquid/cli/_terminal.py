@@ -96,7 +96,7 @@ def print_analysis(analysis: Analysis, *, verbose: bool = False) -> None:
     for name, words in outcome_lines(analysis).items():
         table.add_row(name, words)
     console.print(table)
-    if analysis.validation is not None and not analysis.validation.passed:
+    if analysis.validation is not None:
         for reason in analysis.validation.reasons:
             console.print(f"  {reason}", style="yellow")
     if verbose:
@@ -129,7 +129,7 @@ def _print_reasons(console: Console, analysis: Analysis) -> None:
         console.print(f"The order is clear. {' '.join(analysis.choice.reasons)}", style="dim")
     for sentence in () if analysis.periodicity is None else analysis.periodicity.sentences:
         console.print(sentence, style="dim")
-    if analysis.validation is not None and analysis.validation.passed:
+    if analysis.validation is not None and analysis.validation.passed and not analysis.validation.findings:
         console.print(f"Validation passed: {passed_words(analysis.validation)}", style="dim")
 
 

@@ -178,6 +178,8 @@ def _validation(validation: Validation) -> dict[str, Any]:
         "findings": [as_mapping(own) for own in validation.findings],
         "metrics": dict(validation.metrics),
         "criteria": {
-            name: {"at_least" if own.at_least else "at_most": own.limit} for name, own in validation.criteria.items()
+            name: {"at_least" if own.at_least else "at_most": own.limit}
+            | ({} if own.failing is None else {"failing": own.failing})
+            for name, own in validation.criteria.items()
         },
     }

@@ -74,10 +74,16 @@ FIT: dict[str, str | Callable[..., str]] = {
     "coloured_noise": "The noise is not white along the record: about {loud:.4g} Hz it is {ratio:.3g} times that about "
     "{quiet:.4g} Hz. It is taken for white: the intervals of modes are too short where it is loud, and too long where "
     "it is quiet; a weak mode where it is loud may be noise.",
+    "interference": "A steady tone at {frequency:.5g} Hz, {amplitude:.3g} {unit} in channel {channel}, is no mode: it "
+    "does not decay, and nothing beside it follows the period. Interference (the mains, another machine): it was "
+    "fitted beside the modes and taken off.",
     "cluster": "The mode at {frequency:.4g} Hz is most likely a cluster of several that fold onto one another: its "
     "harmonics ask for different exponents. Its deviation covers them.",
     "double": "The modes at {first:.4g} Hz and {second:.4g} Hz are whole numbers of fundamentals apart within "
     "{decays:g} of their decay: they may be one mode with harmonics that its band leaves out.",
+    "one_that_moves": "The modes at {first:.4g} Hz and {second:.4g} Hz have one shape and are nearer to each other "
+    "than they decay: most likely one mode whose frequency or damping changes over the record, by a drift or with its "
+    "amplitude. Neither damping is to be believed: use a later part of the record (`skip=`), or a smaller blow.",
     "product": lambda frequency, of: (
         f"The mode at {frequency:.4g} Hz is most likely no mode: its multiplier is a product of those at {_hertz(of)}, "
         "which a nonlinearity makes."

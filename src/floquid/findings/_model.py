@@ -13,8 +13,12 @@ WHY = {
 """Words for why samples are fitted at their own times."""
 
 
+def _listed(instants: Sequence[float]) -> str:
+    return ", ".join(f"{instant:.6g} s" for instant in instants[:12]) + (" …" if len(instants) > 12 else "")
+
+
 def _impacts(instants: Sequence[float], hits: int) -> str:
-    where = ", ".join(f"{instant:.6g} s" for instant in instants[:12]) + (" …" if len(instants) > 12 else "")
+    where = _listed(instants)
     if len(instants) == 1:
         return f"One impact was found, at {where}; the free response after it is a hit."
     return (
@@ -68,6 +72,14 @@ MODEL: dict[str, str | Callable[..., str]] = {
     "channels to use (`channels=`).",
     "no_impact": "No impact was found: the record is taken for one free response from its first sample.",
     "impacts": _impacts,
+    "cut_at_blows": lambda instants, hits: (
+        f"The response begins or is hit again at {_listed(instants)}: {hits} free "
+        f"response{'s were' if hits > 1 else ' was'} cut out (`repair=False` takes the record as it is)."
+    ),
+    "spikes": lambda instants, number: (
+        f"{number} spike{'s' * (number > 1)} that no response explains, at {_listed(instants)}, left out."
+    ),
+    "left_out": "{samples} of these samples of channel {channel} are taken for missing (`repair=False` keeps them).",
     "believed_down_to": "There is hardly any noise, and what modes leave is none: a nonlinearity, most likely. The "
     "record is believed down to {floor:g} of the largest value of each channel (`noise_floor=`).",
     "as_sampled": lambda why: f"Fitted as sampled: {WHY[why]}.",

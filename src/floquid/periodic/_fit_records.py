@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error
-from floquid.core import ConstantPeriod, PeriodicModel, Provenance, Record
+from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
-from floquid.findings import Finding, Severity, texts, warning
+from floquid.findings import Finding, Severity, note, texts, warning
 from floquid.lifting import Lifted
 from floquid.periodic._forced_part import angle_std, forced_base, forced_of, forced_turns, free_records, without_noise
 from floquid.periodic._forced_response import ForcedResponse
@@ -24,6 +24,7 @@ from floquid.periodic.least_squares import (
     model_of,
     noise_of,
     record_blocks,
+    shapes,
 )
 from floquid.periodic.search import (
     Limits,
@@ -198,6 +199,7 @@ def fit(
         choose=harmonics is None,
         width=harmonics or 0,
         floor=noise_floor,
+        steady=order is None,
         angle_std=angle_std(clocks, records),
     )
     begin = forced_entries([], omega) if start is None else replace(start, fundamental=omega)
@@ -318,8 +320,25 @@ def _result(
         own_period=None if isinstance(clocks[0], ShaftAngle) else period_step(found.solution),
         misfit=found.misfit,
         whitening=taps,
-        findings=(*evidence(found), *colour),
+        findings=(*_interference(found, names), *evidence(found), *colour),
     )
+
+
+def _interference(found: SearchResult, channels: Sequence[Channel]) -> tuple[Finding, ...]:
+    """Notes on the steady tones beside the modes: the frequency of each, and its amplitude where it is largest."""
+    entries = found.solution.entries
+    tones = np.flatnonzero(entries.fixed & (entries.exponents.real == 0.0) & (entries.exponents != 0.0))
+    if not len(tones):
+        return ()
+    sizes, notes = 2.0 * np.abs(shapes(found.blocks, found.solution).coefficients[tones]).max(axis=(2, 3)), []
+    for tone, size in zip(tones, sizes, strict=True):
+        row = int(np.argmax(size))
+        frequency = abs(float(entries.exponents[tone].imag)) / (2.0 * np.pi)
+        channel = channels[row]
+        notes.append(
+            note("interference", frequency=frequency, amplitude=size[row], channel=channel.name, unit=channel.unit)
+        )
+    return tuple(notes)
 
 
 def _endless(found: SearchResult) -> tuple[Finding, ...]:

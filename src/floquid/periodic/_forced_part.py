@@ -120,12 +120,13 @@ def without_noise(found: SearchResult) -> SearchResult:
 def forced_of(found: SearchResult, nu: float, channels: tuple[Channel, ...], *, wanders: bool) -> ForcedResponse | None:
     """The forced response of a fit; None where nothing of it is there."""
     entries = found.solution.entries
-    if not entries.fixed.any():
+    forced = entries.fixed & (entries.exponents == 0.0)
+    if not forced.any():
         return None
     both = shapes(found.blocks, found.solution)
     place = int(np.flatnonzero(both.harmonics == 0)[0])
     values, std = both.coefficients[..., place], both.std[..., place]
-    plain = entries.fixed & (entries.factors == PLAIN)
+    plain = forced & (entries.factors == PLAIN)
     turning = sorted(np.flatnonzero(plain & (entries.offsets > 0)), key=lambda e: entries.offsets[e])
     nothing = np.zeros(values.shape[1:])
 
@@ -137,7 +138,7 @@ def forced_of(found: SearchResult, nu: float, channels: tuple[Channel, ...], *, 
     half = np.ones(nothing.shape)
     for block in found.blocks:
         half[block.rows, block.hit] = block.half if isinstance(block, (RecordBlock, GappyBlock)) else 1.0
-    drift, drift_std = alone(entries.fixed & (entries.factors == TREND), half)
+    drift, drift_std = alone(forced & (entries.factors == TREND), half)
     return ForcedResponse(
         harmonics=np.array([round(entries.offsets[e] * nu) for e in turning], np.int64),
         coefficients=np.moveaxis(values[turning], 0, -1) if turning else np.zeros((*nothing.shape, 0), complex),

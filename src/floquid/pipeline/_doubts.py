@@ -53,6 +53,16 @@ CHANCE = 0.1
 FOLDED = 10.0
 """Decays within which modes that fold onto one another may be one."""
 
+NEIGHBOURS = 0.75
+"""The distance of two modes modulo the fundamental, over the sum of their decays, within which one that changes is
+taken for both: what a cubic term makes of a mode decays three times as fast, at half of that sum."""
+
+SAME_SHAPE = 0.95
+"""The squared correlation of two shapes from which on they are one."""
+
+TELLING = 3
+"""Coefficients in a shape, at least, for it to say anything."""
+
 ROUNDED = 4.0
 """Deviations within which a period is a whole number of sampling intervals."""
 
@@ -217,6 +227,28 @@ def _still(model: PeriodicModel, std: NDArray[np.complex128]) -> list[Finding]:
     return found + ([warning("multiplier_minus_one")] if (steady & (np.pi - turn < within)).any() else [])
 
 
+def _moving(model: PeriodicModel) -> list[Finding]:
+    """Pairs of modes of one shape that are nearer to each other than they decay: one mode that changes."""
+    found, own = [], [int(mode) for mode in model.upper_modes if not model.unpaired[mode]]
+    scale = np.abs(model.coefficients).max(axis=(0, 2, 3), initial=0.0)[:, None, None]
+    shapes = model.coefficients / np.where(scale > 0.0, scale, 1.0)
+    for place, one in enumerate(own):
+        for other in own[place + 1 :]:
+            gap = model.exponents[other] - model.exponents[one]
+            turns = round(gap.imag / model.fundamental)
+            apart = abs(complex(gap.real, gap.imag - turns * model.fundamental))
+            if apart > NEIGHBOURS * abs(model.exponents[[one, other]].real).sum():
+                continue
+            # e^{i turns θ} goes from the exponent to the shape.
+            moved = np.roll(shapes[other], turns, axis=-1)
+            power = np.sum(np.abs(shapes[one]) ** 2), np.sum(np.abs(moved) ** 2)
+            alike = abs(np.vdot(shapes[one], moved)) ** 2 / (power[0] * power[1])
+            if alike > SAME_SHAPE and min(np.count_nonzero(shapes[one]), np.count_nonzero(moved)) >= TELLING:
+                first, second = model.frequencies_hz[[one, other]]
+                found.append(warning("one_that_moves", first=first, second=second))
+    return found
+
+
 def doubts_of(model: PeriodicModel) -> tuple[Finding, ...]:
     """Findings on the modes of a model: hardly determined, without decay, of another period, growing."""
     found, std = [], model.exponent_std
@@ -227,6 +259,7 @@ def doubts_of(model: PeriodicModel) -> tuple[Finding, ...]:
         found += _still(model, std)
     if model.order and not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any():
         found.append(warning("no_second_harmonic"))
+    found += _moving(model)
     if std is not None and _halved(model, std):
         found.append(warning("period_halved"))
     growing = model.exponents.real > (4.0 * std.real if std is not None else 0.0)

@@ -80,6 +80,8 @@ class Settings:
         Look for impacts in each record, and take each free response after one as a hit of its own.
     skip
         Periods left out after each impact, or at the start of each record, where the response is not linear yet.
+    repair
+        Leave out clipped samples, spikes and channels that stand still, and cut a record where it was hit again.
     validate
         Check the model on cycles left out, on what it leaves of the record, and on A(t) integrated.
 
@@ -114,6 +116,7 @@ class Settings:
     orbit: bool = True
     find_hits: bool = False
     skip: float = 0.0
+    repair: bool = True
     validate: bool = True
 
     def __post_init__(self) -> None:
@@ -140,7 +143,7 @@ class Settings:
         object.__setattr__(self, "forced", _forced_text(self.forced))
         if finite(self.skip, "skip", of) < 0.0:
             raise input_error("skip", of, "not be negative", f"is {self.skip:g}", "It counts periods.")
-        for name in ("constrained", "trust_period", "estimate_period", "orbit", "find_hits", "validate"):
+        for name in ("constrained", "trust_period", "estimate_period", "orbit", "find_hits", "repair", "validate"):
             self._check_flag(name)
         for name in ("mode_false_alarm", "harmonic_false_alarm", "noise_floor"):
             if not 0.0 < positive(getattr(self, name), name, of) < 1.0:

@@ -15,6 +15,7 @@ from floquid.views import (
     passed_words,
     period_words,
     raw_noise,
+    remainder_words,
     whitening_words,
     with_error,
 )
@@ -32,6 +33,7 @@ CRITERIA = {  # what each number of the validation is, and its unit
     "multipliers": ("multipliers of A(t) against the model's, over what they may differ by", "-"),
     "liouville": ("integrated trace of A(t) against the exponents, over what it may differ by", "-"),
     "misfit": ("what the fit leaves over the level of its noise, worst response", "-"),
+    "remainder": ("share of the response that these checks find left, in amplitude", "%"),
     "composition": ("largest relative difference of Φ(t + T), integrated, and Φ(t) Φ(T)", "-"),
 }
 
@@ -43,6 +45,8 @@ def verdict(analysis: Analysis) -> tuple[str, str]:
         return "failed", "The model fails."
     if found is None:
         return "open", "The model was not checked: validation was switched off."
+    if found.passed and found.findings:
+        return "remainder", "The model passes its checks, with a known remainder."
     if found.passed:
         return "passed", "The model passes its checks."
     return "failed", "The model does not pass its checks."
@@ -55,6 +59,8 @@ def under_verdict(analysis: Analysis) -> str:
         return "What it leaves of the record is many times the noise: do not use the numbers below."
     if found is None:
         return "Identify with validation to know whether it can be believed."
+    if found.passed and found.findings:
+        return f"It leaves {remainder_words(found)} of the response beyond the noise, in amplitude:"
     if found.passed:
         words = passed_words(found)
         return f"{words[0].upper()}{words[1:]}"

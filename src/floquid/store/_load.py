@@ -116,7 +116,11 @@ def _refinement(group: Any, state: StateModel | None) -> Refinement:
 
 def _validation(group: Any) -> Validation:
     least, limits = get(group, "at_least", "criteria"), get_numbers(group["limits"])
-    criteria = {name: Criterion(limit=limit, at_least=name in least) for name, limit in limits.items()}
+    failing = get_numbers(group["failing"]) if "failing" in group else {}
+    criteria = {
+        name: Criterion(limit=limit, at_least=name in least, failing=failing.get(name))
+        for name, limit in limits.items()
+    }
     return Validation(**get_fields(group, Validation), criteria=criteria)
 
 

@@ -110,6 +110,8 @@ def _put_fit(group: Any, analysis: Analysis) -> None:
 
 def _put_criteria(group: Any, validation: Validation) -> None:
     put_numbers(group.create_group("limits"), {name: own.limit for name, own in validation.criteria.items()})
+    failing = {name: own.failing for name, own in validation.criteria.items() if own.failing is not None}
+    put_numbers(group.create_group("failing"), failing)
     least = tuple(sorted(name for name, own in validation.criteria.items() if own.at_least))
     put(group, "at_least", least, "criteria")
 

@@ -11,11 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, frozen_array, input_error
 from floquid.core import ConstantPeriod, PeriodicModel, Record
-from floquid.findings import Finding, failure
+from floquid.findings import Finding, failure, warning
 from floquid.periodic import instants
 from floquid.sync import ShaftAngle
 from floquid.validation._held_out import cycles_of, only
 from floquid.validation._types import Criterion
+
+REMAINDER = 0.05
+"""The share of the response, in amplitude, that a model may leave beyond the noise and still pass."""
 
 
 @dataclass(slots=True)
@@ -25,19 +28,24 @@ class Checks:
     metrics: dict[str, float] = field(default_factory=dict)
     criteria: dict[str, Criterion] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
+    remainder: float = 0.0
 
-    def kept(self, name: str, value: float, limit: float, *, at_least: bool = False) -> bool:
+    def kept(
+        self, name: str, value: float, limit: float, *, at_least: bool = False, failing: float | None = None
+    ) -> bool:
         """True where a number keeps to its limit, both noted; also where it is none, which is a finding of its own."""
-        self.criteria[name] = Criterion(limit=limit, at_least=at_least)
+        self.criteria[name] = Criterion(limit=limit, at_least=at_least, failing=failing)
         if not np.isfinite(value):
-            self.fail("overflow", name=name)
+            self.findings.append(failure("overflow", name=name))
             return True
         self.metrics[name] = float(value)
         return self.criteria[name].met(value)
 
-    def fail(self, code: str, **numbers: Any) -> None:
-        """Note what is wrong."""
-        self.findings.append(failure(code, **numbers))
+    def fail(self, code: str, *names: str, share: float = 0.0, **numbers: Any) -> None:
+        """Note what is left, by the checks of these names and of the response, in amplitude; a failure if too much."""
+        self.remainder = max(self.remainder, share)
+        failed = share > REMAINDER or any(self.criteria[name].failed(self.metrics[name]) for name in names)
+        self.findings.append((failure if failed else warning)(code, **numbers))
 
     def missing(self, names: dict[str, float], why: Finding) -> None:
         """Note numbers that could not be computed, and why."""

@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import line_amplitudes, unexplained, without_lines
 from floquid.sync import ShaftAngle
-from floquid.validation._case import Case, Checks, strongest
+from floquid.validation._case import REMAINDER, Case, Checks, strongest
 
 TONE = 0.1
 """The amplitude of a tone, over the noise, that is let pass in any case."""
+
+LOUD_TONE, LOUD_LINE = 1.0, 0.5
+"""Amplitudes of a tone and of any other line, over the noise, that fail a model: the latter may be of a mode."""
 
 LINES_BESIDE = (-5.0, -3.0, 3.0, 5.0)
 """Lines of the record beside a tone, to hold it against."""
@@ -23,6 +26,9 @@ ABOVE = 8.0
 
 COLOUR = 0.01
 """The sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter."""
+
+STRONG_COLOUR = 0.25
+"""The same from which on a model fails: such colour may be what modes leave."""
 
 ROUNDING = 0.5
 """Residual over the noise below which the noise is no estimate but what the record is believed down to."""
@@ -71,12 +77,14 @@ def _tones(case: Case, left: list[NDArray[np.float64]], found: Checks) -> dict[s
     there = (score > chdtri(2, case.false_alarm / score.size)) & (size > TONE)
     candidates = np.flatnonzero(there.any(axis=(0, 1)))
     there[..., candidates] &= score[..., candidates] > ABOVE * _beside(case, left, turns[candidates])
-    found.kept("tone", float(np.max(size * there, initial=0.0)), TONE)
+    found.kept("tone", float(np.max(size * there, initial=0.0)), TONE, failing=LOUD_TONE)
     which = strongest((size * there).max(axis=1))
     if which:
         at = [(channel, int(np.argmax((size * there)[channel, :, tone])), tone) for channel, tone in which]
         found.fail(
             "tone_left",
+            "tone",
+            share=_share(case, (size * there) ** 2),
             turns=[turns[tone] for *_, tone in at],
             per_revolution=case.per_revolution,
             sizes=[size[place] for place in at],
@@ -128,12 +136,13 @@ def _harmonics(case: Case, left: list[NDArray[np.float64]], found: Checks) -> di
     joint, degrees = score.sum(axis=(0, 1)), 2 * case.responses
     there = np.sqrt(joint) > np.sqrt(chdtri(degrees, LEFT_OUT)) + MARGIN
     share = np.sqrt(np.maximum(joint - degrees, 0.0) / max(_energy(case), 1.0)) * there
-    if not found.kept("harmonic", float(share.max()), HARMONIC):
+    if not found.kept("harmonic", float(share.max()), HARMONIC, failing=REMAINDER):
         over = share > HARMONIC
         lines = [line for (line,) in strongest(share * over)]
         largest = np.argmax(score.reshape(-1, len(modes))[:, lines], axis=0)
         found.fail(
             "harmonic_left",
+            share=float(np.sqrt(np.sum(share[over] ** 2))),
             harmonics=harmonics[lines],
             frequencies=model.frequencies_hz[modes[lines]],
             shares=share[lines],
@@ -155,6 +164,12 @@ def _energy(case: Case) -> float:
     return total
 
 
+def _share(case: Case, squares: NDArray[np.float64]) -> float:
+    """The share of the response, in amplitude, of lines of squared sizes over the noise (channels, hits, lines)."""
+    samples = np.array([int((own >= 0).sum()) for own in case.cycles])
+    return float(np.sqrt(0.5 * np.sum(squares * samples[:, None]) / max(_energy(case), 1.0)))
+
+
 def _peaks(case: Case, left: list[NDArray[np.float64]], found: Checks) -> NDArray[np.bool_]:
     """Lines that are none of those known, in the whole record and where the response is alive (channels, hits)."""
     looks = []
@@ -169,9 +184,11 @@ def _peaks(case: Case, left: list[NDArray[np.float64]], found: Checks) -> NDArra
         better = (score > np.log(total / case.false_alarm)) & (amplitude > TONE) & (amplitude > size[:, hit])
         size[better, hit] = amplitude[better]
         frequency[better, hit] = where[better] * case.records[hit].sample_rate
-    if not found.kept("line", float(size.max()), TONE):
+    if not found.kept("line", float(size.max()), TONE, failing=LOUD_LINE):
         channels, hits = np.transpose(at := strongest(size))
-        found.fail("line_left", frequencies=frequency[channels, hits], sizes=size[channels, hits], **case.places(at))
+        sizes, share = size[channels, hits], _share(case, size[..., None] ** 2)
+        of = frequency[channels, hits]
+        found.fail("line_left", "line", share=share, frequencies=of, sizes=sizes, **case.places(at))
     return size > 0
 
 
@@ -191,11 +208,12 @@ def _colour(
         excess[:, hit] = np.where(rounding, 0.0, squares - lags / size)
         limit[:, hit] = np.maximum((chdtri(lags, case.false_alarm / case.responses) - lags) / size, COLOUR)
     place = np.unravel_index(int(np.argmax(excess / limit)), excess.shape)
-    found.kept("colour", float(excess[place]), float(limit[place]))
+    bound = float(limit[place])
+    found.kept("colour", float(excess[place]), bound, failing=max(STRONG_COLOUR, bound))
     over = np.where(hidden, 0.0, excess) * (excess > limit)
     which = strongest(over)
     if which:
-        found.fail("colour_left", squares=[excess[where] for where in which], **case.places(which))
+        found.fail("colour_left", "colour", squares=[excess[where] for where in which], **case.places(which))
     return excess
 
 

@@ -21,6 +21,8 @@ class Criterion:
     ----------
     limit, at_least
         The most allowed, in the unit of the number; with `at_least`, the least.
+    failing
+        The number beyond which the model fails: up to there it passes with a remainder. None fails it beyond the limit.
 
     Raises
     ------
@@ -30,6 +32,7 @@ class Criterion:
 
     limit: float
     at_least: bool = False
+    failing: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "limit", finite(self.limit, "limit", "Criterion"))
@@ -37,6 +40,11 @@ class Criterion:
     def met(self, value: float) -> bool:
         """True where `value` keeps to the limit."""
         return value >= self.limit if self.at_least else value <= self.limit
+
+    def failed(self, value: float) -> bool:
+        """True where `value` is beyond what a model may leave and still pass."""
+        bound = self.limit if self.failing is None else self.failing
+        return value < bound if self.at_least else value > bound
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,13 +62,15 @@ class Validation(Rebuilt):
         largest share of the response left in a harmonic of a mode beside its band. `line`: the largest amplitude of any
         other line, over the noise. `colour`: squared autocorrelations. Of A(t) integrated: `multipliers` and
         `liouville`, differences from the model over what they may be, and `composition`, the relative error of Φ.
-        `misfit`, which `identify` adds: what its fit leaves over the level of its noise.
+        `misfit`, which `identify` adds: what its fit leaves over the level of its noise. `remainder`: the largest share
+        of the response, in amplitude, that one of these checks finds left beyond the noise.
     criteria
         The limit of each of them.
     passed
-        Whether every number keeps to its limit, and none is missing.
+        Whether no number is beyond what fails a model, and none is missing: it passes with a remainder where one is
+        beyond its limit (`unmet`).
     findings
-        What speaks against the model; empty where it passed.
+        What speaks against the model: failures, and warnings of what is left of the response where it passes.
     fit, held_out_error
         The share of the response of each channel and hit that the model predicts on held-out cycles, and the rms of the
         prediction error over the noise (channels, hits); NaN where not computed, or the channel shows no response.
@@ -112,7 +122,7 @@ class Validation(Rebuilt):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Reasons against the model and what to do, a sentence each; empty where it passed."""
+        """Reasons against the model and what to do, a sentence each; empty where nothing is left."""
         return texts(self.findings)
 
     @property

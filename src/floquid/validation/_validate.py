@@ -15,7 +15,7 @@ from floquid.findings import Finding, failure
 from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, own_period
 from floquid.reconstruction import StateModel
 from floquid.sync import ShaftAngle
-from floquid.validation._case import Case, Checks, case_of, strongest
+from floquid.validation._case import REMAINDER, Case, Checks, case_of, strongest
 from floquid.validation._consistency import consistency
 from floquid.validation._held_out import held_out
 from floquid.validation._residual import left_by
@@ -26,6 +26,9 @@ LEAST_FIT = 0.95
 
 ERROR = 1.05
 """The prediction error over noise and its own deviation that is let pass in any case; a tenth more over a stretch."""
+
+FAILING = 1.4
+"""How many times its limit the same is where a model fails; twice over a stretch."""
 
 PHI = 1e-3
 """The relative difference between Φ and A(t) integrated that is let pass: interpolation between instants makes one."""
@@ -98,8 +101,9 @@ def validate(
     fit, error = _held_out(case, folds, found)
     if state is not None:
         _state(model, state, found)
+    found.kept("remainder", found.remainder, REMAINDER)
     found_all = set(found.metrics) == set(found.criteria)
-    passed = found_all and all(own.met(found.metrics[name]) for name, own in found.criteria.items())
+    passed = found_all and not any(own.failed(found.metrics[name]) for name, own in found.criteria.items())
     return Validation(
         metrics=found.metrics,
         criteria=found.criteria,
@@ -135,14 +139,15 @@ def _held_out(case: Case, folds: int, found: Checks) -> tuple[NDArray[np.float64
     if not found.kept("fit", 1.0 - np.sqrt(beyond[seen].sum() / total) if total else 1.0, LEAST_FIT, at_least=True):
         worst = strongest(np.where(seen, 1.0 - fit, 0.0))[0]
         place = case.place(*worst)
-        found.fail("held_out_fit", fit=found.metrics["fit"], least=fit[worst], **place)
+        found.fail("held_out_fit", "fit", fit=found.metrics["fit"], least=fit[worst], **place)
     whole = _worst(own, numbers, alarm, ERROR)
     along = _worst(sums.own, sums.numbers, alarm / sums.numbers.shape[2], 1.0 + 2.0 * (ERROR - 1.0))
-    clear = found.kept("held_out_error", *whole[:2])
-    if not (found.kept("held_out_stretch", *along[:2]) and clear):
+    clear = found.kept("held_out_error", *whole[:2], failing=FAILING * whole[1])
+    if not (found.kept("held_out_stretch", *along[:2], failing=2.0 * along[1]) and clear):
         channel, hit, stretch = along[2]
         part = ("first", "middle", "last")[min(3 * stretch // sums.numbers.shape[2], 2)]
-        found.fail("held_out_error", ratio=along[0], part=part, **case.place(channel, hit))
+        names, share = ("held_out_error", "held_out_stretch"), 1.0 - found.metrics["fit"]
+        found.fail("held_out_error", *names, share=share, ratio=along[0], part=part, **case.place(channel, hit))
     error = np.sqrt(np.divide(sums.squares.sum(axis=2), numbers, out=nothing.copy(), where=numbers > 0))
     return fit, error
 
@@ -162,7 +167,7 @@ def _period(case: Case, found: Checks) -> None:
         given = case.model.period
         # A model that fails has no deviations: then what it leaves says nothing of that of the period either.
         deviation = None if case.model.covariance is None else given * std
-        found.fail("own_period", period=given * (1.0 + relative), std=deviation, given=given)
+        found.fail("own_period", "period", period=given * (1.0 + relative), std=deviation, given=given)
 
 
 def _worst(
@@ -190,6 +195,9 @@ def _state(model: PeriodicModel, state: StateModel, found: Checks) -> None:
     if not (multipliers and trace and composition):
         found.fail(
             "system_other",
+            "multipliers",
+            "liouville",
+            "composition",
             pair=None if multipliers else own.pair,
             trace=not trace,
             composition=None if composition else own.composition,
@@ -218,7 +226,7 @@ def strength(case: Case, found: Checks) -> None:
     if found.kept("mode", float(shares.min()), 1.0, at_least=True):
         return
     below = [k for (k,) in strongest(np.where(shares < 1.0, 2.0 - shares, 0.0))]
-    found.fail("mode_weak", frequencies=model.frequencies_hz[own[below]], shares=shares[below])
+    found.fail("mode_weak", "mode", frequencies=model.frequencies_hz[own[below]], shares=shares[below])
 
 
 def _power(case: Case, mode: int) -> float:

@@ -10,7 +10,7 @@ from floquid.views._mode_table import ModeRow, mode_table, note_meanings
 from floquid.views._modes import grows
 from floquid.views._names import element_unit, shortened
 from floquid.views._option_names import SHORT, for_command
-from floquid.views._outcome import outcome_lines, verdict_line
+from floquid.views._outcome import outcome_lines, remainder_words, verdict_line
 from floquid.views._shapes import ShapeCurves, closed_period, shape_curves
 from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
 from floquid.views._synchronisation import Synchronisation, synchronisation
@@ -48,6 +48,7 @@ __all__ = [
     "period_words",
     "raw_noise",
     "record_spectrum",
+    "remainder_words",
     "shape_curves",
     "shortened",
     "synchronisation",

@@ -30,6 +30,7 @@ def outcome_lines(analysis: Analysis) -> dict[str, str]:
         "Order": _order(analysis),
         "Period": _period(analysis),
         "Forced response": _forced(analysis),
+        "Interference": _interference(analysis),
         "Verdict": "" if analysis.validation is None else verdict_line(analysis.validation),
     }
     return {name: words for name, words in lines.items() if words}
@@ -51,8 +52,27 @@ def verdict_line(validation: Validation) -> str:
     if not validation.passed:
         count = len(validation.reasons)
         return f"the model does not pass, for {count} reason{'s' if count != 1 else ''}"
+    if validation.findings:
+        return f"passed, with a known remainder: {remainder_words(validation)} of the response beyond the noise"
     fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
     return f"passed: {fit:.1%} of the response in cycles left out is predicted, to {error:.3g} times the noise at worst"
+
+
+def remainder_words(validation: Validation) -> str:
+    """The share of the response that a model which passes leaves beyond the noise, in per cent of its amplitude.
+
+    Parameters
+    ----------
+    validation
+        The verdict.
+
+    Returns
+    -------
+    str
+        The number and its unit.
+    """
+    share = 100.0 * validation.metrics["remainder"]
+    return f"{share:.2g} %" if share >= 0.1 else "less than 0.1 %"
 
 
 def _noise(analysis: Analysis) -> str:
@@ -94,6 +114,11 @@ def _period(analysis: Analysis) -> str:
     p = "p < 1e-300" if tested.p_value < 1e-300 else f"p = {tested.p_value:.2g}"
     words = {True: "periodic", False: "nothing periodic is seen", None: "whether periodic cannot be told"}
     return f"{line}; {words[tested.periodic]} ({p})"
+
+
+def _interference(analysis: Analysis) -> str:
+    words = "{frequency:.5g} Hz, {amplitude:.3g} {unit} in {channel}, taken off"
+    return "; ".join(words.format(**own.numbers) for own in analysis.fit.findings if own.code == "interference")
 
 
 def _forced(analysis: Analysis) -> str:

@@ -140,4 +140,5 @@ def noise_left(blocks: Sequence[Block], found: Solution) -> NDArray[np.float64]:
     for block, linear in zip(blocks, found.linear, strict=True):
         squares[block.rows, block.hit] += linear.left
         free[block.rows, block.hit] += max(block.n_samples - columns, 1)
-    return np.sqrt(squares / np.maximum(free, 1.0))
+    # Sums over all samples less those over missing ones may round to less than nothing.
+    return np.sqrt(np.maximum(squares, 0.0) / np.maximum(free, 1.0))

@@ -59,6 +59,10 @@ UNTOLD = 0.5
 """The deviation of an exponent, over its decay, from which on it is a column that is there and no mode to report."""
 
 
+LASTING = 0.5
+"""The decay over the record, in nepers, within two deviations of which a tone is steady as far as can be told."""
+
+
 def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -> SearchResult:
     """The fit with its final bands, its real multipliers, and the period if it is a parameter."""
     if search:
@@ -76,6 +80,7 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
         state = state.with_fit(solve(state.blocks, replace(state.solution.entries, free_period=True), hold=True))
     if search:
         state, bands = _without_untold(state, bands)
+        state = _without_steady(state, bands) if limits.steady else state
     state, clusters = _with_clusters(state)
     noise = noise_of(state.blocks, state.solution, limits.floor)
     state = state.with_noise(limits.floor)
@@ -307,3 +312,19 @@ def _without_untold(state: State, bands: NDArray[np.int64]) -> tuple[State, NDAr
     fixed[untold[entries.real[untold]]] = False  # a real multiplier has no column of its own but as a mode
     solution = state.linearise(replace(entries, fixed=fixed))
     return state.with_fit(solve(state.blocks, solution, hold=True)), bands
+
+
+def _without_steady(state: State, bands: NDArray[np.int64]) -> State:
+    """With the pairs of one harmonic that do not decay held as steady tones: interference, and no modes."""
+    entries = state.solution.entries
+    free = np.flatnonzero(~entries.fixed)
+    std = np.sqrt(np.maximum(np.diag(state.solution.covariance()), 0.0))[: len(free)]
+    decay, duration = np.abs(entries.exponents[free].real), max(block.last for block in state.blocks)
+    steady = (decay < AXIS * std) & (duration * (decay + 2.0 * std) < LASTING)
+    tones = free[steady & ~entries.real[free] & (bands[free, 0] == bands[free, 1])]
+    if not 0 < len(tones) < len(free):
+        return state
+    fixed, exponents = entries.fixed.copy(), entries.exponents.copy()
+    fixed[tones], exponents[tones] = True, 1j * exponents[tones].imag
+    held = state.linearise(replace(entries, fixed=fixed, exponents=exponents))
+    return state.with_fit(solve(state.blocks, held, hold=True))

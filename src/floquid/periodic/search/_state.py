@@ -61,6 +61,8 @@ class Limits:
         The deviation of the system's angle in each hit [rad]; empty where a constant period says it (hits,).
     loud
         Whether lines are looked for that are far above any noise alone, coloured or not.
+    steady
+        Whether a line that does not decay is taken for interference at the end, and not for a mode.
     """
 
     most: int
@@ -73,6 +75,7 @@ class Limits:
     floor: float = 1e-12
     angle_std: tuple[float, ...] = ()
     loud: bool = False
+    steady: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from floquid.core import AzimuthSignal, ConstantPeriod, PulseTimes, Record, Tach
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
 from floquid.pipeline._settings import Settings
+from floquid.pipeline.preparation._mended import begins_free, without_faults, without_spikes
 from floquid.sync import clipped, dropouts, find_hits, gaps, pulse_times, shaft_angle, split_hits
 
 MOST_GAPS = 12
@@ -62,14 +63,14 @@ def _at(orbit: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.fl
     return found
 
 
-def faults_of(records: tuple[Record, ...]) -> tuple[Finding, ...]:
-    """Findings on samples: channels that are clipped or stand still."""
+def faults_of(records: tuple[Record, ...], *, repair: bool) -> tuple[Finding, ...]:
+    """Findings on samples: channels that are clipped or stand still; with `repair` that is not all that is done."""
     found = [
         replace(fault.finding, where=_name(number, records))
         for number, record in enumerate(records, start=1)
         for fault in (*clipped(record), *dropouts(record))
     ]
-    return (*found, *([warning("bad_samples")] if found else []))
+    return (*found, *([warning("bad_samples")] if found and not repair else []))
 
 
 def missing_of(records: tuple[Record, ...]) -> tuple[Finding, ...]:
@@ -124,8 +125,37 @@ def responses_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple
     return tuple(kept), tuple(note("no_response", channel=name, quantity=quantity) for name, quantity in left)
 
 
-def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
-    """The free response after each impact as a record of its own, and which impacts were found.
+def repaired(records: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+    """The records without samples that are none, and what was left out."""
+    used, said = [], []
+    for number, record in enumerate(records, start=1):
+        found, more = without_faults(record, (*clipped(record), *dropouts(record)))
+        used.append(found)
+        said += [replace(own, where=_name(number, records)) for own in more]
+    return tuple(used), tuple(said)
+
+
+def parted(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+    """The records without spikes, each cut where its response was hit inside it, and what was done."""
+    free, said = [], []
+    for number, record in enumerate(records, start=1):
+        used, blows, more = without_spikes(record)
+        said += [replace(own, where=_name(number, records)) for own in more]
+        if blows and begins_free(used, blows[0]):
+            blows = (used.start, *blows)
+        if not blows:
+            free.append(used)
+            continue
+        pieces, more = hits_of((used,), settings, blows)
+        free += pieces
+        said += [warning("cut_at_blows", where=_name(number, records), **own.numbers) for own in more]
+    return tuple(free), tuple(said)
+
+
+def hits_of(
+    records: tuple[Record, ...], settings: Settings, given: tuple[float, ...] = ()
+) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+    """The free response after each impact as a record of its own, and which impacts were found, or are `given` [s].
 
     Raises
     ------
@@ -143,7 +173,7 @@ def hits_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Reco
                 periods_per_revolution=clock.periods_per_revolution,
             )
             record = record.select([c.name for c in record.channels if c.name != clock.channel]).with_clock(pulses)
-        instants = find_hits(record)
+        instants = given or find_hits(record)
         if not instants:
             said.append(note("no_impact", where=where))
             free.append(record)

@@ -17,7 +17,16 @@ from floquid.lti import TimeResponses
 from floquid.periodic import estimate_period
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import check_states
-from floquid.pipeline.preparation._before import faults_of, hits_of, later, missing_of, responses_of, without_orbit
+from floquid.pipeline.preparation._before import (
+    faults_of,
+    hits_of,
+    later,
+    missing_of,
+    parted,
+    repaired,
+    responses_of,
+    without_orbit,
+)
 from floquid.pipeline.preparation._refuse import (
     refuse_copies,
     refuse_period,
@@ -112,7 +121,7 @@ def prepare(
     """
     chosen = settings_of(settings, options, of)
     used = _clocked(records, chosen, of)
-    faults = faults_of(used)
+    faults = faults_of(used, repair=chosen.repair)
     try:
         found = _tied(*_free(used, chosen, of), report, of)
     except IdentificationError as error:
@@ -217,11 +226,17 @@ def _free(
     elif settings.period is not None:
         refuse_period(records, of, near=NEAR)
     said = missing_of(records)
+    if settings.repair:
+        records, more = repaired(records)
+        said += more
     if settings.find_hits:
         records, more = hits_of(records, settings)
         said += more
     elif settings.skip:
         records, more = later(records, settings.skip)
+        said += more
+    elif settings.repair:
+        records, more = parted(records, settings)
         said += more
     records, more = responses_of(records, settings)
     said += more

@@ -1,0 +1,137 @@
+"""Faults that a record shows by itself mended: samples that are none left out, and the record cut where it was hit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import AzimuthSignal, Record, TachometerSignal
+from floquid.errors import FloquidError
+from floquid.findings import Finding, warning
+from floquid.sync import Clipping, Dropout, Impact, find_impacts
+
+GROWN = 1.3
+"""Times that the typical size of a response grows by at a blow, at least, from one stretch to the next."""
+
+STRETCH = 64
+"""Samples of such a stretch, at most; a blow nearer to the ends of a record is not looked for."""
+
+SHORT = 3
+"""Samples of a fault, at most, that are left out and the rest believed."""
+
+NEAR, ALONE = 12, 0.35
+"""Samples about a fault that are compared with it, and how far, as its share, they may be from their neighbours."""
+
+MOST_BLOWS = 8
+"""Blows beyond which a record is no series of free responses."""
+
+SMOOTH = 0.3
+"""The correlation of neighbouring samples from which on what comes before a blow is a response and no noise."""
+
+MOST_LEFT_OUT = 0.3
+"""The share of a channel's samples that is left out at most."""
+
+
+def without_faults(record: Record, faults: Sequence[Clipping | Dropout]) -> tuple[Record, tuple[Finding, ...]]:
+    """The record with clipped samples, and those of a channel that stands still, missing; and which."""
+    values, found = np.array(record.values), []
+    for fault in faults:
+        row = [channel.name for channel in record.channels].index(fault.channel)
+        if isinstance(fault, Clipping):
+            bad = np.isin(record.values[row], fault.levels)
+        else:
+            bad = (record.times >= fault.first) & (record.times <= fault.last)
+        if bad.mean() <= MOST_LEFT_OUT:
+            values[row, bad] = np.nan
+            found.append(warning("left_out", channel=fault.channel, samples=int(bad.sum())))
+    return (_with(record, values), tuple(found)) if found else (record, ())
+
+
+def without_spikes(record: Record) -> tuple[Record, tuple[float, ...], tuple[Finding, ...]]:
+    """The record with samples that no response explains missing, the instants at which it was hit, and what was done.
+
+    What an autoregression does not foretell is a blow where the response is larger after it, and else a fault of the
+    samples, if it is short.
+    """
+    rows = _responses(record)
+    impacts: tuple[Impact, ...] = ()
+    with suppress(FloquidError):
+        impacts = find_impacts(record, channels=[record.channels[row].name for row in rows])
+    if not rows or not impacts or impacts[0].channel is not None:
+        return record, (), ()
+    values, blows, left = np.array(record.values), [], []
+    for impact in impacts:
+        first, last = (round((at - record.start) * record.sample_rate) for at in (impact.start, impact.end))
+        spike = last - first <= SHORT and _stands_alone(record.values[rows], first, last)
+        if not spike and first >= STRETCH // 2 and _grows(record.values[rows], first, last):
+            blows.append(impact.start)
+        elif spike:
+            values[np.ix_(rows, range(max(first - 1, 0), last + 2))] = np.nan
+            left.append(impact.start)
+    if len(blows) > MOST_BLOWS:
+        return record, (), ()
+    found = (warning("spikes", instants=left, number=len(left)),) if left else ()
+    return (_with(record, values) if left else record), tuple(blows), found
+
+
+def begins_free(record: Record, blow: float) -> bool:
+    """True where what comes before a blow is half of the record or more, and a response: noise is not smooth."""
+    before = record.values[_responses(record)][:, record.times < blow]
+    if before.shape[1] < STRETCH:
+        return False
+    before = np.nan_to_num(before - np.nanmean(before, axis=1, keepdims=True))
+    power = np.maximum(np.sum(before**2, axis=1), np.finfo(float).tiny)
+    if 2 * before.shape[1] < record.n_samples:
+        return False  # too little of it to be worth a hit of its own
+    return bool((np.sum(before[:, 1:] * before[:, :-1], axis=1) / power > SMOOTH).any())
+
+
+def _responses(record: Record) -> list[int]:
+    """The rows of the channels that are responses."""
+    clock = record.clock
+    own = clock.channel if isinstance(clock, (TachometerSignal, AzimuthSignal)) else None
+    return [
+        row
+        for row, channel in enumerate(record.channels)
+        if channel.name != own and channel.quantity not in ("force", "pulse", "angle")
+    ]
+
+
+def _grows(values: NDArray[np.float64], first: int, last: int) -> bool:
+    """True where a channel is typically larger in the stretch after these samples than in that before."""
+    before = values[:, max(first - STRETCH, 0) : first]
+    after = values[:, last + 1 : last + 1 + STRETCH]
+    if min(before.shape[1], after.shape[1]) < STRETCH // 2:
+        return False
+    middle = np.nanmedian(values, axis=1, keepdims=True)
+    sizes = [np.nanmedian(np.abs(part - middle), axis=1) for part in (before, after)]
+    return bool((sizes[1] > GROWN * sizes[0]).any())
+
+
+def _stands_alone(values: NDArray[np.float64], first: int, last: int) -> bool:
+    """True where a sample of this stretch is far from both its neighbours, and these are not from theirs.
+
+    A lone sample bends the line through three by its height there, and by half of it the other way on either side; a
+    step bends it both ways, and a kink once.
+    """
+    begin = max(first - NEAR, 0)
+    part = values[:, begin : last + NEAR + 1]
+    bends = part[:, 1:-1] - 0.5 * (part[:, :-2] + part[:, 2:])
+    if not np.isfinite(bends).any():
+        return False
+    row, place = np.unravel_index(int(np.nanargmax(np.abs(bends))), bends.shape)
+    if not (max(first - begin - 2, 1) <= place <= min(last - begin + 1, bends.shape[1] - 2)):
+        return False
+    shares = bends[row] / bends[row, place]
+    others = np.abs(np.delete(shares, [place - 1, place, place + 1]))
+    return bool(max(np.abs(shares[[place - 1, place + 1]] + 0.5)) < 0.5 * ALONE and np.nanmax(others) < ALONE)
+
+
+def _with(record: Record, values: NDArray[np.float64]) -> Record:
+    """The record with other values."""
+    values.flags.writeable = False
+    return replace(record, values=values)
