@@ -39,10 +39,10 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     absent where there is none
     /validation/                    passed (1 or 0), findings, fit, held_out_error, colour (channels, hits), tones
                                     (channels, hits, tones) left at turns, lines (channels, hits, lines) left at
-                                    harmonics of modes; metrics/ and limits/, both of fit, held_out_error,
+                                    harmonics of modes; metrics/, limits/ and failing/, of fit, held_out_error,
                                     held_out_stretch, period, tone, harmonic, line, colour, mode, multipliers,
-                                    liouville, composition, misfit; at_least: those of the limits that are the least
-                                    allowed; absent where nothing was validated
+                                    liouville, composition, misfit, remainder; at_least: those of the limits that
+                                    are the least allowed; absent where nothing was validated
     /state/                         times, transition (times, n, n), system (times, n, n), condition, states,
                                     system_std, transition_std, coordinates (what the states are, in words),
                                     provenance/; a null dataset when no A(t) was asked for

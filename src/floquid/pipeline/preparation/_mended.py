@@ -39,8 +39,11 @@ MOST_LEFT_OUT = 0.3
 def without_faults(record: Record, faults: Sequence[Clipping | Dropout]) -> tuple[Record, tuple[Finding, ...]]:
     """The record with clipped samples, and those of a channel that stands still, missing; and which."""
     values, found = np.array(record.values), []
+    rows = {record.channels[row].name: row for row in _responses(record)}
     for fault in faults:
-        row = [channel.name for channel in record.channels].index(fault.channel)
+        if fault.channel not in rows:
+            continue
+        row = rows[fault.channel]
         if isinstance(fault, Clipping):
             bad = np.isin(record.values[row], fault.levels)
         else:

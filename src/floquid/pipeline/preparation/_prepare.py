@@ -227,6 +227,7 @@ def _free(
         refuse_period(records, of, near=NEAR)
     said = missing_of(records)
     if settings.repair:
+        refuse_unusable(records, of)
         records, more = repaired(records)
         said += more
     if settings.find_hits:
