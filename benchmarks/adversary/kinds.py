@@ -86,7 +86,9 @@ class Drawn:
         exponents, least = modes.listed(modes.exponents), modes.listed(least)
         least = least.real + 1j * np.abs(least.imag)
         must = tellable(exponents, least, modes.fundamental)
-        return Case(records=records, period=PERIOD, exponents=exponents, must=must, bound=least, options=dict(more))
+        return Case(
+            records=records, period=modes.period, exponents=exponents, must=must, bound=least, options=dict(more)
+        )
 
 
 def setting(
@@ -99,6 +101,9 @@ def setting(
     periods = int(np.clip(generator.uniform(2.0, 6.0) / slowest, 30, 250))
     phases = int(np.clip(np.ceil(5.0 * system.fastest), 24, 64)) + step
     times = PERIOD / phases * np.arange(int(periods * phases))
+    if wander:
+        ends = Clock(wander)(times[[0, -1]])
+        modes = system.modes(float((ends[1] - ends[0]) / times[-1]))
     return Drawn(
         system=system, modes=modes, times=times, clock=Clock(wander), rate=phases / PERIOD, generator=generator
     )
@@ -343,12 +348,14 @@ def out_of_step(generator: np.random.Generator) -> Case:
     return own.case(own.white(values, sigma), sigma, turns)
 
 
-def wandering(generator: np.random.Generator) -> tuple[Drawn, NDArray[np.float64], NDArray[np.float64]]:
-    """A shaft whose speed changes by up to 0.02 to 0.12 %, and the noisy response about an orbit or none."""
+def wandering(
+    generator: np.random.Generator, *, orbit: bool = True
+) -> tuple[Drawn, NDArray[np.float64], NDArray[np.float64]]:
+    """A shaft whose speed changes by up to 0.02 to 0.12 %, and the noisy response, in half of the draws on an orbit."""
     wander = np.exp(generator.uniform(np.log(2e-4), np.log(1.2e-3)))
     own = setting(generator, step=generator.uniform(0.05, 0.95), wander=wander)
     free = own.free()
-    values, sigma = (free, own.noise(free)) if generator.random() < 0.5 else _forced(own)
+    values, sigma = _forced(own) if orbit and generator.random() < 0.5 else (free, own.noise(free))
     return own, own.white(values, sigma), sigma
 
 
@@ -368,8 +375,11 @@ def tachometer(generator: np.random.Generator) -> Case:
 
 
 def exact_pulses(generator: np.random.Generator) -> Case:
-    """A channel with a pulse of a counter's edge: rises and falls within a sample, no noise."""
-    own, values, sigma = wandering(generator)
+    """A channel with a pulse of a counter's edge: rises and falls within a sample, no noise; on no orbit.
+
+    The edge is known to a sample, 6 to 15 degrees: what that makes of an orbit no chain could tell from modes.
+    """
+    own, values, sigma = wandering(generator, orbit=False)
     high = (np.mod(own.angles - 2.0, 2.0 * np.pi) < 1.0).astype(float)
     values = np.concatenate([values, 5.0 * high[None]])
     names = [*(f"y{n}" for n in range(len(sigma))), "tach"]

@@ -120,15 +120,18 @@ class System:
         end = self._period()[:, -1]
         return np.linalg.solve(np.eye(2 * self.size) - end[:-1, :-1], end[:-1, -1])
 
-    def _period(self) -> NDArray[np.float64]:
+    def _period(self, speed: float = 1.0) -> NDArray[np.float64]:
         """Φ of the state with its force at phases of one period of constant speed (states, phases + 1, states)."""
-        times = 2.0 * np.pi * np.arange(PHASES + 1) / PHASES
-        return replace(self, drift=0.0).moved(times, Clock(), np.eye(2 * self.size + 1))
+        times = 2.0 * np.pi / speed * np.arange(PHASES + 1) / PHASES
+        return replace(self, drift=0.0).moved(times, Clock(speed=speed), np.eye(2 * self.size + 1))
 
-    def modes(self) -> Modes:
-        """The Floquet modes, each real multiplier and one of each pair, on the branch of the strongest harmonic."""
+    def modes(self, speed: float = 1.0) -> Modes:
+        """The Floquet modes, each real multiplier and one of each pair, on the branch of the strongest harmonic.
+
+        At another `speed` than 1 rad/s, the mean of a shaft that wanders, each branch but one is elsewhere.
+        """
         n = self.size
-        transition = self._period()[: 2 * n, :, : 2 * n]
+        transition = self._period(speed)[: 2 * n, :, : 2 * n]
         multipliers, vectors = np.linalg.eig(transition[:, -1])
         amounts = np.linalg.solve(vectors, self.start.astype(complex))
         angles = 2.0 * np.pi * np.arange(PHASES) / PHASES
@@ -136,22 +139,22 @@ class System:
         exponents, coefficients = [], []
         real = np.abs(multipliers.imag) < 1e-9 * np.abs(multipliers)
         for number in np.flatnonzero(real | (multipliers.imag > 0)):
-            exponent = np.log(complex(multipliers[number])) / (2.0 * np.pi)
-            shape = np.einsum("ijk,k->ij", transition[:, :-1], vectors[:, number]) * np.exp(-exponent * angles)
+            exponent = np.log(complex(multipliers[number])) * speed / (2.0 * np.pi)
+            shape = np.einsum("ijk,k->ij", transition[:, :-1], vectors[:, number]) * np.exp(-exponent * angles / speed)
             lines = np.fft.fft(self.seen(shape, angles) * amounts[number], axis=1)[:, harmonics % PHASES] / PHASES
             if real[number]:
                 lines = 0.5 * lines
-                exponent = exponent.real + 0.5j * (multipliers[number].real < 0)
+                exponent = exponent.real + 0.5j * speed * (multipliers[number].real < 0)
             else:
                 shift = int(harmonics[np.argmax(np.linalg.norm(lines, axis=0))])
-                exponent, lines = exponent + 1j * shift, _shifted(lines, shift)
+                exponent, lines = exponent + 1j * speed * shift, _shifted(lines, shift)
             exponents.append(exponent)
             coefficients.append(lines)
         return Modes(
             exponents=np.array(exponents, complex),
             coefficients=np.array(coefficients),
             harmonics=harmonics,
-            period=2.0 * np.pi,
+            period=2.0 * np.pi / speed,
         )
 
 
@@ -167,17 +170,18 @@ def _shifted(lines: NDArray[np.complex128], by: int) -> NDArray[np.complex128]:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """The angle of the shaft, of mean speed 1 rad/s, over time: `wander` is the largest relative change of speed."""
+    """The angle of the shaft over time: about `speed` the speed changes by `wander` rad/s at most."""
 
     wander: float = 0.0
     rates: tuple[float, ...] = (0.011, 0.027, 0.041)
     begin: float = 0.0
+    speed: float = 1.0
 
     def __call__(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """θ at times [rad]."""
         share = self.wander / len(self.rates)
         bends = [share / rate * (np.sin(rate * times + 1.3 * k) - np.sin(1.3 * k)) for k, rate in enumerate(self.rates)]
-        return self.begin + times + np.sum(bends, axis=0)
+        return self.begin + self.speed * times + np.sum(bends, axis=0)
 
 
 def drawn(generator: np.random.Generator, *, most: int = 3, channels: int = 0) -> System:

@@ -213,7 +213,7 @@ def _colour(
     over = np.where(hidden, 0.0, excess) * (excess > limit)
     which = strongest(over)
     if which:
-        found.fail("colour_left", "colour", squares=[excess[where] for where in which], **case.places(which))
+        found.fail("colour_left", "colour", share=0.0, squares=[excess[where] for where in which], **case.places(which))
     return excess
 
 

@@ -13,6 +13,7 @@ from floquid.errors import IdentificationError
 from floquid.periodic.expansion import GAP
 from floquid.periodic.least_squares import (
     ModeParameters,
+    RecordBlock,
     Residual,
     Solution,
     chosen_bands,
@@ -59,6 +60,12 @@ UNTOLD = 0.5
 """The deviation of an exponent, over its decay, from which on it is a column that is there and no mode to report."""
 
 
+FARTHEST = 4
+"""Harmonics of a mode, at most, that its branch is looked for at."""
+
+BETTER = 9.0
+"""The reduction of the cost from which on a branch is the better one, and within which none is."""
+
 LASTING = 0.5
 """The decay over the record, in nepers, within two deviations of which a tone is steady as far as can be told."""
 
@@ -75,6 +82,7 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
     state, bands = centred(state, bands)
     if search:
         state, bands = _with_real_ones(state, bands)
+        state, bands = on_steady_branches(state, bands)
     if free_period:
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
         state = state.with_fit(solve(state.blocks, replace(state.solution.entries, free_period=True), hold=True))
@@ -181,7 +189,7 @@ def _with_clusters(state: State) -> tuple[State, tuple[int, ...]]:
     sure, solution = _sure(state), state.solution
     entries, free = solution.entries, np.flatnonzero(~solution.entries.fixed)
     clusters = _doubtful(solution, sure, CLUSTER)
-    further = np.zeros(len(solution.gradient))
+    further = np.zeros(len(solution.gradient)) if solution.further is None else np.array(solution.further)
 
     def own(entry: int) -> list[int]:
         turns = free[~entries.real[free]]
@@ -227,15 +235,67 @@ def centred(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.i
         ties = np.flatnonzero(energy[entry] > (1.0 - 1e-6) * energy[entry].max())
         turns = exponents[entry].imag + both.harmonics[ties] * entries.fundamental
         m = int(both.harmonics[ties[np.argmax(np.abs(turns))]])
-        exponents[entry] += 1j * m * entries.fundamental
-        fitted[entry] -= m
-        kept[entry] -= m
-        if exponents[entry].imag < 0.0:
-            exponents[entry] = exponents[entry].conjugate()
-            fitted[entry], kept[entry] = -fitted[entry, ::-1], -kept[entry, ::-1]
+        exponents[entry], fitted[entry], kept[entry] = _branch(
+            m, exponents[entry], fitted[entry], kept[entry], entries.fundamental
+        )
     if (fitted == entries.bands).all():
         return state, bands
     return state.with_fit(state.linearise(replace(entries, exponents=exponents, bands=fitted))), kept
+
+
+def _branch(
+    m: int, exponent: complex, fitted: NDArray[np.int64], kept: NDArray[np.int64], omega: float
+) -> tuple[complex, NDArray[np.int64], NDArray[np.int64]]:
+    """Exponent and bands of a mode counted from its harmonic `m`, the frequency not negative."""
+    exponent, fitted, kept = exponent + 1j * m * omega, fitted - m, kept - m
+    return (exponent, fitted, kept) if exponent.imag >= 0.0 else (exponent.conjugate(), -fitted[::-1], -kept[::-1])
+
+
+def on_steady_branches(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.int64]]:
+    r"""The fit at a speed that wanders, each mode on the branch whose frequency does not follow the speed.
+
+    .. math:: e^{\lambda t + i m \theta} = e^{(\lambda + i k \omega) t + i (m - k) \theta + i k (\theta - \omega t)}
+
+    At a constant speed all k are one mode; else the cost tells them apart. Where it does not, the deviations cover the
+    other branches, too.
+    """
+    if not any(isinstance(block, RecordBlock) and block.speeds is not None for block in state.blocks):
+        return state, bands
+    state = state.with_fit(solve(state.blocks, state.solution, hold=True))
+    spread: dict[int, complex] = {}
+    for entry in np.flatnonzero(~state.solution.entries.fixed & ~state.solution.entries.real):
+        entries, now = state.solution.entries, state.solution.cost
+        tried = []
+        for m in range(*np.clip([entries.bands[entry, 0], entries.bands[entry, 1] + 1], -FARTHEST, FARTHEST + 1)):
+            exponents, fitted, kept = entries.exponents.copy(), entries.bands.copy(), bands.copy()
+            parts = _branch(m, exponents[entry], fitted[entry], kept[entry], entries.fundamental)
+            exponents[entry], fitted[entry], kept[entry] = parts
+            with suppress(IdentificationError, np.linalg.LinAlgError):
+                trial = state.linearise(replace(entries, exponents=exponents, bands=fitted))
+                found = solve(state.blocks, trial, at_rest=1e-2, iterations=10, hold=True) if m else state.solution
+                tried.append((found.cost, m, found, kept))
+        if not tried:
+            continue
+        cost, _, found, kept = min(tried, key=lambda one: one[:2])
+        if now - cost > BETTER:
+            state, bands = state.with_fit(found), kept
+        likely = [one.entries.exponents[entry] for value, _, one, _ in tried if value < cost + BETTER]
+        gaps = np.array(likely) - state.solution.entries.exponents[entry]
+        apart = gaps.imag - entries.fundamental * np.rint(gaps.imag / entries.fundamental)
+        spread[int(entry)] = complex(np.abs(gaps.real).max(), np.abs(apart).max())
+    return _with_spread(state, spread), bands
+
+
+def _with_spread(state: State, spread: dict[int, complex]) -> State:
+    """With how far the exponents of some entries may be elsewhere in their variances."""
+    entries = state.solution.entries
+    free = np.flatnonzero(~entries.fixed)
+    turns = free[~entries.real[free]]
+    further = np.zeros(len(state.solution.gradient))
+    for entry, off in spread.items():
+        further[np.searchsorted(free, entry)] = off.real**2
+        further[len(free) + np.searchsorted(turns, entry)] = off.imag**2
+    return state.with_fit(replace(state.solution, further=further))
 
 
 def _padded(entries: ModeParameters, bands: NDArray[np.int64], most: int) -> ModeParameters:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.periodic.least_squares import Block, ModeParameters, filtered_blocks, residual_filter, solve
+from floquid.periodic.search._final import on_steady_branches
 from floquid.periodic.search._moves import joined, parted, unshared, without_needless
 from floquid.periodic.search._new_lines import with_lines
 from floquid.periodic.search._state import ROUGHLY, Limits, State, released, with_bands
@@ -37,6 +38,8 @@ def searched(state: State, limits: Limits, search: bool, report: Report) -> Stat
         state = with_bands(released(state), limits, refused=refused)
         if not search:
             break
+        # Before lines are added: on a wrong branch a mode leaves lines of its own.
+        state, _ = on_steady_branches(state, state.solution.entries.bands)
         if len(state.solution.entries.exponents):
             report("parting and joining modes")
             # Bands that are given stay: modes are not parted or joined then.

@@ -27,6 +27,7 @@ from floquid.pipeline.preparation._before import (
     responses_of,
     without_orbit,
 )
+from floquid.pipeline.preparation._driven import refuse_driven, refuse_random
 from floquid.pipeline.preparation._refuse import (
     refuse_copies,
     refuse_period,
@@ -228,6 +229,8 @@ def _free(
     said = missing_of(records)
     if settings.repair:
         refuse_unusable(records, of)
+        if not settings.find_hits:
+            refuse_driven(records)
         records, more = repaired(records)
         said += more
     if settings.find_hits:
@@ -241,6 +244,8 @@ def _free(
         said += more
     records, more = responses_of(records, settings)
     said += more
+    if settings.repair and not settings.estimate_period:
+        refuse_random(records)
     if settings.orbit:
         records, more = without_orbit(records)
         said += more

@@ -1,0 +1,96 @@
+"""Refusal of records that are driven all along: a force that goes on, and a response that is random."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import ConstantPeriod, Record
+from floquid.errors import IdentificationError
+
+PEAKED = 8.0
+"""The peak of a force over its rms below which it goes on: of a random one it is four, of a blow a hundred."""
+
+LASTING = 0.3
+"""The energy of the weakest third of a record over that of the strongest from which on nothing decays."""
+
+BROAD = 16.0
+"""Lines of a spectrum over which the energy is spread, at least: those of a tone or a lasting mode are a few."""
+
+WHITE = 0.125
+"""The same as a share of all lines, from which on it is noise and no response."""
+
+BESIDE = 3
+"""Lines on either side of a harmonic of the period that are its own."""
+
+
+def refuse_driven(records: Sequence[Record]) -> None:
+    """Refuse records in which a measured force goes on.
+
+    Raises
+    ------
+    IdentificationError
+        There is such a force.
+    """
+    for number, record in enumerate(records, start=1):
+        where = f" of record {number}" if len(records) > 1 else ""
+        for channel, values in zip(record.channels, record.values, strict=True):
+            if channel.quantity == "force" and _goes_on(values):
+                raise IdentificationError(
+                    f"Channel {channel.name!r}{where} is a force that acts during the record: the response is not "
+                    "free, and modes found in it would be wrong. Measured excitation is not supported yet: use a "
+                    "record that begins when the force is off (cut it, or `skip=` the periods in which it acts)."
+                )
+
+
+def refuse_random(records: Sequence[Record]) -> None:
+    r"""Refuse free responses that are random and do not decay.
+
+    The energy of the response, harmonics of the period left out, is spread over
+
+    .. math:: \Big(\sum_k P_k\Big)^2 \Big/ \sum_k P_k^2
+
+    lines of its spectrum P: few for undamped modes and tones, many but far from all for a response to noise. Only of
+    records of constant period: at a speed that wanders, harmonics are as broad.
+
+    Raises
+    ------
+    IdentificationError
+        There is such a response.
+    """
+    for number, record in enumerate(records, start=1):
+        where = f" of record {number}" if len(records) > 1 else ""
+        if isinstance(record.clock, ConstantPeriod) and _is_random(record, record.clock.period):
+            raise IdentificationError(
+                f"The response{where} does not decay, and is random: it is driven all along, by wind, by a process or "
+                "by the ground. Ambient excitation is not supported yet: use the free response after a blow or after "
+                "the excitation was switched off."
+            )
+
+
+def _goes_on(values: NDArray[np.float64]) -> bool:
+    """True for a force (samples,) that is no series of blows."""
+    about = values - np.nanmedian(values)
+    size = float(np.sqrt(np.nanmean(about**2)))
+    return size > 0.0 and float(np.nanmax(np.abs(about))) < PEAKED * size
+
+
+def _is_random(record: Record, period: float) -> bool:
+    """True where the response of every channel lasts, in broad peaks."""
+    values = record.values[[channel.quantity not in ("force", "pulse", "angle") for channel in record.channels]]
+    values = np.nan_to_num(values - np.nanmean(values, axis=1, keepdims=True))
+    values = values / np.maximum(np.sqrt(np.mean(values**2, axis=1, keepdims=True)), np.finfo(float).tiny)
+    lines = np.fft.rfft(values * np.hanning(values.shape[1]), axis=1)
+    turn = record.n_samples / (period * record.sample_rate)
+    turns = np.arange(lines.shape[1]) / turn
+    beside = np.abs(turns - np.rint(turns)) * turn <= BESIDE
+    power = np.sum(np.abs(lines) ** 2, axis=0) * ~beside
+    total = float(power.sum())
+    spread = total**2 / max(float(np.sum(power**2)), np.finfo(float).tiny)
+    if not BROAD < spread < WHITE * len(power) or total == 0.0:
+        return False
+    kept = np.fft.irfft(np.fft.rfft(values, axis=1) * ~beside, values.shape[1], axis=1)
+    thirds = [float(np.mean(part**2)) for part in np.array_split(kept, 3, axis=1)]
+    return min(thirds) > LASTING * max(thirds)
