@@ -60,7 +60,7 @@ UNTOLD = 0.5
 """The deviation of an exponent, over its decay, from which on it is a column that is there and no mode to report."""
 
 
-FARTHEST = 4
+FARTHEST = 3
 """Harmonics of a mode, at most, that its branch is looked for at."""
 
 BETTER = 9.0
@@ -261,40 +261,44 @@ def on_steady_branches(state: State, bands: NDArray[np.int64]) -> tuple[State, N
     """
     if not any(isinstance(block, RecordBlock) and block.speeds is not None for block in state.blocks):
         return state, bands
-    state = state.with_fit(solve(state.blocks, state.solution, hold=True))
+    state = state.with_fit(solve(state.blocks, state.solution, at_rest=1e-2, iterations=10, hold=True))
     spread: dict[int, complex] = {}
     for entry in np.flatnonzero(~state.solution.entries.fixed & ~state.solution.entries.real):
-        entries, now = state.solution.entries, state.solution.cost
+        entries = state.solution.entries
+        place, omega = int(np.sum(~entries.fixed[:entry])), entries.fundamental
         tried = []
         for m in range(*np.clip([entries.bands[entry, 0], entries.bands[entry, 1] + 1], -FARTHEST, FARTHEST + 1)):
             exponents, fitted, kept = entries.exponents.copy(), entries.bands.copy(), bands.copy()
-            parts = _branch(m, exponents[entry], fitted[entry], kept[entry], entries.fundamental)
+            parts = _branch(m, exponents[entry], fitted[entry], kept[entry], omega)
             exponents[entry], fitted[entry], kept[entry] = parts
+            trial = state.linearise(replace(entries, exponents=exponents, bands=fitted)) if m else state.solution
+            step = np.linalg.lstsq(trial.gauss_newton, trial.gradient, rcond=1e-12)[0]
+            tried.append((trial.cost - float(step @ trial.gradient), m, trial, kept, trial.entries.moved(step)))
+        cost, m, found, kept, _ = min(tried, key=lambda one: one[:2])
+        if m and state.solution.cost - cost > BETTER:
             with suppress(IdentificationError, np.linalg.LinAlgError):
-                trial = state.linearise(replace(entries, exponents=exponents, bands=fitted))
-                found = solve(state.blocks, trial, at_rest=1e-2, iterations=10, hold=True) if m else state.solution
-                tried.append((found.cost, m, found, kept))
-        if not tried:
-            continue
-        cost, _, found, kept = min(tried, key=lambda one: one[:2])
-        if now - cost > BETTER:
-            state, bands = state.with_fit(found), kept
-        likely = [one.entries.exponents[entry] for value, _, one, _ in tried if value < cost + BETTER]
-        gaps = np.array(likely) - state.solution.entries.exponents[entry]
-        apart = gaps.imag - entries.fundamental * np.rint(gaps.imag / entries.fundamental)
-        spread[int(entry)] = complex(np.abs(gaps.real).max(), np.abs(apart).max())
+                found = solve(state.blocks, found, at_rest=1e-2, iterations=10, hold=True)
+                if state.solution.cost - found.cost > BETTER:
+                    state, bands = state.with_fit(found), kept
+        likely = np.array([one.exponents[entry] for value, *_, one in tried if value < cost + BETTER])
+        own = state.solution.entries.exponents[entry]
+        # A branch whose frequency would be negative is that of the conjugate.
+        gaps = [
+            values.imag - omega * np.rint(values.imag / omega) for values in (likely - own, likely - own.conjugate())
+        ]
+        apart = np.minimum(*np.abs(gaps))
+        spread[place] = complex(np.abs(likely.real - own.real).max(), apart.max())
     return _with_spread(state, spread), bands
 
 
 def _with_spread(state: State, spread: dict[int, complex]) -> State:
-    """With how far the exponents of some entries may be elsewhere in their variances."""
+    """With how far the exponents of some modes, by their number among the free ones, may be off in their variances."""
     entries = state.solution.entries
-    free = np.flatnonzero(~entries.fixed)
-    turns = free[~entries.real[free]]
+    real = entries.real[~entries.fixed]
     further = np.zeros(len(state.solution.gradient))
-    for entry, off in spread.items():
-        further[np.searchsorted(free, entry)] = off.real**2
-        further[len(free) + np.searchsorted(turns, entry)] = off.imag**2
+    for place, off in spread.items():
+        further[place] = off.real**2
+        further[len(real) + int(np.sum(~real[:place]))] = off.imag**2
     return state.with_fit(replace(state.solution, further=further))
 
 

@@ -39,7 +39,8 @@ def searched(state: State, limits: Limits, search: bool, report: Report) -> Stat
         if not search:
             break
         # Before lines are added: on a wrong branch a mode leaves lines of its own.
-        state, _ = on_steady_branches(state, state.solution.entries.bands)
+        if not number:
+            state, _ = on_steady_branches(state, state.solution.entries.bands)
         if len(state.solution.entries.exponents):
             report("parting and joining modes")
             # Bands that are given stay: modes are not parted or joined then.
