@@ -103,9 +103,9 @@ MODEL: dict[str, str | Callable[..., str]] = {
         f"The speed of the shaft is not constant enough for a periodic model: {' '.join(reasons)} Use a part of the "
         "record where it is, or pass `trust_period=True`."
     ),
-    "vague_angle": "The angle of the shaft is known to {degrees:.2g}° only, and the forced response is large: what the "
-    "one makes of the other stands out of the noise ({energy:.3g} in the misfit). Modes near a harmonic of the "
-    "revolution may be that. Sample the tachometer faster, or take a wider pulse.",
+    "vague_angle": "The angle of the shaft is known to {degrees:.2g}° only: what that makes of the response stands out "
+    "of the noise ({energy:.3g} in the misfit). Weak modes, and those near a harmonic of the revolution, may be that. "
+    "Sample the tachometer faster, or take a wider pulse.",
     "order_ambiguous": lambda order, doubts: f"The order, {order}, is ambiguous: {' '.join(doubts)}",
     "under_a_peak": "A mode that hardly decays over the record lies where the noise has a peak: it may be noise.",
     "multiplier_one": "A component with a multiplier of 1 neither grows nor decays: it is most likely the forced "

@@ -93,7 +93,7 @@ def completed(
             *(own for own in (fails, *doubts, misfit(fitted), *uneven_speed(shafts), blurred) if own is not None),
             *ambiguity(choice),
             *(() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None)),
-            *doubts_of(model),
+            *doubts_of(model, wanders=any(shaft.wander > 0.0 for shaft in shafts)),
         ),
     )
 

@@ -57,6 +57,9 @@ NEIGHBOURS = 0.75
 """The distance of two modes modulo the fundamental, over the sum of their decays, within which one that changes is
 taken for both: what a cubic term makes of a mode decays three times as fast, at half of that sum."""
 
+WANDERING = 5.0
+"""The same on a shaft whose speed wanders: a frequency that follows it has lines as far beside as that is fast."""
+
 SAME_SHAPE = 0.95
 """The squared correlation of two shapes from which on they are one."""
 
@@ -159,20 +162,25 @@ def _wrong(prepared: Prepared, period: float, relative: float, std: float) -> Fi
 
 
 def vague_angle(found: Fit, shafts: Sequence[ShaftAngle], records: Sequence[Record]) -> Finding | None:
-    r"""Finding on what the error of the shaft's angle makes of a large forced response; None where noise hides it.
+    r"""Finding on what the error of the shaft's angle makes of the response; None where noise hides it.
 
-    .. math:: \frac 12 \sum_{c,h} N_h \sum_j (j\, a_{c,h,j}\, \sigma_{\theta,h} / s_{c,h})^2
+    .. math:: \sum_{c,h} \frac{\sigma_{\theta,h}^2}{s_{c,h}^2} \Big( \frac{N_h}{2} \sum_j (j\, a_{c,h,j})^2
+              + \sum_r \sum_n e^{2 \Re \lambda_r t_n} \sum_m |m B_{r,c,h,m}|^2 \Big)
 
-    with a the amplitudes of its harmonics j, σ the deviation of the angle [rad], and s the noise.
+    with a the amplitudes of the harmonics j of the forced response, B the coefficients of the modes, σ the deviation of
+    the angle [rad], and s the noise.
     """
-    forced = found.forced
-    if forced is None:
-        return None
+    forced, model = found.forced, found.model
     energy, degrees = 0.0, 0.0
     for hit, (shaft, record) in enumerate(zip(shafts, records, strict=True)):
         std = float(np.sqrt(np.mean(shaft.angle_std(np.clip(record.times, shaft.first, shaft.last)) ** 2)))
-        shares = forced.harmonics * forced.amplitudes[:, hit] / found.noise[:, hit, None]
-        energy += 0.5 * record.n_samples * std**2 * float(np.sum(shares**2))
+        noise = found.noise[:, hit, None]
+        if forced is not None:
+            shares = forced.harmonics * forced.amplitudes[:, hit] / noise
+            energy += 0.5 * record.n_samples * std**2 * float(np.sum(shares**2))
+        lasting = np.exp(2.0 * np.outer(np.minimum(model.exponents.real, 0.0), record.times - record.start)).sum(axis=1)
+        turned = np.abs(model.harmonics * model.coefficients[:, :, hit] / noise) ** 2
+        energy += std**2 * float(lasting @ turned.sum(axis=(1, 2)))
         degrees = max(degrees, float(np.degrees(std)))
     return None if energy < BLURRED else warning("vague_angle", degrees=degrees, energy=energy)
 
@@ -227,7 +235,7 @@ def _still(model: PeriodicModel, std: NDArray[np.complex128]) -> list[Finding]:
     return found + ([warning("multiplier_minus_one")] if (steady & (np.pi - turn < within)).any() else [])
 
 
-def _moving(model: PeriodicModel) -> list[Finding]:
+def _moving(model: PeriodicModel, near: float) -> list[Finding]:
     """Pairs of modes of one shape that are nearer to each other than they decay: one mode that changes."""
     found, own = [], [int(mode) for mode in model.upper_modes if not model.unpaired[mode]]
     scale = np.abs(model.coefficients).max(axis=(0, 2, 3), initial=0.0)[:, None, None]
@@ -237,7 +245,7 @@ def _moving(model: PeriodicModel) -> list[Finding]:
             gap = model.exponents[other] - model.exponents[one]
             turns = round(gap.imag / model.fundamental)
             apart = abs(complex(gap.real, gap.imag - turns * model.fundamental))
-            if apart > NEIGHBOURS * abs(model.exponents[[one, other]].real).sum():
+            if apart > near * abs(model.exponents[[one, other]].real).sum():
                 continue
             # e^{i turns θ} goes from the exponent to the shape.
             moved = np.roll(shapes[other], turns, axis=-1)
@@ -249,7 +257,7 @@ def _moving(model: PeriodicModel) -> list[Finding]:
     return found
 
 
-def doubts_of(model: PeriodicModel) -> tuple[Finding, ...]:
+def doubts_of(model: PeriodicModel, *, wanders: bool = False) -> tuple[Finding, ...]:
     """Findings on the modes of a model: hardly determined, without decay, of another period, growing."""
     found, std = [], model.exponent_std
     if std is not None:
@@ -259,7 +267,7 @@ def doubts_of(model: PeriodicModel) -> tuple[Finding, ...]:
         found += _still(model, std)
     if model.order and not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any():
         found.append(warning("no_second_harmonic"))
-    found += _moving(model)
+    found += _moving(model, WANDERING if wanders else NEIGHBOURS)
     if std is not None and _halved(model, std):
         found.append(warning("period_halved"))
     growing = model.exponents.real > (4.0 * std.real if std is not None else 0.0)

@@ -87,8 +87,8 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
         state = state.with_fit(solve(state.blocks, replace(state.solution.entries, free_period=True), hold=True))
     if search:
-        state, bands = _without_untold(state, bands)
         state = _without_steady(state, bands) if limits.steady else state
+        state, bands = _without_untold(state, bands)
     state, clusters = _with_clusters(state)
     noise = noise_of(state.blocks, state.solution, limits.floor)
     state = state.with_noise(limits.floor)

@@ -1,0 +1,47 @@
+"""The branch of a mode at a speed that wanders: the one whose frequency does not follow it."""
+
+import numpy as np
+import pytest
+
+from floquid import AzimuthSignal, Channel, Record, identify
+
+
+def synthetic(*, strongest=1, wander=2e-3, noise=1e-3, seed=0):
+    """A mode whose strongest harmonic is another than the one whose frequency does not follow the speed."""
+    generator = np.random.default_rng(seed)
+    times = np.arange(24 * 150 + 7) / 24.3
+    angle = 2.0 * np.pi * (times + wander / 0.3 * np.sin(0.3 * times))
+    exponent, shape = -0.02 + 2.0 * np.pi * 0.21j, np.array([[0.3, 1.0], [0.2, -0.4j], [0.5, 1.2]])
+    harmonics = np.array([0, strongest])
+    free = 2.0 * (shape @ np.exp(exponent * times + 1j * np.outer(harmonics, angle))).real
+    values = free + noise * generator.standard_normal(free.shape)
+    values = np.concatenate([values, np.mod(np.rad2deg(angle), 360.0)[None]])
+    names = ["a", "b", "c", Channel(name="azimuth", quantity="angle", unit="deg")]
+    return exponent, Record(values=values, sample_rate=24.3, channels=names, clock=AzimuthSignal(channel="azimuth"))
+
+
+@pytest.mark.parametrize("strongest", [1, -1])
+def test_a_mode_is_on_the_branch_that_does_not_follow_the_speed(strongest, monkeypatch):
+    exponent, record = synthetic(strongest=strongest)
+    model = identify(record, validate=False).model
+    assert model.order == 2
+    found = model.exponents[model.exponents.imag > 0][0]
+    std = model.exponent_std[0]
+    assert abs(found.imag - exponent.imag) < 4.0 * std.imag
+    assert abs(found.real - exponent.real) < 4.0 * std.real
+    if strongest == -1:
+        return  # that is where the search begins
+    for module in ("_final", "_rounds"):
+        name = f"floquid.periodic.search.{module}.on_steady_branches"
+        monkeypatch.setattr(name, lambda state, bands: (state, bands))
+    other = identify(record, validate=False).model
+    gap = np.abs(other.exponents - exponent).min()
+    assert other.order > 2 or gap > 4.0 * std.imag
+
+
+def test_a_record_of_little_wander_says_nothing_of_the_branch_and_the_deviation_covers_it():
+    exponent, record = synthetic(wander=2e-5, noise=3e-2)
+    model = identify(record, validate=False).model
+    gap = model.exponents - exponent
+    gap = np.abs(gap.imag - model.fundamental * np.rint(gap.imag / model.fundamental)).min()
+    assert gap < 4.0 * model.exponent_std[0].imag

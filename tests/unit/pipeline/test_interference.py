@@ -1,0 +1,75 @@
+"""Steady tones beside the modes, and two modes that are one which moves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from floquid import ConstantPeriod, Record, identify
+from floquid.systems import JeffcottRotor
+from floquid.views import outcome_lines
+
+ROTOR = JeffcottRotor()
+
+
+def ringing(**options):
+    return ROTOR.simulate(**{"n_periods": 120, "samples_per_period": 24, "noise": 0.01, "seed": 1} | options)
+
+
+def with_tone(size, frequency, seed=1):
+    """The rotor's record with a tone of so many times the noise in each channel, and its frequency [Hz]."""
+    record = ringing(seed=seed)
+    sigma = 0.01 * np.abs(record.values).max(axis=1, keepdims=True)
+    tone = np.sqrt(2.0) * size * sigma * np.cos(2.0 * np.pi * frequency * record.times + np.arange(4)[:, None])
+    return replace(record, values=record.values + tone), sigma
+
+
+@pytest.mark.parametrize("size", [0.5, 5.0])
+@pytest.mark.parametrize("frequency", [0.513, 1.0731])
+def test_mains_hum_is_named_and_no_mode(size, frequency):
+    record, sigma = with_tone(size, frequency)
+    found = identify(record)
+    assert found.model.order == 4
+    assert found.validation.passed
+    (tone,) = [own for own in found.fit.findings if own.code == "interference"]
+    assert tone.numbers["frequency"] == pytest.approx(frequency, abs=2e-5)
+    assert tone.numbers["amplitude"] == pytest.approx(np.sqrt(2.0) * size * sigma.max(), rel=0.2)
+    assert f"{frequency:.3g}" in outcome_lines(found)["Interference"]
+    assert found.fit.forced is None
+
+
+def test_an_order_that_is_given_is_that_of_the_model_with_the_tone():
+    record, _ = with_tone(5.0, 0.513)
+    assert identify(record, order=6, validate=False).model.order == 6
+
+
+def test_a_mode_that_hardly_decays_stays_a_mode_where_its_decay_is_seen():
+    """A decay of half in the record, known to a percent."""
+    times = np.arange(24 * 200) / 24.0
+    values = np.exp(-0.0035 * times) * np.cos(2.0 * np.pi * 0.37 * times + np.arange(3)[:, None])
+    values = values + np.exp(-0.05 * times) * np.cos(2.0 * np.pi * 0.81 * times)
+    values += 0.01 * np.random.default_rng(0).standard_normal(values.shape)
+    record = Record(values=values, sample_rate=24.0, channels=["a", "b", "c"], clock=ConstantPeriod(period=1.0))
+    found = identify(record, validate=False)
+    assert found.model.order == 4
+    assert not any(own.code == "interference" for own in found.fit.findings)
+
+
+@pytest.mark.parametrize(("kappa", "moves"), [(0.0, False), (0.4, True)])
+def test_two_modes_of_one_shape_are_named_as_one_that_moves(kappa, moves):
+    """An oscillator with a cubic stiffness, integrated; its frequency falls with the amplitude."""
+    from scipy.integrate import solve_ivp
+
+    def rates(t, x):
+        stiffness = 4.0 * (1.0 + 0.2 * np.cos(t))
+        return [x[1], -stiffness * x[0] - kappa * x[0] ** 3 - 0.02 * x[1]]
+
+    times = 2.0 * np.pi / 32 * np.arange(32 * 100)
+    y = solve_ivp(rates, (0.0, times[-1]), [0.5, 0.0], t_eval=times, rtol=1e-10, atol=1e-12).y
+    values = y + 0.002 * np.abs(y).max(axis=1, keepdims=True) * np.random.default_rng(2).standard_normal(y.shape)
+    record = Record(
+        values=values, sample_rate=32 / (2.0 * np.pi), channels=["x", "v"], clock=ConstantPeriod(period=2.0 * np.pi)
+    )
+    found = identify(record)
+    assert any(own.code == "one_that_moves" for own in found.findings) == moves
+    assert (found.model.order > 2) == moves
