@@ -26,8 +26,8 @@ BESIDE = 3
 """Lines on either side of a harmonic of the period that are its own."""
 
 
-def refuse_driven(records: Sequence[Record]) -> None:
-    """Refuse records in which a measured force goes on.
+def refuse_driven(records: Sequence[Record], named: Sequence[str]) -> None:
+    """Refuse records in which a measured force goes on, but for those that are `named` as responses.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def refuse_driven(records: Sequence[Record]) -> None:
     for number, record in enumerate(records, start=1):
         where = f" of record {number}" if len(records) > 1 else ""
         for channel, values in zip(record.channels, record.values, strict=True):
-            if channel.quantity == "force" and _goes_on(values):
+            if channel.quantity == "force" and channel.name not in named and _goes_on(values):
                 raise IdentificationError(
                     f"Channel {channel.name!r}{where} is a force that acts during the record: the response is not "
                     "free, and modes found in it would be wrong. Measured excitation is not supported yet: use a "

@@ -230,7 +230,7 @@ def _free(
     if settings.repair:
         refuse_unusable(records, of)
         if not settings.find_hits:
-            refuse_driven(records)
+            refuse_driven(records, settings.channels)
         records, more = repaired(records)
         said += more
     if settings.find_hits:
