@@ -327,6 +327,18 @@ def test_a_period_that_is_found_takes_the_place_of_any_other_clock():
     assert prepared.shafts == ()
 
 
+@pytest.mark.parametrize("facts", [{"name": "Azimuth", "unit": "deg"}, {"name": "tacho"}])
+def test_two_runs_at_one_speed_share_their_clock_channel(facts):
+    """Simulated runs have one azimuth to the last digit: it is no response, whatever ties the records to the phase."""
+    angle = np.arange(512) * 45.0 % 360.0
+    pair = [beside(ringing(seed=seed, deg=deg), angle, **facts) for seed, deg in ((5, 45.0), (6, 120.0))]
+    for options in ({}, {"estimate_period": True}, *([{"azimuth": "Azimuth"}] if "unit" in facts else [])):
+        prepared = chain.prepare(pair, **options)
+        assert [names(record) for record in prepared.responses] == [TWO, TWO]
+    with pytest.raises(InputError, match="is a copy"):
+        chain.prepare(pair, channels=("X", facts["name"]))
+
+
 def test_what_is_wrong_with_samples_is_told_with_a_refusal():
     record = ringing()
     values = np.clip(record.values, -0.5 * record.values.max(), 0.5 * record.values.max())[:, :24]

@@ -17,7 +17,7 @@ from floquid.sync import clipped, dropouts, find_hits, gaps, pulse_times, shaft_
 MOST_GAPS = 12
 """Stretches of missing samples that are listed one by one."""
 
-NO_RESPONSE = ("force", "pulse")
+NO_RESPONSE = ("force", "pulse", "angle")
 """Quantities of channels that say what drives a system, or how far it has turned."""
 
 CHUNK = 8192
