@@ -252,7 +252,7 @@ def _time(source: Source, file: VariableFile, times: Sequence[Variable]) -> Time
                 f"has others in `{columns[0].label}` than in `{column.label}`",
                 "Choose channels of one measurement, or pass `rate=` [Hz] to ignore the times.",
             )
-    return columns[0]
+    return columns[0] if times[0].unit not in ("", "-") else replace(columns[0], scale=None)
 
 
 def _rate(source: Source, file: VariableFile, rows: Sequence[_Row], *, ignore_time: bool) -> float | None:
