@@ -10,6 +10,7 @@ import numpy as np
 
 from floquid._checks import finite, input_error, integer, positive
 from floquid.core import AzimuthSignal
+from floquid.errors import InputError
 from floquid.lti import AMI, ERA, LSCF, AbstractIdentifier, MaximumLikelihood, PolyLSCF
 from floquid.reconstruction import MOST_TIMES, AbstractStructure, FirstOrder, Form, structure_of, text_of
 
@@ -198,7 +199,13 @@ class Settings:
                 remedy = 'Pass `structure="auto"` beside it.'
                 raise input_error("output_error", of, "come with a structure", "there is none", remedy)
             return
-        meant = structure_of(structure)
+        try:
+            meant = structure_of(structure)
+        except InputError as error:
+            subject, _, words = str(error).partition(" must ")
+            inner, where = subject.split("`")[1:4:2], {"structure_of": "", "Block": ", in a block,"}
+            words = f"{where.get(inner[1], f', in its {inner[0]} block,')} {words}"
+            raise InputError(f"Argument `structure` of `{of}` must{words}") from error
         object.__setattr__(self, "structure", text_of(meant))
         form = "first-order" if isinstance(meant, FirstOrder) else "second-order"
         if self.form != form:
@@ -215,7 +222,10 @@ class Settings:
         """Refuse two clocks at once, and numbers that no clock can have."""
         of = "Settings"
         integer(self.pulses_per_revolution, "pulses_per_revolution", of, at_least=1)
-        AzimuthSignal(channel="-", periods_per_revolution=self.periods_per_revolution)
+        try:
+            AzimuthSignal(channel="-", periods_per_revolution=self.periods_per_revolution)
+        except InputError as error:
+            raise InputError(str(error).replace("AzimuthSignal", of)) from error
         given = {
             "period": self.period is not None,
             "tach": self.tach is not None,

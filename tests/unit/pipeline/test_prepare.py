@@ -308,8 +308,25 @@ def test_what_cannot_be_prepared_is_refused(records, options, words):
 
 def test_a_record_of_its_clock_alone_is_refused():
     record = with_tachometer().select(["tach"])
-    with pytest.raises(InputError, match="channel"):
+    with pytest.raises(InputError, match="`records` of `identify` must have a channel of responses"):
         chain.prepare(record)
+
+
+@pytest.mark.parametrize(
+    ("argument", "options"),
+    [
+        ("settings", {"settings": 3}), ("channels", {"channels": ["Q"]}), ("channels", {"channels": ["X", "X"]}),
+        ("tach", {"tach": "Q"}), ("tach", {"tach": "X"}), ("azimuth", {"azimuth": "Q"}), ("records", {"azimuth": "X"}),
+        ("records", {"tach": "tach", "periods_per_revolution": 50}), ("forced", {"forced": "1,99"}),
+        ("structure", {"states": TWO, "structure": "junk"}), ("structure", {"states": TWO, "structure": "damping foo"}),
+        ("periods_per_revolution", {"periods_per_revolution": 0.7}), ("states", {"states": ["X"]}),
+        ("harmonics", {"identifier": "era"}),
+    ],
+)  # fmt: skip
+def test_messages_name_the_arguments_of_the_callable_asked(argument, options):
+    record = with_tachometer().select([*TWO, "tach"]) if "tach" in options.values() else ringing()
+    with pytest.raises(InputError, match=rf"Argument `{argument}` of `(identify|Settings)` must "):
+        identify(record, validate=False, **options)
 
 
 def test_one_sample_a_period_is_one_of_a_constant_system():
