@@ -203,8 +203,8 @@ class Settings:
             meant = structure_of(structure)
         except InputError as error:
             subject, _, words = str(error).partition(" must ")
-            inner, where = subject.split("`")[1:4:2], {"structure_of": "", "Block": ", in a block,"}
-            words = f"{where.get(inner[1], f', in its {inner[0]} block,')} {words}"
+            inner, where = subject.split("`")[1:4:2], {"structure_of": "", "Block": " in a block"}
+            words = f"{where.get(inner[1], f' in its {inner[0]} block')} {words}"
             raise InputError(f"Argument `structure` of `{of}` must{words}") from error
         object.__setattr__(self, "structure", text_of(meant))
         form = "first-order" if isinstance(meant, FirstOrder) else "second-order"
