@@ -125,7 +125,7 @@ def test_a_structure_that_contradicts_the_record_ends_with_1(rotor):
         ("--states X,Y --structure 'stiffness 2 symetric'", "`--structure` must go on with one of none, symmetric"),
         (
             "--states X,Y --structure 'stiffness 2 known 5,5=1'",
-            "`--structure` must in a block name elements of a block",
+            "`--structure` must name elements of a block",
         ),
         (
             "--states X,Y --structure 'stiffness 2; gyroscopic 0'",

@@ -12,6 +12,8 @@ from floquid.pipeline._settings import Settings
 
 _SUBJECT = re.compile(r"Argument `([^`]*)` of `([^`]*)` must ")
 
+_STRUCTURES = ("structure_of", "Block", "SecondOrder", "FirstOrder")
+
 _OWN = {"names": "channels", "channel": "tach", "shortest": "period", "longest": "period"}
 """Options by the arguments of inner functions where these have other names; what is none is of the records."""
 
@@ -25,6 +27,6 @@ def own_names(of: str) -> Iterator[None]:
         match = _SUBJECT.match(str(error))
         if match is None or match[2] in (of, "Settings"):
             raise
-        name = _OWN.get(match[1], match[1])
+        name = "structure" if match[2] in _STRUCTURES else _OWN.get(match[1], match[1])
         name = name if name in {field.name for field in fields(Settings)} else "records"
         raise type(error)(f"Argument `{name}` of `{of}` must {str(error)[match.end() :]}") from error
