@@ -174,7 +174,7 @@ def test_channels_of_two_units_do_not_share_a_look(found):
 
 def test_numbers_of_crowded_modes_do_not_lie_on_one_another(found):
     model, chosen = found.model, list(found.model.upper_modes)
-    values = np.array([-0.1 + 1.0j, -0.101 + 1.06j, -0.104 + 1.0j, -0.3 + 0.2j])
+    values = np.array([-0.3 + 0.2j, -0.162 + 1.0j, -0.138 + 1.0j, -0.14 + 1.2j])
     model = PeriodicModel(
         exponents=np.concatenate([values, values.conj()]),
         coefficients=np.repeat(model.coefficients[chosen[:1]], 8, axis=0),
