@@ -165,6 +165,11 @@ def test_nothing_is_asked_of_the_network(size, rotor, request):
     assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth"), "it scrolls sideways"
 
 
+def test_a_table_that_goes_on_says_so(desktop, phone, rotor):
+    assert phone.open(rotor).locator("#modes .wide.more").count() == 1
+    assert desktop.open(rotor).locator(".wide.more").count() == 0
+
+
 def test_on_paper_the_buttons_are_gone(desktop, rotor):
     page = desktop.open(rotor)
     page.emulate_media(media="print")

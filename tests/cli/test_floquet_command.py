@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -401,3 +402,19 @@ def test_a_refused_analysis_leaves_an_earlier_result(work, monkeypatch):
     words = "floquet fast.npz --out kept"
     assert typed(words, code=1, message="floquid: A(t) must be integrable to a relative error of 1e-12, but") == ""
     assert contents(work) == before
+
+
+def test_the_shapes_of_a_turbine_are_those_of_its_structure():
+    """A wave filter swings with less damping than the tower, and would be drawn alone."""
+    A = np.zeros((6, 6))
+    for k, (decay, swing) in enumerate([(0.01, 0.9), (0.1, 2.2), (0.05, 3.3)]):
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[-decay, swing], [-swing, -decay]]
+    found = floquet.modes(lambda t: A * (1.0 + 0.1 * np.cos(t)), 2.0 * np.pi)
+    names = ["HD Exctn1", "HD Exctn2", "ED tower", "ED d/dt tower", "BD_1 blade", "BD_1 d/dt blade"]
+
+    def moving(states):
+        chosen = _floquet._moving(SimpleNamespace(modes=found, file=SimpleNamespace(states=states)))
+        return chosen and found.exponents[chosen].real.round(6).tolist()
+
+    assert moving(names) == [-0.05, -0.1]
+    assert moving(None) is moving(names[2:4] * 3) is moving([name[3:] for name in names]) is None

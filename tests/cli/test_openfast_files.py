@@ -55,17 +55,29 @@ def test_info_of_a_tachometer_ends_with_its_option(here):
     assert text.endswith("Next: floquid identify run.parquet --tach tach\n")
 
 
-def test_info_of_a_record_without_a_clock_ends_with_a_period_to_give(here):
-    assert typed("info good.npz").endswith("Next, with the true period: floquid identify good.npz --period 0.02\n")
+NO_PERIOD = " --estimate-period\n  Nothing in this file tells the period: that looks for it in the response."
+
+
+def test_info_of_a_record_without_a_clock_makes_no_period_up(here):
+    assert f"Next: floquid identify good.npz{NO_PERIOD}" in typed("info good.npz")
     text = typed("info good.npz --channels X --rate 5")
     assert "1 channel, 320 samples, 5 Hz" in text
-    assert text.endswith("floquid identify good.npz --channels X --rate 5 --period 0.02\n")
+    assert f"Next: floquid identify good.npz --channels X --rate 5{NO_PERIOD}" in text
+
+
+def test_info_proposes_no_voltage_as_a_response(here):
+    rows = "\n".join(f"{k},{k % 3},{k % 5},{k % 7},{k % 11},{k % 4}" for k in range(20))
+    (here / "run.csv").write_text(f"time [s],x [mm],drive [V],hammer [V],motor [Nm],acc [V]\n{rows}\n")
+    text = typed("info run.csv")
+    assert f"floquid identify run.csv --channels x,acc{NO_PERIOD}" in text
+    (here / "raw.csv").write_text(f"time [s],a [V],b [V],c [V],d [V],e [V]\n{rows}\n")
+    assert f"floquid identify raw.csv{NO_PERIOD}" in typed("info raw.csv")
 
 
 def test_info_of_a_table_without_a_rate(here):
     (here / "run.csv").write_text("x [m],rpm [rpm]\n1,2\n2,1\n")
-    assert typed("info run.csv").endswith("Next, with the true rate: floquid info run.csv --rate 1000\n")
+    assert typed("info run.csv").endswith("Next, with the sampling rate [Hz]: floquid info run.csv --rate HZ\n")
     text = typed("info run.csv --rate 10")
     assert "Clock candidate: rpm" in text
     assert "--tach rpm" not in text
-    assert text.endswith("Next, with the true period: floquid identify run.csv --rate 10 --period 0.02\n")
+    assert f"Next: floquid identify run.csv --rate 10{NO_PERIOD}" in text

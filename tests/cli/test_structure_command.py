@@ -125,11 +125,11 @@ def test_a_structure_that_contradicts_the_record_ends_with_1(rotor):
         ("--states X,Y --structure 'stiffness 2 symetric'", "`--structure` must go on with one of none, symmetric"),
         (
             "--states X,Y --structure 'stiffness 2 known 5,5=1'",
-            "A block of `--structure` must name elements of a block",
+            "`--structure` must name elements of a block",
         ),
         (
             "--states X,Y --structure 'stiffness 2; gyroscopic 0'",
-            "The damping block of `--structure` must be symmetric",
+            "`--structure` must in its damping block be symmetric",
         ),
         ("--structure auto", "`--structure` must come with states"),
         ("--states X,Y --output-error", "`--output-error` must come with a structure"),

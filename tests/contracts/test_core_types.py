@@ -273,6 +273,20 @@ class TestChannel:
         assert channel(unit=unit).quantity == quantity
 
     @pytest.mark.parametrize(
+        ("name", "unit", "quantity"),
+        [
+            ("acc", "-", "acceleration"), ("accX", "-", "acceleration"), ("ACC_3", "V", "acceleration"),
+            ("tip accel", "-", "acceleration"), ("vel_y", "-", "velocity"), ("disp 1", "-", "displacement"),
+            ("acc", "m", "displacement"), ("TTDspFA", "-", "displacement"), ("hammer", "V", "force"),
+            ("RotTorque", "-", "force"), ("tach", "V", "pulse"), ("Rotor_Azimuth", "deg", "angle"),
+            ("encoder", "rad", "angle"), ("encoder", "V", "pulse"), ("LSSTipPxa", "deg", "angle"),
+            ("accuracy", "-", "displacement"), ("vaccum", "V", "other"), ("reinforced", "-", "displacement"),
+        ],
+    )  # fmt: skip
+    def test_what_the_unit_leaves_open_a_word_in_the_name_says(self, name, unit, quantity):
+        assert channel(name=name, unit=unit).quantity == quantity
+
+    @pytest.mark.parametrize(
         ("unit", "quantity"),
         [("rad", "angle"), ("V", "acceleration"), ("-", "velocity"), ("-", "pulse"), ("mm", "pulse"), ("N", "other")],
     )

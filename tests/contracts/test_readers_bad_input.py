@@ -30,7 +30,12 @@ CSV = {  # name: the bytes of the file, what the message must hold, in order
         b"time [s],x [m],y\n0,1,2\n0.1,2,3\n# pause\n0.2,oops,4\n", "'oops' in line 5, column 'x [m]'", "`channels=`",
     ),
     "text for a time": (b"time,x\n12:00:01,1\n12:00:02,2\n", "'12:00:01' in line 2, column 'time'", "must be numbers"),
-    "units in a second row": (b"time,x\ns,m\n0,1\n1,2\n", "'s' in line 2, column 'time'", "Mend"),
+    "two rows of names": (
+        b"time,x\nclock,tip\n0,1\n1,2\n", "one header, with a name for each column", "words in lines 1 to 2", "Delete",
+    ),
+    "metadata and no names": (
+        b"Analyser 3000\nRate,1000\n0,1,2\n1,2,3\n", "one header", "words in lines 1 to 2", "put # before",
+    ),
     "underscore": (b"time,x\n0,1\n1,1_0\n", "'1_0' in line 3, column 'x'", "Mend"),
     "complex": (b"time,x\n0,1+2j\n1,1\n", "'1+2j' in line 2", "Mend"),
     "infinite": (b"time,x\n0,1\n1,-inf\n2,3\n", "finite numbers", "'-inf' in line 3, column 'x'", "`nan`"),

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import fields
 
 import numpy as np
 from cyclopts import CycloptsError, UnusedCliTokensError
 
 from floquid.errors import IdentificationError, InputError
-from floquid.views import for_command
+from floquid.pipeline import Settings
+from floquid.views import SHORT, for_command
 
 DONE, FAILED, BAD_INPUT, NOT_MET, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -25,42 +27,20 @@ def _alike(*names: str) -> dict[str, str]:
     return {name: f"`--{name.replace('_', '-')}`" for name in names}
 
 
+_SETTINGS = {
+    **_alike(*(field.name for field in fields(Settings))),
+    **{name: f"`--{short.replace('_', '-')}`" for name, short in SHORT.items()},
+    "period": "The period",
+    "records": "The records",
+}
+
 _OPTIONS = {
     "read": {"path": "`FILE`", "period": "The period", **_alike("rate", "channels", "origin")},
     "floquet.read_matrix": {"paths": "`FILES`", **_alike("period", "interpolation")},
     "floquet.read_openfast": {"paths": "`FILES`"},
-    "Settings": {
-        "period": "The period",
-        **_alike("channels", "order", "harmonics", "states", "form", "delay", "structure"),
-        **_alike("tach", "azimuth", "forced", "skip", "output_error", "estimate_period"),
-        "pulses_per_revolution": "`--pulses-per-rev`",
-        "periods_per_revolution": "`--periods-per-rev`",
-    },
-    "fit": {
-        "records": "The records",
-        "period": "The period",
-        "clocks": "The clocks",
-        "forced": "`--forced`",
-        "free_period": "`--estimate-period`",
-    },
-    "estimate_period": {"records": "The records"},
-    "resample": {"records": "The records", "clocks": "The clocks"},
-    "shaft_angle": {"record": "The record", "channel": "`--tach`", "clock": "The clock"},
-    "pulse_times": {"channel": "`--tach`", "record": "The record"},
-    "find_hits": {"record": "The record"},
-    "split_hits": {"skip": "`--skip`", "record": "The record"},
-    "AzimuthSignal": {"periods_per_revolution": "`--periods-per-rev`", "channel": "`--azimuth`"},
-    "TachometerSignal": {"periods_per_revolution": "`--periods-per-rev`", "channel": "`--tach`"},
+    "Settings": _SETTINGS,
+    "identify": _SETTINGS,
     "ConstantPeriod": {"period": "The period", "origin": "`--origin`"},
-    "segment": {"period": "The period", "records": "The records"},
-    "lift": {"cycles": "The records"},
-    "identify": {"records": "The records", "period": "The period", **_alike("order", "harmonics", "states", "skip")},
-    "reconstruct": _alike("states", "form", "delay"),
-    "refine": _alike("states", "structure"),
-    "structure_of": {"text": "`--structure`"},
-    "Block": dict.fromkeys(("harmonics", "symmetry", "known"), "A block of `--structure`"),
-    "SecondOrder": {name: f"The {name} block of `--structure`" for name in ("damping", "gyroscopic")},
-    "assemble": _alike("harmonics"),
     "describe_file": {"path": "`FILE`", **_alike("rate", "channels")},
     "write": {"path": "`--out`", "record": "The record"},
     "save": {"path": "`--out`"},

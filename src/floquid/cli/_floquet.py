@@ -31,10 +31,15 @@ from floquid.floquet import (
     modes,
     read_matrix,
     stability,
+    state_participation,
+    upper_modes,
 )
 
 OF = "floquid floquet"
 STAGES = 4
+
+_STRUCTURE = re.compile(r"(ED|BD|BD_\d+|SD) ")
+"""How OpenFAST's states of motions begin: of ElastoDyn, BeamDyn and SubDyn."""
 
 
 def floquet(
@@ -166,6 +171,20 @@ def _check_options(files: tuple[Path, ...], tolerance: float, out: Path | None) 
         raise input_error("--out", OF, must, f"{out} holds result.h5", "Choose another folder.")
 
 
+def _moving(found: Examined) -> list[int] | None:
+    """The least damped modes of a turbine's structure, at most three; None where the names of states tell of none.
+
+    Wave filters of OpenFAST swing too, with less damping than any motion, and hide it.
+    """
+    structural = np.array([_STRUCTURE.match(name) is not None for name in found.file.states or ()], bool)
+    if not structural.any() or structural.all():
+        return None
+    share = state_participation(found.modes)[:, structural].sum(axis=1)
+    own = [mode for mode in upper_modes(found.modes) if share[mode] > 0.5]
+    own.sort(key=lambda mode: (found.modes.exponents[mode].imag == 0.0, found.modes.damping_ratios[mode]))
+    return own[:3] or None
+
+
 def _write(folder: ResultFolder, found: Examined, text: str, report: Callable[[str], None]) -> None:
     """Write the files into the folder, where they take their names together."""
     from floquid import plot
@@ -177,5 +196,5 @@ def _write(folder: ResultFolder, found: Examined, text: str, report: Callable[[s
     save_modes(found, folder.unfinished / "modes.npz")
     report("drawing the figures")
     plot.save_figure(plot.exponents(found.modes), figures / "exponents.png")
-    plot.save_figure(plot.periodic_shapes(found.modes, found.file.states), figures / "shapes.png")
+    plot.save_figure(plot.periodic_shapes(found.modes, found.file.states, _moving(found)), figures / "shapes.png")
     folder.publish()

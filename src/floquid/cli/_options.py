@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from cyclopts import Group, Parameter, Token
 
 from floquid._checks import input_error, positive
-from floquid.cli._settings import IdentifierName
-from floquid.pipeline import Settings
+from floquid.pipeline import IdentifierName, Settings
 from floquid.readers import SUFFIXES, WRITTEN
 from floquid.reconstruction import Form
 from floquid.views import SHORT

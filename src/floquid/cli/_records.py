@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -26,6 +27,11 @@ OF = "floquid convert"
 
 _OPTIONS = {"pulses": "--tach", "azimuth": "--azimuth"}
 """The option of `identify` that takes a clock, by its kind; a period needs none."""
+
+_MOTIONS = ("displacement", "velocity", "acceleration", "strain")
+
+_DRIVE = re.compile(r"[mkuµ]?[VA]|[mkM]?N[ .·*-]?m")
+"""Units of voltages, currents and torques, which drive a system more often than they are its response."""
 
 
 def check_files(files: Sequence[Path], of: str) -> None:
@@ -136,11 +142,26 @@ def _next_command(found: FileSummary, given: str) -> str:
     """The command to type after this one; `given` are the options that were typed."""
     path = shlex.quote(found.path)
     if found.sample_rate is None:
-        return f"Next, with the true rate: floquid info {path}{given} --rate 1000"
+        return f"Next, with the sampling rate [Hz]: floquid info {path}{given} --rate HZ"
     best = _best_option(found.clock_candidates)
+    if "--channels" not in given:
+        given += _responses(found, best or "")
     if best is None:
-        return f"Next, with the true period: floquid identify {path}{given} --period 0.02"
+        return (
+            f"Next: floquid identify {path}{given} --estimate-period\n"
+            "  Nothing in this file tells the period: that looks for it in the response. Where you know it, give it by "
+            "--period [s] or --frequency [Hz] instead."
+        )
     return f"Next: floquid identify {path}{given}{f' {best}' if best else ''}"
+
+
+def _responses(found: FileSummary, clock: str) -> str:
+    """The option that leaves out voltages and torques beside motions; forces, pulses and angles are left out anyway."""
+    moving = [c.name for c in found.channels if c.quantity in _MOTIONS]
+    others = [c for c in found.channels if c.quantity == "other" and c.name not in shlex.split(clock)]
+    kept = [*moving, *(c.name for c in others if not _DRIVE.fullmatch(c.unit))]
+    all_kept = not moving or len(kept) == len(moving) + len(others)
+    return "" if all_kept else f" --channels {shlex.quote(','.join(kept))}"
 
 
 def convert(

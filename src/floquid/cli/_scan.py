@@ -27,7 +27,7 @@ from floquid.cli._options import (
     split,
 )
 from floquid.cli._records import check_files, read_records
-from floquid.cli._settings import Choices, IdentifierName, choices_of
+from floquid.cli._settings import Choices, choices_of
 from floquid.cli._terminal import (
     counted,
     json_text,
@@ -43,7 +43,7 @@ from floquid.lifting import Lifted
 from floquid.lti import ModalModel, Outcome
 from floquid.order import OrderScan, Stability
 from floquid.order import scan as scan_orders
-from floquid.pipeline import Prepared, Settings, blas_threads, lifted, prepare
+from floquid.pipeline import IdentifierName, Prepared, Settings, blas_threads, lifted, prepare
 
 OF = "floquid scan"
 STAGES = 8

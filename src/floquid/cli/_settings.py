@@ -2,31 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from floquid._checks import finite, input_error, positive
 from floquid.errors import InputError
 from floquid.io import readable_file
-from floquid.lti import AMI, ERA, LSCF, AbstractIdentifier, MaximumLikelihood, PolyLSCF
-from floquid.pipeline import Settings
-
-IdentifierName = Literal["ml", "ami", "era", "lscf", "poly", "ami-ml", "era-ml", "lscf-ml", "poly-ml"]
-
-IDENTIFIERS: dict[str, Callable[[float], AbstractIdentifier]] = {
-    "ml": lambda alarm: MaximumLikelihood(false_alarm=alarm),
-    "ami": lambda alarm: AMI(false_alarm=alarm),
-    "era": lambda _: ERA(),
-    "lscf": lambda _: LSCF(),
-    "poly": lambda _: PolyLSCF(),
-    "ami-ml": lambda alarm: MaximumLikelihood(false_alarm=alarm, initial=AMI(false_alarm=alarm)),
-    "era-ml": lambda alarm: MaximumLikelihood(false_alarm=alarm, initial=ERA()),
-    "lscf-ml": lambda alarm: MaximumLikelihood(false_alarm=alarm, initial=LSCF()),
-    "poly-ml": lambda alarm: MaximumLikelihood(false_alarm=alarm, initial=PolyLSCF()),
-}
-"""The algorithms by their names on the command line, given the probability at which noise may pass for a mode."""
+from floquid.pipeline import IdentifierName, Settings
 
 READING = ("rate", "origin", "identifier")  # the choices that are not settings as they stand
 
@@ -42,9 +25,7 @@ class Choices:
 
     def resolved(self) -> Settings:
         """The settings with the algorithm that was named."""
-        if self.identifier is None:
-            return self.settings
-        return replace(self.settings, identifier=IDENTIFIERS[self.identifier](self.settings.mode_false_alarm))
+        return self.settings if self.identifier is None else replace(self.settings, identifier=self.identifier)
 
     def with_given(self, **given: Any) -> Choices:
         """These choices with those put over them that are given, which is to say, not None."""
@@ -90,8 +71,7 @@ def load_choices(file: Path) -> Choices:
         if "origin" in content:
             reading["origin"] = finite(content.pop("origin"), "origin", "Settings", unit="s")
         identifier = content.pop("identifier", None)
-        if identifier not in (None, *IDENTIFIERS):
-            raise input_error("identifier", "Settings", f"be one of {', '.join(IDENTIFIERS)}", f"is {identifier!r}")
+        Settings(identifier=identifier)  # refuses what is no such word
         return Choices(settings=Settings(**content), identifier=identifier, **reading)
     except InputError as error:
         words = str(error).replace("Argument ", "Setting ", 1).replace(" of `Settings`", f" in {file}", 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -21,6 +22,17 @@ _UNITS: dict[str, tuple[Quantity, ...]] = {
     **dict.fromkeys(["strain", "ue", "µε", "με", "m/m"], ("strain",)),
 }
 
+_NAMES: dict[Quantity, str] = {
+    "force": r"force|hammer|torque",
+    "acceleration": r"acc(?:el(?:eration|erometer)?)?[xyz]?",
+    "velocity": r"vel(?:ocity)?[xyz]?",
+    "displacement": r"di?sp(?:lacement)?[xyz]?",
+    "strain": r"strain",
+    "pulse": r"tach(?:o|ometer)?|pulses?|key ?phas\w*|encoder",
+    "angle": r"azimuth|encoder|(?:shaft|rotor|crank) ?(?:angle|position|phase)|lss ?(?:tip|gag) ?(?:p|pxa|pxs)",
+}
+"""Words in names that say what is measured, where the unit leaves it open; OpenFAST's names of the azimuth, too."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channel:
@@ -31,10 +43,11 @@ class Channel:
     name
         The name by which the channel is chosen (`channels`, `states`).
     quantity
-        What is measured. With no unit given it is a displacement; otherwise it is taken from the unit.
+        What is measured. If not given it is taken from the unit, and where that leaves it open from a word in the name
+        (acc, vel, disp, strain, force, torque, tacho, azimuth); with neither it is a displacement.
     unit
-        The unit of the values, or "-" when there is none. An unknown unit (a raw "V") is kept and needs a `quantity`
-        of its own, or else counts as "other".
+        The unit of the values, or "-" when there is none. An unknown unit (a raw "V") is kept; with neither a
+        `quantity` nor a name that says it, what is measured is "other".
     location, direction
         Free words for people.
 
@@ -61,7 +74,8 @@ class Channel:
         object.__setattr__(self, "name", self.name.strip())
         possible = ("displacement",) if unit == "-" else _UNITS.get(unit, ("other",))
         if self.quantity is None:
-            object.__setattr__(self, "quantity", possible[0])
+            open_to = possible if unit in _UNITS else get_args(Quantity)
+            object.__setattr__(self, "quantity", _by_name(self.name, open_to) or possible[0])
         elif self.quantity not in get_args(Quantity):
             raise input_error(
                 "quantity", "Channel", f"be one of {', '.join(get_args(Quantity))}", f"is {self.quantity!r}"
@@ -79,6 +93,13 @@ class Channel:
     def label(self) -> str:
         """The name with its unit, as an axis shows it."""
         return f"{self.name} [{self.unit}]"
+
+
+def _by_name(name: str, possible: Sequence[str]) -> str | None:
+    """The first of the quantities that are `possible` of which a name has a word; None without one."""
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|_", " ", name).lower()
+    found = (own for own in _NAMES if own in possible and re.search(rf"(?<![a-z])(?:{_NAMES[own]})(?![a-z])", words))
+    return next(found, None)
 
 
 def channels_named(channels: Sequence[Channel], names: Sequence[str], *, argument: str, of: str) -> list[int]:

@@ -19,7 +19,7 @@ from floquid.pipeline._independent import COPIED, sum_of_others
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import Lifting, Start, cut, start_of
 from floquid.pipeline._validated import validated
-from floquid.pipeline.preparation import NO_NEWS, Prepared, blas_threads, prepare, settings_of
+from floquid.pipeline.preparation import NO_NEWS, Prepared, blas_threads, own_names, prepare, settings_of
 
 
 def identify(
@@ -61,7 +61,7 @@ def identify(
     """
     prepared = prepare(records, settings_of(settings, options, "identify"), report=report)
     faults = prepared.faults
-    with blas_threads(prepared.records):
+    with own_names("identify"), blas_threads(prepared.records):
         try:
             found = _identified(prepared, report)
         except IdentificationError as error:

@@ -2,18 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 
 from floquid._checks import finite, input_error, integer, positive
 from floquid.core import AzimuthSignal
-from floquid.lti import AbstractIdentifier
+from floquid.errors import InputError
+from floquid.lti import AMI, ERA, LSCF, AbstractIdentifier, MaximumLikelihood, PolyLSCF
 from floquid.reconstruction import MOST_TIMES, AbstractStructure, FirstOrder, Form, structure_of, text_of
 
 ALL = "all"
 """Name of all channels as states, each state a weighted sum of them."""
+
+IdentifierName = Literal["ml", "ami", "era", "lscf", "poly", "ami-ml", "era-ml", "lscf-ml", "poly-ml"]
+"""Words for the algorithms; those that end in -ml are finished by maximum likelihood."""
+
+IDENTIFIERS: dict[str, Callable[[float], AbstractIdentifier]] = {
+    "ml": lambda alarm: MaximumLikelihood(false_alarm=alarm),
+    "ami": lambda alarm: AMI(false_alarm=alarm),
+    "era": lambda _: ERA(),
+    "lscf": lambda _: LSCF(),
+    "poly": lambda _: PolyLSCF(),
+}
+"""The algorithms by their words, given the probability at which noise may pass for a mode."""
+
+
+def _identifier_named(word: str, alarm: float) -> AbstractIdentifier:
+    """The algorithm of a word of `IdentifierName`."""
+    first, _, last = word.partition("-")
+    found = IDENTIFIERS[first](alarm)
+    return MaximumLikelihood(false_alarm=alarm, initial=found) if last else found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,8 +70,8 @@ class Settings:
     system_times
         The number of instants of a period at which A(t) is given, 10,000 at most.
     identifier
-        The algorithm that finds the poles; maximum likelihood if not given. An object, with its options; maximum
-        likelihood is at `mode_false_alarm`.
+        The algorithm that finds the poles; maximum likelihood if not given. An object of `floquid.lti`, with its
+        options, or its word on the command line ("poly-ml"), which is made such an object, at `mode_false_alarm`.
     mode_false_alarm
         The probability at which noise may pass for a mode. The `identifier` given has its own.
     harmonic_false_alarm
@@ -136,9 +157,6 @@ class Settings:
         fewer = "Ask for fewer instants."
         integer(self.system_times, "system_times", of, at_least=1, at_most=MOST_TIMES, remedy=fewer)
         self._check_form()
-        if not isinstance(self.identifier, (AbstractIdentifier, type(None))):
-            must, remedy = "be an identifier of `floquid.lti`, or None", "Pass an object, such as AMI()."
-            raise input_error("identifier", of, must, f"is {self.identifier!r:.60}", remedy)
         self._check_clock()
         object.__setattr__(self, "forced", _forced_text(self.forced))
         if finite(self.skip, "skip", of) < 0.0:
@@ -148,6 +166,11 @@ class Settings:
         for name in ("mode_false_alarm", "harmonic_false_alarm", "noise_floor"):
             if not 0.0 < positive(getattr(self, name), name, of) < 1.0:
                 raise input_error(name, of, "lie between 0 and 1", f"is {getattr(self, name)}")
+        if isinstance(self.identifier, str) and self.identifier in get_args(IdentifierName):
+            object.__setattr__(self, "identifier", _identifier_named(self.identifier, self.mode_false_alarm))
+        if not isinstance(self.identifier, (AbstractIdentifier, type(None))):
+            must = f"be one of {', '.join(get_args(IdentifierName))}, an object of `floquid.lti`, or None"
+            raise input_error("identifier", of, must, f"is {self.identifier!r:.60}", "Pass a word, or AMI(), say.")
 
     def _check_flag(self, name: str) -> None:
         value = getattr(self, name)
@@ -179,7 +202,13 @@ class Settings:
                 remedy = 'Pass `structure="auto"` beside it.'
                 raise input_error("output_error", of, "come with a structure", "there is none", remedy)
             return
-        meant = structure_of(structure)
+        try:
+            meant = structure_of(structure)
+        except InputError as error:
+            subject, _, words = str(error).partition(" must ")
+            inner, where = subject.split("`")[1:4:2], {"structure_of": "", "Block": " in a block"}
+            words = f"{where.get(inner[1], f' in its {inner[0]} block')} {words}"
+            raise InputError(f"Argument `structure` of `{of}` must{words}") from error
         object.__setattr__(self, "structure", text_of(meant))
         form = "first-order" if isinstance(meant, FirstOrder) else "second-order"
         if self.form != form:
@@ -196,7 +225,10 @@ class Settings:
         """Refuse two clocks at once, and numbers that no clock can have."""
         of = "Settings"
         integer(self.pulses_per_revolution, "pulses_per_revolution", of, at_least=1)
-        AzimuthSignal(channel="-", periods_per_revolution=self.periods_per_revolution)
+        try:
+            AzimuthSignal(channel="-", periods_per_revolution=self.periods_per_revolution)
+        except InputError as error:
+            raise InputError(str(error).replace("AzimuthSignal", of)) from error
         given = {
             "period": self.period is not None,
             "tach": self.tach is not None,

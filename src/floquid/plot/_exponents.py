@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,9 @@ _NUMBERED = 12
 LEVEL = 0.95
 MOST, ACROSS = 12, 4  # modes that are drawn close up, at most, and how many of them in a row
 WIDE = 6.0  # deviations that a close-up shows on either side, at least
+
+_SPOTS = [(x, y) for y in (1.0, -10.0, 8.0, -17.0) for x in (6.0, -6.0)]
+"""Places of a number beside its mark [pt], the best ones first."""
 
 _RESTS = {"linestyle": "none", "marker": "D", "color": GREEN, "markersize": 5.0}
 _DECAYS = {"linestyle": "none", "marker": "o", "color": BLUE, "markersize": 5.5}
@@ -193,24 +197,40 @@ def _draw_multipliers(axes: Axes, modes: FloquetModes) -> None:
 
 
 def _number(axes: Axes, values: NDArray[np.complex128]) -> None:
-    """The numbers of the modes beside their marks; those of marks that all but coincide on one line."""
-    shown = axes.transData.transform(np.column_stack([values.real, values.imag]))
+    """The numbers of the modes beside their marks, where least is in their way; those of one place stand together."""
+    assert axes.figure is not None
+    shown = axes.transData.transform(np.column_stack([values.real, values.imag])) * 72.0 / axes.figure.dpi  # [pt]
+    taken = [(x - 4.0, y - 4.0, x + 4.0, y + 4.0) for x, y in shown]
     done: set[int] = set()
-    middle = axes.transAxes.transform((0.5, 0.5))[0]
     for k, value in enumerate(values):
-        near = [j for j in range(k, len(values)) if j not in done and np.abs(shown[j] - shown[k]).max() < 11.0]
+        near = [j for j in range(k, len(values)) if j not in done and np.abs(shown[j] - shown[k]).max() < 5.0]
         if k in done:
             continue
         done |= set(near)
-        side = 1.0 if shown[k, 0] < middle else -1.0
+        text = ", ".join(str(j + 1) for j in near)
+        width = 0.65 * SIZE * len(text)
+        boxes = []
+        for x, y in _SPOTS:
+            left, low = shown[k] + (x - width * (x < 0.0), y)
+            boxes.append((left, low, left + width, low + SIZE))
+        best = min(range(len(boxes)), key=lambda spot: sum(_overlap(boxes[spot], other) for other in taken))
+        taken.append(boxes[best])
         axes.annotate(
-            ", ".join(str(j + 1) for j in near),
+            text,
             (value.real, value.imag),
-            xytext=(6.0 * side, 3.0),
+            xytext=_SPOTS[best],
             textcoords="offset points",
-            ha="left" if side > 0.0 else "right",
+            ha="left" if _SPOTS[best][0] > 0.0 else "right",
+            va="bottom",
             bbox={"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
         )
+
+
+def _overlap(one: Sequence[float], other: Sequence[float]) -> float:
+    """The area that two boxes share, each (left, low, right, high)."""
+    across = min(one[2], other[2]) - max(one[0], other[0])
+    up = min(one[3], other[3]) - max(one[1], other[1])
+    return max(across, 0.0) * max(up, 0.0)
 
 
 def _identified(model: PeriodicModel, truth: ArrayLike | None, of: str) -> Figure:

@@ -22,8 +22,11 @@ if TYPE_CHECKING:
 
 Parts = Literal["polar", "cartesian"]
 
-_LOOKS = ((BLUE, "-"), (VERMILION, "--"), (GREEN, "-."), (ORANGE, ":"), (PURPLE, (0, (5, 1, 1, 1, 1, 1))))
-"""Told apart by dashes as well as by colour."""
+_COLORS, _DASHES = (BLUE, VERMILION, GREEN, ORANGE, PURPLE), ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
+_LOOKS = tuple((_COLORS[k % 5], _DASHES[(k + k // 5) % 5]) for k in range(25))
+"""Told apart by dashes as well as by colour; no two alike, since all channels of a figure share its legend."""
+
+_CURVES = 5  # the most in one panel
 
 _MODES, _MOST, _ROWS = 3, 6, 4  # modes drawn by default, and at most; rows by default, at most
 _FAINT = 0.02  # of a shape's largest value: below, its phase says nothing
@@ -49,9 +52,9 @@ def periodic_shapes(
     value at each phase with 95 %: a row for each mode and unit. In polar form a band is that of a circle with the
     larger of the deviations of real and imaginary part.
 
-    Those of a known A(t) have a row a mode, by rising damping; each shape is scaled so that the strongest coefficient
-    of its zeroth harmonic is one, in the units of the states. The states drawn are those that take most part in the
-    modes.
+    Those of a known A(t) have a row a mode, by rising damping ratio; each shape is scaled so that the strongest
+    coefficient of its zeroth harmonic is one, in the units of the states. The states drawn are those that take most
+    part in the modes.
 
     Raises InputError where `modes` is something else, there are not as many names as states, or a mode, channel or hit
     is not there.
@@ -64,8 +67,8 @@ def periodic_shapes(
         The names of the states (n,); x1, x2, ... where not given. Of an identified model, the names of the channels to
         draw; all where not given, or of each unit the strongest five.
     of
-        The indices of the modes, up to six; by default three, one of each pair: those that decay most slowly, of an
-        identified model the strongest.
+        The indices of the modes, up to six; by default three, one of each pair: those that are damped least, of an
+        identified model the strongest. Modes that only die away, such as those of filters, come after all that swing.
     parts
         "polar", magnitude and phase, or "cartesian", real and imaginary part; by default polar, of an identified model
         cartesian.
@@ -86,11 +89,12 @@ def periodic_shapes(
         raise input_error("modes", name, must, f"is {modes!r:.60}", remedy)
     polar = parts != "cartesian"
     names = _names(modes, states, name)
-    chosen = sorted(_asked(modes, of, name) or upper_modes(modes), key=lambda r: -modes.exponents[r].real)
+    damping = _damping(modes)
+    chosen = sorted(_asked(modes, of, name) or upper_modes(modes), key=lambda r: (damping[r], -modes.exponents[r].real))
     rows = chosen if of is not None else chosen[:_MODES]
     shares = state_participation(modes)
     # The states of the largest shares in any of the modes, in their own order.
-    strongest = sorted(np.argsort(-shares[rows].max(axis=0), kind="stable")[: len(_LOOKS)].tolist())
+    strongest = sorted(np.argsort(-shares[rows].max(axis=0), kind="stable")[:_CURVES].tolist())
     with drawing(1.3 + 1.75 * len(rows)) as figure:
         panels = figure.subplots(len(rows), 3, squeeze=False, width_ratios=(3, 3, 2.2))
         for row, (r, three) in enumerate(zip(rows, panels, strict=True)):
@@ -106,6 +110,13 @@ def periodic_shapes(
         panels[-1, 2].set_xlabel("harmonic $m$")
         figure.align_ylabels(panels[:, 0])
     return figure
+
+
+def _damping(modes: FloquetModes) -> NDArray[np.float64]:
+    """The damping ratios (modes,), one for a mode that neither swings nor grows as far as can be told."""
+    margins = stability(modes).margins
+    rests = (np.abs(modes.exponents.imag) <= margins) & (modes.exponents.real <= margins)
+    return np.where(rests, 1.0, modes.damping_ratios.round(12))
 
 
 def _asked(modes: FloquetModes | PeriodicModel, of: Sequence[int] | None, name: str) -> list[int]:
@@ -248,7 +259,7 @@ def _looks(model: PeriodicModel, rows: list[int], modes: list[int], hit: int) ->
     looks: dict[int, tuple[str, Any]] = {}
     for unit in dict.fromkeys(model.channels[row].unit for row in rows):
         own = sorted((row for row in rows if model.channels[row].unit == unit), key=lambda row: -sizes[row])
-        looks |= {row: _LOOKS[k] for k, row in enumerate(sorted(own[: len(_LOOKS)]))}
+        looks |= {row: _LOOKS[(len(looks) + k) % len(_LOOKS)] for k, row in enumerate(sorted(own[:_CURVES]))}
     return looks
 
 

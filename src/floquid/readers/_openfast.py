@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 
 from floquid.core import Channel
 from floquid.io import Source
-from floquid.readers._angles import is_shaft_angle
 from floquid.tables import Table, TimeColumn, make_channels, number_in, rate_of_step, rows_of
 
 _UNITS = {"": "-", "-": "-", "°": "deg"}
@@ -41,8 +40,7 @@ def channels_of(
 ) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
     """The channels of columns with these `labels` and `units`, and notes."""
     plain = [_plain_unit(unit) for unit in units]
-    quantities = ["angle" if is_shaft_angle(*pair) else None for pair in zip(labels, plain, strict=True)]
-    channels = make_channels(source, labels, plain, quantity=quantities)
+    channels = make_channels(source, labels, plain)
     invalid = [label for label, unit in zip(labels, plain, strict=True) if unit == "INVALID"]
     notes = (f"OpenFAST marks as invalid, and fills with zeros: {', '.join(invalid[:20])}.",) if invalid else ()
     return channels, notes

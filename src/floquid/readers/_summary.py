@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -13,12 +14,21 @@ from numpy.typing import NDArray
 from floquid._checks import positive
 from floquid.core import Channel, Quantity
 from floquid.errors import InputError
-from floquid.readers._angles import CLOCK_NAME, TURNS, is_shaft_angle
 from floquid.readers._read import load_table
 from floquid.tables import TimeAxis, settle_axis
 
 ClockKind: TypeAlias = Literal["period", "pulses", "azimuth", "speed"]
 """Kinds of candidates for the clock: `identify` takes all but a speed, which is only a hint."""
+
+_CLOCK_NAME = re.compile(
+    r"(?<![a-z])(tacho?s?|tachometer|pulses?|key ?phas\w*|encoder|azimuth|trigger|revs?|revolutions?"
+    r"|(?:shaft|rotor|crank|phase) ?(?:angle|position|phase)|theta|psi|rpm)(?![a-z])",
+    re.IGNORECASE,
+)
+"""A word in the name of a channel that may be a clock."""
+
+_TURNS = {"deg": 360.0, "rad": 6.283185307179586}
+"""A revolution in the units of an angle."""
 
 _SPEEDS = ("rpm", "RPM", "Hz", "rad/s", "deg/s")
 
@@ -30,7 +40,7 @@ class ChannelSummary:
     Parameters
     ----------
     name, quantity, unit
-        As in `Channel`; what a name and a unit together say to be the angle of the shaft is an angle.
+        As in `Channel`.
     minimum, maximum, std
         Extremes and standard deviation of the samples that are there [unit]; None if all are missing.
     n_missing
@@ -175,19 +185,12 @@ def _summary(channel: Channel, row: NDArray[np.float64]) -> ChannelSummary:
     there = row[np.isfinite(row)]
     return ChannelSummary(
         name=channel.name,
-        quantity="angle" if _is_angle(channel) else channel.quantity,
+        quantity=channel.quantity,
         unit=channel.unit,
         minimum=float(there.min()) if there.size else None,
         maximum=float(there.max()) if there.size else None,
         std=_std(there) if there.size else None,
         n_missing=len(row) - len(there),
-    )
-
-
-def _is_angle(channel: Channel) -> bool:
-    """True where it is one by its quantity, or by its name and unit where a file has no more to say."""
-    return channel.quantity == "angle" or (
-        channel.quantity == "displacement" and is_shaft_angle(channel.name, channel.unit)
     )
 
 
@@ -211,7 +214,7 @@ def _candidates(
         reasons = []
         if channel.quantity in ("pulse", "angle"):
             reasons.append(f"its quantity is {channel.quantity}")
-        name = CLOCK_NAME.search(channel.name.replace("_", " "))
+        name = _CLOCK_NAME.search(channel.name.replace("_", " "))
         if name:
             reasons.append(f"its name has the word {name[0]!r}")
         wraps = _wraps(channel, row)
@@ -219,16 +222,16 @@ def _candidates(
         if signal:
             reasons.append(signal)
         if reasons:
-            turns = bool(wraps) or _is_angle(channel) or (channel.unit in TURNS and name is not None)
+            turns = bool(wraps) or channel.quantity == "angle" or (channel.unit in _TURNS and name is not None)
             kind: ClockKind = "azimuth" if turns else "speed" if channel.unit in _SPEEDS else "pulses"
-            is_sure = bool(signal) or channel.quantity in ("pulse", "angle")
+            is_sure = bool(signal) or not name  # by the name alone there may be a quantity, too
             found.append(ClockCandidate(name=channel.name, why="; ".join(reasons), kind=kind, is_sure=is_sure))
     return tuple(found)
 
 
 def _wraps(channel: Channel, row: NDArray[np.float64]) -> str:
     """True where an angle runs round and jumps back by a turn, as an encoder's does."""
-    turn = TURNS.get(channel.unit)
+    turn = _TURNS.get(channel.unit)
     there = row[np.isfinite(row)]
     if turn is None or there.size < 3 or not 0.5 * turn < np.ptp(there) <= 1.02 * turn:
         return ""

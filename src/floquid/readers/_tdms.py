@@ -14,7 +14,6 @@ import numpy as np
 
 from floquid.core import Channel
 from floquid.io import Source, load_package
-from floquid.readers._angles import is_shaft_angle
 from floquid.tables import Table, TimeColumn, find_time, make_channels, name_and_unit, rate_of_step, rows_of
 
 _AGAIN = "Copy or export it again."
@@ -131,8 +130,7 @@ def _named(source: Source, signals: Sequence[_Signal]) -> tuple[Channel, ...]:
     several = len({signal.group for signal in signals}) > 1
     names = [signal.path if several else signal.name for signal in signals]
     units = [signal.unit for signal in signals]
-    angles = ["angle" if is_shaft_angle(*pair) else None for pair in zip(names, units, strict=True)]
-    return make_channels(source, names, units, quantity=angles)
+    return make_channels(source, names, units)
 
 
 def _check_lengths(source: Source, chosen: Sequence[_Signal], time: _Signal | None) -> None:

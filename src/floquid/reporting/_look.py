@@ -14,8 +14,9 @@ BLACK, BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = (
 GREY = "#767676"
 CURVES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK, GREY)
 DASHES = ("solid", "dashed", "dotted", "dotdash", "dashdot", "solid", "dashed", "dotted")
-MARKERS = ("circle", "square", "triangle", "diamond", "inverted_triangle", "hex", "plus", "x")
-"""Curves and marks are told apart by form as well as by colour; as many as one figure shows."""
+MARKERS = ("circle", "square", "triangle", "diamond", "inverted_triangle", "hex", "star", "square_pin")
+"""Curves and marks are told apart by form as well as by colour; as many as one figure shows. All marks can be open
+or filled."""
 
 TICK = """
 const size = Math.abs(tick), value = Number(tick.toPrecision(6));

@@ -31,7 +31,24 @@ def mode_source(case: Case) -> ColumnDataSource:
         "real": model.multipliers[at].real,
         "imag": np.abs(model.multipliers[at].imag),
     }
+    data["label_decay"] = _labels(data["decay"], data["frequency"])
+    for name in ("folded", "frequency"):  # of the stabilisation diagrams: all at one height
+        data[f"label_{name}"] = _labels(data[name], np.zeros(len(at)), 0.5 / model.period * case.turn, 1.0)
+    data["label_real"] = _labels(data["real"], data["imag"], 2.0, 1.0)
     return ColumnDataSource(data, name="modes", selected=Selection(indices=[0] if at else []))
+
+
+def _labels(x: NDArray[np.float64], y: NDArray[np.float64], wide: float = 0.0, high: float = 0.0) -> list[str]:
+    """The numbers of the modes for their marks; those of marks whose numbers would meet stand at the first of them.
+
+    The axes span the marks, or `wide` and `high`.
+    """
+    across, up = (max(max(v, default=0.0) - min(v, default=0.0), least) for v, least in ((x, wide), (y, high)))
+    held: dict[int, list[str]] = {}
+    for k in range(len(x)):
+        near = (one for one in held if abs(x[one] - x[k]) <= 0.04 * across and abs(y[one] - y[k]) <= 0.06 * up)
+        held.setdefault(next(near, k), []).append(str(k + 1))
+    return [", ".join(held.get(k, [])) for k in range(len(x))]
 
 
 def _modes(made: Figure, source: ColumnDataSource, x: str, y: str) -> None:
@@ -42,7 +59,7 @@ def _modes(made: Figure, source: ColumnDataSource, x: str, y: str) -> None:
         x, y, source=source, size=11, line_color=BLACK, fill_color=VERMILION, line_width=1.3, name="mode-marks",
         nonselection_fill_color="white", nonselection_fill_alpha=0.6, nonselection_line_alpha=1.0,
     )  # fmt: skip
-    made.add_layout(LabelSet(x=x, y=y, text="number", source=source, x_offset=7, y_offset=4, text_font_size="12px"))
+    made.add_layout(LabelSet(x=x, y=y, text=f"label_{x}", source=source, x_offset=7, y_offset=4, text_font_size="12px"))
     made.add_tools(TapTool(renderers=[marks]))
     tips = [("mode", "@number"), ("Im λ/2π", "@frequency{%.7g} Hz"), ("Re λ", "@decay{%.4g} 1/s")]
     hover(made, [*tips, ("ζ", "@damping{%.4g} %")], [marks])

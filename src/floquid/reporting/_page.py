@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from importlib.resources import files
 from typing import Any
 
@@ -58,7 +59,7 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
         loader=PackageLoader("floquid.reporting", "page"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    environment.filters |= {"minus": words.minus, "options": for_command}
+    environment.filters |= {"minus": words.minus, "options": _with_code}
     analysis, rows = case.analysis, mode_table(case.analysis)
     mark, sentence = words.verdict(analysis)
     return environment.get_template("page.html.jinja").render(
@@ -131,6 +132,13 @@ def _figures(case: Case, found: list[Synchronisation], truth: Truth | None) -> d
     # What no figure draws has to hang on one to be found on the page.
     shown[0].tags = [link_responses(list(curves.values()), [made.yaxis[0] for made in shown], labels)]
     return figures
+
+
+def _with_code(text: str) -> Any:
+    """The text with options as the command has them, and what stands in backticks as code."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(for_command(text)))))  # noqa: S704  # escaped
 
 
 def _described(made: Figure) -> str:

@@ -154,7 +154,7 @@ def _mode_lines(made: Figure, source: ColumnDataSource, column: str, top: float)
         nonselection_line_width=1.0, nonselection_line_alpha=1.0, legend_label="modes of the table",
     )  # fmt: skip
     made.text(
-        x=column, y=top, text="number", source=source, text_font_size="12px", text_align="center",
+        x=column, y=top, text=f"label_{column}", source=source, text_font_size="12px", text_align="center",
         text_baseline="middle", nonselection_text_alpha=1.0,
     )  # fmt: skip
 

@@ -199,10 +199,10 @@ def _is_unit(text: str) -> bool:
     return text in _OTHER_UNITS or text in SECONDS or (text != "" and Channel(name="x", unit=text).quantity != "other")
 
 
-def find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[int | None, float]:
+def find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[int | None, float | None]:
     """The first column of a `source` that is a time, and its unit in seconds; of `parts`, a name and a unit each.
 
-    A time by its name, or the very first column by its unit.
+    A time by its name, or the very first column by its unit. None stands for no such column, and for no unit.
     """
     for column, (name, unit) in enumerate(parts):
         known = SECONDS.get(unit or "")
@@ -214,7 +214,7 @@ def find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[
         if match is None or (match[2] is not None and match[2].lower() not in SECONDS):
             continue
         if unit in (None, "", "-"):
-            return column, SECONDS.get((match[2] or "s").lower(), 1.0)
+            return column, SECONDS[match[2].lower()] if match[2] else None
         if known is not None:
             return column, known
         if len(match[1]) > 1:
@@ -223,4 +223,4 @@ def find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[
                 f"has column {column + 1}, {name!r}, in {unit!r}",
                 "Export the times as numbers in seconds.",
             )
-    return None, 1.0
+    return None, None

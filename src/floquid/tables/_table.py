@@ -142,7 +142,7 @@ def settle_axis(table: Table, source: Source, rate: float | None) -> TimeAxis | 
         return even if stated is not None and table.binding else None
     if stated is None:
         return repair(table.time, source)
-    times = table.time.values * table.time.scale
+    times = table.time.values * (table.time.scale or 1.0)
     if np.array_equal(times, times[0] + np.arange(len(times)) / stated):
         return TimeAxis(sample_rate=stated, start=float(times[0]), notes=(note,))
     fitted = repair(table.time, source)
@@ -160,10 +160,11 @@ def settle_axis(table: Table, source: Source, rate: float | None) -> TimeAxis | 
     return replace(fitted, sample_rate=stated, notes=(note, *fitted.notes[1:]))
 
 
-def times_of(values: NDArray[Any], *, scale: float, label: str) -> tuple[TimeColumn, tuple[str, ...]] | None:
+def times_of(values: NDArray[Any], *, scale: float | None, label: str) -> tuple[TimeColumn, tuple[str, ...]] | None:
     """The times in the `values` (samples,) of an index or a column called `label`, and notes; None of no such type.
 
-    Numbers are in units of `scale` seconds, durations are as they are, and dates count from the first of them.
+    Numbers are in units of `scale` seconds (None where no unit is stated), durations are as they are, and dates count
+    from the first of them.
     """
     kind, notes = values.dtype.kind, ()
     if kind == "M" and values.size:

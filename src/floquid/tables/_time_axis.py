@@ -50,13 +50,13 @@ class TimeColumn:
     Parameters
     ----------
     values, scale
-        The times (samples,), in a unit of so many seconds.
+        The times (samples,), in a unit of so many seconds; None where no unit is stated.
     label
         What they are called there.
     """
 
     values: NDArray[np.floating]
-    scale: float
+    scale: float | None
     label: str
 
 
@@ -94,13 +94,15 @@ def repair(column: TimeColumn, source: Source) -> TimeAxis:
 
     The times t_n are fitted by t_0 + k_n h with whole numbers k_n, least squares over the whole column. All k_n = n if
     that leaves residuals within the rounding of the column; otherwise steps of a whole number of h are gaps. Where the
-    rounding is about as long as a step, a gap and a rounding look alike: see `_whole_steps`.
+    rounding is about as long as a step, a gap and a rounding look alike: see `_whole_steps`. Times without a unit are
+    taken for seconds, and a note says so.
     """
+    scale = 1.0 if column.scale is None else column.scale
     with np.errstate(over="ignore", invalid="ignore"):  # refused below
         times = column.values.astype(np.float64, copy=False)
-        times = times if column.scale == 1.0 else times * column.scale
+        times = times if scale == 1.0 else times * scale
     _check_order(times, column.label, source)
-    rounded = rounding(column.values, column.scale)
+    rounded = rounding(column.values, scale)
     positions = np.arange(len(times), dtype=np.float64)
     line = fit_line(positions, times)
     whole = _whole_steps(times, rounded)
@@ -115,6 +117,8 @@ def repair(column: TimeColumn, source: Source) -> TimeAxis:
     if abs(start - times[0]) <= rounded.coarsest + 4.0 * np.spacing(np.abs(times).max()):
         start = float(times[0])  # as printed: the line is no better than the rounding here
     notes = _notes(line, rounded, nominal, positions, times)
+    if column.scale is None:
+        notes += (f"`{column.label}` has no unit: its times are taken for seconds (others would be `time [ms]`).",)
     has_gaps = positions[-1] + 1 > len(times)
     return TimeAxis(
         sample_rate=rate,

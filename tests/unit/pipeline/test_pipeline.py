@@ -1,6 +1,7 @@
 """The whole chain by `identify`: options, intermediates, refusals, warnings, and systems of awkward kinds."""
 
 import dataclasses
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,8 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from floquid import floquet
 from floquid.core import Channel, ConstantPeriod, PeriodicModel, Record
 from floquid.errors import IdentificationError, InputError
-from floquid.lti import LSCF
-from floquid.pipeline import Analysis, Settings, identify
+from floquid.lti import AMI, ERA, LSCF, MaximumLikelihood, PolyLSCF
+from floquid.pipeline import Analysis, IdentifierName, Settings, identify
 from floquid.pipeline.preparation._before import responses_of
 from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close, pair_exponents
@@ -397,6 +398,16 @@ def test_an_order_that_is_too_low_is_warned_of_and_its_modes_are_not_whitened_aw
     assert any("The order given, 2, is too low" in words for words in low.warnings)
     right = identify(records, order=4)
     assert not any("too low" in words for words in right.warnings)
+
+
+def test_the_words_of_the_command_are_identifiers_in_python():
+    assert Settings(identifier="poly").identifier == PolyLSCF()
+    assert Settings(identifier="ami", mode_false_alarm=1e-4).identifier == AMI(false_alarm=1e-4)
+    assert Settings(identifier="era-ml").identifier == MaximumLikelihood(initial=ERA())
+    assert all(Settings(identifier=word).identifier for word in get_args(IdentifierName))
+    for wrong in ("svd", "ml-poly", "poly-", 3, ERA):
+        with pytest.raises(InputError, match=r"must be one of ml, ami, .*, an object of `floquid.lti`"):
+            Settings(identifier=wrong)
 
 
 def test_an_identifier_of_a_part_of_the_band_is_refused():

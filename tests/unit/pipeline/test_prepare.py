@@ -308,8 +308,25 @@ def test_what_cannot_be_prepared_is_refused(records, options, words):
 
 def test_a_record_of_its_clock_alone_is_refused():
     record = with_tachometer().select(["tach"])
-    with pytest.raises(InputError, match="channel"):
+    with pytest.raises(InputError, match="`records` of `identify` must have a channel of responses"):
         chain.prepare(record)
+
+
+@pytest.mark.parametrize(
+    ("argument", "options"),
+    [
+        ("settings", {"settings": 3}), ("channels", {"channels": ["Q"]}), ("channels", {"channels": ["X", "X"]}),
+        ("tach", {"tach": "Q"}), ("tach", {"tach": "X"}), ("azimuth", {"azimuth": "Q"}), ("records", {"azimuth": "X"}),
+        ("records", {"tach": "tach", "periods_per_revolution": 50}), ("forced", {"forced": "1,99"}),
+        ("structure", {"states": TWO, "structure": "junk"}), ("structure", {"states": TWO, "structure": "damping foo"}),
+        ("periods_per_revolution", {"periods_per_revolution": 0.7}), ("states", {"states": ["X"]}),
+        ("harmonics", {"identifier": "era"}),
+    ],
+)  # fmt: skip
+def test_messages_name_the_arguments_of_the_callable_asked(argument, options):
+    record = with_tachometer().select([*TWO, "tach"]) if "tach" in options.values() else ringing()
+    with pytest.raises(InputError, match=rf"Argument `{argument}` of `(identify|Settings)` must "):
+        identify(record, validate=False, **options)
 
 
 def test_one_sample_a_period_is_one_of_a_constant_system():
@@ -325,6 +342,18 @@ def test_a_period_that_is_found_takes_the_place_of_any_other_clock():
     assert "tach" not in names(prepared.records[0])
     assert prepared.clocks[0].period == pytest.approx(PERIOD, rel=1e-3)
     assert prepared.shafts == ()
+
+
+@pytest.mark.parametrize("facts", [{"name": "Azimuth", "unit": "deg"}, {"name": "tacho"}])
+def test_two_runs_at_one_speed_share_their_clock_channel(facts):
+    """Simulated runs have one azimuth to the last digit: it is no response, whatever ties the records to the phase."""
+    angle = np.arange(512) * 45.0 % 360.0
+    pair = [beside(ringing(seed=seed, deg=deg), angle, **facts) for seed, deg in ((5, 45.0), (6, 120.0))]
+    for options in ({}, {"estimate_period": True}, *([{"azimuth": "Azimuth"}] if "unit" in facts else [])):
+        prepared = chain.prepare(pair, **options)
+        assert [names(record) for record in prepared.responses] == [TWO, TWO]
+    with pytest.raises(InputError, match="is a copy"):
+        chain.prepare(pair, channels=("X", facts["name"]))
 
 
 def test_what_is_wrong_with_samples_is_told_with_a_refusal():

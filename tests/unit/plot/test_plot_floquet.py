@@ -122,7 +122,7 @@ def test_what_is_below_all_rings_is_said(far_apart):
 def test_shapes_over_the_period(rotor, parts):
     names = ["X", "Y", "u", "v"]
     figure = periodic_shapes(rotor, names, of=[0, 2], parts=parts)
-    first = max((0, 2), key=lambda r: rotor.exponents[r].real)
+    first = min((0, 2), key=lambda r: rotor.damping_ratios[r])
     one, two = figure.axes[:2]
     assert legend(figure) == names
     for k, name in enumerate(names):
@@ -157,6 +157,21 @@ def test_the_slowest_decays_are_chosen_in_order():
     assert [len(axes.lines) for axes in figure.axes[::3]] == [1, 1, 1]  # a state that takes no part is not drawn
     turned = periodic_shapes(found, of=[int(np.argsort(found.exponents.real)[k]) for k in (0, 4)])
     assert turned.axes[0].get_title(loc="left") == r"$\lambda$ = −0.1 1/s"
+
+
+def test_modes_that_swing_come_before_those_of_filters():
+    """A linearised turbine has filters slower than any motion: their states alone would be drawn."""
+    A = np.zeros((7, 7))
+    for k, (decay, swing) in enumerate([(0.3, 2.2), (0.2, 3.3)]):
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[-decay, swing], [-swing, -decay]]
+    A[4:, 4:] = np.diag([-0.01, -0.02, 0.0])
+    found = floquet.modes(lambda t: A * (1.0 + 0.1 * np.cos(t)), 2.0 * np.pi)
+    figure = periodic_shapes(found)
+    titles = [axes.get_title(loc="left") for axes in figure.axes[::3]]
+    assert [title.partition(" ±")[0] for title in titles] == [
+        r"$\lambda$ = −0.2", r"$\lambda$ = −0.3", r"$\lambda$ = 0 1/s",
+    ]  # fmt: skip
+    assert {"x1", "x2", "x3", "x4"} <= set(legend(figure))
 
 
 def test_states_are_chosen_whatever_their_units():

@@ -1,5 +1,6 @@
 """Figures of identified models: what is drawn is what was given, and all of them as files."""
 
+import io
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from tests.unit.plot.test_plot_spectra import drawn, legend, outside_and_overlap
 from tests.unit.views.test_views import half_a_turn, pair
 
 from floquid import floquet, plot, views
-from floquid.core import Channel
+from floquid.core import Channel, PeriodicModel
 from floquid.errors import InputError
 from floquid.order import scan
 from floquid.periodic import participation
@@ -158,6 +159,34 @@ def test_exponents_that_cannot_be_drawn(found, changes, words):
 def with_units(model, *units):
     channels = tuple(replace(c, unit=unit) for c, unit in zip(model.channels, units, strict=True))
     return replace(model, channels=channels)
+
+
+def test_channels_of_two_units_do_not_share_a_look(found):
+    figure = plot.periodic_shapes(with_units(found.model, *["mm", "um"] * (len(found.model.channels) // 2)))
+    looks = {
+        line.get_label(): (line.get_color(), line.get_linestyle(), str(line._unscaled_dash_pattern))
+        for axes in figure.axes
+        for line in axes.lines
+        if not line.get_label().startswith("_")
+    }
+    assert len(looks) == len(found.model.channels) == len(set(looks.values()))
+
+
+def test_numbers_of_crowded_modes_do_not_lie_on_one_another(found):
+    model, chosen = found.model, list(found.model.upper_modes)
+    values = np.array([-0.3 + 0.2j, -0.162 + 1.0j, -0.138 + 1.0j, -0.14 + 1.2j])
+    model = PeriodicModel(
+        exponents=np.concatenate([values, values.conj()]),
+        coefficients=np.repeat(model.coefficients[chosen[:1]], 8, axis=0),
+        harmonics=model.harmonics,
+        period=model.period,
+        channels=model.channels,
+    )
+    figure = plot.exponents(model)
+    figure.savefig(io.BytesIO())
+    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
+    assert 2 <= len(boxes) <= 4
+    assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])
 
 
 @pytest.mark.parametrize("parts", [None, "polar"])

@@ -31,6 +31,10 @@ def table(tmp_path, data, **options):
         "ms,x [m],y [V]\n0,1.5,2\n100,-2.5,\n200,3e1,nan\n",
         "time_us,x [m],y [V]\n0,1.5,2\n100000,-2.5,\n200000,3e1,nan\n",
         "clock [s],x [m],y [V]\n0,1.5,2\n0.1,-2.5,\n0.2,3e1,nan\n",
+        "time,x,y\ns,m,V\n0,1.5,2\n0.1,-2.5,\n0.2,3e1,nan\n",
+        "Analyser 3000\nRate, 10 Hz\nChannels,2\n\ntime [s],x [m],y [V]\n0,1.5,2\n0.1,-2.5,\n0.2,3e1,nan\n",
+        "Run;7\nBy;me\n\nTime;x;y\ns;m;V\n0;1,5;2\n0,1;-2,5;\n0,2;3e1;nan\n",
+        "Weights:\t1\t2\ntime [s]\tx [m]\ty [V]\n0\t1.5\t2\n0.1\t-2.5\t\n0.2\t3e1\tnan\n",
         "x [m],Time,y [V]\n1.5,0,2\n-2.5,0.1,\n3e1,0.2,nan\n",
     ],
 )
@@ -41,6 +45,16 @@ def test_dialects(tmp_path, text):
     assert record.sample_rate == 10.0
     assert record.start == 0.0
     assert record.clock is None
+
+
+def test_what_is_above_the_header_and_a_time_without_a_unit_are_told(tmp_path):
+    steps = table(tmp_path, "Analyser 3000\nRate,10\n\ntime,x\n0,1\n1,2\n2,3\n").provenance.steps
+    assert "What is above the header, down to line 2, was read past." in steps
+    told = "`time` has no unit: its times are taken for seconds (others would be `time [ms]`)."
+    assert told in steps
+    assert told in describe_file(tmp_path / "run.csv").notes
+    for head in ("time [s]", "time_ms", "ms"):
+        assert "no unit" not in str(table(tmp_path, f"{head},x\n0,1\n1,2\n2,3\n").provenance.steps)
 
 
 def test_a_remark_in_parentheses_is_part_of_the_name(tmp_path):

@@ -460,6 +460,29 @@ def test_damage_is_refused_or_does_not_matter(tmp_path, pack, channels):
     assert count > 100
 
 
+def test_a_cell_of_labels_beside_the_data_names_its_channels(tmp_path):
+    times = np.arange(len(VALUES.T)) / 8
+    path = v5(tmp_path, data=VALUES.T, labels=cell("tip x", "acc"), units=cell("m", "V"), t=times)
+    assert [(c.name, c.quantity) for c in read(path, channels=["data.T"]).channels] == [
+        ("tip x", "displacement"),
+        ("acc", "acceleration"),
+    ]
+    for words in (["acc"], ["data.T[1]"]):
+        record = read(path, channels=words)
+        assert [c.name for c in record.channels] == words
+        np.testing.assert_array_equal(record.values, VALUES[1:])
+    with pytest.raises(InputError, match="'nose', which is not in"):
+        read(path, channels=["nose"])
+
+
+@pytest.mark.parametrize(
+    "texts", [{"a": cell("x", "y"), "b": cell("p", "q")}, {"labels": cell("x", "y", "z")}, {"labels": cell("x", "x")}]
+)
+def test_labels_that_may_be_of_something_else_name_nothing(tmp_path, texts):
+    path = v5(tmp_path, data=VALUES, **texts)
+    assert [c.name for c in read(path, channels=["data"], rate=8.0).channels] == ["data[0]", "data[1]"]
+
+
 # Version 7.3: HDF5, arrays turned round, text as codes, cells as references.
 
 

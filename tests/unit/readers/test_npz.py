@@ -127,4 +127,4 @@ def test_candidates_for_the_clock(tmp_path):
     assert why["probe 7"] == "it has two levels and rises 43 times, every 0.09093 s on average"
     assert why["shaft"] == "it runs round and jumps back by a turn of 360 deg, 43 times"
     assert why["back"] == "it runs round and jumps back by a turn of 6.28319 rad, 11 times"
-    assert why["Rotor_Azimuth"] == "its name has the word 'Azimuth'"
+    assert why["Rotor_Azimuth"] == "its quantity is angle; its name has the word 'Azimuth'"

@@ -339,7 +339,7 @@ def test_names_quantities_and_units(tmp_path):
         ("5:+Z", "force", "-", "5", "+Z"),
         ("6:+Z", "acceleration", "V", "6", "+Z"),
         ("7:+Z", "other", "m", "7", "+Z"),
-        ("TACHO", "other", "V", "TACHO", ""),
+        ("TACHO", "pulse", "V", "TACHO", ""),
         ("µ-strain of the blade", "strain", "µε", "", ""),
     ]
     assert "'7:+Z' says acceleration and 'm', which contradict each other" in notes(record)

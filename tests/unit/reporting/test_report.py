@@ -9,12 +9,13 @@ from scipy.signal import lfilter
 
 import floquid as fq
 from floquid.errors import InputError
-from floquid.findings import Finding
+from floquid.findings import Finding, failure
 from floquid.lti import ERA
 from floquid.order import Stability
 from floquid.order import scan as scan_orders
 from floquid.reporting._case import MOST_CHANNELS, POINTS, case_of
-from floquid.reporting._modes_figures import _upper
+from floquid.reporting._look import CURVES, DASHES, MARKERS
+from floquid.reporting._modes_figures import _labels, _upper
 from floquid.reporting._page import page
 from floquid.reporting._record_figures import response_sources
 from floquid.reporting._stabilisation_figures import _poles
@@ -49,6 +50,28 @@ def test_the_verdict_comes_first(text):
     words = without_scripts(text)
     places = [words.index(part) for part in ("The model passes its checks.", 'id="modes"', 'id="mode"', 'id="cite"')]
     assert places == sorted(places)
+
+
+def test_options_in_a_reason_are_code(analysis):
+    checked = replace(
+        analysis.validation, passed=False, findings=(failure("system_other", pair=None, trace=True, composition=0.0),)
+    )
+    assert "`system_times=`" in checked.reasons[0]
+    words = page(case_of(replace(analysis, validation=checked), None), title=None, truth=None)
+    assert "<code>--system-times</code>" in words
+    assert "`" not in without_scripts(words)
+
+
+def test_numbers_of_modes_that_would_meet_are_one_label():
+    x, y = np.array([0.0, 0.01, 1.0, 2.0]), np.array([0.0, 0.0, 0.0, 5.0])
+    assert _labels(x, y) == ["1, 2", "", "3", "4"]
+    assert _labels(x, y, 100.0, 1.0) == ["1, 2, 3", "", "", "4"]
+    assert _labels(x[:0], y[:0]) == []
+
+
+def test_every_mark_can_be_filled_and_open():
+    assert not {"x", "cross", "asterisk", "dash", "dot", "y"} & set(MARKERS)
+    assert len(set(MARKERS)) == len(MARKERS) == len(CURVES) == len(set(zip(CURVES, DASHES, strict=True)))
 
 
 def test_the_page_is_whole(text):
@@ -263,6 +286,7 @@ def test_with_a_tachometer_what_is_left_is_noise_from_a_file_too(tmp_path):
     assert np.array_equal(response_sources(case_of(again, None))["left"].modes[0]["y"], left)
     one, other = (without_scripts(page(case_of(of, None), title=None, truth=None)) for of in (found, again))
     assert one.count("of the shaft") == other.count("of the shaft") > 0
+    assert one.index("The speed of the shaft") < one.index('id="modes"')
 
 
 @pytest.mark.slow

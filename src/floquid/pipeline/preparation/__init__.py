@@ -1,5 +1,6 @@
 """From records and settings to the responses and their clocks, and the refusals before any long work."""
 
+from floquid.pipeline.preparation._own_names import own_names
 from floquid.pipeline.preparation._prepare import (
     Prepared,
     blas_threads,

@@ -12,14 +12,11 @@ from floquid.core import AzimuthSignal, ConstantPeriod, PulseTimes, Record, Tach
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
 from floquid.pipeline._settings import Settings
-from floquid.pipeline.preparation._mended import begins_free, without_faults, without_spikes
+from floquid.pipeline.preparation._mended import NO_RESPONSE, begins_free, without_faults, without_spikes
 from floquid.sync import clipped, dropouts, find_hits, gaps, pulse_times, shaft_angle, split_hits
 
 MOST_GAPS = 12
 """Stretches of missing samples that are listed one by one."""
-
-NO_RESPONSE = ("force", "pulse")
-"""Quantities of channels that say what drives a system, or how far it has turned."""
 
 CHUNK = 8192
 """Samples at which an orbit is made at a time."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from floquid.core import ConstantPeriod, Record
 from floquid.errors import IdentificationError
+from floquid.pipeline.preparation._mended import NO_RESPONSE
 
 PEAKED = 8.0
 """The peak of a force over its rms below which it goes on: of a random one it is four, of a blow a hundred."""
@@ -79,7 +80,7 @@ def _goes_on(values: NDArray[np.float64]) -> bool:
 
 def _is_random(record: Record, period: float) -> bool:
     """True where the response of every channel lasts, in broad peaks."""
-    values = record.values[[channel.quantity not in ("force", "pulse", "angle") for channel in record.channels]]
+    values = record.values[[channel.quantity not in NO_RESPONSE for channel in record.channels]]
     values = np.nan_to_num(values - np.nanmean(values, axis=1, keepdims=True))
     values = values / np.maximum(np.sqrt(np.mean(values**2, axis=1, keepdims=True)), np.finfo(float).tiny)
     lines = np.fft.rfft(values * np.hanning(values.shape[1]), axis=1)

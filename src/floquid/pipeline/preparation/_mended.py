@@ -14,6 +14,9 @@ from floquid.errors import FloquidError
 from floquid.findings import Finding, warning
 from floquid.sync import Clipping, Dropout, Impact, find_impacts
 
+NO_RESPONSE = ("force", "pulse", "angle")
+"""Quantities of channels that say what drives a system, or how far it has turned."""
+
 GROWN = 1.3
 """Times that the typical size of a response grows by at a blow, at least, from one stretch to the next."""
 
@@ -100,7 +103,7 @@ def _responses(record: Record) -> list[int]:
     return [
         row
         for row, channel in enumerate(record.channels)
-        if channel.name != own and channel.quantity not in ("force", "pulse", "angle")
+        if channel.name != own and channel.quantity not in NO_RESPONSE
     ]
 
 

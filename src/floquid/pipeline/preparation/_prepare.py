@@ -10,7 +10,15 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from floquid._checks import input_error
-from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, Record, TachometerSignal
+from floquid.core import (
+    AzimuthSignal,
+    Clock,
+    ConstantPeriod,
+    PulseTimes,
+    Record,
+    TachometerSignal,
+    channels_named,
+)
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
 from floquid.lti import TimeResponses
@@ -28,6 +36,7 @@ from floquid.pipeline.preparation._before import (
     without_orbit,
 )
 from floquid.pipeline.preparation._driven import refuse_driven, refuse_random
+from floquid.pipeline.preparation._own_names import own_names
 from floquid.pipeline.preparation._refuse import (
     refuse_copies,
     refuse_period,
@@ -121,12 +130,13 @@ def prepare(
         The record is too short, or its period or the angle of its shaft cannot be told or is not constant enough.
     """
     chosen = settings_of(settings, options, of)
-    used = _clocked(records, chosen, of)
-    faults = faults_of(used, repair=chosen.repair)
-    try:
-        found = _tied(*_free(used, chosen, of), report, of)
-    except IdentificationError as error:
-        raise IdentificationError("\n  ".join([str(error), *texts(faults)])) from None
+    with own_names(of):
+        used = _clocked(records, chosen, of)
+        faults = faults_of(used, repair=chosen.repair)
+        try:
+            found = _tied(*_free(used, chosen, of), report, of)
+        except IdentificationError as error:
+            raise IdentificationError("\n  ".join([str(error), *texts(faults)])) from None
     return replace(found, faults=faults)
 
 
@@ -138,6 +148,8 @@ def settings_of(settings: Settings | None, options: dict[str, object], of: str) 
     InputError
         There is no such option.
     """
+    if not isinstance(settings, (Settings, type(None))):
+        raise input_error("settings", of, "be Settings or None", f"is {settings!r:.60}", "Pass Settings(order=4), say.")
     known = [f.name for f in fields(Settings)]
     for name in options:
         if name not in known:
@@ -187,6 +199,10 @@ def _clocked(records: Record | Sequence[Record], settings: Settings, of: str) ->
     for record in several:
         clock = _clock(record, settings)
         own = [clock.channel] if isinstance(clock, (TachometerSignal, AzimuthSignal)) else []
+        option = "azimuth" if isinstance(clock, AzimuthSignal) else "tach"
+        if channels_named(record.channels, own, argument=option, of=of) and record.n_channels == 1:
+            got = f"one has {own[0]!r} alone, which is its clock"
+            raise input_error("records", of, "have a channel of responses", got, "Read the responses, too.")
         if settings.channels:
             record = record.select([*settings.channels, *(name for name in own if name not in settings.channels)])
         used.append(record if clock is None else record.with_clock(clock))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Channel, Record
+from floquid.errors import InputError
 from floquid.io import Source
 from floquid.readers.columns._stated import RECORD_LINE, Stated, stated_line, stated_text
 from floquid.tables import (
@@ -29,6 +30,9 @@ from floquid.tables import (
 )
 
 _BLOCK = 1 << 16
+_MOST_ABOVE = 100
+"""Lines of words above the numbers, at most."""
+
 _BLANK = ' \t,;"\n'
 
 
@@ -56,7 +60,7 @@ class _Body:
 def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
     """The table in a text file."""
     _refuse_other_than_text(source)
-    comments, (top, head) = _head(source)
+    comments, (top, head), above = _head(source)
     stated = stated_line(source, comments)
     body = _body(source, top, head)
     cells = split_cells(head, body.delimiter)
@@ -74,7 +78,7 @@ def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     time = None
     if use_time and header.time_column is not None:
         time = TimeColumn(values=values[-1], scale=header.time_scale, label=header.cells[header.time_column])
-    ignored = (
+    above += (
         (f"The time column `{header.cells[header.time_column]}` was ignored.",)
         if (header.time_column is not None and ignore_time)
         else ()
@@ -83,7 +87,7 @@ def load_csv(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
         values=values[: len(chosen)],
         time=time,
         sample_rate=stated.sample_rate,
-        notes=ignored,
+        notes=above,
         **stated.of([header.channels[index] for index in chosen]),
     )
 
@@ -112,14 +116,73 @@ def _lines(path: Path, first: int = 1, last: int | None = None) -> Iterator[tupl
         yield from islice(enumerate(stream, 1), first - 1, last)
 
 
-def _head(source: Source) -> tuple[list[str], tuple[int, str]]:
-    """The comments above the header, and the header with its line number."""
-    comments = []
+def _head(source: Source) -> tuple[list[str], tuple[int, str], tuple[str, ...]]:
+    """The comments above the header, the header with the number of its last line, and what was read past.
+
+    Analysers write lines of their own above it: the header is then the line of names that stands right above the
+    numbers, as many as they, or has a line of units in between.
+    """
+    comments: list[str] = []
+    lines: list[tuple[int, str]] = []
     for number, line in _lines(source.path):
         if not _is_skipped(line):
-            return comments, (number, line.rstrip("\n"))
-        comments.append(line.rstrip("\n"))
-    raise source.error("hold a header row and samples", "holds nothing but comments", "Export it again.")
+            lines.append((number, line.rstrip("\n")))
+        elif not lines:
+            comments.append(line.rstrip("\n"))
+        if len(lines) > _MOST_ABOVE or (len(lines) == 3 and _named_by(lines)):
+            break
+    if not lines:
+        raise source.error("hold a header row and samples", "holds nothing but comments", "Export it again.")
+    place = next((k for k in range(len(lines)) if _named_by(lines[k:])), 0)
+    top, head = lines[place]
+    if place == 0:
+        _refuse_words_above(source, lines)
+        return comments, lines[0], ()
+    delimiter = _named_by(lines[place:])
+    names, units = (_filled(line, delimiter) for _, line in lines[place - 1 : place + 1])
+    if len(names) == len(units) and not any(map(_is_number, names)):
+        if any(name_and_unit(f"x ({unit})")[1] is None for unit in units):
+            raise _unclear(source, lines[place - 1][0], top)
+        pairs = zip(names, units, strict=True)
+        head = delimiter.join('"' + f"{name} [{unit}]".replace('"', '""') + '"' for name, unit in pairs)
+        place -= 1
+    past = (f"What is above the header, down to line {lines[place - 1][0]}, was read past.",) if place else ()
+    return comments, (top, head), past
+
+
+def _named_by(lines: Sequence[tuple[int, str]]) -> str:
+    """The delimiter by which the first line has a name for each cell of numbers in the next two; empty without one."""
+    for delimiter in ",;\t":
+        names, rows = _filled(lines[0][1], delimiter), [split_cells(line, delimiter) for _, line in lines[1:3]]
+        fit = all(_are_numbers(row) and len(names) in (len(row), len(row) - (row[-1] == "")) for row in rows)
+        bare = len(names) == 1 and any(set(line) & set(",;\t") for _, line in lines[:3])  # by another delimiter
+        if rows and fit and not bare and not any(map(_is_number, names)):
+            return delimiter
+    return ""
+
+
+def _filled(line: str, delimiter: str) -> list[str]:
+    """The cells of a line, without an empty one at its end."""
+    cells = split_cells(line, delimiter)
+    return cells[:-1] if cells[-1] == "" else cells
+
+
+def _refuse_words_above(source: Source, lines: Sequence[tuple[int, str]]) -> None:
+    """Refuse lines of words above numbers that none of them has the names of; odd rows under a header are no such."""
+    for place, (number, line) in enumerate(lines):
+        for delimiter in ",;\t":
+            cells = _filled(line, delimiter)
+            like = len(cells) == len(_filled(lines[0][1], delimiter))
+            if place > 1 and _are_numbers(cells):
+                raise _unclear(source, lines[0][0], number - 1)
+            if place and (_are_numbers(cells) or (like and any(cell and _is_number(cell) for cell in cells))):
+                return
+
+
+def _unclear(source: Source, first: int, last: int) -> InputError:
+    must = "have one header, with a name for each column, right above its numbers"
+    remedy = "Delete what is not the header, or put # before those lines; units stand in brackets, as in `x [m]`."
+    return source.error(must, f"has other words in lines {first} to {last}", remedy)
 
 
 def _body(source: Source, top: int, head: str) -> _Body:
@@ -213,7 +276,7 @@ class Header:
     channels: tuple[Channel, ...]
     columns: tuple[int, ...]
     time_column: int | None = None
-    time_scale: float = 1.0
+    time_scale: float | None = None
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
@@ -266,6 +329,11 @@ def parse_header(source: Source, cells: Sequence[str], line: int, stated: Stated
     return Header(
         cells=tuple(cells), channels=tuple(channels), columns=columns, time_column=time_column, time_scale=scale
     )
+
+
+def _are_numbers(cells: Sequence[str]) -> bool:
+    """True where cells are numbers or empty, and not all are empty."""
+    return any(cells) and all(map(_is_number, cells))
 
 
 def _is_number(cell: str) -> bool:

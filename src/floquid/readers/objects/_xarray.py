@@ -120,10 +120,10 @@ def from_xarray(
 
 def _times(data: Any, time: str, source: Source) -> tuple[TimeColumn, tuple[str, ...]] | None:
     coordinate = data.coords[time]
-    unit = str(coordinate.attrs.get("units", "s"))
+    unit = str(coordinate.attrs.get("units", ""))
     found = None
-    if coordinate.dtype.kind in "Mm" or unit in SECONDS:
-        found = times_of(coordinate.values, scale=SECONDS.get(unit, 1.0), label=time)
+    if coordinate.dtype.kind in "Mm" or unit in ("", *SECONDS):
+        found = times_of(coordinate.values, scale=SECONDS.get(unit), label=time)
     if found is None:
         raise source.error(
             f"have `{time}` as numbers in one of s, ms, us, ns, min, h, as durations or as dates",

@@ -2,7 +2,8 @@
 
 `run/acc/x` is a vector of samples, the variable x in the group or struct run/acc (`run.acc.x` will do for a struct).
 `data[2]` is row 2 of a matrix (channels, samples), counted from 0, and `data.T[2]` is its column 2, for a matrix
-(samples, channels). `data` and `data.T` are all rows, or all columns. A row is never taken for a column by guess.
+(samples, channels). `data` and `data.T` are all rows, or all columns. A row is never taken for a column by guess. Where
+texts stand beside a matrix, as many as it has channels, they are the names of these, and name them.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ from floquid.readers.variables._variables import (
     require_numbers,
 )
 from floquid.tables import Table, TimeColumn, make_channel
+
+_LABELS = re.compile("label|channel|name|sensor", re.IGNORECASE)
+"""What a variable is called that holds the names of channels, where several might."""
 
 _PATH = re.compile(r"(?P<path>.+?)(?P<turned>\.T)?(?:\[(?P<row>\d{1,9})\])?")
 
@@ -65,7 +69,7 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
             else file.dialect.save,
         )
     beside = _times(file)
-    rows = [row for word in channels for row in _rows(source, beside, _parse(source, file, word))]
+    rows = [row for word in channels for row in _rows(source, file, beside, _parse(source, file, word))]
     _check_rows(source, rows)
     values = _values(source, file, rows)
     rate = _rate(source, file, rows, ignore_time=ignore_time)
@@ -103,7 +107,16 @@ def _parse(source: Source, file: VariableFile, word: object) -> _Row:
             path = path.strip("/")
             variable = file.variables.get(path) or file.variables.get(path.replace(".", "/"))
             if variable is not None and (turned or not is_turned):
+                text = text if its_row is None else f"{text[: text.rindex('[')]}[{its_row}]"
                 return _Row(name=text, variable=variable, turned=is_turned, row=its_row)
+    own = [
+        _Row(name=text, variable=one, turned=turned, row=labels.index(text))
+        for one in file.variables.values()
+        for turned in (False, True)
+        if one.is_matrix and text in (labels := _labels(file, one, turned=turned))
+    ]
+    if len(own) == 1:
+        return own[0]
     raise input_error(
         "channels",
         source.of,
@@ -113,7 +126,20 @@ def _parse(source: Source, file: VariableFile, word: object) -> _Row:
     )
 
 
-def _rows(source: Source, beside: Mapping[str, list[Variable]], choice: _Row) -> Iterator[_Row]:
+def _labels(file: VariableFile, matrix: Variable, *, turned: bool) -> list[str]:
+    """The texts beside a matrix, one a row, or one a column of it turned; empty where there are none, or several."""
+    count = matrix.shape[::-1][0] if turned else matrix.shape[0]
+    found = {}
+    for one in file.variables.values():
+        if one.kind in ("a cell array", "text") and one.levels[0] == matrix.levels[0] and count in one.shape:
+            texts = [text.strip() for text in file.texts(one.path) or []]
+            if len(texts) == len(set(texts)) == count and all(texts):
+                found[one.name] = texts
+    told = [name for name in found if _LABELS.search(name)] if len(found) > 1 else list(found)
+    return found[told[0]] if len(told) == 1 else []
+
+
+def _rows(source: Source, file: VariableFile, beside: Mapping[str, list[Variable]], choice: _Row) -> Iterator[_Row]:
     """The channels that one word names: a vector, a row of a matrix, or all its rows."""
     variable = choice.variable
     require_numbers(source, variable)
@@ -141,9 +167,11 @@ def _rows(source: Source, beside: Mapping[str, list[Variable]], choice: _Row) ->
         yield replace(choice, turned=False, row=None)
         return
     _check_direction(source, beside, choice, shape)
-    stem = choice.name if choice.row is None else choice.name[: choice.name.rindex("[")]
-    for row in range(shape[0]) if choice.row is None else (choice.row,):
-        yield replace(choice, name=f"{stem}[{row}]", row=row)
+    if choice.row is not None:
+        yield choice
+        return
+    labels = _labels(file, variable, turned=choice.turned) or [f"{choice.name}[{row}]" for row in range(shape[0])]
+    yield from (replace(choice, name=label, row=row) for row, label in enumerate(labels))
 
 
 def _check_direction(
@@ -154,7 +182,7 @@ def _check_direction(
     lengths = {one.size for one in _nearest(beside, choice.variable)}
     if n_samples in lengths or (n_rows not in lengths and n_rows <= n_samples):
         return
-    bare = choice.name if choice.row is None else choice.name[: choice.name.rindex("[")]
+    bare = re.sub(r"\[\d+\]$", "", choice.name)
     other = bare.removesuffix(".T") if choice.turned else f"{bare}.T"
     raise input_error(
         "channels",
@@ -252,7 +280,7 @@ def _time(source: Source, file: VariableFile, times: Sequence[Variable]) -> Time
                 f"has others in `{columns[0].label}` than in `{column.label}`",
                 "Choose channels of one measurement, or pass `rate=` [Hz] to ignore the times.",
             )
-    return columns[0]
+    return columns[0] if times[0].unit not in ("", "-") else replace(columns[0], scale=None)
 
 
 def _rate(source: Source, file: VariableFile, rows: Sequence[_Row], *, ignore_time: bool) -> float | None:

@@ -46,6 +46,13 @@
     selects.forEach((other) => { other.value = select.value; });
     model("response").data = { row: [Number(select.value)] };
   }));
+  // A table that is wider than its place says so, also once it is unfolded; the keyboard can scroll it then.
+  const told = new ResizeObserver((entries) => entries.forEach(({ target }) => {
+    const more = target.scrollWidth > target.clientWidth + 1;
+    target.classList.toggle("more", more);
+    if (more) target.tabIndex = 0; else target.removeAttribute("tabindex");
+  }));
+  document.querySelectorAll(".wide").forEach((one) => told.observe(one));
   // What is folded away on the screen is on the paper.
   window.addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((one) => { one.open = true; }));
   document.addEventListener("floquid:mode", (event) => follow(event.detail));
