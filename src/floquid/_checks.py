@@ -13,12 +13,13 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from floquid._show import Brief
 from floquid.errors import InputError
 
 _LONGEST_NAME, _LONGEST_PART = 200, 4000
 
 
-class Rebuilt:
+class Rebuilt(Brief):
     """A frozen dataclass that copies and pickles rebuild by its constructor: arrays stay read-only, checks hold."""
 
     __slots__ = ()

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from floquid._checks import input_error
+from floquid._show import Brief
 
 Quantity = Literal["displacement", "velocity", "acceleration", "strain", "force", "angle", "pulse", "other"]
 
@@ -23,7 +24,7 @@ _UNITS: dict[str, tuple[Quantity, ...]] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Channel:
+class Channel(Brief):
     """One measured quantity.
 
     Parameters

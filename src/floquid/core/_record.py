@@ -99,6 +99,11 @@ class Record(Rebuilt):
         put(self, "orbit", orbit)
         put(self, "provenance", provenance if provenance is not None else Provenance())
 
+    def __repr__(self) -> str:
+        names = ", ".join([channel.name[:20] for channel in self.channels[:4]] + ["…"] * (self.n_channels > 4))
+        size = f"{self.n_channels} channels: {names}" if self.n_channels > 1 else names
+        return f"Record({size}; {self.n_samples} samples at {self.sample_rate:.8g} Hz; {self.clock!r:.80})"
+
     @property
     def n_channels(self) -> int:
         """The number of channels."""

@@ -8,6 +8,7 @@ from typing import get_args
 import numpy as np
 
 from floquid._checks import finite, input_error, integer, positive
+from floquid._show import Brief
 from floquid.core import AzimuthSignal
 from floquid.lti import AbstractIdentifier
 from floquid.reconstruction import MOST_TIMES, AbstractStructure, FirstOrder, Form, structure_of, text_of
@@ -17,7 +18,7 @@ ALL = "all"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class Settings(Brief):
     """Every option of `identify`.
 
     Parameters

@@ -10,6 +10,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from floquid._checks import input_error
+from floquid._show import Brief
 from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
@@ -40,7 +41,7 @@ SIGNALS = (TachometerSignal, AzimuthSignal, PulseTimes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prepared:
+class Prepared(Brief):
     """Records as they are used, whoever uses them: which channels are responses, and what ties them to the phase.
 
     Parameters
