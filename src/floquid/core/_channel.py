@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from floquid._checks import input_error
+from floquid._checks import answers_slips, input_error
 from floquid._show import Brief
 
 Quantity = Literal["displacement", "velocity", "acceleration", "strain", "force", "angle", "pulse", "other"]
@@ -23,6 +23,7 @@ _UNITS: dict[str, tuple[Quantity, ...]] = {
 }
 
 
+@answers_slips('Channel(name="x", unit="m")', {"units": 'unit="m"', "label": 'name="x"'})
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channel(Brief):
     """One measured quantity.

@@ -8,12 +8,23 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import Rebuilt, finite, frozen_array, input_error, positive
+from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_error, positive
 from floquid.core._channel import Channel, channels_named
 from floquid.core._clock import Clock
 from floquid.core._provenance import Provenance
 
+_SLIPS = {
+    **{name: f"values={name}" for name in ("y", "x", "data", "samples", "signal")},
+    **{name: f"sample_rate={name}" for name in ("fs", "rate", "samplerate", "sampling_rate")},
+    **{name: f"sample_rate=1 / ({name}[1] - {name}[0]), start={name}[0]" for name in ("t", "time", "times")},
+    **{name: f"channels={name}" for name in ("names", "labels")},
+    **dict.fromkeys(("period", "T"), "clock=ConstantPeriod(period=T)"),
+    "dt": "sample_rate=1/dt",
+    "units": 'channels=[Channel(name="x", unit="m")]',
+}
 
+
+@answers_slips('Record(values=y, sample_rate=fs, channels=["x", "y"])', _SLIPS)
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Record(Rebuilt):
     """Samples of several channels at a constant rate: sample n is at `start` + n/`sample_rate` [s].

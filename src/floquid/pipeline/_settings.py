@@ -7,7 +7,7 @@ from typing import get_args
 
 import numpy as np
 
-from floquid._checks import finite, input_error, integer, positive
+from floquid._checks import answers_slips, finite, input_error, integer, positive
 from floquid._show import Brief
 from floquid.core import AzimuthSignal
 from floquid.lti import AbstractIdentifier
@@ -17,6 +17,18 @@ ALL = "all"
 """Name of all channels as states, each state a weighted sum of them."""
 
 
+SLIPS = {
+    "T": "period=T",
+    "frequency": "period=1/frequency",
+    "rpm": "period=60/rpm",
+    "n_modes": "order=2*n_modes",
+    "tachometer": 'tach="tach"',
+    "method": "identifier=AMI()",
+}
+"""Names that one may try for a field, and what to write."""
+
+
+@answers_slips('Settings(period=6.28, states=["x", "y"])', SLIPS)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings(Brief):
     """Every option of `identify`.
