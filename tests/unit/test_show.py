@@ -1,18 +1,23 @@
 """Results that show themselves: short reprs, the text and the table of modes, the figures."""
 
+import importlib
+import inspect
+import pkgutil
 import subprocess
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from inspect import signature
 
 import numpy as np
 import pytest
 from tests.contracts.test_copies import parts, record
 
+import floquid
 from floquid import floquet, identify, order, plot
 from floquid._checks import Rebuilt
 from floquid._show import Brief
 from floquid.core import Channel
+from floquid.findings import Finding, Severity
 from floquid.lti import AMI
 from floquid.pipeline import Settings, bootstrap
 from floquid.plot import FIGURES
@@ -43,6 +48,15 @@ def test_every_part_of_a_result_is_one_short_line(results):
     shown = {repr(part) for one in every for part in parts(one)}
     assert len(shown) > 30
     assert not [text for text in shown if len(text) >= 300 or "\n" in text]
+
+
+def test_every_public_type_with_arrays_is_brief():
+    rooms = [importlib.import_module(found.name) for found in pkgutil.iter_modules(floquid.__path__, "floquid.")]
+    shown = {name: getattr(room, name) for room in rooms for name in getattr(room, "__all__", ())}
+    kinds = {name: kind for name, kind in shown.items() if inspect.isclass(kind) and is_dataclass(kind)}
+    arrays = {name for name, kind in kinds.items() if any("NDArray" in str(field.type) for field in fields(kind))}
+    # It is made in the inmost loop of a fit.
+    assert {name for name in arrays if not issubclass(kinds[name], Brief)} == {"ModeParameters"}
 
 
 def test_a_repr_says_what_is_not_the_default():
@@ -108,8 +122,11 @@ def test_the_page_of_a_notebook_has_a_row_a_mode(analysis, results):
     assert html.startswith("<p><strong>The model passes its checks.</strong>")
     assert html.count("<tr data-row=") == 2
     assert "±" in html
-    hostile = replace(analysis.validation, passed=False, findings=())
-    assert "does not pass" in replace(analysis, validation=hostile)._repr_html_()
+    against = replace(analysis.validation, passed=False)
+    assert "does not pass" in replace(analysis, validation=against)._repr_html_()
+    hostile = replace(analysis, findings=(Finding("sentence", Severity.WARNING, {}, "", "<script>"),))
+    assert "&lt;script&gt;" in hostile._repr_html_()
+    assert "<script>" not in hostile._repr_html_()
     assert results["scan"]._repr_html_().startswith("<pre>Orders")
 
 

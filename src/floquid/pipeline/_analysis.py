@@ -28,6 +28,9 @@ FAILED = 3.0
 class Analysis(Told, Drawn, Brief):
     """Result of `identify`, with every intermediate.
 
+    `summary()` is the text of the terminal, a notebook shows the modes and the verdict, and `plot` has the figures:
+    `analysis.plot.spectra()`.
+
     Parameters
     ----------
     settings
