@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
+from functools import wraps
+from inspect import signature
 from math import isfinite
 from numbers import Integral, Real
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from floquid._show import Brief
 from floquid.errors import InputError
+
+Made = TypeVar("Made")
 
 _LONGEST_NAME, _LONGEST_PART = 200, 4000
 
 
-class Rebuilt:
+class Rebuilt(Brief):
     """A frozen dataclass that copies and pickles rebuild by its constructor: arrays stay read-only, checks hold."""
 
     __slots__ = ()
@@ -70,6 +75,41 @@ class Sealed(Rebuilt):
                 value = value.view()
                 value.flags.writeable = False
                 object.__setattr__(self, field.name, value)
+
+
+def answers_slips(example: str, slips: Mapping[str, str]) -> Callable[[type[Made]], type[Made]]:
+    """A decorator of a class: a call whose arguments it does not have is answered with what to write.
+
+    `example` is a call that is right; `slips` are names that one may try, each with what to write in its place.
+    """
+
+    def decorated(kind: type[Made]) -> type[Made]:
+        made = kind.__init__
+        known = list(signature(made).parameters.values())[1:]
+
+        @wraps(made)
+        def init(self: Made, *given: Any, **named: Any) -> None:
+            try:
+                made(self, *given, **named)
+            except TypeError:
+                strange = [name for name in named if name not in {one.name for one in known}]
+                missing = [f"`{one.name}`" for one in known if one.default is one.empty and one.name not in named]
+                if given:
+                    wrong = "takes named arguments, no positional ones"
+                elif strange:
+                    wrong = f"has no argument `{strange[0]}`"
+                elif missing:
+                    wrong = f"needs {' and '.join(missing)}"
+                else:
+                    raise  # a mistake of another kind, inside
+                own = slips.get(strange[0]) if strange and not given else None
+                write = f"`{example}`" if own is None else f"`{own}`, as in `{example}`"
+                raise TypeError(f"{kind.__name__} {wrong}: write {write}") from None
+
+        kind.__init__ = init
+        return kind
+
+    return decorated
 
 
 def input_error(argument: str, of: str, must: str, got: str, remedy: str = "") -> InputError:

@@ -24,7 +24,7 @@ OPTIONAL = {
     for name in layer.split("|")
     if name.strip().startswith("(")
 }
-OPEN_TO_ALL = ["errors", "_checks", "_bar", "_version"]
+OPEN_TO_ALL = ["errors", "_checks", "_bar", "_show", "_version"]
 
 
 @pytest.fixture
@@ -123,6 +123,7 @@ def test_a_room_that_is_built_has_lost_its_parentheses():
         ("core", "def late():\n    import floquid.tables", "layers"),
         ("store", "import floquid.exports", "layers"),
         ("_bar", "import floquid.pipeline", "foundations"),
+        ("_show", "import floquid.plot", "foundations"),
         ("pipeline", "import floquid.systems", "oracle"),
         ("periodic", "import floquid.floquet", "oracle"),
         ("reconstruction", "import floquid.systems", "oracle"),

@@ -27,7 +27,7 @@ EARLIER = {
 
 
 PICTURES = """
-import floquid.plot, floquid.reporting
+import pathlib, floquid.plot, floquid.reporting
 
 def save_figures(analysis, folder, **_):
     names = [n for n in floquid.plot.FIGURES if n != "speed" and (analysis.state or n != "system_elements")]
@@ -35,7 +35,7 @@ def save_figures(analysis, folder, **_):
         (folder / f"{name}.png").write_text(f"{name} {analysis.model.coefficients}")
 
 def report(analysis, path, **_):
-    path.write_text(f"report {analysis.model.coefficients}")
+    pathlib.Path(path).write_text(f"report {analysis.model.coefficients}")
 
 floquid.plot.save_figures, floquid.reporting.report = save_figures, report
 """

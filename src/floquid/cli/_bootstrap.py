@@ -12,13 +12,14 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 from numpy.typing import NDArray
+from rich.console import Console
 from rich.table import Table
 
 from floquid._checks import input_error
 from floquid.cli._folder import ResultFolder, maybe_folder, result_file
 from floquid.cli._options import Debug, Format, OptionalWhole, OutputFolder, Saved, Seed, Whole
 from floquid.cli._terminal import counted, json_text, new_table, print_files, print_title, print_whole, terminal
-from floquid.pipeline import Analysis, Bootstrap, Spread
+from floquid.pipeline import Bootstrap, Spread
 from floquid.pipeline import bootstrap as bootstrap_analysis
 from floquid.store import DrawFile, load
 
@@ -84,7 +85,7 @@ def bootstrap(
     if format == "json":
         sys.stdout.write(text)
         return
-    _print(analysis, found, out)
+    _print(found, out)
 
 
 def _key(file: Path, seed: int, *, whole: bool) -> str:
@@ -102,15 +103,20 @@ def _write(folder: ResultFolder, found: Bootstrap, text: str) -> None:
     folder.publish()
 
 
-def _print(analysis: Analysis, found: Bootstrap, out: Path | None) -> None:
+def _print(found: Bootstrap, out: Path | None) -> None:
     """The modes, all elements together, the verdict, and where the draws are."""
-    console = terminal()
+    print_drawn(terminal(), found)
+    print_files(out, FILES, "for bootstrap.json and every draw in bootstrap.npz")
+
+
+def print_drawn(console: Console, found: Bootstrap) -> None:
+    """Print the modes, all elements together, and the verdict."""
     how = "identified from the beginning" if found.whole else "the same modes fitted anew"
     console.print(f"{counted(found.n_draws, 'record')} drawn from the model, seed {found.seed}: {how}.")
     if found.n_used < found.n_draws:
         console.print(f"What follows is of {found.n_used} of them.")
     print_title(console, "Modes")
-    print_whole(console, _modes(analysis, found))
+    print_whole(console, _modes(found))
     console.print(f"{LEGEND}.", style="dim")
     if found.holds is not None:
         print_title(console, "Ratio over all elements")
@@ -118,10 +124,9 @@ def _print(analysis: Analysis, found: Bootstrap, out: Path | None) -> None:
     console.print()
     for reason in found.reasons:
         console.print(reason, style=None if found.holds is not False else "yellow")
-    print_files(out, FILES, "for bootstrap.json and every draw in bootstrap.npz")
 
 
-def _modes(analysis: Analysis, found: Bootstrap) -> Table:
+def _modes(found: Bootstrap) -> Table:
     """Exponent, frequency and damping of each pair, a number a row."""
     table = new_table([""], ["", "estimate", "said", "drawn", "ratio", "95 %", ""])
     rows = (
@@ -130,7 +135,7 @@ def _modes(analysis: Analysis, found: Bootstrap) -> Table:
         ("f [Hz]", found.frequencies_hz, np.real),
         ("ζ", found.damping_ratios, np.real),
     )
-    for number, mode in enumerate(analysis.model.upper_modes, start=1):
+    for number, mode in enumerate(np.flatnonzero(found.exponents.distinct), start=1):
         for place, (name, spread, part) in enumerate(rows):
             std, ratio = part(spread.std[mode]), spread.ratio
             low, high = (part(end[mode]) for end in spread.interval())

@@ -10,7 +10,16 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from floquid.cli._terminal import counted, json_text, new_table, print_files, print_title, print_whole, terminal
+from floquid.cli._terminal import (
+    counted,
+    json_text,
+    new_table,
+    print_files,
+    print_title,
+    print_warnings,
+    print_whole,
+    terminal,
+)
 from floquid.floquet import (
     FloquetModes,
     HillModes,
@@ -109,16 +118,7 @@ def print_examined(found: Examined, out: Path | None) -> None:
         f"A(t): {counted(modes.order, 'state')}; period {modes.period:.8g} s (ω = {modes.fundamental:.6g} rad/s); "
         f"{found.file.source}."
     )
-    print_title(console, f"Stability: {found.stability.verdict.value}")
-    for reason in found.stability.reasons:
-        console.print(reason)
-    shown = upper_modes(modes)
-    if len(shown) > _MOST_ROWS:
-        shown = sorted(shown, key=lambda r: -modes.exponents[r].real)[:_MOST_ROWS]
-    print_title(console, f"Modes: order {modes.order}, conjugates counted one by one")
-    print_whole(console, _modes_table(found, shown))
-    used = {word for r in shown for word in _notes(found, r)}
-    console.print("; ".join([LEGEND, *(f"{w}: {m}" for w, m in NOTES.items() if w in used)]) + ".", style="dim")
+    shown = print_stability(console, modes, found.stability)
     print_title(console, "Shapes")
     console.print(_shapes_table(found, shown))
     console.print(f"{SHARES}.", style="dim")
@@ -126,9 +126,23 @@ def print_examined(found: Examined, out: Path | None) -> None:
         words = f"These are the {_MOST_ROWS} of slowest decay, of {len(upper_modes(modes))}"
         console.print(f"{words}: summary.json has all (--out DIR or --format json).")
     _print_checks(console, found)
-    for warning in found.warnings:
-        console.print(f"Warning: {warning}", style="yellow")
+    print_warnings(console, found.warnings)
     print_files(out, FILES, "to keep the modes and the figures")
+
+
+def print_stability(console: Console, modes: FloquetModes, stability: Stability) -> list[int]:
+    """Print the verdict and the modes, and return those that are in the table."""
+    print_title(console, f"Stability: {stability.verdict.value}")
+    for reason in stability.reasons:
+        console.print(reason)
+    shown = upper_modes(modes)
+    if len(shown) > _MOST_ROWS:
+        shown = sorted(shown, key=lambda r: -modes.exponents[r].real)[:_MOST_ROWS]
+    print_title(console, f"Modes: order {modes.order}, conjugates counted one by one")
+    print_whole(console, _modes_table(modes, stability, shown))
+    used = {word for r in shown for word in _notes(modes, stability, r)}
+    console.print("; ".join([LEGEND, *(f"{w}: {m}" for w, m in NOTES.items() if w in used)]) + ".", style="dim")
+    return shown
 
 
 def _print_checks(console: Console, found: Examined) -> None:
@@ -156,13 +170,12 @@ def _print_checks(console: Console, found: Examined) -> None:
         console.print(f"Set aside, as the phase of the period: {_short(name)}.")
 
 
-def _modes_table(found: Examined, shown: list[int]) -> Table:
+def _modes_table(modes: FloquetModes, stability: Stability, shown: list[int]) -> Table:
     """The modes, a conjugate pair a row."""
-    modes = found.modes
     table = new_table([""], ["Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded"], ["note"])
     sizes, folded = np.abs(modes.multipliers), np.abs(modes.principal().imag) / modes.fundamental
     for number, r in enumerate(shown, start=1):
-        value, notes = modes.exponents[r], _notes(found, r)
+        value, notes = modes.exponents[r], _notes(modes, stability, r)
         rests = "rests" in notes
         table.add_row(
             str(number),
@@ -177,10 +190,9 @@ def _modes_table(found: Examined, shown: list[int]) -> Table:
     return table
 
 
-def _notes(found: Examined, mode: int) -> list[str]:
+def _notes(modes: FloquetModes, stability: Stability, mode: int) -> list[str]:
     """The words of `NOTES` that a mode deserves."""
-    modes, value = found.modes, found.modes.exponents[mode]
-    margin = found.stability.margins[mode]
+    value, margin = modes.exponents[mode], stability.margins[mode]
     negative = multiplier_is_real(modes, mode) and round(2.0 * abs(value.imag) / modes.fundamental) % 2 == 1
     deserved = {
         "μ<0": negative,

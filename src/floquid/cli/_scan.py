@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
 from rich.table import Table
 
 from floquid._checks import input_error
@@ -34,6 +35,7 @@ from floquid.cli._terminal import (
     new_table,
     print_files,
     print_title,
+    print_warnings,
     print_whitening,
     progress,
     terminal,
@@ -196,16 +198,20 @@ def _print_scan(scanned: Scanned, identifier: str, out: Path | None) -> None:
         console.print(f"  {step}", style="dim")
     for finding in scanned.prepared.findings:
         console.print(f"  {finding}")
-    for fault in scanned.prepared.faults:
-        console.print(f"Warning: {fault}", style="yellow")
+    print_warnings(console, scanned.prepared.faults)
     print_whitening(console, lifted)
-    print_title(console, f"Orders by {identifier.upper()}, conjugate poles counted one by one")
+    print_orders(console, found, f"Orders by {identifier.upper()}")
+    print_files(out, FILES, "for the stabilisation diagram, the mode indicators and scan.json")
+
+
+def print_orders(console: Console, found: OrderScan, title: str = "Orders") -> None:
+    """Print the table of orders, and the least number of poles."""
+    print_title(console, f"{title}, conjugate poles counted one by one")
     console.print(_table(found))
     console.print(LEGEND, style="dim")
     seen = found.indicators
     last = f"{counted(seen.n_above, 'singular value')} of the responses above white noise"
     console.print(f"{last}: at least so many poles, if the noise is white.")
-    print_files(out, FILES, "for the stabilisation diagram, the mode indicators and scan.json")
 
 
 def _table(found: OrderScan) -> Table:

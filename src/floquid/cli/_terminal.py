@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,19 @@ def terminal(*, stderr: bool = False) -> Console:
     return _Terminal(stderr=stderr, markup=False, emoji=False, highlight=False)
 
 
+def plain(file: IO[str], width: int, *, is_terminal: bool = False) -> Console:
+    """A console of this width that prints texts as they are, in a notebook too."""
+    return Console(
+        file=file,
+        width=width,
+        markup=False,
+        emoji=False,
+        highlight=False,
+        force_terminal=is_terminal,
+        force_jupyter=False,
+    )
+
+
 class _Terminal(Console):
     """A console on which texts name the options of the command, not those of Python."""
 
@@ -84,6 +97,24 @@ def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
 def print_analysis(analysis: Analysis, *, verbose: bool = False) -> None:
     """The record, the modes, a line for each other finding, A(t) and the warnings; with `verbose` the reasons, too."""
     console = terminal()
+    print_found(console, analysis, verbose=verbose)
+    if verbose:
+        _print_reasons(console, analysis)
+    if analysis.state is not None:
+        print_state(console, analysis)
+    print_warnings(console, analysis.warnings)
+    if not verbose:
+        console.print("`floquid identify --verbose` explains the columns and gives the reasons.", style="dim")
+
+
+def print_warnings(console: Console, warnings: Iterable[object]) -> None:
+    """Print a line for each warning."""
+    for warning in warnings:
+        console.print(f"Warning: {warning}", style="yellow")
+
+
+def print_found(console: Console, analysis: Analysis, *, verbose: bool = False) -> None:
+    """Print the record, the modes, a line for each other finding, and the reasons against the model."""
     _print_record(console, analysis, verbose=verbose)
     modes = "Modes of a model that fails" if analysis.failed else "Modes"
     print_title(console, f"{modes}: order {analysis.model.order}, conjugates counted one by one")
@@ -99,14 +130,6 @@ def print_analysis(analysis: Analysis, *, verbose: bool = False) -> None:
     if analysis.validation is not None:
         for reason in analysis.validation.reasons:
             console.print(f"  {reason}", style="yellow")
-    if verbose:
-        _print_reasons(console, analysis)
-    if analysis.state is not None:
-        print_state(console, analysis)
-    for warning in analysis.warnings:
-        console.print(f"Warning: {warning}", style="yellow")
-    if not verbose:
-        console.print("`floquid identify --verbose` explains the columns and gives the reasons.", style="dim")
 
 
 def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> None:
@@ -158,7 +181,8 @@ def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> Non
         console.print(f"  {sentence}")
     if not verbose:
         if len(done) > MOST_DONE:
-            console.print(f"  … and {len(done) - MOST_DONE} more (--verbose).", style="dim")
+            option = " (--verbose)" if isinstance(console, _Terminal) else ""
+            console.print(f"  … and {len(done) - MOST_DONE} more{option}.", style="dim")
         return
     coloured = analysis.whitening is not None
     title = "Noise found, standard deviation after the whitening filter" if coloured else NOISE
@@ -304,7 +328,7 @@ def print_whole(console: Console, table: Table) -> None:
     if _width(console, table) > console.width:
         table.padding, table.pad_edge = (0, 1, 0, 0), False
     width = max(console.width, _width(console, table))
-    Console(file=console.file, width=width, markup=False, emoji=False, highlight=False).print(table)
+    plain(console.file, width, is_terminal=console.is_terminal).print(table)
 
 
 def counted(number: int | str, word: str) -> str:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from floquid._checks import input_error
+from floquid._checks import answers_slips, input_error
+from floquid._show import Brief
 
 Quantity = Literal["displacement", "velocity", "acceleration", "strain", "force", "angle", "pulse", "other"]
 
@@ -34,8 +35,9 @@ _NAMES: dict[Quantity, str] = {
 """Words in names that say what is measured, where the unit leaves it open; OpenFAST's names of the azimuth, too."""
 
 
+@answers_slips('Channel(name="x", unit="m")', {"units": 'unit="m"', "label": 'name="x"'})
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Channel:
+class Channel(Brief):
     """One measured quantity.
 
     Parameters

@@ -7,9 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, finite, frozen_array, input_error, integer, positive
+from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_error, integer, positive
+
+_TURNS = {
+    "ppr": "pulses_per_revolution=ppr",
+    **dict.fromkeys(("name", "signal"), 'channel="tach"'),
+}
+_PERIOD = {
+    "T": "period=T",
+    "frequency": "period=1/frequency",
+    "f": "period=1/f",
+    "omega": "period=2*np.pi/omega",
+    "rpm": "period=60/rpm",
+    "start": "origin=start",
+}
 
 
+@answers_slips("ConstantPeriod(period=6.28)", _PERIOD)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConstantPeriod:
     """A period that does not change: the phase at time t is (t - origin)/period, in periods.
@@ -54,6 +68,7 @@ class ConstantPeriod:
         return 0.0 if fraction > 1.0 - 1e-9 else fraction
 
 
+@answers_slips('TachometerSignal(channel="tach", pulses_per_revolution=1)', _TURNS)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TachometerSignal:
     """A channel of pulses: the shaft turns by a revolution in `pulses_per_revolution` of them.
@@ -84,6 +99,7 @@ class TachometerSignal:
         _check_periods(self)
 
 
+@answers_slips('AzimuthSignal(channel="azimuth")', _TURNS)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AzimuthSignal:
     """A channel that holds the angle of the shaft, in degrees or radians, whole or wrapped.
@@ -109,6 +125,7 @@ class AzimuthSignal:
         _check_periods(self)
 
 
+@answers_slips("PulseTimes(times=t, pulses_per_revolution=1)", _TURNS)
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PulseTimes(Rebuilt):
     """The times of pulses, told by another instrument.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
+from floquid._show import Drawings, Drawn
 from floquid.core._channel import Channel
 from floquid.core._estimates import Estimates
 from floquid.core._provenance import Provenance
@@ -19,7 +20,7 @@ SAME = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PeriodicModel(Rebuilt):
+class PeriodicModel(Drawn, Rebuilt):
     r"""The free response as Floquet modes with periodic shapes.
 
     .. math:: y_h(t) = \sum_r \sum_m B_{r,h,m}\, e^{(\lambda_r + i m \omega) t}, \qquad \omega = 2\pi/T
@@ -123,6 +124,14 @@ class PeriodicModel(Rebuilt):
                 "their exponents or channels are others",
                 "Pass `estimates=None`: the model then has no joint covariance.",
             )
+
+    def __repr__(self) -> str:
+        _, channels, hits, harmonics = self.coefficients.shape
+        size = f"channels={channels}, hits={hits}, harmonics={harmonics}"
+        return f"PeriodicModel(order={self.order}, period={self.period:.8g} s, {size})"
+
+    def _figures(self) -> Drawings:
+        return dict.fromkeys(("exponents", "periodic_shapes"), (self, {}))
 
     @property
     def order(self) -> int:

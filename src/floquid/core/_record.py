@@ -8,12 +8,23 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import Rebuilt, finite, frozen_array, input_error, positive
+from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_error, positive
 from floquid.core._channel import Channel, channels_named
 from floquid.core._clock import Clock
 from floquid.core._provenance import Provenance
 
+_SLIPS = {
+    **{name: f"values={name}" for name in ("y", "x", "data", "samples", "signal")},
+    **{name: f"sample_rate={name}" for name in ("fs", "rate", "samplerate", "sampling_rate")},
+    **{name: f"sample_rate=1 / ({name}[1] - {name}[0]), start={name}[0]" for name in ("t", "time", "times")},
+    **{name: f"channels={name}" for name in ("names", "labels")},
+    **dict.fromkeys(("period", "T"), "clock=ConstantPeriod(period=T)"),
+    "dt": "sample_rate=1/dt",
+    "units": 'channels=[Channel(name="x", unit="m")]',
+}
 
+
+@answers_slips('Record(values=y, sample_rate=fs, channels=["x", "y"])', _SLIPS)
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Record(Rebuilt):
     """Samples of several channels at a constant rate: sample n is at `start` + n/`sample_rate` [s].
@@ -98,6 +109,11 @@ class Record(Rebuilt):
                 raise input_error("orbit", "Record", "have at least one phase", "has none", "Pass None for no orbit.")
         put(self, "orbit", orbit)
         put(self, "provenance", provenance if provenance is not None else Provenance())
+
+    def __repr__(self) -> str:
+        names = ", ".join([channel.name[:20] for channel in self.channels[:4]] + ["…"] * (self.n_channels > 4))
+        size = f"{self.n_channels} channels: {names}" if self.n_channels > 1 else names
+        return f"Record({size}; {self.n_samples} samples at {self.sample_rate:.8g} Hz; {self.clock!r:.80})"
 
     @property
     def n_channels(self) -> int:

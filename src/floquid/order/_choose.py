@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from floquid._show import Brief
 from floquid.findings import Finding, Severity, note, texts, warning
 from floquid.lti import AbstractIdentifier, Evidence, MaximumLikelihood, ModalModel, Outcome, TimeResponses
 
@@ -22,7 +23,7 @@ DETERMINED = 2e-3 * 2.0 * np.pi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Choice:
+class Choice(Brief):
     """An order with its reasons.
 
     Parameters

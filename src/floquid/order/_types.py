@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
+from floquid._show import Drawings, Drawn, Told
 from floquid.lti import ModalModel
 
 
@@ -144,7 +145,7 @@ class Indicators(Rebuilt):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OrderScan(Rebuilt):
+class OrderScan(Told, Drawn, Rebuilt):
     """The models of several orders, and which of their poles stay from one to the next.
 
     Parameters
@@ -182,6 +183,9 @@ class OrderScan(Rebuilt):
             for flags, model in zip(self.stable, self.models, strict=True)
         )
         object.__setattr__(self, "stable", levels)
+
+    def _figures(self) -> Drawings:
+        return {"stabilisation": (self, {}), "indicators": (self.indicators, {})}
 
     @property
     def n_stable(self) -> NDArray[np.int64]:

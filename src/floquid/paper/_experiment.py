@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
+from floquid._show import Brief
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.lti import AMI, AbstractIdentifier
@@ -80,7 +81,7 @@ CUTS: Mapping[str, tuple[tuple[str, str], Cut]] = MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Draw:
+class Draw(Brief):
     """Results of one draw of the noise, by name: largest errors of A(t), and errors of the exponents.
 
     Parameters
@@ -97,7 +98,7 @@ class Draw:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reproduction:
+class Reproduction(Brief):
     """The paper's experiment, done again.
 
     Parameters

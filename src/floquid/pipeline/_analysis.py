@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._show import Brief, Drawings, Drawn, Told
 from floquid.core import ConstantPeriod, Cycles, PeriodicModel, Provenance, Record
 from floquid.findings import Finding, Severity, texts
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
-from floquid.order import Choice
+from floquid.order import Choice, indicators
 from floquid.periodic import Fit, Periodicity
 from floquid.pipeline._settings import Settings
 from floquid.reconstruction import Refinement, StateModel
@@ -24,8 +25,11 @@ FAILED = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Analysis:
+class Analysis(Told, Drawn, Brief):
     """Result of `identify`, with every intermediate.
+
+    `summary()` is the text of the terminal, a notebook shows the modes and the verdict, and `plot` has the figures:
+    `analysis.plot.spectra()`.
 
     Parameters
     ----------
@@ -71,6 +75,25 @@ class Analysis:
     periodicity: Periodicity | None = None
     validation: Validation | None = None
     findings: tuple[Finding, ...] = ()
+
+    def __repr__(self) -> str:
+        found, model = self.validation, self.model
+        verdict = "not checked" if found is None else "passes" if found.passed else "does not pass"
+        cycles = ", ".join(str(hit.n_cycles) for hit in self.cycles[:4]) + ", …" * (len(self.cycles) > 4)
+        size = f"order={model.order}, period={model.period:.4g} s, {len(model.channels)} channels, {cycles} cycles"
+        return f"Analysis({size}: {'fails' if self.failed else verdict})"
+
+    def _figures(self) -> Drawings:
+        whole = ["time_record", "spectra", "composite", "residues", "coefficients", "synthesis", "synchronisation"]
+        found: Drawings = dict.fromkeys(whole, (self, {}))
+        found["indicators"] = (lambda: indicators(self.lifted.responses, self.modal), {})
+        found["exponents"] = (self.model, {})
+        found["periodic_shapes"] = (self.model, {"weights": 1.0 / self.noise})
+        if self.state is not None:
+            found["system_elements"] = (self.state, {"period": self.model.period, "channels": self.model.channels})
+        if self.shafts:
+            found["speed"] = (self.shafts[0], {})
+        return found
 
     @property
     def synchronisation(self) -> tuple[str, ...]:

@@ -8,7 +8,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from floquid._checks import finite, input_error, integer, positive
+from floquid._checks import answers_slips, finite, input_error, integer, positive
+from floquid._show import Brief
 from floquid.core import AzimuthSignal
 from floquid.errors import InputError
 from floquid.lti import AMI, ERA, LSCF, AbstractIdentifier, MaximumLikelihood, PolyLSCF
@@ -37,8 +38,20 @@ def _identifier_named(word: str, alarm: float) -> AbstractIdentifier:
     return MaximumLikelihood(false_alarm=alarm, initial=found) if last else found
 
 
+SLIPS = {
+    "T": "period=T",
+    "frequency": "period=1/frequency",
+    "rpm": "period=60/rpm",
+    "n_modes": "order=2*n_modes",
+    "tachometer": 'tach="tach"',
+    "method": "identifier=AMI()",
+}
+"""Names that one may try for a field, and what to write."""
+
+
+@answers_slips('Settings(period=6.28, states=["x", "y"])', SLIPS)
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class Settings(Brief):
     """Every option of `identify`.
 
     Parameters

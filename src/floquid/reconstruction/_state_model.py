@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, frozen_array
+from floquid._show import Drawings, Drawn
 from floquid.core import Provenance
 from floquid.findings import Finding, texts
 from floquid.reconstruction._structure import AbstractStructure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StateModel(Rebuilt):
+class StateModel(Drawn, Rebuilt):
     r"""Φ(t, t0) and A(t) at instants of one period, with t0 the first of them.
 
     .. math:: x(t) = \Phi(t, t_0)\, x(t_0), \qquad \dot x = A(t)\, x
@@ -45,6 +46,9 @@ class StateModel(Rebuilt):
     system_std: NDArray[np.float64] | None = None
     transition_std: NDArray[np.float64] | None = None
     provenance: Provenance = field(default_factory=Provenance)
+
+    def _figures(self) -> Drawings:
+        return {"system_elements": (self, {})}
 
     def __post_init__(self) -> None:
         of, put = "StateModel", object.__setattr__

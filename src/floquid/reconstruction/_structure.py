@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, finite, input_error, integer
+from floquid._show import Brief
 
 Symmetry = Literal["none", "symmetric", "skew", "diagonal"]
 
@@ -189,7 +190,7 @@ class AbstractStructure(ABC):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SecondOrder(AbstractStructure):
+class SecondOrder(Brief, AbstractStructure):
     r"""A second-order system in the displacements u.
 
     .. math:: \ddot u + (D(t) + G(t))\, \dot u + K(t)\, u = 0
@@ -252,7 +253,7 @@ class SecondOrder(AbstractStructure):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FirstOrder(AbstractStructure):
+class FirstOrder(Brief, AbstractStructure):
     r"""A system of first order in the states x.
 
     .. math:: \dot x = A(t)\, x

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+from html import escape
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from floquid._show import Told
+from floquid.pipeline import Analysis
 from floquid.reporting import _words as words
 from floquid.reporting._case import Case
 from floquid.reporting._chosen_figures import (
@@ -38,13 +41,15 @@ from floquid.reporting._stabilisation_figures import indicator_figures, stabilis
 from floquid.reporting._system_figures import Truth, element_figures
 from floquid.views import Synchronisation, for_command, mode_table, note_meanings
 
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
 LONGEST = 60  # the longest name of a source that fits a heading, in characters
 
 
 def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
     """The whole page as text."""
     from bokeh.resources import Resources
-    from jinja2 import Environment, PackageLoader, StrictUndefined
 
     from floquid._version import __version__
 
@@ -55,49 +60,77 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
         place: [{"name": f"{place}-{number}", "words": _described(made)} for number, made in enumerate(group)]
         for place, group in figures.items()
     }
+    analysis = case.analysis
+    return (
+        _environment()
+        .get_template("page.html.jinja")
+        .render(
+            **_verdict(analysis),
+            **_modes(analysis),
+            title=title or _title(case),
+            version=__version__,
+            bokeh="\n".join(Resources(mode="inline", components=["bokeh"]).js_raw),
+            embedded=_embedded(models),
+            style=_asset("page.css"),
+            behaviour=_asset("page.js"),
+            figures=drawn,
+            case=case,
+            summary=words.summary_line(case),
+            told=analysis.model.unselected is not None,
+            given=analysis.settings.harmonics is not None,
+            checks=words.checks(analysis),
+            warnings=analysis.warnings,
+            evidence=words.evidence(analysis),
+            responses=[response_name(case, *one) for one in responses(case)],
+            responses_left=len(analysis.model.channels) * len(analysis.records) - len(responses(case)),
+            left_out=len(analysis.model.channels) - len(case.channels),
+            hits=[hit + 1 for hit in case.hits] if len(analysis.records) > 1 else [],
+            state=analysis.state,
+            refinement=analysis.refinement,
+            parameters=[] if analysis.refinement is None else words.parameters(analysis.refinement),
+            synchronisation=slip_words(found),
+            steps=words.steps(analysis),
+            sources=words.sources(analysis),
+            noise=words.noise_rows(analysis),
+            settings=words.settings_rows(analysis),
+        )
+    )
+
+
+def fragment(result: Told) -> str:
+    """The verdict and the table of modes of a `result` as a piece of HTML; of one that is no Analysis, its summary."""
+    if not isinstance(result, Analysis):
+        return f"<pre>{escape(result.summary())}</pre>"
+    return (
+        _environment()
+        .get_template("fragment.html.jinja")
+        .render(**_verdict(result), **_modes(result), warnings=result.warnings)
+    )
+
+
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
     environment = Environment(
         loader=PackageLoader("floquid.reporting", "page"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters |= {"minus": words.minus, "options": _with_code}
-    analysis, rows = case.analysis, mode_table(case.analysis)
+    return environment
+
+
+def _verdict(analysis: Analysis) -> dict[str, Any]:
+    """The verdict as the templates have it."""
     mark, sentence = words.verdict(analysis)
-    return environment.get_template("page.html.jinja").render(
-        title=title or _title(case),
-        version=__version__,
-        bokeh="\n".join(Resources(mode="inline", components=["bokeh"]).js_raw),
-        embedded=_embedded(models),
-        style=_asset("page.css"),
-        behaviour=_asset("page.js"),
-        figures=drawn,
-        case=case,
-        mark=mark,
-        sentence=sentence,
-        summary=words.summary_line(case),
-        under=words.under_verdict(analysis),
-        bands=analysis.model.exponent_std is not None,
-        fails=analysis.failed,
-        told=analysis.model.unselected is not None,
-        given=analysis.settings.harmonics is not None,
-        reasons=[] if analysis.validation is None else analysis.validation.reasons,
-        checks=words.checks(analysis),
-        warnings=analysis.warnings,
-        evidence=words.evidence(analysis),
-        rows=rows,
-        meanings=note_meanings(rows),
-        responses=[response_name(case, *one) for one in responses(case)],
-        responses_left=len(analysis.model.channels) * len(analysis.records) - len(responses(case)),
-        left_out=len(analysis.model.channels) - len(case.channels),
-        hits=[hit + 1 for hit in case.hits] if len(analysis.records) > 1 else [],
-        state=analysis.state,
-        refinement=analysis.refinement,
-        parameters=[] if analysis.refinement is None else words.parameters(analysis.refinement),
-        synchronisation=slip_words(found),
-        steps=words.steps(analysis),
-        sources=words.sources(analysis),
-        noise=words.noise_rows(analysis),
-        settings=words.settings_rows(analysis),
-    )
+    reasons = [] if analysis.validation is None else analysis.validation.reasons
+    return {"mark": mark, "sentence": sentence, "under": words.under_verdict(analysis), "reasons": reasons}
+
+
+def _modes(analysis: Analysis) -> dict[str, Any]:
+    """The table of modes as the templates have it."""
+    rows = mode_table(analysis)
+    bands = analysis.model.exponent_std is not None
+    return {"rows": rows, "meanings": note_meanings(rows), "bands": bands, "fails": analysis.failed}
 
 
 def _figures(case: Case, found: list[Synchronisation], truth: Truth | None) -> dict[str, list[Figure]]:

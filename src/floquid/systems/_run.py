@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, input_error, integer, positive
+from floquid._show import Brief
 from floquid.core import Channel, Provenance, Record, TachometerSignal
 from floquid.systems._jeffcott import JeffcottRotor
 
@@ -20,7 +21,7 @@ REFERENCE = 1024
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
+class Run(Brief):
     r"""A run of a `JeffcottRotor` on a test rig.
 
     .. math::

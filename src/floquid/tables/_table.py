@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import finite, input_error, positive
+from floquid._show import Brief
 from floquid.core import Channel, ConstantPeriod, Provenance, Record
 from floquid.errors import InputError
 from floquid.io import Source
@@ -19,7 +20,7 @@ OPTION = "`rate=`"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Table:
+class Table(Brief):
     """The samples of a file or an object with all that it says of them; None for what it does not.
 
     Parameters

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._show import Brief
 from floquid.errors import InputError
 from floquid.io import Source
 from floquid.tables._nominal_rate import LineFit, Rounding, fit_line, nominal_rate, rounding
@@ -44,7 +45,7 @@ _RESAMPLE = f"Resample onto even times first, or {_IGNORE}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TimeColumn:
+class TimeColumn(Brief):
     """The times as a file has them.
 
     Parameters
@@ -61,7 +62,7 @@ class TimeColumn:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TimeAxis:
+class TimeAxis(Brief):
     """An even time axis: sample n at `start` + n/`sample_rate` [s].
 
     Parameters

@@ -120,6 +120,9 @@ class Validation(Rebuilt):
         put(self, "metrics", MappingProxyType({name: float(value) for name, value in self.metrics.items()}))
         put(self, "criteria", MappingProxyType(dict(self.criteria)))
 
+    def __repr__(self) -> str:
+        return f"Validation(passed={self.passed}, unmet={self.unmet}, metrics={len(self.metrics)})"
+
     @property
     def reasons(self) -> tuple[str, ...]:
         """Reasons against the model and what to do, a sentence each; empty where nothing is left."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, input_error, positive
+from floquid._show import Brief
 from floquid.floquet.control._gramians import grid, hankel_values, largest_entry
 from floquid.floquet.control._system import PeriodicSystem, balanced_system, checked_system
 from floquid.floquet.matrices import AbstractPeriodicMatrix, FunctionMatrix, constant_value, joint_breaks, stretches
@@ -32,7 +33,7 @@ _FADED = 1e-9  # what is left of a state after the horizon, when a longer one ch
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PeakGain:
+class PeakGain(Brief):
     """The largest gain of a periodic system from the energy of its inputs to that of its outputs.
 
     Parameters

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import input_error
+from floquid._show import Brief
 from floquid.floquet.matrices import (
     AbstractPeriodicMatrix,
     FunctionMatrix,
@@ -38,7 +39,7 @@ _PROBES = 64
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PeriodicSystem:
+class PeriodicSystem(Brief):
     r"""A linear time-periodic system.
 
     .. math:: \dot x = A(t)\, x + B(t)\, u, \qquad y = C(t)\, x + D(t)\, u

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, input_error
+from floquid._show import Brief
 from floquid.errors import InputError
 from floquid.io import readable_file
 
@@ -29,7 +30,7 @@ _OTHER_BLOCK = re.compile(r"\s*(?![ABCD]\s*:)[A-Za-z_][\w ]*:")
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LinSignals:
+class LinSignals(Brief):
     """States, inputs or outputs of a linearisation, by what the file says of each.
 
     Parameters

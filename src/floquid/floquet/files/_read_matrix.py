@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import describe, input_error, positive
+from floquid._show import Brief
 from floquid.errors import InputError
 from floquid.floquet.files._array_files import OF, Contents, contents, printable
 from floquid.floquet.files._linearisation import OpenFastLinearisation
@@ -38,7 +39,7 @@ _LAYOUT = (
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MatrixFile:
+class MatrixFile(Brief):
     """A(t) as a file has it.
 
     Made by `read_matrix`.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
+from floquid._show import Brief
 from floquid.floquet.matrices._given import as_array, checked_breaks, checked_period, refuse_repeated_end
 from floquid.floquet.matrices._interpolation import interpolant, series_at
 from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix
@@ -96,7 +97,7 @@ class FunctionMatrix(Rebuilt, AbstractPeriodicMatrix):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class HarmonicMatrix(AbstractPeriodicMatrix):
+class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
     r"""M(t) as a finite Fourier series.
 
     .. math:: M(t) = \sum_m M_m\, e^{i m \omega t}, \qquad \omega = 2\pi/T, \qquad M_{-m} = \overline{M_m}
@@ -287,7 +288,7 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PiecewiseMatrix(AbstractPeriodicMatrix):
+class PiecewiseMatrix(Brief, AbstractPeriodicMatrix):
     """M(t), constant in pieces: `values[:, :, i]` from `edges[i]` to the next edge, the last piece on to the first.
 
     Parameters

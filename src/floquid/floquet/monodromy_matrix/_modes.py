@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, input_error, integer
+from floquid._show import Drawings, Drawn, Told
 from floquid.floquet.matrices import Prepared, StateMatrix, balanced_units
 from floquid.floquet.monodromy_matrix import _periodic_schur
 from floquid.floquet.monodromy_matrix._collocation import Factors
@@ -40,7 +41,7 @@ class ModesOutcome(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FloquetModes(Rebuilt):
+class FloquetModes(Told, Drawn, Rebuilt):
     r"""The modes of x' = A(t) x.
 
     .. math:: x(t) = \sum_r p_r(t)\, e^{\lambda_r t}\, q_r, \qquad
@@ -83,6 +84,9 @@ class FloquetModes(Rebuilt):
     defective: tuple[tuple[int, ...], ...]
     outcome: ModesOutcome
     mean_trace: float
+
+    def _figures(self) -> Drawings:
+        return dict.fromkeys(("exponents", "periodic_shapes"), (self, {}))
 
     @property
     def order(self) -> int:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._bar import bar
 from floquid._checks import Rebuilt, finite, frozen_array, input_error, integer, positive
+from floquid._show import Drawings, Drawn
 from floquid.floquet.monodromy_matrix import TOLERANCE
 from floquid.floquet.stability_maps._boundaries import (
     Samples,
@@ -49,7 +50,7 @@ class Instability(IntEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StabilityMap(Rebuilt):
+class StabilityMap(Drawn, Rebuilt):
     """Map of where a periodic system is unstable; `stability_map` makes it.
 
     Parameters
@@ -89,6 +90,9 @@ class StabilityMap(Rebuilt):
     bands: NDArray[np.float64] | None
     boundary: NDArray[np.float64] | None
     margin: float
+
+    def _figures(self) -> Drawings:
+        return {"stability_map": (self, {})}
 
     @property
     def unstable(self) -> NDArray[np.bool_]:

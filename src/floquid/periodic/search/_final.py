@@ -272,7 +272,7 @@ def on_steady_branches(state: State, bands: NDArray[np.int64]) -> tuple[State, N
             parts = _branch(m, exponents[entry], fitted[entry], kept[entry], omega)
             exponents[entry], fitted[entry], kept[entry] = parts
             trial = state.linearise(replace(entries, exponents=exponents, bands=fitted)) if m else state.solution
-            step = np.linalg.lstsq(trial.gauss_newton, trial.gradient, rcond=1e-12)[0]
+            step = np.asarray(np.linalg.lstsq(trial.gauss_newton, trial.gradient, rcond=1e-12)[0], np.float64)
             tried.append((trial.cost - float(step @ trial.gradient), m, trial, kept, trial.entries.moved(step)))
         cost, m, found, kept, _ = min(tried, key=lambda one: one[:2])
         if m and state.solution.cost - cost > BETTER:
@@ -280,7 +280,9 @@ def on_steady_branches(state: State, bands: NDArray[np.int64]) -> tuple[State, N
                 found = solve(state.blocks, found, at_rest=1e-2, iterations=10, hold=True)
                 if state.solution.cost - found.cost > BETTER:
                     state, bands = state.with_fit(found), kept
-        likely = np.array([one.exponents[entry] for value, *_, one in tried if value < cost + BETTER])
+        likely: NDArray[np.complex128] = np.array(
+            [one.exponents[entry] for value, *_, one in tried if value < cost + BETTER]
+        )
         own = state.solution.entries.exponents[entry]
         # A branch whose frequency would be negative is that of the conjugate.
         gaps = [

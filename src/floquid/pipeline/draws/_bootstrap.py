@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from floquid._bar import bar
 from floquid._checks import Rebuilt, describe, input_error, integer
-from floquid.core import PeriodicModel
+from floquid._show import Told
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
 from floquid.pipeline._analysis import Analysis
@@ -74,7 +74,7 @@ class AbstractDraws(ABC):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bootstrap(Rebuilt):
+class Bootstrap(Told, Rebuilt):
     """Result of `bootstrap`: the spread of each quantity, its elements as in the `PeriodicModel` or `StateModel`.
 
     Parameters
@@ -112,6 +112,9 @@ class Bootstrap(Rebuilt):
     orders: NDArray[np.int64]
     failures: tuple[str, ...]
     whole: bool
+
+    def __repr__(self) -> str:
+        return f"Bootstrap(n_draws={self.n_draws}, n_used={self.n_used}, seed={self.seed}, whole={self.whole})"
 
     @property
     def quantities(self) -> tuple[Spread, ...]:
@@ -344,7 +347,7 @@ def _gathered(analysis: Analysis, found: Sequence[Draw], seed: int, whole: bool)
     periods = np.array([one.period for one in used])
     size = np.abs(exponents)
     damping = np.divide(-np.real(exponents), size, out=np.zeros_like(size), where=size > 0)
-    upper = _upper(model)
+    upper = np.isin(np.arange(model.order), model.upper_modes)
     period_std = analysis.fit.period_std
     bent = widening_of(analysis) > 1.0  # what is left beside noise is in the deviations, and in no draw
 
@@ -389,10 +392,3 @@ def _gathered(analysis: Analysis, found: Sequence[Draw], seed: int, whole: bool)
         failures=failures,
         whole=whole,
     )
-
-
-def _upper(model: PeriodicModel) -> NDArray[np.bool_]:
-    """Of each conjugate pair the mode of positive imaginary part, and each that is its own conjugate (modes,)."""
-    twin = np.abs(np.subtract.outer(model.exponents, model.exponents.conj())) < 1e-9 * model.fundamental
-    np.fill_diagonal(twin, False)
-    return (model.exponents.imag > 0) | ~twin.any(axis=1)

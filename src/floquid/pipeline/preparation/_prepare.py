@@ -9,7 +9,8 @@ from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
-from floquid._checks import input_error
+from floquid._checks import describe, input_error
+from floquid._show import Brief
 from floquid.core import (
     AzimuthSignal,
     Clock,
@@ -23,7 +24,7 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
 from floquid.lti import TimeResponses
 from floquid.periodic import estimate_period
-from floquid.pipeline._settings import Settings
+from floquid.pipeline._settings import SLIPS, Settings
 from floquid.pipeline._state import check_states
 from floquid.pipeline.preparation._before import (
     faults_of,
@@ -52,6 +53,9 @@ if TYPE_CHECKING:
 LARGE = 20_000_000
 """Samples in all from which linear algebra may use all threads."""
 
+EXAMPLE = 'Record(values=y, sample_rate=fs, channels=["x", "y"])'
+"""How a record is made of an array (channels, samples), for messages."""
+
 NEAR = 1.5
 """Largest factor between the period and a first value of it."""
 
@@ -59,7 +63,7 @@ SIGNALS = (TachometerSignal, AzimuthSignal, PulseTimes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prepared:
+class Prepared(Brief):
     """Records as they are used, whoever uses them: which channels are responses, and what ties them to the phase.
 
     Parameters
@@ -154,7 +158,11 @@ def settings_of(settings: Settings | None, options: dict[str, object], of: str) 
     for name in options:
         if name not in known:
             must, got = "be a field of Settings", "there is none of that name"
-            raise input_error(name, of, must, got, f"The fields are: {', '.join(known)}.")
+            remedy = f"Write `{SLIPS[name]}`." if name in SLIPS else f"The fields are: {', '.join(known)}."
+            raise input_error(name, of, must, got, remedy)
+    if not isinstance(settings, Settings | None):
+        remedy = f"Write `{of}({EXAMPLE}, period=T)`."
+        raise input_error("settings", of, "be Settings, or options by name", f"is {describe(settings)}", remedy)
     return replace(settings or Settings(), **options)  # type: ignore[arg-type]
 
 
@@ -192,9 +200,8 @@ def _clocked(records: Record | Sequence[Record], settings: Settings, of: str) ->
     """The records with the channels and the clock of the settings."""
     several = (records,) if isinstance(records, Record) else tuple(records) if isinstance(records, Iterable) else ()
     if not several or not all(isinstance(r, Record) for r in several):
-        raise input_error(
-            "records", of, "be a Record or a list of them", f"is {records!r:.60}", "Read files with `read`."
-        )
+        remedy = f"Read files with `read`; of arrays write `{of}({EXAMPLE}, period=T)`."
+        raise input_error("records", of, "be a Record or a list of them", f"is {describe(records)}", remedy)
     used = []
     for record in several:
         clock = _clock(record, settings)

@@ -1,0 +1,49 @@
+"""`identify` and `Settings` called as they are not say what to write."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from floquid import Record, Settings, identify
+from floquid.errors import InputError
+from floquid.pipeline._settings import SLIPS
+
+Y = np.zeros((2, 10))
+RECORD = Record(values=Y, sample_rate=5.0, channels=["x", "y"])
+WRITE = 'identify(Record(values=y, sample_rate=fs, channels=["x", "y"]), period=T)'
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: identify(Y, 5.0), f"Write `{WRITE}`"),
+        (
+            lambda: identify(Y),
+            f"of shape (2, 10).\n  Read files with `read`; of arrays write `{WRITE}`",
+        ),
+        (lambda: identify("run.csv", period=1.0), "is 'run.csv'.\n  Read files with `read`"),
+        (lambda: identify(RECORD, 6.28), "`settings` of `identify` must be Settings, or options by name, but is 6.28"),
+        (lambda: identify(RECORD, T=6.28), "Argument `T` of `identify` must be a field of Settings"),
+        (lambda: identify(RECORD, T=6.28), "Write `period=T`"),
+        (lambda: identify(RECORD, n_modes=2), "Write `order=2*n_modes`"),
+        (lambda: identify(RECORD, colour="red"), "The fields are: period, channels, order"),
+    ],
+)
+def test_a_slip_is_answered_with_what_to_write(call, says):
+    with pytest.raises(InputError) as error:
+        call()
+    assert says in str(error.value)
+
+
+def test_settings_answer_the_same():
+    with pytest.raises(TypeError, match=r"no positional ones: write `Settings\(period=6.28"):
+        Settings(6.28)
+    with pytest.raises(TypeError, match="has no argument `rpm`: write `period=60/rpm`"):
+        Settings(rpm=600)
+
+
+def test_what_is_to_be_written_are_fields():
+    names = {field.name for field in fields(Settings)}
+    assert not names & SLIPS.keys()
+    assert {words.partition("=")[0] for words in SLIPS.values()} <= names
