@@ -132,7 +132,7 @@ def test_first_order_and_all_channels(record):
     every = identify(record, states=["all"], form="first-order", validate=False)
     assert of_fields(every.state, first.state)
     known = [*record.channels[:3], Channel(name="all")]
-    with pytest.raises(InputError, match="Argument `states` of `reconstruct` must name 4 channels"):
+    with pytest.raises(InputError, match="Argument `states` of `identify` must name 4 channels"):
         identify(replace(record, channels=known), states=["all"], form="first-order", validate=False)
 
 
@@ -170,7 +170,7 @@ def test_several_channels_of_one_motion(record):
         ({"states": ["X+X", "Y"]}, "Argument `states` of `identify`"),
         (
             {"states": ["X", "Y"], "structure": "stiffness 1 known 2,0=0"},
-            "Argument `known` of `Block` must name elements of a block of 2 rows",
+            "Argument `structure` of `identify` must name elements of a block of 2 rows",
         ),
     ],
 )

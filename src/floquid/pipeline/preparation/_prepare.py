@@ -152,8 +152,6 @@ def settings_of(settings: Settings | None, options: dict[str, object], of: str) 
     InputError
         There is no such option.
     """
-    if not isinstance(settings, (Settings, type(None))):
-        raise input_error("settings", of, "be Settings or None", f"is {settings!r:.60}", "Pass Settings(order=4), say.")
     known = [f.name for f in fields(Settings)]
     for name in options:
         if name not in known:
