@@ -17,14 +17,8 @@ ALL = "all"
 """Name of all channels as states, each state a weighted sum of them."""
 
 
-SLIPS = {
-    "T": "period=T",
-    "frequency": "period=1/frequency",
-    "rpm": "period=60/rpm",
-    "n_modes": "order=2*n_modes",
-    "tachometer": 'tach="tach"',
-    "method": "identifier=AMI()",
-}
+_PERIOD = {"T": "period=T", "frequency": "period=1/frequency", "rpm": "period=60/rpm"}
+SLIPS = {**_PERIOD, "n_modes": "order=2*n_modes", "tachometer": 'tach="tach"', "method": "identifier=AMI()"}
 """Names that one may try for a field, and what to write."""
 
 
