@@ -9,18 +9,8 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_error, integer, positive
 
-_TURNS = {
-    "ppr": "pulses_per_revolution=ppr",
-    **dict.fromkeys(("name", "signal"), 'channel="tach"'),
-}
-_PERIOD = {
-    "T": "period=T",
-    "frequency": "period=1/frequency",
-    "f": "period=1/f",
-    "omega": "period=2*np.pi/omega",
-    "rpm": "period=60/rpm",
-    "start": "origin=start",
-}
+_TURNS = {"ppr": "pulses_per_revolution=ppr", "name": 'channel="tach"', "signal": 'channel="tach"'}
+_PERIOD = {"T": "period=T", "f": "period=1/f", "omega": "period=2*np.pi/omega", "rpm": "period=60/rpm"}
 
 
 @answers_slips("ConstantPeriod(period=6.28)", _PERIOD)

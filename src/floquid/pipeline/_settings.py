@@ -38,14 +38,8 @@ def _identifier_named(word: str, alarm: float) -> AbstractIdentifier:
     return MaximumLikelihood(false_alarm=alarm, initial=found) if last else found
 
 
-SLIPS = {
-    "T": "period=T",
-    "frequency": "period=1/frequency",
-    "rpm": "period=60/rpm",
-    "n_modes": "order=2*n_modes",
-    "tachometer": 'tach="tach"',
-    "method": "identifier=AMI()",
-}
+_PERIOD = {"T": "period=T", "frequency": "period=1/frequency", "rpm": "period=60/rpm"}
+SLIPS = {**_PERIOD, "n_modes": "order=2*n_modes", "tachometer": 'tach="tach"', "method": "identifier=AMI()"}
 """Names that one may try for a field, and what to write."""
 
 
