@@ -248,13 +248,11 @@ def _nonlinear(own: Drawn, kappa: float) -> NDArray[np.float64]:
 def ambient(generator: np.random.Generator) -> Case:
     """Driven by white noise all along: no free response at all."""
     own = setting(generator, channels=3)
-    values = np.zeros((3, len(own.times)))
-    for first in generator.integers(0, len(own.times), 400):
-        late = replace(own.system, start=generator.standard_normal(2 * own.system.size))
-        rest = own.times[first:]
-        if len(rest) > 2:
-            begin = Clock(begin=float(own.clock(rest[:1])[0]))
-            values[:, first:] += late.response(rest - rest[0], begin)
+    n = own.system.size
+    kicks = np.zeros((len(own.times) - 1, 2 * n + 1))
+    kicks[:, n:-1] = generator.standard_normal((len(kicks), n))
+    states = own.system.moved(own.times, own.clock, np.append(np.zeros(2 * n), 1.0), kicks)
+    values = own.system.seen(states, own.angles)
     sigma = own.noise(values)
     case = own.case(own.white(values, sigma), sigma)
     return replace(case, must=np.zeros(len(case.must), bool))

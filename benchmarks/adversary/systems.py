@@ -84,8 +84,17 @@ class System:
         u = states[: self.size]
         return self.outputs @ u + (self.turning @ u) * np.cos(angles)
 
-    def moved(self, times: NDArray[np.float64], clock: Clock, start: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The states at even times from a start, or several (2 n + 1, starts), as (2 n + 1, instants[, starts])."""
+    def moved(
+        self,
+        times: NDArray[np.float64],
+        clock: Clock,
+        start: NDArray[np.float64],
+        kicks: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """The states at even times from a start, or several (2 n + 1, starts), as (2 n + 1, instants[, starts]).
+
+        `kicks` are added to the state at each instant but the first (instants - 1, 2 n + 1).
+        """
         step = times[1] - times[0]
         inner = int(np.ceil(step * self.fastest / TURN))
         h, state, out = step / inner, start, [start]
@@ -103,8 +112,8 @@ class System:
             whole = steps[:, 0]
             for number in range(1, inner):
                 whole = steps[:, number] @ whole
-            for matrix in whole:
-                state = matrix @ state
+            for number, matrix in enumerate(whole, start=first):
+                state = matrix @ state if kicks is None else matrix @ state + kicks[number]
                 out.append(state)
         return np.moveaxis(np.array(out), 0, 1)
 
