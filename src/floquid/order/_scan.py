@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error, integer
-from floquid.lti import ERA, AbstractIdentifier, ModalModel, Outcome, TimeResponses, weighted_blocks
+from floquid.lti import (
+    ERA,
+    LSCF,
+    AbstractIdentifier,
+    ModalModel,
+    Outcome,
+    PolyLSCF,
+    TimeResponses,
+    weighted_blocks,
+)
 from floquid.order._indicators import both_compressed, indicators_of
 from floquid.order._types import Criteria, OrderScan, Stability, Tolerances
 
@@ -19,6 +29,9 @@ FAR = 10.0
 """The misfit, in tolerances, beyond which two poles are just as far: one that is lost pushes no other off its match."""
 
 DEFAULT = Tolerances()
+
+DEGREES, NOISE_ROOTS = 2, 8
+"""The degree of a rational function by the order asked for: twice that, and some more roots for noise."""
 
 
 def scan(
@@ -32,7 +45,9 @@ def scan(
     """Identify at each of several orders, and see which poles stay.
 
     The data are looked at through their principal responses (`lti.compress`), which neither the poles nor their
-    stability can tell from the data; the identifier prepares once. The poles of each order are held against those of
+    stability can tell from the data; the identifier prepares once, but for those of a rational function without a
+    degree of their own: their degree grows with the order, since the strongest roots of one denominator would agree
+    with themselves. The poles of each order are held against those of
     the next lower order reached (see `stability`). An order that is not reached is kept, takes no part in the
     comparison, and its poles count as new: the same model under two orders would agree with itself.
 
@@ -73,7 +88,8 @@ def scan(
     models = []
     for order in listed:
         report(f"scanning: order {order}")
-        models.append(chosen.extract(state, order))
+        own = _of_order(chosen, order)
+        models.append(own.extract(state if own is chosen else own.prepare(principal), order))
     return OrderScan(
         orders=listed,
         models=tuple(models),
@@ -97,6 +113,13 @@ def _orders(orders: Sequence[int] | None, samples: int) -> tuple[int, ...]:
         remedy = "Record more samples, or ask for fewer poles."
         raise input_error("orders", "scan", f"be less than the {samples} samples", f"has {listed[-1]}", remedy)
     return tuple(listed)
+
+
+def _of_order(identifier: AbstractIdentifier, order: int) -> AbstractIdentifier:
+    """The identifier with the degree of its rational function by the `order`, where it has one and it is not given."""
+    if isinstance(identifier, (LSCF, PolyLSCF)) and identifier.degree is None:
+        return replace(identifier, degree=DEGREES * order + NOISE_ROOTS)
+    return identifier
 
 
 def _rank_one(identifier: AbstractIdentifier) -> bool:

@@ -31,7 +31,7 @@ def outcome_lines(analysis: Analysis) -> dict[str, str]:
         "Period": _period(analysis),
         "Forced response": _forced(analysis),
         "Interference": _interference(analysis),
-        "Verdict": "" if analysis.validation is None else verdict_line(analysis.validation),
+        "Verdict": "" if analysis.validation is None else verdict_line(analysis.validation) + _untold(analysis),
     }
     return {name: words for name, words in lines.items() if words}
 
@@ -114,6 +114,11 @@ def _period(analysis: Analysis) -> str:
     p = "p < 1e-300" if tested.p_value < 1e-300 else f"p = {tested.p_value:.2g}"
     words = {True: "periodic", False: "nothing periodic is seen", None: "whether periodic cannot be told"}
     return f"{line}; {words[tested.periodic]} ({p})"
+
+
+def _untold(analysis: Analysis) -> str:
+    told = analysis.failed or analysis.model.exponent_std is not None
+    return "" if told else "; this identifier gives no deviations: how far the exponents are off, it cannot say"
 
 
 def _interference(analysis: Analysis) -> str:

@@ -34,7 +34,7 @@ def with_error(value: float, std: float) -> str:
     value
         The value.
     std
-        Its standard deviation; without a finite positive one the value stands alone.
+        Its standard deviation; zero of an exact value; without a finite one four digits stand alone.
 
     Returns
     -------
@@ -42,7 +42,7 @@ def with_error(value: float, std: float) -> str:
         The text.
     """
     if not np.isfinite(std) or std <= 0:
-        return f"{value:.6g}"
+        return f"{value:.6g}" if std == 0 else f"{value:.4g}"
     digits = max(0, 1 - int(np.floor(np.log10(std))))
     return f"{value:.{digits}f}({round(std * 10**digits)})" if digits <= MOST_DIGITS else f"{value:.10g}"
 
