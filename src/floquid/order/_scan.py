@@ -30,8 +30,8 @@ FAR = 10.0
 
 DEFAULT = Tolerances()
 
-DEGREES, NOISE_ROOTS = 2, 8
-"""The degree of a rational function by the order asked for: twice that, and some more roots for noise."""
+DEGREES, NOISE_ROOTS = 4, 8
+"""The degree of a rational function by the order asked for: well above it, since noise takes most of the roots."""
 
 
 def scan(
