@@ -15,7 +15,7 @@ REPEATED = re.compile(r"tests/statistics/test_(?!uncertainty|state_matrix)|bench
 # No time is ever asserted: neither a deadline nor hypothesis' own complaint about slow data.
 settings.register_profile(
     "fixed",
-    max_examples=20,
+    max_examples=30,
     derandomize=True,
     database=None,
     deadline=None,

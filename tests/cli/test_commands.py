@@ -114,7 +114,7 @@ def test_json_is_the_summary_alone(here, quick_pictures):
     summary = strict_json(text)
     assert list(summary) == [
         "format", "period", "period_std", "misfit", "failed", "order", "order_choice", "n_cycles", "n_phases",
-        "noise_whitening", "modes", "periodicity", "forced", "synchronisation", "system", "validation", "warnings",
+        "noise_whitening", "modes", "periodicity", "forced", "interference", "synchronisation", "system", "validation", "warnings",
         "findings",
     ]  # fmt: skip
     assert summary["format"] == "floquid-summary/1"

@@ -21,7 +21,8 @@ def summary(analysis: Analysis) -> dict[str, Any]:
 
     Every exponent is listed, conjugates included; a complex number is [real, imaginary]. `participation` is the share
     of each of the mode's `harmonics` in the energy of its shape, channels weighted by the inverse of their noise.
-    `forced` has the forced response beside the free one, `synchronisation` what was done to the record and how well it
+    `forced` has the forced response beside the free one, `interference` each steady tone that was taken off,
+    `synchronisation` what was done to the record and how well it
     is synchronised, `warnings` what a reader must know, `findings` both by code, severity and numbers. `validation` has
     the verdict on the model with its numbers and their limits. `noise_whitening` has the filter of each channel that
     took the colour of the noise off. `periodicity` says whether the response is that of
@@ -57,6 +58,7 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         "modes": mode_entries(model, weights),
         "periodicity": None if analysis.periodicity is None else _periodicity(analysis.periodicity),
         "forced": None if analysis.fit.forced is None else _forced(analysis.fit.forced),
+        "interference": [dict(own.numbers) for own in analysis.fit.findings if own.code == "interference"],
         "synchronisation": list(analysis.synchronisation),
         "system": None if analysis.state is None else _system(analysis.state, analysis.refinement),
         "validation": None if analysis.validation is None else _validation(analysis.validation),

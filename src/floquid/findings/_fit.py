@@ -74,9 +74,9 @@ FIT: dict[str, str | Callable[..., str]] = {
     "coloured_noise": "The noise is not white along the record: about {loud:.4g} Hz it is {ratio:.3g} times that about "
     "{quiet:.4g} Hz. It is taken for white: the intervals of modes are too short where it is loud, and too long where "
     "it is quiet; a weak mode where it is loud may be noise.",
-    "interference": "A steady tone at {frequency:.5g} Hz, {amplitude:.3g} {unit} in channel {channel}, is no mode: it "
-    "does not decay, and nothing beside it follows the period. Interference (the mains, another machine): it was "
-    "fitted beside the modes and taken off.",
+    "interference": "A steady tone at {frequency:.5g} Hz, {amplitude:.3g} {unit} in channel {channel}: it does not "
+    "decay, and nothing beside it follows the period. Interference (the mains, another machine), or a mode whose decay "
+    "this record does not show: it was fitted beside the modes and taken off.",
     "cluster": "The mode at {frequency:.4g} Hz is most likely a cluster of several that fold onto one another: its "
     "harmonics ask for different exponents. Its deviation covers them.",
     "double": "The modes at {first:.4g} Hz and {second:.4g} Hz are whole numbers of fundamentals apart within "

@@ -178,7 +178,8 @@ def vague_angle(found: Fit, shafts: Sequence[ShaftAngle], records: Sequence[Reco
         if forced is not None:
             shares = forced.harmonics * forced.amplitudes[:, hit] / noise
             energy += 0.5 * record.n_samples * std**2 * float(np.sum(shares**2))
-        lasting = np.exp(2.0 * np.outer(np.minimum(model.exponents.real, 0.0), record.times - record.start)).sum(axis=1)
+        step = np.minimum(2.0 * model.exponents.real / record.sample_rate, -np.finfo(float).tiny)
+        lasting = np.expm1(record.n_samples * step) / np.expm1(step)
         turned = np.abs(model.harmonics * model.coefficients[:, :, hit] / noise) ** 2
         energy += std**2 * float(lasting @ turned.sum(axis=(1, 2)))
         degrees = max(degrees, float(np.degrees(std)))
@@ -249,9 +250,9 @@ def _moving(model: PeriodicModel, near: float) -> list[Finding]:
                 continue
             # e^{i turns θ} goes from the exponent to the shape.
             moved = np.roll(shapes[other], turns, axis=-1)
-            power = np.sum(np.abs(shapes[one]) ** 2), np.sum(np.abs(moved) ** 2)
-            alike = abs(np.vdot(shapes[one], moved)) ** 2 / (power[0] * power[1])
-            if alike > SAME_SHAPE and min(np.count_nonzero(shapes[one]), np.count_nonzero(moved)) >= TELLING:
+            power = float(np.sum(np.abs(shapes[one]) ** 2) * np.sum(np.abs(moved) ** 2))
+            telling = min(np.count_nonzero(shapes[one]), np.count_nonzero(moved)) >= TELLING
+            if telling and abs(np.vdot(shapes[one], moved)) ** 2 > SAME_SHAPE * power:
                 first, second = model.frequencies_hz[[one, other]]
                 found.append(warning("one_that_moves", first=first, second=second))
     return found

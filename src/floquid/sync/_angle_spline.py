@@ -27,6 +27,9 @@ HARMLESS = 1e-3
 """The share of the angle between pulses below which none is left out: what is left of exact pulses is the spline's own
 error, which is small in most places and not in others."""
 
+SAMPLED = 0.3
+"""The deviation of an edge that is known to a sample, in samples."""
+
 LAGS, CHANCE = 8, 1e-4
 """Lags at which what is left is searched for correlation, and the probability at which a random error may show it:
 beyond, it is motion that the spline does not follow, and the angle is as far off as the pulses are."""
@@ -159,8 +162,12 @@ class _Rung:
         return inverse, np.sqrt(np.maximum(variances - 2.0 * with_mean + of_mean, 0.0))
 
 
-def fit_angle(times: Values, angles: Values, lines: NDArray[np.int64], n_lines: int, most: int) -> AngleFit:
+def fit_angle(
+    times: Values, angles: Values, lines: NDArray[np.int64], n_lines: int, most: int, *, step: float = 0.0
+) -> AngleFit:
     """Fit `angles` [rad] at `times` [s] of pulses of `lines` (pulses,) by a spline of at most `most` pieces.
+
+    Pulses that were sampled each `step` [s] err by a part of it, in a pattern that is no motion of the shaft.
 
     The offset of line 0 is zero while fitting. Outliers are left out and the fit is done again, until none is found.
     """
@@ -187,7 +194,7 @@ def fit_angle(times: Values, angles: Values, lines: NDArray[np.int64], n_lines: 
     offsets = np.where(present, rung.offsets, np.nan)
     inverse, lines_std = rung.deviations()
     residuals = _residuals(rung, x, wave, lines)
-    if _moving(residuals[kept], rung.n_parameters):
+    if np.sqrt(variance) > SAMPLED * slope * step and _moving(residuals[kept], rung.n_parameters):
         inverse = inverse + np.eye(len(inverse))
     return AngleFit(
         spline=AngleSpline(

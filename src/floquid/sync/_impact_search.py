@@ -23,7 +23,7 @@ TERMS = 160
 ROWS_A_TERM = 5
 """Samples a coefficient that the fit needs."""
 
-MOST_ROWS = 20_000
+MOST_ROWS = 10_000
 """Samples that the fit uses at most, evenly spread: more make it slower, not better."""
 
 ASSUMED_NOISE = 1e-5
@@ -134,18 +134,19 @@ def _errors(
     They are in units of their own mean square over `free` rows and of channels; NaN where there is no prediction.
     """
     channels, samples = scaled.shape
-    windows = sliding_window_view(scaled, memory + 1, axis=1)
+    # A row is a stretch of the samples in order of time: it is copied as it lies.
+    in_time = np.ascontiguousarray(scaled.T).ravel()
+    windows = sliding_window_view(in_time, (memory + 1) * channels)[::channels]
     chosen = np.flatnonzero(free)
     chosen = chosen[:: max(1, -(-len(chosen) // MOST_ROWS))]
-    table = windows[:, chosen].transpose(1, 2, 0).reshape(len(chosen), -1)
+    table = windows[chosen]
     mean = table.mean(axis=0)
     table -= mean
     gram = table.T @ table / len(chosen)
     filters = np.hstack([_filter(gram, channels, ahead=True), _filter(gram, channels, ahead=False)])
     errors = np.empty((samples - memory, 2 * channels))
     for first in range(0, len(errors), 8192):
-        block = windows[:, first : first + 8192].transpose(1, 2, 0).reshape(-1, len(mean))
-        errors[first : first + 8192] = (block - mean) @ filters
+        errors[first : first + 8192] = windows[first : first + 8192] @ filters - mean @ filters
     ahead, back = np.full((2, samples), np.nan)
     floor = 0.0
     for squares, error in ((ahead[memory:], errors[:, :channels]), (back[:-memory], errors[:, channels:])):

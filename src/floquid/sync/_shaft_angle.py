@@ -188,7 +188,8 @@ def shaft_angle(record: Record) -> ShaftAngle:
         raise input_error("record", OF, must, got, "Pass record.with_clock(TachometerSignal(channel=...)).")
     seen = of_azimuth(record, clock) if isinstance(clock, AzimuthSignal) else _of_pulses(record, clock)
     revolutions = float(seen.angles[-1] - seen.angles[0]) / TURN
-    fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, max(int(revolutions / APART), 1))
+    step = 1.0 / record.sample_rate if isinstance(clock, TachometerSignal) else 0.0
+    fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, max(int(revolutions / APART), 1), step=step)
     spline = fit.spline
     speeds = spline.speed(np.linspace(spline.first, spline.last, max(GRID, 8 * len(spline.knots))))
     mean = spline.mean_speed()[0]

@@ -44,7 +44,8 @@ class Checks:
     def fail(self, code: str, *names: str, share: float = 0.0, **numbers: Any) -> None:
         """Note what is left, by the checks of these names and of the response, in amplitude; a failure if too much."""
         self.remainder = max(self.remainder, share)
-        failed = share > REMAINDER or any(self.criteria[name].failed(self.metrics[name]) for name in names)
+        known = [name for name in names if name in self.metrics]
+        failed = share > REMAINDER or any(self.criteria[name].failed(self.metrics[name]) for name in known)
         self.findings.append((failure if failed else warning)(code, **numbers))
 
     def missing(self, names: dict[str, float], why: Finding) -> None:

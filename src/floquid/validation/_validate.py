@@ -146,7 +146,7 @@ def _held_out(case: Case, folds: int, found: Checks) -> tuple[NDArray[np.float64
     if not (found.kept("held_out_stretch", *along[:2], failing=2.0 * along[1]) and clear):
         channel, hit, stretch = along[2]
         part = ("first", "middle", "last")[min(3 * stretch // sums.numbers.shape[2], 2)]
-        names, share = ("held_out_error", "held_out_stretch"), 1.0 - found.metrics["fit"]
+        names, share = ("held_out_error", "held_out_stretch"), 1.0 - found.metrics.get("fit", 0.0)
         found.fail("held_out_error", *names, share=share, ratio=along[0], part=part, **case.place(channel, hit))
     error = np.sqrt(np.divide(sums.squares.sum(axis=2), numbers, out=nothing.copy(), where=numbers > 0))
     return fit, error

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from floquid import ConstantPeriod, Record, identify
+from floquid.exports import summary
 from floquid.systems import JeffcottRotor
 from floquid.views import outcome_lines
 
@@ -36,6 +37,7 @@ def test_mains_hum_is_named_and_no_mode(size, frequency):
     assert tone.numbers["amplitude"] == pytest.approx(np.sqrt(2.0) * size * sigma.max(), rel=0.2)
     assert f"{frequency:.3g}" in outcome_lines(found)["Interference"]
     assert found.fit.forced is None
+    assert summary(found)["interference"] == [dict(tone.numbers)]
 
 
 def test_an_order_that_is_given_is_that_of_the_model_with_the_tone():

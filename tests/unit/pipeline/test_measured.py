@@ -187,7 +187,7 @@ def test_an_imbalance_that_is_left_in_is_named():
 def test_an_angle_too_rough_for_its_imbalance_is_named():
     """Pulses of one and a half samples: what the errors of the angle leave of the imbalance looks like a mode."""
     rough = identify(Run(n_periods=100, samples_per_period=16.37, seed=3).record())
-    assert any("angle of the shaft is known to 0.4" in warning for warning in rough.warnings)
+    assert any("angle of the shaft is known to 0.2" in warning for warning in rough.warnings)
     fine = identify(Run(n_periods=100, samples_per_period=16.37, pulse_deg=60.0, seed=3).record())
     assert fine.model.order == 4
     assert not any("angle of the shaft" in warning for warning in (*fine.warnings, *of_run().warnings))

@@ -146,8 +146,12 @@ def test_a_forced_response_left(per_revolution, turn, words):
     text = said(found, passed=True)
     assert text.startswith(f"{words} per revolution left in channel Y: 0.")
     assert "`forced=`" in text
-    samples, energy = clean().n_samples, np.sum((clean().values / sigma()) ** 2)
-    assert found.metrics["remainder"] == pytest.approx(0.5 * np.sqrt(0.5 * samples / energy), rel=0.25)
+    record = noisy(tone)
+    alive = case_of(right(), [record], [record.clock], sigma(), None, per_revolution, 1e-3).cycles[0] >= 0
+    energy = np.sum((record.values[:, alive] / sigma()) ** 2) - record.values[:, alive].size
+    size = found.tones[1, 0, np.argmin(np.abs(found.turns - turn))]
+    least = size * np.sqrt(0.5 * alive.sum() / energy)
+    assert (1.0 - 1e-9) * least <= found.metrics["remainder"] < 1.1 * least
     assert "tone" in judged(noisy(3.0 * tone), periods_per_revolution=per_revolution).unmet
     said(judged(noisy(3.0 * tone), periods_per_revolution=per_revolution))
     place = np.argmin(np.abs(found.turns - turn))

@@ -248,8 +248,8 @@ def _free(
     elif settings.period is not None:
         refuse_period(records, of, near=NEAR)
     said = missing_of(records)
+    refuse_unusable(records, of)
     if settings.repair:
-        refuse_unusable(records, of)
         if not settings.find_hits:
             refuse_driven(records, settings.channels)
         records, more = repaired(records)
@@ -287,7 +287,6 @@ def _tied(
         )
     responses = tuple(without_clock(record) for record in records)
     refuse_unlike(responses, of)
-    refuse_unusable(records, of)
     refuse_copies(responses, of)
     check_states(responses[0].channels, settings)
     if settings.estimate_period:
