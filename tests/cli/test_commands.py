@@ -114,8 +114,8 @@ def test_json_is_the_summary_alone(here, quick_pictures):
     summary = strict_json(text)
     assert list(summary) == [
         "format", "period", "period_std", "misfit", "failed", "order", "order_choice", "n_cycles", "n_phases",
-        "noise_whitening", "modes", "periodicity", "forced", "interference", "synchronisation", "system", "validation", "warnings",
-        "findings",
+        "noise_whitening", "modes", "periodicity", "forced", "interference", "synchronisation", "system", "validation",
+        "warnings", "findings",
     ]  # fmt: skip
     assert summary["format"] == "floquid-summary/1"
     assert summary["period"] == pytest.approx(2.0 * np.pi, rel=1e-15)
