@@ -70,6 +70,15 @@ def test_a_second_blow_makes_two_hits_where_the_first_lasted():
     assert any("hit again" in warning for warning in found.warnings)
 
 
+def test_a_strong_first_response_is_kept_before_a_longer_weak_one():
+    first, second = ringing(periods=130), ringing(periods=80, noise=0.0)
+    values = np.array(first.values)
+    values[:, 24 * 50 :] += 0.3 * second.values
+    found = identify(with_values(first, values))
+    assert [hit.n_cycles for hit in found.cycles] == [50, 80]
+    assert right(found)
+
+
 def test_spikes_are_left_out():
     record = ringing()
     values = np.array(record.values)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import AzimuthSignal, Record, TachometerSignal
+from floquid.core import AzimuthSignal, ConstantPeriod, Record, TachometerSignal
 from floquid.errors import FloquidError
 from floquid.findings import Finding, warning
 from floquid.sync import Clipping, Dropout, Impact, find_impacts
@@ -34,6 +34,9 @@ MOST_BLOWS = 8
 
 SMOOTH = 0.3
 """The correlation of neighbouring samples from which on what comes before a blow is a response and no noise."""
+
+ENOUGH = 30
+"""Periods before a blow that are a hit of their own: three for each of ten poles; half of the record if it is less."""
 
 MOST_LEFT_OUT = 0.3
 """The share of a channel's samples that is left out at most."""
@@ -85,14 +88,18 @@ def without_spikes(record: Record) -> tuple[Record, tuple[float, ...], tuple[Fin
 
 
 def begins_free(record: Record, blow: float) -> bool:
-    """True where what comes before a blow is half of the record or more, and a response: noise is not smooth."""
+    """True where what comes before a blow lasts long enough, and is a response: noise is not smooth."""
     before = record.values[_responses(record)][:, record.times < blow]
     if before.shape[1] < STRETCH:
         return False
     before = np.nan_to_num(before - np.nanmean(before, axis=1, keepdims=True))
     power = np.maximum(np.sum(before**2, axis=1), np.finfo(float).tiny)
-    if 2 * before.shape[1] < record.n_samples:
-        return False  # too little of it to be worth a hit of its own
+    clock = record.clock
+    least = 0.5 * record.n_samples
+    if isinstance(clock, ConstantPeriod):
+        least = min(least, ENOUGH * clock.period * record.sample_rate)
+    if before.shape[1] < least:
+        return False  # its noise could not be judged beside that of a longer hit
     return bool((np.sum(before[:, 1:] * before[:, :-1], axis=1) / power > SMOOTH).any())
 
 
