@@ -17,7 +17,7 @@ from rich.text import Text
 
 from floquid._bar import lines
 from floquid.lifting import Lifted
-from floquid.pipeline import Analysis
+from floquid.pipeline import Analysis, DrivenAnalysis
 from floquid.reconstruction import Refinement
 from floquid.views import (
     for_command,
@@ -212,7 +212,7 @@ def _noise_table(analysis: Analysis) -> Table:
     return table
 
 
-def print_modes(console: Console, analysis: Analysis) -> None:
+def print_modes(console: Console, analysis: Analysis | DrivenAnalysis) -> None:
     """The table of modes, with the deviations of f and ζ where it is not too wide for them."""
     table = modes_table(analysis, derived=True)
     table.padding, table.pad_edge = (0, 1, 0, 0), False
@@ -221,7 +221,7 @@ def print_modes(console: Console, analysis: Analysis) -> None:
     print_whole(console, table)
 
 
-def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
+def modes_table(analysis: Analysis | DrivenAnalysis, *, derived: bool = False) -> Table:
     """The table of modes, if wanted with the deviations of what is derived from exponents."""
     rows = mode_table(analysis, derived=derived)
     noted = not derived or any(row.notes for row in rows)

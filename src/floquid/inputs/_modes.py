@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from floquid.inputs._samples import Hold, Samples
 
@@ -70,7 +69,9 @@ class InputMode:
         """With the parameters moved by a step (parameters,)."""
         size = self.gains.size
         if self.real:
-            step = np.concatenate([step[: 1 + size], step[1 + 2 * size :], [0.0], step[1 + size : 1 + 2 * size], 0.0 * self.initial.real])
+            step = np.concatenate(
+                [step[: 1 + size], step[1 + 2 * size :], [0.0], step[1 + size : 1 + 2 * size], 0.0 * self.initial.real]
+            )
         both = step[: len(step) // 2] + 1j * step[len(step) // 2 :]
         return replace(
             self,
@@ -165,5 +166,7 @@ def _drives(samples: Samples, mode: InputMode, exponent: complex) -> NDArray[np.
 
 
 def _recursion(samples: Samples, decay: complex, drives: NDArray) -> NDArray:
-    """z with z[k + 1] = decay z[k] + drive[k] from zero in each record (…, samples)."""
+    """Z with z[k + 1] = decay z[k] + drive[k] from zero in each record (…, samples)."""
+    from scipy.signal import lfilter
+
     return samples.each(drives, lambda own: lfilter([0.0, 1.0], [1.0, -decay], own, axis=-1))

@@ -224,7 +224,13 @@ def terms_of(mode: InputMode, shape: NDArray[np.complex128], fundamental: float)
     turns, reach = mode.turns.astype(np.int64), mode.reach.astype(np.int64)
     return [
         (mode.exponent, turns, 0.5 * shape, reach, mode.gains),
-        (mode.exponent.conjugate(), -turns[::-1], 0.5 * shape.conj()[:, ::-1], -reach[::-1], mode.gains.conj()[:, ::-1]),
+        (
+            mode.exponent.conjugate(),
+            -turns[::-1],
+            0.5 * shape.conj()[:, ::-1],
+            -reach[::-1],
+            mode.gains.conj()[:, ::-1],
+        ),
     ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -46,7 +47,7 @@ class Samples:
     @property
     def records(self) -> list[slice]:
         """The samples of each record."""
-        return [slice(a, b) for a, b in zip(self.begins[:-1], self.begins[1:], strict=True)]
+        return [slice(a, b) for a, b in pairwise(self.begins)]
 
     @property
     def n_samples(self) -> int:
@@ -86,11 +87,9 @@ def samples_of(
     samples after phase zero [s].
     """
     begins = (0, *np.cumsum([own.shape[1] for own in values]).tolist())
-    times = np.concatenate(
-        [start + step * np.arange(own.shape[1]) for own, start in zip(values, starts, strict=True)]
-    )
+    times = np.concatenate([start + step * np.arange(own.shape[1]) for own, start in zip(values, starts, strict=True)])
     known = [np.zeros((len(values), begins[-1]))]
-    for number, (first, last) in enumerate(zip(begins[:-1], begins[1:], strict=True)):
+    for number, (first, last) in enumerate(pairwise(begins)):
         known[0][number, first:last] = 1.0
     for turn in turns:
         angle = turn * fundamental * times

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from floquid.inputs._modes import InputMode, reached_by
 from floquid.inputs._samples import Samples
@@ -54,9 +53,7 @@ class Limits:
     modes: int = 20
 
 
-def searched(
-    samples: Samples, limits: Limits, report: Callable[[str], None] = lambda _: None
-) -> Linearisation:
+def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Linearisation:
     """The modes that rise above the noise, with the harmonics by which inputs reach them and outputs see them."""
     now = grown(samples, solve(samples, ()), limits)
     while len(now.modes) < limits.modes:
@@ -69,6 +66,13 @@ def searched(
     loose = replace(limits, harmonic_alarm=LOOSE)
     now = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
     return solve(samples, [_padded(mode, limits) for mode in now.modes], now.direct)
+
+
+def _limit(degrees: int, probability: float) -> float:
+    """What noise exceeds in χ² of some degrees of freedom with a probability."""
+    from scipy.special import chdtri
+
+    return float(chdtri(degrees, probability))
 
 
 def _padded(mode: InputMode, limits: Limits) -> InputMode:
@@ -97,7 +101,7 @@ def _with_one_more(samples: Samples, now: Linearisation, limits: Limits) -> Line
             trial = grown(samples, solve(samples, (*now.modes, mode), now.direct), limits)
             more = trial.n_parameters - now.n_parameters
             gained = trial.log_likelihood - now.log_likelihood
-            if gained > float(chdtri(max(more, 1), limits.mode_alarm)):
+            if gained > _limit(max(more, 1), limits.mode_alarm):
                 return trial
         if len(tried) == TRIED:
             break
@@ -124,12 +128,12 @@ def _wider(samples: Samples, now: Linearisation, number: int, limits: Limits, sc
     for turn in [turns[-1] + 1.0] if mode.real else [turns[0] - 1.0, turns[-1] + 1.0]:
         if abs(turn) <= limits.highest:
             extra = columns_of(samples, replace(mode, turns=np.array([turn])), state)
-            if scores.of_columns(extra) > chdtri(2 * channels, limits.harmonic_alarm):
+            if scores.of_columns(extra) > _limit(2 * channels, limits.harmonic_alarm):
                 turns = np.sort(np.append(turns, turn))
     for turn in [mode.reach[-1] + 1.0] if mode.real else [mode.reach[0] - 1.0, mode.reach[-1] + 1.0]:
         if abs(turn) <= limits.highest:
             more = _with_reach(mode, turn)
-            if scores.of_input(samples, number, more, turn) > chdtri(2 * count, limits.harmonic_alarm):
+            if scores.of_input(samples, number, more, turn) > _limit(2 * count, limits.harmonic_alarm):
                 wide = _with_reach(wide, turn)
     return wide if len(turns) == len(mode.turns) else replace(wide, turns=turns)
 
@@ -202,7 +206,7 @@ def _more_direct(samples: Samples, now: Linearisation, limits: Limits, scores: _
         return now.direct
     both = samples.turned(turn) * samples.inputs
     extra = np.concatenate([both.real, both.imag]) if turn else both.real
-    limit = chdtri(len(extra) * len(samples.values), limits.harmonic_alarm)
+    limit = _limit(len(extra) * len(samples.values), limits.harmonic_alarm)
     return (*now.direct, turn) if scores.of_columns(extra) > limit else now.direct
 
 
@@ -248,7 +252,7 @@ def without_needless(samples: Samples, now: Linearisation, limits: Limits) -> Li
             return now
         _, number, trial = min(rises, key=lambda one: one[:2])
         trial = grown(samples, solve(samples, trial.modes, trial.direct), limits)
-        limit = float(chdtri(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm))
+        limit = _limit(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
         if now.log_likelihood - trial.log_likelihood > limit:
             refused.add(now.modes[number].exponent)
         else:
@@ -267,14 +271,14 @@ def narrowed(samples: Samples, now: Linearisation, limits: Limits) -> Linearisat
             size = int(free.sum())
             block = slice(place, place + size)
             place += size
-            shape, (columns, turning) = now.shape(number), now.slices()[number]
+            columns, turning = now.slices()[number]
             for end in (-1,) if mode.real else (0, -1):
-                if len(own.turns) > 1 and _weight(now, columns, turning, shape, end, samples, spread, number) < chdtri(
+                if len(own.turns) > 1 and _weight(now, columns, turning, end) < _limit(
                     2 * len(samples.values), limits.harmonic_alarm
                 ):
                     own, changed = replace(own, turns=own.turns[1:] if end == 0 else own.turns[:-1]), True
             for end in (-1,) if mode.real else (0, -1):
-                if len(own.reach) > 1 and _input_weight(mode, free, spread[block, block], end) < chdtri(
+                if len(own.reach) > 1 and _input_weight(mode, free, spread[block, block], end) < _limit(
                     2 * len(samples.inputs), limits.harmonic_alarm
                 ):
                     kept = slice(1, None) if end == 0 else slice(None, -1)
@@ -286,18 +290,15 @@ def narrowed(samples: Samples, now: Linearisation, limits: Limits) -> Linearisat
     return now
 
 
-def _weight(now, columns, turning, shape, end, samples, spread, number) -> float:
+def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], end: int) -> float:
     """How far the coefficients of an outermost harmonic are from zero, all channels, in squared deviations."""
-    index = [columns.start + (len(turning) - 1 if end else 0)]
     which = len(turning) - 1 if end else 0
+    index = [columns.start + which]
     if turning[which]:
         index.append(columns.start + len(turning) + int(turning[: which + 1].sum()) - 1)
-    inner = now.inverse[np.ix_(index, index)]
-    total = 0.0
-    for channel in range(len(samples.values)):
-        own = now.coefficients[index, channel]
-        total += float(own @ np.linalg.solve(inner * now.noise[channel] ** 2, own))
-    return total
+    inverse = np.linalg.inv(now.inverse[np.ix_(index, index)])
+    own = now.coefficients[index] / now.noise
+    return float(np.einsum("kc,kl,lc->", own, inverse, own))
 
 
 def _input_weight(mode: InputMode, free: NDArray[np.bool_], spread: NDArray[np.float64], end: int) -> float:
@@ -352,6 +353,6 @@ def _as_real(
             found = solve(samples, [*rest, *modes], now.direct)
             fewer = now.n_parameters - found.n_parameters
             rise = now.log_likelihood - found.log_likelihood
-            if rise < (float(chdtri(fewer, REAL)) if fewer > 0 else 0.0):
+            if rise < (_limit(fewer, REAL) if fewer > 0 else 0.0):
                 return found
     return None

@@ -129,9 +129,7 @@ def state_slopes(samples: Samples, at: Linearisation) -> list[NDArray]:
     return [slopes_of_state(samples, mode, own) for mode, own in zip(at.modes, at.states, strict=True)]
 
 
-def slopes_of(
-    samples: Samples, at: Linearisation, channel: int, states: Sequence[NDArray]
-) -> NDArray[np.float64]:
+def slopes_of(samples: Samples, at: Linearisation, channel: int, states: Sequence[NDArray]) -> NDArray[np.float64]:
     """Derivatives of a channel's response by the free parameters, c and D held (parameters, samples)."""
     found = []
     for number, (mode, slopes) in enumerate(zip(at.modes, states, strict=True)):

@@ -70,7 +70,10 @@ def _poles(
         columns = part.shape[1] - 2 * depth + 1
         if columns < 1:
             continue
-        rows = [np.concatenate([part[:, lag : lag + columns] for lag in range(first, first + depth)]) for first in (0, depth)]
+        rows = [
+            np.concatenate([part[:, lag : lag + columns] for lag in range(first, first + depth)])
+            for first in (0, depth)
+        ]
         place = np.arange(depth)[:, None] * len(part) + np.arange(len(part))
         inputs, outputs = place[:, :-count].ravel(), place[:, -count:].ravel()
         blocks.append(np.concatenate([rows[1][inputs], rows[0], rows[1][outputs]]))
