@@ -112,35 +112,33 @@ def input_gain(exponent: complex, turn: float, omega: float, step: float, hold: 
 
 def state_of(samples: Samples, mode: InputMode) -> NDArray:
     """The state of a mode, driven by the inputs from its initial value on (samples,); real of a real multiplier."""
-    drive = np.zeros(samples.n_samples, complex)
-    for own, gains in zip(_drives(samples, mode, mode.exponent), mode.gains.ravel(), strict=True):
-        drive += gains * own
-    initial, decay = mode.initial, np.exp(mode.exponent * samples.step)
+    drive = mode.gains.ravel() @ _drives(samples, mode, mode.exponent)
+    initial, decay = mode.initial, complex(np.exp(mode.exponent * samples.step))
     if mode.real:
-        drive, initial, decay = drive.real, initial.real, float(decay.real)
+        return _recursion(samples, decay.real, drive.real) + initial.real @ _begun(samples, mode)
     return _recursion(samples, decay, drive) + initial @ _begun(samples, mode)
 
 
 def reached_by(samples: Samples, mode: InputMode) -> NDArray:
     """The state by each part of b and z at the begin alone (parts, samples): of a real multiplier by Re b, Im b, z."""
-    drives, decay = _drives(samples, mode, mode.exponent), np.exp(mode.exponent * samples.step)
+    drives, decay = _drives(samples, mode, mode.exponent), complex(np.exp(mode.exponent * samples.step))
     if mode.real:
         # A real state has the real part of each drive by the real part of b, less the imaginary one by the other.
-        drives, decay = np.concatenate([drives.real, -drives.imag]), float(decay.real)
+        parts = np.concatenate([drives.real, -drives.imag])
+        return np.concatenate([_recursion(samples, decay.real, parts), _begun(samples, mode)])
     return np.concatenate([_recursion(samples, decay, drives), _begun(samples, mode)])
 
 
 def slopes_of_state(samples: Samples, mode: InputMode, state: NDArray) -> NDArray:
     """Derivatives of a mode's state by λ and by the parts of `reached_by` (1 + parts, samples)."""
     nudge = 1e-6 / samples.step
-    drive = np.zeros(samples.n_samples, complex)
-    for sign in (1.0, -1.0):
-        for own, gains in zip(_drives(samples, mode, mode.exponent + sign * nudge), mode.gains.ravel(), strict=True):
-            drive += (0.5 * sign / nudge) * gains * own
-    decay = np.exp(mode.exponent * samples.step)
+    up, down = (_drives(samples, mode, mode.exponent + sign * nudge) for sign in (1.0, -1.0))
+    drive = mode.gains.ravel() @ (up - down) / (2.0 * nudge)
+    decay = complex(np.exp(mode.exponent * samples.step))
     if mode.real:
-        drive, decay = drive.real, float(decay.real)
-    late = _recursion(samples, decay, samples.step * decay * state + drive)
+        late = _recursion(samples, decay.real, samples.step * decay.real * state + drive.real)
+    else:
+        late = _recursion(samples, decay, samples.step * decay * state + drive)
     return np.concatenate([late[None], reached_by(samples, mode)])
 
 
@@ -162,11 +160,11 @@ def _drives(samples: Samples, mode: InputMode, exponent: complex) -> NDArray[np.
             turned = samples.turned(turn) * own
             # The sample after the last of a record drives nothing that is there.
             found.append(now * turned + (then * np.append(turned[1:], 0.0) if then else 0.0))
-    return np.array(found).reshape(-1, samples.n_samples)
+    return np.asarray(found, np.complex128).reshape(-1, samples.n_samples)
 
 
 def _recursion(samples: Samples, decay: complex, drives: NDArray) -> NDArray:
-    """Z with z[k + 1] = decay z[k] + drive[k] from zero in each record (…, samples)."""
+    """State z with z[k + 1] = decay z[k] + drive[k] from zero in each record (…, samples)."""
     from scipy.signal import lfilter
 
-    return samples.each(drives, lambda own: lfilter([0.0, 1.0], [1.0, -decay], own, axis=-1))
+    return samples.each(drives, lambda own: np.asarray(lfilter([0.0, 1.0], [1.0, -decay], own, axis=-1)))

@@ -195,7 +195,7 @@ class _Part:
             rows=np.concatenate([found.spread_over(number, unit[:1]), imag]),
             harmonics=harmonics,
             coefficients=coefficients,
-            coefficient_std=std,
+            coefficient_std=np.asarray(std, np.complex128),
             reach=reach,
             gains=gains,
             gain_std=gain_std,
@@ -274,8 +274,8 @@ def transfer_of(
     _add_direct(at, harmonics, values, by_columns, len(inputs))
     std = np.zeros_like(values)
     for channel in range(len(channels)):
-        flat = by_parameters[:, channel].reshape(len(by_parameters), -1).T
-        linear = by_columns.reshape(columns, -1).T
+        flat = np.asarray(by_parameters[:, channel].reshape(len(by_parameters), -1).T, np.complex128)
+        linear = np.asarray(by_columns.reshape(columns, -1).T, np.complex128)
         real = found.variance(channel, flat.real, linear.real)
         imag = found.variance(channel, flat.imag, linear.imag)
         std[:, channel] = (np.sqrt(real) + 1j * np.sqrt(imag)).reshape(shape)

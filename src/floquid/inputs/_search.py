@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from floquid.inputs._modes import InputMode, reached_by
 from floquid.inputs._samples import Samples
-from floquid.inputs._solver import Linearisation, columns_of, covariance, linearise, slopes_of, solve, state_slopes
+from floquid.inputs._solver import (
+    Linearisation,
+    carried,
+    columns_of,
+    covariance,
+    linearise,
+    slopes_of,
+    solve,
+    state_slopes,
+)
 from floquid.inputs._start import candidates, relaxed
 
 TRIED = 4
@@ -62,6 +71,8 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
             break
         now = with_real_ones(samples, more)
         report(f"searching for modes: {len(now.modes)} found")
+    if not now.modes:
+        return now
     now = with_real_ones(samples, without_needless(samples, now, limits))
     loose = replace(limits, harmonic_alarm=LOOSE)
     now = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
@@ -181,7 +192,7 @@ class _Scores:
         shape, turns = now.shape(number), now.modes[number].turns.tolist()
         matrix, gradient, mixed = 0.0, 0.0, 0.0
         for channel, (own, along) in enumerate(zip(self.slopes, self.along, strict=True)):
-            moved = sum(c * samples.turned(t) for c, t in zip(shape[:, channel], turns, strict=True)) * chosen
+            moved = carried(samples, shape[:, channel], turns) * chosen
             rows = moved.real if wide.real else np.concatenate([moved.real, -moved.imag])
             seen, weight = rows @ now.columns.T, 1.0 / now.noise[channel] ** 2
             matrix = matrix + weight * (rows @ rows.T - seen @ now.inverse @ seen.T)

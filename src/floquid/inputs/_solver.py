@@ -129,12 +129,17 @@ def state_slopes(samples: Samples, at: Linearisation) -> list[NDArray]:
     return [slopes_of_state(samples, mode, own) for mode, own in zip(at.modes, at.states, strict=True)]
 
 
+def carried(samples: Samples, shape: NDArray[np.complex128], turns: Sequence[float]) -> NDArray[np.complex128]:
+    """The shape of a mode in one channel over the samples: amplitudes (turns,) at harmonics (samples,)."""
+    return shape @ np.array([samples.turned(turn) for turn in turns])
+
+
 def slopes_of(samples: Samples, at: Linearisation, channel: int, states: Sequence[NDArray]) -> NDArray[np.float64]:
     """Derivatives of a channel's response by the free parameters, c and D held (parameters, samples)."""
     found = []
     for number, (mode, slopes) in enumerate(zip(at.modes, states, strict=True)):
         shape = at.shape(number)[:, channel]
-        moved = sum(own * samples.turned(turn) for own, turn in zip(shape, mode.turns.tolist(), strict=True)) * slopes
+        moved = carried(samples, shape, mode.turns.tolist()) * slopes
         both = moved.real if mode.real else np.concatenate([moved.real, -moved.imag])
         found.append(both[mode.free])
     return np.concatenate(found)

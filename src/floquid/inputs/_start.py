@@ -9,7 +9,7 @@ filter in time commutes with that system, so that all is thinned to the band tha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ def candidates(samples: Samples, response: NDArray[np.float64]) -> NDArray[np.co
             if poles is not None:
                 found.append(poles)
                 break
-    poles = np.concatenate(found) if found else np.zeros(0, complex)
+    poles = np.asarray(np.concatenate(found) if found else np.zeros(0), np.complex128)
     omega = samples.fundamental
     poles = poles.real + 1j * np.abs(poles.imag - omega * np.rint(poles.imag / omega))
     longest = samples.step * max(own.stop - own.start for own in samples.records)
@@ -66,7 +66,7 @@ def _poles(
     taps = firwin(8 * thinned + 1, 0.9 / thinned) if thinned > 1 else np.ones(1)
     count, blocks = len(response), []
     for own in samples.records:
-        part = lfilter(taps, 1.0, signals[:, own], axis=1)[:, len(taps) - 1 :: thinned]
+        part = np.asarray(lfilter(taps, 1.0, signals[:, own], axis=1))[:, len(taps) - 1 :: thinned]
         columns = part.shape[1] - 2 * depth + 1
         if columns < 1:
             continue
@@ -82,13 +82,14 @@ def _poles(
     table = np.concatenate(blocks, axis=1)
     if len(table) > MOST_ROWS * table.shape[1]:
         return None
-    lower = np.linalg.qr(table.T, mode="r").T
+    lower = np.transpose(np.asarray(np.linalg.qr(table.T, mode="r")))
     first, last = depth * (len(signals) - count), len(table) - depth * count
     left, values, _ = np.linalg.svd(lower[last:, first:last], full_matrices=False)
     order = min(ORDER, (depth - 1) * count)
     observed = left[:, :order] * np.sqrt(values[:order])
     shift = np.linalg.lstsq(observed[:-count], observed[count:], rcond=None)[0]
-    poles = np.log(np.linalg.eigvals(shift).astype(complex) + 1e-300) / (samples.step * thinned)
+    multipliers = np.asarray(np.linalg.eigvals(shift), np.complex128)
+    poles = np.asarray(np.log(multipliers + 1e-300) / (samples.step * thinned), np.complex128)
     return poles[poles.imag >= 0.0]
 
 
@@ -96,8 +97,8 @@ def relaxed(
     samples: Samples,
     response: NDArray[np.float64],
     exponent: complex,
-    reach: Sequence[float],
-    turns: Sequence[float],
+    reach: NDArray[np.float64],
+    turns: NDArray[np.float64],
     *,
     real: bool = False,
 ) -> tuple[float, InputMode]:
@@ -110,9 +111,9 @@ def relaxed(
     bare = InputMode(
         exponent=exponent,
         real=real,
-        reach=np.array(reach),
+        reach=reach,
         gains=np.ones((count, len(reach)), complex),
-        turns=np.array(turns),
+        turns=turns,
         initial=np.ones(starts, complex),
     )
     drives = reached_by(samples, bare)
@@ -135,13 +136,9 @@ def relaxed(
     weights = left[:, 0] / np.where(strength > 0.0, strength, np.inf)
     inner = count * len(reach)
     if real:
-        gains = (weights[:inner].real + 1j * weights[inner : 2 * inner].real).reshape(count, -1)
-        initial = weights[2 * inner :].real.astype(complex)
-    else:
-        gains, initial = weights[:inner].reshape(count, -1), weights[inner:]
-    return gain, InputMode(
-        exponent=exponent, real=real, reach=bare.reach, gains=gains, turns=bare.turns, initial=initial
-    ).scaled()
+        weights = np.concatenate([weights[:inner] + 1j * weights[inner : 2 * inner], weights[2 * inner :]])
+    own = np.asarray(weights, np.complex128)
+    return gain, replace(bare, gains=own[:inner].reshape(count, -1), initial=own[inner:]).scaled()
 
 
 def _shapes(mode: InputMode, products: NDArray[np.float64], channels: int) -> NDArray:

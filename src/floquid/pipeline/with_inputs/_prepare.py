@@ -153,7 +153,7 @@ def _off_harmonics(values: NDArray[np.float64], rate: float, period: float) -> f
     if periods < 3:
         return 1.0
     part = values[:, : round(periods * rate * period)]
-    lines = np.abs(np.fft.rfft((part - part.mean(axis=1, keepdims=True)) * np.hanning(part.shape[1]), axis=1)) ** 2
+    lines = np.abs(np.fft.rfft(part - part.mean(axis=1, keepdims=True), axis=1)) ** 2
     place = np.arange(lines.shape[1]) / periods
     near = np.abs(place - np.rint(place)) * periods <= 2.5
     return float(lines[:, ~near].sum() / max(lines.sum(), np.finfo(float).tiny))
