@@ -100,8 +100,9 @@ def _with_one_more(samples: Samples, now: Linearisation, limits: Limits) -> Line
     """The fit with the candidate that explains most of the residual; None where noise does."""
     ranked = []
     for exponent in candidates(samples, now.left).tolist():
-        turns = np.arange(-START[1], START[1] + 1.0)
-        ranked.append(relaxed(samples, now.left, exponent, np.arange(-START[0], START[0] + 1.0), turns))
+        reach, turns = (np.arange(-most, most + 1.0) for most in START)
+        with suppress(np.linalg.LinAlgError):
+            ranked.append(relaxed(samples, now.left, exponent, reach, turns))
     ranked.sort(key=lambda one: -one[0])
     tried: list[complex] = []
     for _, mode in ranked:
@@ -204,7 +205,8 @@ class _Scores:
 
 def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """The inverse of a matrix of products, but for directions that are rounding."""
-    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    own = np.diag(matrix)
+    size = np.sqrt(np.maximum(own, 1e-12 * own.max(initial=0.0) + 1e-300))
     values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
     good = values > 1e-9 * max(values[-1], 1e-300)
     return (vectors[:, good] / values[good]) @ vectors[:, good].T / np.outer(size, size)
@@ -351,16 +353,13 @@ def _as_real(
     begin = half % 1.0
     turns = np.arange(begin, np.abs(mode.turns + half).max() + 0.5)
     reach = np.arange(begin, np.abs(mode.reach - half).max() + 0.5)
-    base = linearise(samples, rest, now.direct)
     for count in (1, 2):
         modes: list[InputMode] = []
-        left = base.left
-        for k in range(count):
-            start = mode.exponent.real * (1.0 if count == 1 else (0.7, 1.4)[k])
-            _, own = relaxed(samples, left, start, reach, turns, real=True)
-            modes.append(own)
-            left = linearise(samples, [*rest, *modes], now.direct).left
         with suppress(np.linalg.LinAlgError):
+            for k in range(count):
+                left = linearise(samples, [*rest, *modes], now.direct).left
+                start = mode.exponent.real * (1.0 if count == 1 else (0.7, 1.4)[k])
+                modes.append(relaxed(samples, left, start, reach, turns, real=True)[1])
             found = solve(samples, [*rest, *modes], now.direct)
             fewer = now.n_parameters - found.n_parameters
             rise = now.log_likelihood - found.log_likelihood

@@ -174,7 +174,7 @@ def solve(
     period = 2.0 * np.pi / samples.fundamental
     for _ in range(iterations):
         matrix, gradient = normal_equations(samples, now)
-        scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        scale = _scale(matrix)
         system, aim = matrix / np.outer(scale, scale), gradient / scale
         before, gained = now, 0.0
         while damping < 1e6:
@@ -190,6 +190,12 @@ def solve(
         if gained < at_rest:
             break
     return now
+
+
+def _scale(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,)."""
+    own = np.diag(matrix)
+    return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300))
 
 
 def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], period: float) -> Linearisation:
@@ -213,7 +219,7 @@ def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], per
 def covariance(samples: Samples, at: Linearisation) -> NDArray[np.float64]:
     """Covariance of the free parameters (parameters, parameters); what the record says nothing of is infinite."""
     matrix, _ = normal_equations(samples, at)
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scale = _scale(matrix)
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     inverse = (vectors / np.maximum(values, 1e-14 * values[-1])) @ vectors.T
     return np.asarray(inverse / np.outer(scale, scale), np.float64)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array
-from floquid._show import Brief, Drawings, Drawn, Told
+from floquid._checks import Rebuilt, frozen_array
+from floquid._show import Drawings, Drawn, Told
 from floquid.core import Channel, PeriodicModel, Provenance, Record
 from floquid.findings import Finding, Severity, texts
 from floquid.inputs import TransferFunctions, Uncertainty, transfer_of
@@ -22,7 +22,7 @@ POINTS = 400
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DrivenAnalysis(Told, Drawn, Brief):
+class DrivenAnalysis(Told, Drawn, Rebuilt):
     """Result of `identify` for records with measured inputs.
 
     Parameters

@@ -35,6 +35,9 @@ KEPT = 0.75
 HIGHEST = 12
 """Harmonics of inputs and outputs at most."""
 
+MOST_UNTOLD = 3.0
+"""What deviations of the fit to a part may make of the prediction, over the noise: more is no model to predict with."""
+
 LAGS = 20
 """Lags of the correlation of what is left."""
 
@@ -160,7 +163,7 @@ def _held_out(own: Parted, found: Linearisation) -> NDArray[np.float64]:
         at = replace(whole_at, coefficients=part.at.coefficients)
         by_parameters = slopes_of(whole, at, channel, states)[:, beyond]
         # What the part does not tell of the model is no error of it.
-        expected = noise**2 + part.variance(channel, by_parameters.T, columns.T)
+        expected = noise**2 + np.minimum(part.variance(channel, by_parameters.T, columns.T), MOST_UNTOLD * noise**2)
         errors.append(float(np.sqrt(np.mean(left**2 / expected))))
     return np.array(errors)
 
