@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 
 import numpy as np
 from benchmarks.structure.run import BLOCKS, Block, Row, judged
@@ -56,12 +54,9 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--runs", type=int, default=300)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--out", type=Path, help="a JSON file")
     options = parser.parse_args(arguments)
     with ProcessPoolExecutor(options.jobs) as pool:
         rows = [row for row in pool.map(one, range(options.first, options.first + options.runs)) if row is not None]
-    if options.out is not None:
-        options.out.write_text(json.dumps([row.as_json() for row in rows], indent=1) + "\n", encoding="utf-8")
     sys.stdout.write(table(rows) + "\n")
     return 0
 

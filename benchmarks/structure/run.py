@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass
-from typing import Any
+from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 from benchmarks.structure.systems import Mechanism, drawn
 
 import floquid
 from floquid import PeriodicModel, StateModel
-from floquid.errors import FloquidError
+from floquid.errors import IdentificationError
 from floquid.reconstruction import SecondOrder, reconstruct, refine
 
 WITHIN = 1.96
@@ -37,23 +37,24 @@ class Block:
 
 @dataclass(frozen=True)
 class Row:
-    """One record, with the structure that is found and that of the truth."""
+    """One record: A(t) by itself and with the structure found, by block."""
 
     seed: int
-    size: int
     true: tuple[int, bool, int]
+    """Harmonics of the stiffness, True where it is symmetric, and harmonics of the damping."""
     found: tuple[int, bool, int] | None
-    relation: str
-    """The structure found beside the true one: right, wider, narrow (it lacks something), or "none", with why."""
-    message: str
     seconds: float
     """Processor seconds of the search for the structure."""
     free: dict[str, Block]
     auto: dict[str, Block]
 
-    def as_json(self) -> dict[str, Any]:
-        """The row as plain values."""
-        return asdict(self)
+    @property
+    def relation(self) -> str:
+        """The structure found beside the true one: right, wider, narrow (it lacks something), or none."""
+        if self.found is None or self.found == self.true:
+            return "none" if self.found is None else "right"
+        (k, symmetric, d), true = self.found, self.true
+        return "wider" if k >= true[0] and symmetric <= true[1] and d >= true[2] else "narrow"
 
 
 def judged(seed: int) -> Row | None:
@@ -62,7 +63,7 @@ def judged(seed: int) -> Row | None:
     mechanism = drawn(generator)
     try:
         model = floquid.identify(mechanism.record(generator), validate=False).model
-    except FloquidError:
+    except IdentificationError:
         return None
     return None if model.order != 2 * mechanism.size else compared(seed, mechanism, model)
 
@@ -70,17 +71,14 @@ def judged(seed: int) -> Row | None:
 def compared(seed: int, mechanism: Mechanism, model: PeriodicModel) -> Row:
     """The row of a model."""
     free = blocks_of(mechanism, reconstruct(model, mechanism.names, times=TIMES))
-    begin, found, auto, message, relation = time.process_time(), None, {}, "", "none"
-    try:
+    begin, found, auto = time.process_time(), None, {}
+    with suppress(IdentificationError):
         refined = refine(model, mechanism.names, "auto", times=TIMES)
         own = refined.structure
         assert isinstance(own, SecondOrder)
         found = (own.stiffness.harmonics, own.stiffness.symmetry == "symmetric", own.damping.harmonics)
-        auto, relation = blocks_of(mechanism, refined.state), related(found, mechanism.kept)
-    except FloquidError as error:
-        message = str(error)
-    seconds = time.process_time() - begin
-    return Row(seed, mechanism.size, mechanism.kept, found, relation, message, seconds, free, auto)
+        auto = blocks_of(mechanism, refined.state)
+    return Row(seed, mechanism.kept, found, time.process_time() - begin, free, auto)
 
 
 def blocks_of(mechanism: Mechanism, state: StateModel) -> dict[str, Block]:
@@ -95,10 +93,3 @@ def blocks_of(mechanism: Mechanism, state: StateModel) -> dict[str, Block]:
         inside, worst = int((pulls < WITHIN).sum()), float(pulls.max())
         found[name] = Block(inside, pulls.size, worst, float(std.mean() / scale), float(off.mean() / scale))
     return found
-
-
-def related(found: tuple[int, bool, int], true: tuple[int, bool, int]) -> str:
-    """The relation of harmonics of the stiffness, its symmetry and harmonics of the damping to those of the truth."""
-    if found == true:
-        return "right"
-    return "wider" if found[0] >= true[0] and found[1] <= true[1] and found[2] >= true[2] else "narrow"
