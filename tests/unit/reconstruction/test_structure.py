@@ -296,6 +296,24 @@ def test_little_is_hidden_by_a_structure_that_is_right(oracle):
     assert given.conditional_on == (structure.words(),)
 
 
+@pytest.mark.parametrize("options", [{"free_period": True}, {"hits": 2}])
+def test_gains_and_an_estimated_period_have_their_place_in_what_is_hidden(oracle, options):
+    """With all channels, as with those of the states: same parameters, larger deviations, and errors within them."""
+    sensors = [*oracle.displacements(1), oracle.Sensor((0.6, 0.0)), oracle.Sensor((-1.3, 0.0))]
+    known = oracle.known(oracle.systems["one"], sensors, width=2, **options)
+    model = known.drawn(np.random.default_rng(1))
+    found = refine(model, "all", times=8)
+    given = refine(model, "all", found.structure, times=8)
+    assert_allclose(found.parameters, given.parameters, rtol=1e-9)
+    assert len(found.names) == 6
+    assert (found.std >= given.std).all()
+    assert (found.std[:4] > 1.001 * given.std[:4]).all()
+    sees = {"c0": 1.0, "c1": 0.6, "c2": -1.3}
+    pairs = [name.split(" per ") for name in found.names[4:]]
+    truth = [sees[channel] / sees[state] for channel, state in pairs]
+    assert (np.abs(found.parameters[4:] - truth) < 5.0 * found.std[4:]).all()
+
+
 def test_deviations_are_those_of_the_wider_structure_where_it_is_far_from_none():
     """Weights of the shares of noise: none of a gain of nothing is far from B = 1, of a large one all is at zero."""
     for more in (1, 2, 12):
