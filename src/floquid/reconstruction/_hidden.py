@@ -8,9 +8,8 @@ the chosen structure, and χ² the gain of that step with n numbers more,
 
 B is the share of noise in δ: what is left out is taken to be normal about zero, with a covariance 1/B - 1 times that of
 its estimate, and B to have the density 1/(2√B) before (Strawderman 1971, "Proper Bayes minimax estimators of the
-multivariate normal mean", a = 1/2; of the a that were tried the one whose intervals cover at the sizes of what is left
-out that the test sees half of the time, too). So little counts where δ is as small as noise makes it, and all where it
-is much larger.
+multivariate normal mean", a = 1/2; decision 0028 has what other choices came to). So little counts where δ is as small
+as noise makes it, and all where it is much larger.
 """
 
 from __future__ import annotations
