@@ -290,6 +290,8 @@ def print_structure(console: Console, found: Refinement) -> None:
         f"{units[0].upper()}{units[1:]}{DEVIATIONS}; rows and columns count from zero, in the order of the states.",
         style="dim",
     )
+    if found.conditional_on:
+        console.print(f"The deviations are conditional on: {'; '.join(found.conditional_on)}.")
 
 
 def _parameters_table(found: Refinement) -> Table:

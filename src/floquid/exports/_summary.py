@@ -169,6 +169,7 @@ def _structure(found: Refinement) -> dict[str, Any]:
         "p_value": found.p_value,
         "parameters": [{"name": name, "value": value, "std": std} for name, value, std in parameters],
         "reasons": list(found.reasons),
+        "conditional_on": list(found.conditional_on),
     }
 
 

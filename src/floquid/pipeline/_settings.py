@@ -77,7 +77,7 @@ class Settings(Brief):
     structure
         What A(t) is fitted to be, such as "stiffness 2 symmetric; damping 0", or "auto"; free if not given. An
         `AbstractStructure` or its text (`structure_of`); "auto" is the simplest second-order form that the data do not
-        contradict; kept as text.
+        contradict, with deviations that count what wider ones could hide; kept as text.
     output_error
         Fit the structured A(t) once more, to the record linearised anew at its exponents.
     system_times
