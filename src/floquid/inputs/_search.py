@@ -69,11 +69,11 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
         more = _with_one_more(samples, now, limits)
         if more is None:
             break
-        now = with_real_ones(samples, more)
+        now = with_real_ones(samples, more, limits)
         report(f"searching for modes: {len(now.modes)} found")
     if not now.modes:
         return now
-    now = with_real_ones(samples, without_needless(samples, now, limits))
+    now = with_real_ones(samples, without_needless(samples, now, limits), limits)
     loose = replace(limits, harmonic_alarm=LOOSE)
     now = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
     return solve(samples, [_padded(mode, limits) for mode in now.modes], now.direct)
@@ -137,11 +137,15 @@ def _wider(samples: Samples, now: Linearisation, number: int, limits: Limits, sc
     mode, state = now.modes[number], now.states[number]
     turns, wide = mode.turns, mode
     channels, count = len(samples.values), len(samples.inputs)
-    for turn in [turns[-1] + 1.0] if mode.real else [turns[0] - 1.0, turns[-1] + 1.0]:
-        if abs(turn) <= limits.highest:
-            extra = columns_of(samples, replace(mode, turns=np.array([turn])), state)
-            if scores.of_columns(extra) > _limit(2 * channels, limits.harmonic_alarm):
-                turns = np.sort(np.append(turns, turn))
+    for end, way in [(turns[-1], 1.0)] if mode.real else [(turns[0], -1.0), (turns[-1], 1.0)]:
+        for count in (1, 2):
+            more = end + way * np.arange(1.0, count + 1.0)
+            if np.abs(more).max() > limits.highest:
+                break
+            extra = columns_of(samples, replace(mode, turns=more), state)
+            if scores.of_columns(extra) > _limit(2 * channels * count, limits.harmonic_alarm):
+                turns = np.sort(np.append(turns, more))
+                break
     for turn in [mode.reach[-1] + 1.0] if mode.real else [mode.reach[0] - 1.0, mode.reach[-1] + 1.0]:
         if abs(turn) <= limits.highest:
             more = _with_reach(mode, turn)
@@ -329,7 +333,7 @@ def _input_weight(mode: InputMode, free: NDArray[np.bool_], spread: NDArray[np.f
     return float(flat @ np.linalg.solve(spread[np.ix_(place, place)], flat)) if len(flat) else np.inf
 
 
-def with_real_ones(samples: Samples, now: Linearisation) -> Linearisation:
+def with_real_ones(samples: Samples, now: Linearisation, limits: Limits) -> Linearisation:
     """With each pair whose multipliers may be one or two real ones taken for that, where noise explains the rest."""
     for number in range(len(now.modes)):
         mode = now.modes[number]
@@ -340,14 +344,14 @@ def with_real_ones(samples: Samples, now: Linearisation) -> Linearisation:
         if abs(mode.exponent.imag - half * omega) > abs(mode.exponent.real):
             continue
         rest = [own for k, own in enumerate(now.modes) if k != number]
-        best = _as_real(samples, now, rest, mode, half)
+        best = _as_real(samples, now, rest, mode, half, limits)
         if best is not None:
-            return with_real_ones(samples, best)
+            return with_real_ones(samples, best, limits)
     return now
 
 
 def _as_real(
-    samples: Samples, now: Linearisation, rest: Sequence[InputMode], mode: InputMode, half: float
+    samples: Samples, now: Linearisation, rest: Sequence[InputMode], mode: InputMode, half: float, limits: Limits
 ) -> Linearisation | None:
     """The fit with one real multiplier, or two, for a pair; None where that costs more than noise explains."""
     begin = half % 1.0
@@ -360,7 +364,7 @@ def _as_real(
                 left = linearise(samples, [*rest, *modes], now.direct).left
                 start = mode.exponent.real * (1.0 if count == 1 else (0.7, 1.4)[k])
                 modes.append(relaxed(samples, left, start, reach, turns, real=True)[1])
-            found = solve(samples, [*rest, *modes], now.direct)
+            found = grown(samples, solve(samples, [*rest, *modes], now.direct), limits)
             fewer = now.n_parameters - found.n_parameters
             rise = now.log_likelihood - found.log_likelihood
             if rise < (_limit(fewer, REAL) if fewer > 0 else 0.0):

@@ -24,6 +24,9 @@ ROUNDING = 1e-12
 LONGEST_STEP = 0.3
 """The most that an exponent may move in a step, over one period."""
 
+RUNAWAY = 20.0
+"""The growth of a mode over a record from which on it is none that a record could hold [nepers]."""
+
 ITERATIONS = 25
 """Steps at most."""
 
@@ -181,12 +184,13 @@ def solve(
         while damping < 1e6:
             step = np.linalg.solve(system + damping * np.eye(len(scale)), aim) / scale
             trial = _stepped(samples, now, step, period)
-            gained = trial.log_likelihood - now.log_likelihood
+            gained = -np.inf if trial is None else trial.log_likelihood - now.log_likelihood
             if gained >= -1e-9:
                 break
             damping = max(10.0 * damping, 1e-4)
         else:
             return before
+        assert trial is not None
         now, damping = trial, max(0.1 * damping, 1e-12)
         if gained < at_rest:
             break
@@ -199,8 +203,8 @@ def _scale(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300))
 
 
-def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], period: float) -> Linearisation:
-    """The linearisation a step away, no exponent moving further than `LONGEST_STEP`."""
+def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], period: float) -> Linearisation | None:
+    """The linearisation a step away, no exponent moving further than `LONGEST_STEP`; None where a mode runs away."""
     steps, place = [], 0
     for mode in at.modes:
         free = mode.free
@@ -214,6 +218,9 @@ def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], per
     )
     share = min(1.0, LONGEST_STEP / max(longest, 1e-300))
     moved = [mode.moved(share * own) for mode, own in zip(at.modes, steps, strict=True)]
+    duration = samples.step * max(own.stop - own.start for own in samples.records)
+    if max(mode.exponent.real for mode in moved) * duration > RUNAWAY:
+        return None
     return linearise(samples, [mode.scaled() for mode in moved], at.direct)
 
 
