@@ -171,9 +171,8 @@ def frozen_array(
     except (TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise input_error(
-            argument, of, f"be an array of numbers of shape {shape_words}", f"is {describe(value)}", remedy
-        ) from None
+        must = f"be an array of numbers of shape {shape_words}"
+        raise input_error(argument, of, must, f"is {describe(value)}", remedy) from None
     if array.ndim != len(axes) or any(isinstance(a, int) and n != a for a, n in zip(axes, array.shape, strict=True)):
         raise input_error(argument, of, f"have shape {shape_words}", f"has shape {array.shape}", remedy)
     if finite:
@@ -181,13 +180,8 @@ def frozen_array(
         if bad.any():
             where = tuple(int(i) for i in np.argwhere(bad)[0])
             words = "be finite (NaN alone marks a missing sample)" if missing else "be finite"
-            raise input_error(
-                argument,
-                of,
-                words,
-                f"has {int(bad.sum())} entries that are not, the first of them {array[where]} at index {where}",
-                remedy,
-            )
+            got = f"has {int(bad.sum())} entries that are not, the first of them {array[where]} at index {where}"
+            raise input_error(argument, of, words, got, remedy)
     if array.flags.writeable:
         array = array.copy() if np.shares_memory(array, raw) else array
         array.flags.writeable = False

@@ -48,7 +48,6 @@ SHARES = (
     "in the mode (participation factors, which no unit changes)"
 )
 AGREE = 1e-6  # of max(|λ|, ω): by how much the two routes may differ, where both claim to be right
-
 _HILL = 1e-10  # of max(|λ|, ω): to what `hill` settles unless told otherwise
 _SHORTER = {"First time derivative of ": "d/dt ", " bending-mode DOF": "", " DOF": ""}
 

@@ -60,15 +60,13 @@ def read_records(
         report(f"reading {file.name}")
         record = read(file, period=chosen.period, rate=choices.rate, channels=named, origin=choices.origin)
         if record.clock is None and not signals and not chosen.estimate_period:
-            raise input_error(
-                "--period",
-                of,
-                "be given",
-                f"neither it nor --frequency is, and {file} does not state one",
+            got = f"neither it nor --frequency is, and {file} does not state one"
+            remedy = (
                 "Give the period of the system [s], as in --period 0.02, its frequency [Hz], as in --frequency 50, or "
                 "the channel of a tachometer, as in --tach tach; --estimate-period finds it from the response."
-                f"{_likely(file, choices.rate)}",
+                f"{_likely(file, choices.rate)}"
             )
+            raise input_error("--period", of, "be given", got, remedy)
         records.append(record)
     if chosen.channels:  # a path may stand for all rows of a matrix: from here on each has its name
         choices = choices.with_given(channels=tuple(c.name for c in records[0].channels if c.name not in signals))

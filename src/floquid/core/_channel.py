@@ -79,17 +79,12 @@ class Channel(Brief):
             open_to = possible if unit in _UNITS else get_args(Quantity)
             object.__setattr__(self, "quantity", _by_name(self.name, open_to) or possible[0])
         elif self.quantity not in get_args(Quantity):
-            raise input_error(
-                "quantity", "Channel", f"be one of {', '.join(get_args(Quantity))}", f"is {self.quantity!r}"
-            )
+            must = f"be one of {', '.join(get_args(Quantity))}"
+            raise input_error("quantity", "Channel", must, f"is {self.quantity!r}")
         elif unit in _UNITS and self.quantity not in (*possible, "pulse", "other"):
-            raise input_error(
-                "unit",
-                "Channel",
-                f"be a unit of {self.quantity}",
-                f"is {unit!r}, a unit of {' or '.join(possible)} (channel {self.name!r})",
-                f'Correct the unit, or pass quantity="{possible[0]}".',
-            )
+            must = f"be a unit of {self.quantity}"
+            got = f"is {unit!r}, a unit of {' or '.join(possible)} (channel {self.name!r})"
+            raise input_error("unit", "Channel", must, got, f'Correct the unit, or pass quantity="{possible[0]}".')
 
     @property
     def label(self) -> str:

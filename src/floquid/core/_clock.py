@@ -39,13 +39,9 @@ class ConstantPeriod:
         object.__setattr__(self, "period", positive(self.period, "period", "ConstantPeriod", unit="s"))
         object.__setattr__(self, "origin", finite(self.origin, "origin", "ConstantPeriod", unit="s"))
         if np.spacing(abs(self.origin)) > 1e-3 * self.period:
-            raise input_error(
-                "origin",
-                "ConstantPeriod",
-                "be near enough to zero for phases to be told",
-                f"is {self.origin:g} s, with a period of {self.period:g} s",
-                "Count time from a nearer start.",
-            )
+            must = "be near enough to zero for phases to be told"
+            got = f"is {self.origin:g} s, with a period of {self.period:g} s"
+            raise input_error("origin", "ConstantPeriod", must, got, "Count time from a nearer start.")
 
     @property
     def fundamental(self) -> float:
@@ -163,7 +159,6 @@ def _check_periods(clock: TachometerSignal | AzimuthSignal | PulseTimes) -> None
     value = positive(clock.periods_per_revolution, name, of)
     whole = max(value, 1.0 / value)
     if abs(whole - round(whole)) > 1e-9 * whole:
-        raise input_error(
-            name, of, "be a whole number or one over a whole number", f"is {value:g}", "Pass 1, 2, 3 … or 1/2, 1/3 …"
-        )
+        must = "be a whole number or one over a whole number"
+        raise input_error(name, of, must, f"is {value:g}", "Pass 1, 2, 3 … or 1/2, 1/3 …")
     object.__setattr__(clock, name, float(round(whole)) if value >= 1.0 else 1.0 / round(whole))

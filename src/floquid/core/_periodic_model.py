@@ -15,8 +15,7 @@ from floquid.core._estimates import Estimates
 from floquid.core._provenance import Provenance
 from floquid.core._record import as_channels
 
-SAME = 1e-9
-"""Share of the fundamental within which two exponents are one."""
+SAME = 1e-9  # share of the fundamental within which two exponents are one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,13 +116,9 @@ class PeriodicModel(Drawn, Rebuilt):
         """Refuse estimates of another model."""
         off = np.abs(np.subtract.outer(estimates.exponents, self.exponents)).min(axis=1, initial=np.inf)
         if (off > 1e-9 * self.fundamental).any() or estimates.blocks.shape != self.coefficients.shape[1:3]:
-            raise input_error(
-                "estimates",
-                "PeriodicModel",
-                "belong to the model",
-                "their exponents or channels are others",
-                "Pass `estimates=None`: the model then has no joint covariance.",
-            )
+            must = "belong to the model"
+            remedy = "Pass `estimates=None`: the model then has no joint covariance."
+            raise input_error("estimates", "PeriodicModel", must, "their exponents or channels are others", remedy)
 
     def __repr__(self) -> str:
         _, channels, hits, harmonics = self.coefficients.shape

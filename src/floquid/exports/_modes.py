@@ -165,8 +165,7 @@ def _harmless(word: str) -> str:
 _PLAIN = str.maketrans({"µ": "u", "μ": "u", "ε": "e", "°": "deg", "²": "^2", "³": "^3", "·": "."})
 """Units in ASCII: GNU Octave reads texts of other letters byte by byte, and cuts them."""
 
-_TEXT = 116
-"""Bytes at the head of the file that are free text."""
+_TEXT = 116  # bytes at the head of the file that are free text
 
 
 def mat_bytes(model: PeriodicModel, state: StateModel | None) -> bytes:

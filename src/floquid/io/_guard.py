@@ -33,8 +33,7 @@ A result whose record is resampled takes 6e-8 s a byte, records 1e-9 to 6e-9, on
 times that.
 """
 
-RESERVED = 4 << 30
-"""Bytes of addresses that libraries take beyond the memory that they use: pyarrow 2 GB."""
+RESERVED = 4 << 30  # bytes of addresses that libraries take beyond the memory that they use: pyarrow 2 GB
 
 _LENGTH = struct.Struct("<Q")
 _THERE = b"floquid reads"

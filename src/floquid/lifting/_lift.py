@@ -18,11 +18,8 @@ ROUNDING = 1e-10
 SHORT = 24
 """Cycles below which a hit's own noise is not estimated while there are longer hits."""
 
-SINGLE = 2.0**-24
-"""The same for samples that were stored in single precision."""
-
-CONSTANT = 1e-13
-"""The range of a channel over its largest value below which it is rounding."""
+SINGLE = 2.0**-24  # the same for samples that were stored in single precision
+CONSTANT = 1e-13  # the range of a channel over its largest value below which it is rounding
 
 SMALLEST, LARGEST = 1e-75, 1e75
 """Bounds on a channel's largest value: sums of fourth powers of what lies beyond leave the range of floating point."""
@@ -207,9 +204,8 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
     )
     if not alike:
         must, remedy = "be alike in channels, phases, first phase and period", "`segment([hit1, hit2])`"
-        raise input_error(
-            "cycles", "lift", must, f"hit {number} differs from hit 1", f"Cut all records together: {remedy}."
-        )
+        got = f"hit {number} differs from hit 1"
+        raise input_error("cycles", "lift", must, got, f"Cut all records together: {remedy}.")
     if np.isnan(hit.values).any():
         raise input_error("cycles", "lift", "have no missing samples", f"hit {number} has NaN", "Cut the gap out.")
     refuse_values(hit.channels, hit.values, f"hit {number}", argument="cycles", of="lift")
@@ -243,9 +239,8 @@ def refuse_values(
             raise input_error(argument, of, must, f"{name} reaches {largest:.3g}", remedy)
         if highest - lowest <= CONSTANT * largest:
             remedy = "Leave it out with `channels=`, or check its sensor."
-            raise input_error(
-                argument, of, "have channels that vary", f"{name} is constant ({there.flat[0]:g})", remedy
-            )
+            must = "have channels that vary"
+            raise input_error(argument, of, must, f"{name} is constant ({there.flat[0]:g})", remedy)
 
 
 def largest_values(values: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:

@@ -20,20 +20,11 @@ from floquid.lti import ModalModel
 LAGS = 16
 """The lags looked at. Shorter than a period: poles that were fitted leave correlations a period apart."""
 
-ORDERS = (1, 2, 4, 8)
-"""The lengths of filters tried."""
-
-COLOURED = 8.0
-"""The standard deviations from white noise at which a filter is worth its trouble."""
-
-LEAST = 0.01
-"""The sum of squared correlations below which hardly anything is gained."""
-
-FEWEST = 24
-"""Periods below which noise is not told from what was not fitted."""
-
-FLOOR = 2.0
-"""Times the noise floor: what is left below it is rounding."""
+ORDERS = (1, 2, 4, 8)  # the lengths of filters tried
+COLOURED = 8.0  # the standard deviations from white noise at which a filter is worth its trouble
+LEAST = 0.01  # the sum of squared correlations below which hardly anything is gained
+FEWEST = 24  # periods below which noise is not told from what was not fitted
+FLOOR = 2.0  # times the noise floor: what is left below it is rounding
 
 
 def whitening_filter(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64] | None:

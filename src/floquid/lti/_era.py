@@ -16,11 +16,8 @@ from floquid.lti._identifier import AbstractIdentifier, Report, given_order, rea
 from floquid.lti._poles import PoleSet
 from floquid.lti._types import ModalModel, TimeResponses
 
-ROUNDING = 16.0 * np.finfo(float).eps
-"""The share of the largest eigenvalue below which an eigenvalue is rounding."""
-
-DENSE = 512
-"""The window up to which all eigenvalues are computed; beyond, Lanczos finds the leading ones."""
+ROUNDING = 16.0 * np.finfo(float).eps  # the share of the largest eigenvalue below which an eigenvalue is rounding
+DENSE = 512  # the window up to which all eigenvalues are computed; beyond, Lanczos finds the leading ones
 
 
 def hankel_covariance(factors: Sequence[Factor], window: int) -> NDArray[np.float64]:

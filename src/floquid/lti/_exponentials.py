@@ -25,8 +25,7 @@ from floquid.lti._factor import BLOCK, Factor
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
-LARGEST_GROWTH = 345.0
-"""The logarithm of the growth over a record beyond which squares leave the range of floating point."""
+LARGEST_GROWTH = 345.0  # logarithm of the growth over a record beyond which squares leave the range of floating point
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,8 +155,7 @@ class Slopes:
 
     columns: tuple[NDArray[np.int64], NDArray[np.int64]]
     residues: tuple[NDArray[np.int64], NDArray[np.int64]]
-    sign: NDArray[np.float64]
-    """Of the coefficient on the second column: 1, -1, or 0 where there is none."""
+    sign: NDArray[np.float64]  # of the coefficient on the second column: 1, -1, or 0 where there is none
 
     @staticmethod
     def of(poles: PoleSet) -> Slopes:

@@ -16,14 +16,9 @@ from numpy.typing import NDArray
 from floquid._checks import integer
 from floquid.lti._types import TimeResponses
 
-BLOCK = 2**20
-"""The most numbers that are scaled at once."""
-
-LARGEST = 2**22
-"""The most numbers that a factor may hold; beyond, it is made of leading directions."""
-
-LEADING = 192
-"""Number of leading directions then."""
+BLOCK = 2**20  # the most numbers that are scaled at once
+LARGEST = 2**22  # the most numbers that a factor may hold; beyond, it is made of leading directions
+LEADING = 192  # number of leading directions then
 
 SAFE = 1e-4
 """The share of the noise that rounding in a squared matrix may reach before the triangular factor is made by

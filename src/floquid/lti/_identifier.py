@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 from floquid._checks import input_error, integer
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
-Report = Callable[[str], None]
-"""A function that is told of each stage."""
+Report = Callable[[str], None]  # a function that is told of each stage
 
 
 def silent(_: str) -> None:

@@ -10,11 +10,8 @@ from numpy.typing import NDArray
 from floquid.lti._era import hankel_covariance
 from floquid.lti._factor import factor
 
-ENOUGH = 64
-"""Outputs that tell the noise which all of them share, to a percent."""
-
-QUARTILE = 0.25
-"""The eigenvalue looked at: right as long as the poles are well under three quarters of the window."""
+ENOUGH = 64  # outputs that tell the noise which all of them share, to a percent
+QUARTILE = 0.25  # the eigenvalue looked at: right as long as the poles are well under three quarters of the window
 
 
 def white_noise_std(responses: NDArray[np.float64]) -> float:

@@ -21,14 +21,9 @@ from numpy.typing import NDArray
 from floquid.lti._poles import NEGATIVE, PAIR
 from floquid.lti._types import Composites, ModalModel, TimeResponses
 
-NO_OVERFLOW = 300.0
-"""The growth over a record, in nepers, up to which powers of a multiplier are formed as they stand."""
-
-ON_A_LINE = 2e-4
-"""|Nδ| below which the finite sum and its slope are taken from their series."""
-
-CHUNK = 2**22
-"""The most numbers that are transformed at once."""
+NO_OVERFLOW = 300.0  # the growth over a record, in nepers, up to which powers of a multiplier are formed as they stand
+ON_A_LINE = 2e-4  # |Nδ| below which the finite sum and its slope are taken from their series
+CHUNK = 2**22  # the most numbers that are transformed at once
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
 
-PRODUCTS = "outer products"
-"""Among the `stats` of a model whose residues were fitted as such."""
+PRODUCTS = "outer products"  # among the `stats` of a model whose residues were fitted as such
 
 
 class Outcome(Enum):
@@ -63,9 +62,8 @@ class TimeResponses(Rebuilt):
             raise input_error("values", of, "hold at least one output, input and sample", f"has shape {array.shape}")
         std = frozen_array(np.ones((outputs, inputs)) if noise is None else noise, "noise", of, axes=(outputs, inputs))
         if not (std > 0).all():
-            raise input_error(
-                "noise", of, "be positive", f"has {std.min():g}", "Leave out responses that are constant."
-            )
+            got = f"has {std.min():g}"
+            raise input_error("noise", of, "be positive", got, "Leave out responses that are constant.")
         ends = np.full(inputs, samples) if lengths is None else lengths
         ends = frozen_array(ends, "lengths", of, axes=(inputs,), dtype=np.int64)
         if (ends < 1).any() or (ends > samples).any():

@@ -11,14 +11,9 @@ from floquid._checks import input_error, integer
 from floquid.lti import ModalModel, TimeResponses, composites, compress
 from floquid.order._types import Indicators
 
-SMOOTHING = 5
-"""Number of adjacent lines that are looked at together."""
-
-FEW = 64
-"""Rows below which delays are added, half of the samples allowing: fewer responses than poles cannot tell them."""
-
-CHUNK = 2**20
-"""The most numbers that are decomposed at once."""
+SMOOTHING = 5  # number of adjacent lines that are looked at together
+FEW = 64  # rows below which delays are added, half of the samples allowing: fewer responses than poles cannot tell them
+CHUNK = 2**20  # the most numbers that are decomposed at once
 
 DRAWS, MARGIN = 16, 4.0
 """Draws of noise for the edge where delays repeat it, and how many of their deviations it lies above their mean."""

@@ -22,8 +22,7 @@ from floquid.lti import (
 from floquid.order._indicators import both_compressed, indicators_of
 from floquid.order._types import Criteria, OrderScan, Stability, Tolerances
 
-MOST = 40
-"""The highest order of a scan whose orders are not given."""
+MOST = 40  # the highest order of a scan whose orders are not given
 
 FAR = 10.0
 """The misfit, in tolerances, beyond which two poles are just as far: one that is lost pushes no other off its match."""

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
 FIRST, SHOWN = 0, 22  # the indices of the 1st and the 23rd lifted response
 
-STANDS_OUT = 4.0
-"""Least ratio of a peak to its surroundings. White noise does so on one line in a hundred thousand."""
+STANDS_OUT = 4.0  # least ratio of a peak to its surroundings. White noise does so on one line in a hundred thousand.
 
 TOP, NEAR, AROUND = 0.004, 0.012, 0.06
 """A peak is the largest line within the first of these of a frequency; its surroundings are the lines between the

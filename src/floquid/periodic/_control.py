@@ -20,11 +20,8 @@ from floquid.periodic.expansion import assemble
 if TYPE_CHECKING:
     from control import StateSpace
 
-EQUAL = 1e-8
-"""Relative distance within which multipliers are one: several hits on one mode give it several states."""
-
-ROUNDING = 1e-12
-"""Share of the largest below which a residue or a coefficient is rounding."""
+EQUAL = 1e-8  # relative distance within which multipliers are one: several hits on one mode give it several states
+ROUNDING = 1e-12  # share of the largest below which a residue or a coefficient is rounding
 
 
 def to_control(model: PeriodicModel, n_phases: int, *, first_phase: float = 0.0) -> StateSpace:
@@ -260,13 +257,9 @@ def _modes(
     off = np.abs((C @ A @ B - np.einsum("r,roi->oi", values, seconds)) / scale).max(initial=0.0)
     off = max(off, np.abs((C @ B - seconds.sum(axis=0)) / scale).max(initial=0.0))
     if not off <= 1e-9 * max(largest, np.abs(C @ A @ B / scale).max(initial=0.0)):
-        raise input_error(
-            "system",
-            of,
-            "have as many eigenvectors of A as states",
-            "has repeated poles with fewer, or too near to one another",
-            "No periodic model of separate modes has such a response: reduce it with `control.model_reduction`.",
-        )
+        must = "have as many eigenvectors of A as states"
+        remedy = "No periodic model of separate modes has such a response: reduce it with `control.model_reduction`."
+        raise input_error("system", of, must, "has repeated poles with fewer, or too near to one another", remedy)
     seen = np.abs(seconds / scale).max(axis=(1, 2), initial=0.0) > ROUNDING * largest
     if (np.abs(values[seen]) <= np.finfo(float).eps * np.abs(values).max(initial=0.0)).any():
         got = "has a pole at zero in its response"
@@ -320,10 +313,6 @@ def _check_harmonics(
     found = model.response(lifted.phase_times).transpose(0, 2, 1).reshape(len(scale), -1)
     off = float(np.abs((found - residues.sum(axis=0).real) / scale).max())
     if off > tolerance:
-        raise input_error(
-            "system",
-            of,
-            "have phases enough for the harmonics of its modes",
-            f"has {lifted.n_phases} a period, which leave out {off:.2g} of the largest value",
-            "Sample more phases a period; of responses with noise pass a larger `tolerance`.",
-        )
+        got = f"has {lifted.n_phases} a period, which leave out {off:.2g} of the largest value"
+        remedy = "Sample more phases a period; of responses with noise pass a larger `tolerance`."
+        raise input_error("system", of, "have phases enough for the harmonics of its modes", got, remedy)

@@ -40,17 +40,10 @@ from floquid.periodic.search import (
 from floquid.periodic.start import Known
 from floquid.sync import ShaftAngle
 
-HIGHEST = 64
-"""The highest harmonic of the revolution that a forced response is looked for at."""
-
-MOST_ENTRIES = 24
-"""Modes, a pair counted once, that are looked for at most."""
-
-QUIET = 1e-4
-"""The noise over the largest value below which it is rounding, or what modes make of something else."""
-
-SURELY = 10.0
-"""A peak so far above the limit is no noise."""
+HIGHEST = 64  # the highest harmonic of the revolution that a forced response is looked for at
+MOST_ENTRIES = 24  # modes, a pair counted once, that are looked for at most
+QUIET = 1e-4  # the noise over the largest value below which it is rounding, or what modes make of something else
+SURELY = 10.0  # a peak so far above the limit is no noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -352,13 +345,8 @@ def _most(records: Sequence[Record], period: float) -> int:
     """The highest harmonic of the period below half of the lowest sampling rate."""
     least = min(record.sample_rate for record in records) * period
     if least < 2.0:
-        raise input_error(
-            "period",
-            "fit",
-            "be two sampling intervals or more",
-            f"it is {least:.3g} of them",
-            "Check the period and the sampling rate.",
-        )
+        remedy = "Check the period and the sampling rate."
+        raise input_error("period", "fit", "be two sampling intervals or more", f"it is {least:.3g} of them", remedy)
     return max(int(np.ceil(0.5 * least - 1e-6)) - 1, 0)
 
 

@@ -33,11 +33,8 @@ from floquid.periodic.search import SearchResult
 from floquid.periodic.start import Known
 from floquid.sync import ShaftAngle
 
-USUAL = (1, 2)
-"""Harmonics of the revolution that are always looked at where the forced response is to be found."""
-
-KEPT = 1e-6
-"""The probability at which noise may pass for a harmonic of the forced response."""
+USUAL = (1, 2)  # harmonics of the revolution that are always looked at where the forced response is to be found
+KEPT = 1e-6  # the probability at which noise may pass for a harmonic of the forced response
 
 
 def forced_turns(

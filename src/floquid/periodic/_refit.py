@@ -31,8 +31,7 @@ from floquid.sync import ShaftAngle
 
 Clocks = Sequence[ConstantPeriod | ShaftAngle]
 
-FEWEST = 2
-"""Samples below which a channel has none."""
+FEWEST = 2  # samples below which a channel has none
 
 
 def refit(

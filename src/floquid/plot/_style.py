@@ -24,8 +24,7 @@ LONGEST = 38  # the longest text that fits beside or above the axes, in characte
 PLAIN_FROM, PLAIN_TO = 5e-3, 1e4  # values of this size are written out
 SIZE = 9.0  # of all text [pt]
 
-ACROSS, HANDLE = 100, 9
-"""Characters that a row of a legend holds, and those that a handle and the gaps about it take."""
+ACROSS, HANDLE = 100, 9  # characters that a row of a legend holds, and those that a handle and the gaps about it take
 
 INTERVAL = 1.96  # the standard deviations to each side within which 95 % of estimates lie
 

@@ -184,9 +184,8 @@ def write(record: Record, path: str | PathLike[str]) -> None:
     for channel in record.channels:
         for text in (channel.name, channel.unit, channel.location, channel.direction):
             if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text):
-                raise input_error(
-                    "record", "write", "have channels described in plain words", f"has {text!r}", "Rename that channel."
-                )
+                must = "have channels described in plain words"
+                raise input_error("record", "write", must, f"has {text!r}", "Rename that channel.")
     with atomic_path(file, of="write") as temporary:
         kind.save(record, temporary)
 
@@ -206,8 +205,7 @@ def load_table(
     except DamagedError as error:
         raise source.error(f"be a whole {kind.name}", f"is damaged: {error}", "Copy it again.") from None
     except (OSError, MemoryError) as error:
-        raise source.error(
-            "be readable to its end", f"is not ({error or type(error).__name__})", "Copy it again."
-        ) from error
+        must = "be readable to its end"
+        raise source.error(must, f"is not ({error or type(error).__name__})", "Copy it again.") from error
     check_table(table, source)
     return source, kind, table

@@ -27,8 +27,7 @@ _CLOCK_NAME = re.compile(
 )
 """A word in the name of a channel that may be a clock."""
 
-_TURNS = {"deg": 360.0, "rad": 6.283185307179586}
-"""A revolution in the units of an angle."""
+_TURNS = {"deg": 360.0, "rad": 6.283185307179586}  # a revolution in the units of an angle
 
 _SPEEDS = ("rpm", "RPM", "Hz", "rad/s", "deg/s")
 

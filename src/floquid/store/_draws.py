@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from floquid.io import atomic_path
 from floquid.pipeline import AbstractDraws, Draw
 
-EVERY = 5.0
-"""Seconds between two writings."""
+EVERY = 5.0  # seconds between two writings
 
 _ARRAYS = ("exponents", "coefficients", "system", "transition")
 

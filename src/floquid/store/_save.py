@@ -42,9 +42,8 @@ def save(analysis: Analysis, path: str | PathLike[str]) -> None:
         `analysis` is something else, or the file cannot be written there.
     """
     if not isinstance(analysis, Analysis):
-        raise input_error(
-            "analysis", "save", "be an Analysis", f"is {describe(analysis)}", "Pass what `identify` gave."
-        )
+        must = "be an Analysis"
+        raise input_error("analysis", "save", must, f"is {describe(analysis)}", "Pass what `identify` gave.")
     with atomic_path(path, of="save") as temporary:
         # In memory first: when a disk is full or goes away, HDF5 itself does not end with an error but with a crash.
         content = BytesIO()

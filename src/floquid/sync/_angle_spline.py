@@ -17,25 +17,20 @@ if TYPE_CHECKING:
 LADDER = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048)
 """Numbers of pieces of the cubic spline that are tried, beside one straight line."""
 
-DOUBT = 0.01
-"""A speed that is steady is called unsteady with this probability at most."""
-
-OUTLYING = 6.0
-"""Robust standard deviations beyond which a pulse is left out."""
+DOUBT = 0.01  # a speed that is steady is called unsteady with this probability at most
+OUTLYING = 6.0  # robust standard deviations beyond which a pulse is left out
 
 HARMLESS = 1e-3
 """The share of the angle between pulses below which none is left out: what is left of exact pulses is the spline's own
 error, which is small in most places and not in others."""
 
-SAMPLED = 0.3
-"""The deviation of an edge that is known to a sample, in samples."""
+SAMPLED = 0.3  # the deviation of an edge that is known to a sample, in samples
 
 LAGS, CHANCE = 8, 1e-4
 """Lags at which what is left is searched for correlation, and the probability at which a random error may show it:
 beyond, it is motion that the spline does not follow, and the angle is as far off as the pulses are."""
 
-BLOCK = 4096
-"""Instants whose deviations are found together."""
+BLOCK = 4096  # instants whose deviations are found together
 
 Values = NDArray[np.float64]
 

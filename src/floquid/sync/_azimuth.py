@@ -13,20 +13,11 @@ from floquid.findings import Finding, note
 
 OF = "shaft_angle"
 
-TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "mrad": 2e3 * np.pi, "urad": 2e6 * np.pi}
-"""A revolution in each unit."""
-
-AGREES = 0.05
-"""Largest difference of a wrap from a revolution, as a share of it."""
-
-AMISS = 0.1
-"""Revolutions by which a sample may be off its neighbours before it is left out: one averaged over a wrap."""
-
-ONE_WAY = 0.8
-"""Of the path from block to block, what the shaft must get on by: noise goes to and fro a little."""
-
-NEAR = 101
-"""Steps of which the median is the local one."""
+TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "mrad": 2e3 * np.pi, "urad": 2e6 * np.pi}  # a revolution in each unit
+AGREES = 0.05  # largest difference of a wrap from a revolution, as a share of it
+AMISS = 0.1  # revolutions by which a sample may be off its neighbours before it is left out: one averaged over a wrap
+ONE_WAY = 0.8  # of the path from block to block, what the shaft must get on by: noise goes to and fro a little
+NEAR = 101  # steps of which the median is the local one
 
 A_REVOLUTION = 16
 """The angle is averaged over blocks of a sixteenth of a revolution: resolution and noise of neighbours go together."""
@@ -89,9 +80,8 @@ def of_azimuth(record: Record, clock: AzimuthSignal) -> Evidence:
     if angles[-1] - angles[0] < ONE_WAY * path:
         must = "be of a shaft that turns one way throughout"
         got = f"{channel.name!r} gets on by {angles[-1] - angles[0]:.3g} revolutions on a path of {path:.3g}"
-        raise input_error(
-            "record", OF, must, got, "Cut the record to a part in which the shaft turns, or check the channel."
-        )
+        remedy = "Cut the record to a part in which the shaft turns, or check the channel."
+        raise input_error("record", OF, must, got, remedy)
     return Evidence(
         times=record.start + places[tight].mean(axis=1) / record.sample_rate,
         angles=2.0 * np.pi * angles,
@@ -133,13 +123,9 @@ def _revolution(values: Values, channel: Channel) -> float:
     if channel.unit != "-":
         turn = TURNS[channel.unit]
         if size is not None and abs(size / turn - max(round(size / turn), 1)) > AGREES:
-            raise input_error(
-                "record",
-                OF,
-                f"have an azimuth that wraps at {turn:.6g} {channel.unit}",
-                f"{channel.name!r} wraps at {size:.4g}",
-                "Correct the channel's unit, or scale the channel so that a revolution is 360 deg.",
-            )
+            must = f"have an azimuth that wraps at {turn:.6g} {channel.unit}"
+            remedy = "Correct the channel's unit, or scale the channel so that a revolution is 360 deg."
+            raise input_error("record", OF, must, f"{channel.name!r} wraps at {size:.4g}", remedy)
         return turn
     if size is None:
         finite = values[np.isfinite(values)]
@@ -151,13 +137,9 @@ def _revolution(values: Values, channel: Channel) -> float:
     for turn in (TURNS["deg"], TURNS["rad"]):
         if abs(size / turn - 1.0) < AGREES:
             return turn
-    raise input_error(
-        "record",
-        OF,
-        "have an azimuth that wraps at 360 deg or 2π rad",
-        f"{channel.name!r}, without a unit, wraps at {size:.4g}",
-        "Scale the channel so that a revolution is 360 and give it the unit deg.",
-    )
+    must = "have an azimuth that wraps at 360 deg or 2π rad"
+    remedy = "Scale the channel so that a revolution is 360 and give it the unit deg."
+    raise input_error("record", OF, must, f"{channel.name!r}, without a unit, wraps at {size:.4g}", remedy)
 
 
 def _wrap(values: Values) -> float | None:

@@ -9,11 +9,8 @@ from numpy.typing import NDArray
 
 from floquid.sync._impact_search import longest_run
 
-SPAN = 11
-"""The fewest intervals of which the median is the local one: every second pulse but one may be wrong."""
-
-STEADY = 0.25
-"""Largest difference of a revolution of an undisturbed stretch from those about it, in line spacings."""
+SPAN = 11  # the fewest intervals of which the median is the local one: every second pulse but one may be wrong
+STEADY = 0.25  # largest difference of a revolution of an undisturbed stretch from those about it, in line spacings
 
 DOUBT = 0.25
 """Line spacings by which the speeds on the two sides of a gap may differ about the number of pulses lost in it."""
@@ -26,14 +23,10 @@ Numbers = NDArray[np.int64]
 class Counted:
     """The pulses that are kept, and the number of each."""
 
-    kept: NDArray[np.intp]
-    """The indices of the pulses kept (kept,)."""
-    numbers: Numbers
-    """Line spacings from line 0 of the first revolution to each (kept,)."""
-    missing: int
-    """Pulses that should have come between the first and the last."""
-    doubled: int
-    """Pulses left out, one too many in its place."""
+    kept: NDArray[np.intp]  # the indices of the pulses kept (kept,)
+    numbers: Numbers  # line spacings from line 0 of the first revolution to each (kept,)
+    missing: int  # pulses that should have come between the first and the last
+    doubled: int  # pulses left out, one too many in its place
     absent: tuple[int, ...]
     """Lines that never gave a pulse: a missing tooth. Line 0 is then the first after the longest such gap."""
     doubtful: tuple[tuple[float, float], ...]

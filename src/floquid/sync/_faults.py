@@ -11,23 +11,12 @@ from floquid.core import AzimuthSignal, Record, TachometerSignal
 from floquid.findings import Finding, failure, note, warning
 from floquid.sync._impact_search import runs_of
 
-FLAT = 3
-"""Equal samples in a row that make a flat top."""
-
-STUCK = 10
-"""Equal samples in a row that make a dropout."""
-
-BITS = (8, 10, 12, 14, 16, 18, 20, 24, 32)
-"""Widths of integers that are looked for."""
-
-FULL = 0.95
-"""The share of its range that a channel must span to have wrapped round."""
-
-SMOOTHER = 0.25
-"""Share of the power of second differences that taking the jumps out may leave."""
-
-WHOLE = 1e-3
-"""Largest difference of counts from whole numbers: a factor of calibration rounds them."""
+FLAT = 3  # equal samples in a row that make a flat top
+STUCK = 10  # equal samples in a row that make a dropout
+BITS = (8, 10, 12, 14, 16, 18, 20, 24, 32)  # widths of integers that are looked for
+FULL = 0.95  # the share of its range that a channel must span to have wrapped round
+SMOOTHER = 0.25  # share of the power of second differences that taking the jumps out may leave
+WHOLE = 1e-3  # largest difference of counts from whole numbers: a factor of calibration rounds them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

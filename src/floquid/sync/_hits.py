@@ -13,14 +13,9 @@ from floquid.core import AzimuthSignal, Record, TachometerSignal, channels_named
 from floquid.findings import Finding, note
 from floquid.sync._impact_search import by_force, by_response
 
-LEAST = 0.05
-"""The weakest impact that counts, as a share of the strongest one."""
-
-APART = 0.01
-"""Impacts closer than this share of the record are one impact."""
-
-SHORTEST = 0.1
-"""Pieces shorter than this share of the longest one are left out."""
+LEAST = 0.05  # the weakest impact that counts, as a share of the strongest one
+APART = 0.01  # Impacts closer than this share of the record are one impact
+SHORTEST = 0.1  # pieces shorter than this share of the longest one are left out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

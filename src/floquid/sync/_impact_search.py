@@ -14,27 +14,17 @@ from floquid._checks import input_error
 
 Blow = tuple[int, int, float, bool]
 
-LONGEST_MEMORY = 64
-"""Samples that the model looks back at most."""
-
-TERMS = 160
-"""Coefficients a channel of the model at most: memory times channels."""
-
-ROWS_A_TERM = 5
-"""Samples a coefficient that the fit needs."""
-
-MOST_ROWS = 10_000
-"""Samples that the fit uses at most, evenly spread: more make it slower, not better."""
+LONGEST_MEMORY = 64  # samples that the model looks back at most
+TERMS = 160  # coefficients a channel of the model at most: memory times channels
+ROWS_A_TERM = 5  # samples a coefficient that the fit needs
+MOST_ROWS = 10_000  # samples that the fit uses at most, evenly spread: more make it slower, not better
 
 ASSUMED_NOISE = 1e-5
 """Noise that the fit takes for granted, against the standard deviation of the channel: it keeps a record without noise
 from a fit that is exact and unstable."""
 
-LEAST_ERROR = 1e-4
-"""Prediction error that is never an impact, against the standard deviation of the channel."""
-
-LIMIT = 5.0
-"""The root of an impact's prediction error in a window exceeds the usual by this many times the usual scatter."""
+LEAST_ERROR = 1e-4  # prediction error that is never an impact, against the standard deviation of the channel
+LIMIT = 5.0  # root of an impact's prediction error in a window exceeds the usual by this many times the usual scatter
 
 ALONE = 5.0
 """A single sample stands out when the root of its error over all channels is this many deviations above the usual."""
@@ -42,8 +32,7 @@ ALONE = 5.0
 SIDED = 0.7
 """Share of the errors around an impact that lies ahead of it forwards and before it backwards: less is chatter."""
 
-NEARBY = 16
-"""Windows on each side over which the usual prediction error is taken."""
+NEARBY = 16  # windows on each side over which the usual prediction error is taken
 
 PASSES = 6
 
@@ -117,13 +106,10 @@ def _memory(complete: NDArray[np.bool_], channels: int) -> tuple[int, NDArray[np
             return memory, whole
         memory //= 2
     need = 2 * (ROWS_A_TERM * channels + 1)
-    raise input_error(
-        "record",
-        "find_impacts",
-        f"have {need} samples or more with few missing, to find impacts in {channels} response channels",
-        f"has {len(complete)}, of which {int((~complete).sum())} miss a channel",
-        "Leave channels with gaps out by `channels`, or give the instants of the impacts.",
-    )
+    must = f"have {need} samples or more with few missing, to find impacts in {channels} response channels"
+    got = f"has {len(complete)}, of which {int((~complete).sum())} miss a channel"
+    remedy = "Leave channels with gaps out by `channels`, or give the instants of the impacts."
+    raise input_error("record", "find_impacts", must, got, remedy)
 
 
 def _errors(

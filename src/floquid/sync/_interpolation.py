@@ -14,11 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import finite, frozen_array, input_error, positive
 
-BAND = 0.8
-"""End of the pass band, as a share of the cut-off frequency, by default."""
-
-ACCURACY = 1e-6
-"""The error of interpolation, as a share of each line's amplitude, unless told."""
+BAND = 0.8  # end of the pass band, as a share of the cut-off frequency, by default
+ACCURACY = 1e-6  # the error of interpolation, as a share of each line's amplitude, unless told
 
 _MARGIN = 8.0
 # Ripple of the pass band, images and the ripple that the unit gain at zero moves add up to 5.2 times the ripple that
@@ -36,8 +33,7 @@ class Kernel:
 
     coefficients: NDArray[np.float64]
     """Chebyshev coefficients (degree + 1, taps) of each tap over delays of 0 to 1 sample."""
-    half_width: int
-    """Samples used on either side of the instant: taps are twice as many."""
+    half_width: int  # samples used on either side of the instant: taps are twice as many
 
     def weights(self, delays: NDArray[np.float64]) -> NDArray[np.float64]:
         """The weights (delays, taps) at `delays` [samples] in [0, 1] past the last sample before the instant."""
@@ -57,13 +53,8 @@ def design(sample_rate: float, cutoff: float, band: float, accuracy: float, of: 
     share = positive(cutoff, "cutoff", of, unit="Hz") / rate
     check_options(band, accuracy, of)
     if not 1e-4 <= share <= 0.5 * (1.0 + 1e-12):
-        raise input_error(
-            "cutoff",
-            of,
-            f"lie between 1e-4 of the sampling rate and half of it ({0.5 * rate:.6g} Hz)",
-            f"is {cutoff:.6g} Hz",
-            "Pass half the lower of the old rate and the new.",
-        )
+        must = f"lie between 1e-4 of the sampling rate and half of it ({0.5 * rate:.6g} Hz)"
+        raise input_error("cutoff", of, must, f"is {cutoff:.6g} Hz", "Pass half the lower of the old rate and the new.")
     n_taps, beta = _kaiser(20.0 * np.log10(_MARGIN / accuracy), 4.0 * (1.0 - band) * share)
     half = int(np.ceil(0.5 * (n_taps - 1)))
 

@@ -18,17 +18,10 @@ RISE, FALL = 0.45, 0.25
 ENDS = (2, 1, 4)
 """Samples of base and of top that the sum over an edge takes in beyond the rise: filters ring, and noise adds up."""
 
-NEAR = 16
-"""The most samples beside an edge from which the levels there are taken: bases drift, and teeth differ in height."""
-
-CLEAR = 15.0
-"""Heights of pulses must be so many standard deviations of the base: the threshold is then six above it."""
-
-SEPARATE = 10.0
-"""Two levels are told from one by how far apart they are, in standard deviations of the lower."""
-
-MOSTLY = 0.6
-"""Fraction of the time beyond which a high level is the base of pulses that go down."""
+NEAR = 16  # most samples beside an edge from which the levels there are taken: bases drift, and teeth differ in height
+CLEAR = 15.0  # heights of pulses must be so many standard deviations of the base: the threshold is then six above it
+SEPARATE = 10.0  # two levels are told from one by how far apart they are, in standard deviations of the lower
+MOSTLY = 0.6  # fraction of the time beyond which a high level is the base of pulses that go down
 
 Samples = NDArray[np.float64]
 Indices = NDArray[np.intp]

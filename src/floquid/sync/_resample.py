@@ -14,8 +14,7 @@ from floquid.core import ConstantPeriod, Cycles, Record
 from floquid.sync._impact_search import longest_run
 from floquid.sync._interpolation import ACCURACY, BAND, check_options, half_width, interpolate
 
-FEWEST_PHASES = 8
-"""The fewest samples a period that are chosen from a bandwidth, where the sampling rate allows them."""
+FEWEST_PHASES = 8  # the fewest samples a period that are chosen from a bandwidth, where the sampling rate allows them
 
 _FALSE_ALARM = 1e-3
 # The chance that a record of white noise alone seems to hold a response.
@@ -105,8 +104,7 @@ class _Cut:
 
     clock: ConstantPeriod | Shaft
     first: int
-    bounds: NDArray[np.float64]
-    """Start of each cycle, and end of the last (cycles + 1,) [s]."""
+    bounds: NDArray[np.float64]  # start of each cycle, and end of the last (cycles + 1,) [s]
 
     @classmethod
     def of(cls, record: Record, clock: ConstantPeriod | Shaft) -> _Cut:
@@ -118,13 +116,9 @@ class _Cut:
             low, high = np.asarray(clock.angle(ends)) * clock.periods_per_revolution / (2.0 * np.pi)
         first, last = int(np.ceil(low)), int(np.floor(high))
         if last <= first:
-            raise input_error(
-                "clocks",
-                "resample",
-                "have at least one whole period within each record",
-                f"one record of {record.duration:.6g} s holds {max(high - low, 0.0):.3g} periods",
-                "Check the unit of the period, or use a longer record.",
-            )
+            must = "have at least one whole period within each record"
+            got = f"one record of {record.duration:.6g} s holds {max(high - low, 0.0):.3g} periods"
+            raise input_error("clocks", "resample", must, got, "Check the unit of the period, or use a longer record.")
         # Of more periods than samples, which are refused below, not all bounds are made: there may be any number.
         bounds = instants(clock, np.arange(first, min(last, first + record.n_samples) + 1.0))
         if not (np.diff(bounds) > 0).all():
@@ -186,13 +180,10 @@ def _resampled(record: Record, cut: _Cut, phases: int, reach: float, band: float
     kept = slice(*longest_run(np.asarray(np.isfinite(values).all(axis=(0, 2)))))
     half = half_width(record.sample_rate, cutoff=cutoff, band=band, accuracy=accuracy)
     if kept.stop == kept.start:
-        raise input_error(
-            "records",
-            "resample",
-            f"hold a whole cycle with {half} samples on either side of each instant, none of them missing",
-            f"none of the {cut.n_cycles} cycles of one record has them",
-            "Use a longer record, a lower `accuracy` or a lower `band`.",
-        )
+        must = f"hold a whole cycle with {half} samples on either side of each instant, none of them missing"
+        got = f"none of the {cut.n_cycles} cycles of one record has them"
+        remedy = "Use a longer record, a lower `accuracy` or a lower `band`."
+        raise input_error("records", "resample", must, got, remedy)
     taken = values[:, kept]
     if taken.size < values.size:
         taken = taken.copy()  # what was left out is not held on to
@@ -229,24 +220,16 @@ def _check_alike(records: tuple[Record, ...], clocks: tuple[ConstantPeriod | Sha
         raise input_error("clocks", "resample", f"hold one for each of {len(records)} records", f"holds {len(clocks)}")
     for clock in clocks:
         if not isinstance(clock, (ConstantPeriod, Shaft)):
-            raise input_error(
-                "clocks",
-                "resample",
-                "be a ConstantPeriod or a shaft angle",
-                f"one is a {type(clock).__name__}",
-                "Find the shaft angle from the pulses or the azimuth channel first.",
-            )
+            must = "be a ConstantPeriod or a shaft angle"
+            remedy = "Find the shaft angle from the pulses or the azimuth channel first."
+            raise input_error("clocks", "resample", must, f"one is a {type(clock).__name__}", remedy)
     first = [(channel.name, channel.unit) for channel in records[0].channels]
     for number, record in enumerate(records[1:], start=2):
         other = [(channel.name, channel.unit) for channel in record.channels]
         if other != first:
-            raise input_error(
-                "records",
-                "resample",
-                "have the same channels, in the same units",
-                f"number 1 has {_words(first)} and number {number} has {_words(other)}",
-                "Choose common channels with `channels=`, in one order.",
-            )
+            got = f"number 1 has {_words(first)} and number {number} has {_words(other)}"
+            remedy = "Choose common channels with `channels=`, in one order."
+            raise input_error("records", "resample", "have the same channels, in the same units", got, remedy)
 
 
 def _words(channels: list[tuple[str, str]]) -> str:

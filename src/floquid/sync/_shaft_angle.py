@@ -18,11 +18,8 @@ from floquid.sync._count import count
 from floquid.sync._pulses import pulse_times
 from floquid.sync._steadiness import ROUGH, alike, gaps, outside, repairs, uneven, verdict
 
-APART = 2.0
-"""Revolutions between knots at least: less, and uneven lines would be taken for a change of speed."""
-
-GRID = 2000
-"""Instants at which the speed is looked at, at least."""
+APART = 2.0  # revolutions between knots at least: less, and uneven lines would be taken for a change of speed
+GRID = 2000  # instants at which the speed is looked at, at least
 
 TURN = 2.0 * np.pi
 
@@ -243,13 +240,9 @@ def _of_pulses(record: Record, clock: TachometerSignal | PulseTimes) -> Evidence
     of_record = isinstance(clock, TachometerSignal)
     times = pulse_times(record, clock.channel) if of_record else clock.times
     if len(times) < 3:
-        raise input_error(
-            "record",
-            OF,
-            "have three pulses or more, for the speed and how well it is known",
-            f"has {len(times)}, at {times[0]:.6g} and {times[-1]:.6g} s",
-            "Use a longer record, or pass ConstantPeriod(period=..., origin=...) from these two.",
-        )
+        must = "have three pulses or more, for the speed and how well it is known"
+        remedy = "Use a longer record, or pass ConstantPeriod(period=..., origin=...) from these two."
+        raise input_error("record", OF, must, f"has {len(times)}, at {times[0]:.6g} and {times[-1]:.6g} s", remedy)
     found = count(times, lines)
     said = [warning("pulses_guessed", first=first, last=last) for first, last in found.doubtful]
     seen = len(np.unique(found.numbers % lines))

@@ -10,17 +10,10 @@ from floquid.findings import Finding, note, warning
 STEADY, USABLE = 0.01, 0.05
 """Wander of the speed, of its mean: below the one a periodic model holds, beyond the other it does not."""
 
-BEYOND = 1.5
-"""Revolutions outside the pulses that pass without a word: a record begins and ends between two pulses."""
-
-GAP = 3.0
-"""Revolutions without a pulse that are told of: what the speed did there is not in the deviation of the angle."""
-
-ALIKE = 0.4
-"""Correlation of neighbours in what is left over that is told of."""
-
-ROUGH = 0.01
-"""Scatter of pulses, in revolutions, that is too much for a good sensor on a shaft of steady speed."""
+BEYOND = 1.5  # revolutions outside the pulses that pass without a word: a record begins and ends between two pulses
+GAP = 3.0  # revolutions without a pulse that are told of: what the speed did there is not in the deviation of the angle
+ALIKE = 0.4  # correlation of neighbours in what is left over that is told of
+ROUGH = 0.01  # scatter of pulses, in revolutions, that is too much for a good sensor on a shaft of steady speed
 
 
 def verdict(wander: float, run: float, mean_speed: float) -> tuple[bool, Finding]:

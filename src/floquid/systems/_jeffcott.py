@@ -16,8 +16,7 @@ from floquid.floquet import transition
 
 DampingForm = Literal["identity", "support"]
 
-LONGEST = 10**10
-"""Samples of each channel beyond which a record is a slip of the keyboard."""
+LONGEST = 10**10  # samples of each channel beyond which a record is a slip of the keyboard
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,13 +172,8 @@ class JeffcottRotor:
         periods = integer(n_periods, "n_periods", of, at_least=1)
         samples = integer(samples_per_period, "samples_per_period", of, at_least=1)
         if periods * samples > LONGEST:
-            raise input_error(
-                "n_periods",
-                of,
-                f"make at most {LONGEST:.0e} samples",
-                f"is {periods} of {samples} samples",
-                "Ask for less.",
-            )
+            must = f"make at most {LONGEST:.0e} samples"
+            raise input_error("n_periods", of, must, f"is {periods} of {samples} samples", "Ask for less.")
         level = _not_negative(noise, "noise", of, remedy="It is a fraction: 0.02 is 2 %.")
         generator = np.random.default_rng(integer(seed, "seed", of, at_least=0))
         direction = np.deg2rad(finite(impulse_deg, "impulse_deg", of, unit="deg"))
@@ -197,13 +191,9 @@ class JeffcottRotor:
             start=start,
         )
         if not np.isfinite(values).all():
-            raise input_error(
-                "n_periods",
-                of,
-                "end before the response overflows",
-                f"is {periods}, and this rotor is unstable",
-                "Take fewer periods or another speed.",
-            )
+            must = "end before the response overflows"
+            got = f"is {periods}, and this rotor is unstable"
+            raise input_error("n_periods", of, must, got, "Take fewer periods or another speed.")
         if level > 0.0:
             largest = np.abs(values).max(axis=1, keepdims=True)
             if not level * largest.max() < 1e300:

@@ -97,11 +97,8 @@ def number_in(source: Source, cell: str, line: int, column: str, *, remedy: str,
             raise ValueError(cell)
         return float(cell) if cell else np.nan
     except ValueError:
-        raise source.error(
-            "have a number in every cell",
-            f"has {(shown or cell)[:40]!r} in line {line}, column {column!r}",
-            remedy,
-        ) from None
+        must = "have a number in every cell"
+        raise source.error(must, f"has {(shown or cell)[:40]!r} in line {line}, column {column!r}", remedy) from None
 
 
 def stated_number(stated: Mapping[Any, Any], key: str, source: Source, *, above_zero: bool) -> float | None:
@@ -150,13 +147,9 @@ def orbit_of(record: Record) -> dict[str, NDArray[np.float64]]:
 def refuse_blurred_times(record: Record) -> None:
     """Refuse to write times of a `record` of which neighbours are one number."""
     if np.spacing(np.abs(record.times).max()) * record.sample_rate > 0.01:
-        raise input_error(
-            "record",
-            "write",
-            "have times that a table of numbers can tell apart",
-            f"starts at {record.start:.6g} s with steps of {1.0 / record.sample_rate:.3g} s",
-            "Write it as .npz, or count its time from a nearer start.",
-        )
+        must = "have times that a table of numbers can tell apart"
+        got = f"starts at {record.start:.6g} s with steps of {1.0 / record.sample_rate:.3g} s"
+        raise input_error("record", "write", must, got, "Write it as .npz, or count its time from a nearer start.")
 
 
 _TIME_NAME = re.compile(
@@ -218,9 +211,7 @@ def find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[
         if known is not None:
             return column, known
         if len(match[1]) > 1:
-            raise source.error(
-                "have its times in one of s, ms, us, ns, min, h",
-                f"has column {column + 1}, {name!r}, in {unit!r}",
-                "Export the times as numbers in seconds.",
-            )
+            must = "have its times in one of s, ms, us, ns, min, h"
+            got = f"has column {column + 1}, {name!r}, in {unit!r}"
+            raise source.error(must, got, "Export the times as numbers in seconds.")
     return None, None

@@ -93,13 +93,9 @@ def _real_form(exponents: NDArray[np.complex128], period: float) -> tuple[NDArra
     if lower or place != 2 * len(upper):
         raise input_error("exponents", of, "hold the conjugate of each complex one", f"are {exponents.tolist()}")
     if negative.sum() % 2:
-        raise input_error(
-            "exponents",
-            of,
-            "have an even number of real negative multipliers",
-            f"have {int(negative.sum())}",
-            "An odd number would make det Φ(T, 0) negative, which no real A(t) does.",
-        )
+        must = "have an even number of real negative multipliers"
+        remedy = "An odd number would make det Φ(T, 0) negative, which no real A(t) does."
+        raise input_error("exponents", of, must, f"have {int(negative.sum())}", remedy)
     halves = exponents[negative].real
     planes = np.arange(place, place + len(halves), 2)
     turning[planes + 1, planes] = 1.0

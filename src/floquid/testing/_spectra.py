@@ -52,13 +52,9 @@ def pair_exponents(estimated: ArrayLike, truth: ArrayLike, period: float) -> Pai
     found = frozen_array(estimated, "estimated", of, axes=("estimates",), dtype=np.complex128)
     true = frozen_array(truth, "truth", of, axes=("truth",), dtype=np.complex128)
     if len(found) < len(true):
-        raise input_error(
-            "estimated",
-            of,
-            f"hold at least the {len(true)} exponents of `truth`",
-            f"holds {len(found)}",
-            "To see which true exponents were missed, exchange the two arguments.",
-        )
+        must = f"hold at least the {len(true)} exponents of `truth`"
+        remedy = "To see which true exponents were missed, exchange the two arguments."
+        raise input_error("estimated", of, must, f"holds {len(found)}", remedy)
     from scipy.optimize import linear_sum_assignment
 
     apart = np.subtract.outer(found, true).T

@@ -17,8 +17,7 @@ from floquid.sync import ShaftAngle
 from floquid.validation._held_out import cycles_of, only
 from floquid.validation._types import Criterion
 
-REMAINDER = 0.05
-"""The share of the response, in amplitude, that a model may leave beyond the noise and still pass."""
+REMAINDER = 0.05  # the share of the response, in amplitude, that a model may leave beyond the noise and still pass
 
 
 @dataclass(slots=True)
@@ -64,8 +63,7 @@ class Case:
     noise: NDArray[np.float64]
     instants: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]
     cycles: tuple[NDArray[np.int64], ...]
-    highest: float
-    """Half of the lowest sampling rate, in fundamentals."""
+    highest: float  # half of the lowest sampling rate, in fundamentals
     per_revolution: float
     false_alarm: float
 

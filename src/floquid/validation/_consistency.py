@@ -11,34 +11,24 @@ from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure
 from floquid.reconstruction import StateModel
 
-TOLERANCE = 1e-4
-"""Relative errors of multipliers that interpolation between the instants may make."""
-
-DEVIATIONS = 4.0
-"""Standard deviations by which a multiplier may be another than the model's."""
-
-SMALL = 1e-6
-"""The share of the largest multiplier below which one is not told by integrating."""
+TOLERANCE = 1e-4  # relative errors of multipliers that interpolation between the instants may make
+DEVIATIONS = 4.0  # standard deviations by which a multiplier may be another than the model's
+SMALL = 1e-6  # the share of the largest multiplier below which one is not told by integrating
 
 ACCURACY = 1e-7
 """The relative change of Φ over a period at which steps are short enough: half as long, they are 16 times as good."""
 
-MOST_STEPS = 2**16
-"""Steps in a period, at most."""
+MOST_STEPS = 2**16  # steps in a period, at most
 
 
 @dataclass(frozen=True, slots=True)
 class Consistency:
     """Result of integrating A(t)."""
 
-    multipliers: float
-    """The largest difference of a multiplier from the model's, over what it may be."""
-    pair: tuple[complex, complex]
-    """Worst multiplier of A(t), and that of the model."""
-    liouville: float
-    """The mean of tr A less the sum of the exponents, times the period, over what it may be."""
-    composition: float
-    """The largest relative difference of Φ(t + T, t0), integrated, and Φ(t, t0) Φ(t0 + T, t0)."""
+    multipliers: float  # the largest difference of a multiplier from the model's, over what it may be
+    pair: tuple[complex, complex]  # worst multiplier of A(t), and that of the model
+    liouville: float  # the mean of tr A less the sum of the exponents, times the period, over what it may be
+    composition: float  # the largest relative difference of Φ(t + T, t0), integrated, and Φ(t, t0) Φ(t0 + T, t0)
 
 
 def consistency(model: PeriodicModel, state: StateModel) -> Consistency | Finding:

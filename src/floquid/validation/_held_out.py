@@ -14,37 +14,26 @@ from floquid.sync import ShaftAngle
 
 Clocks = Sequence[ConstantPeriod | ShaftAngle]
 
-PHASES = 32
-"""Instants of a period at which the response is looked at, to see where it has died."""
-
-ALIVE = 0.2
-"""The rms of the response in a cycle, over the noise, below which there is nothing to predict."""
-
-PIECES = 5
-"""Pieces of a record in each fold, where it has that many cycles."""
+PHASES = 32  # instants of a period at which the response is looked at, to see where it has died
+ALIVE = 0.2  # the rms of the response in a cycle, over the noise, below which there is nothing to predict
+PIECES = 5  # pieces of a record in each fold, where it has that many cycles
 
 BRIEF = 2.0
 """Cycles in which a mode may decay so that the cycle that holds most of it can still be predicted from the others."""
 
-STRETCHES = 8
-"""Stretches of the record in each of which the error is looked at."""
-
-AT_REST = 0.1
-"""The deviations that the last step of a refit may have: what comes after is far below the noise."""
+STRETCHES = 8  # stretches of the record in each of which the error is looked at
+AT_REST = 0.1  # the deviations that the last step of a refit may have: what comes after is far below the noise
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
     """Sums of squares that the prediction of held-out cycles leaves, over the noise squared."""
 
-    numbers: NDArray[np.int64]
-    """Samples predicted (channels, hits, stretches)."""
-    squares: NDArray[np.float64]
-    """Σ e²/σ² (channels, hits, stretches)."""
+    numbers: NDArray[np.int64]  # samples predicted (channels, hits, stretches)
+    squares: NDArray[np.float64]  # Σ e²/σ² (channels, hits, stretches)
     own: NDArray[np.float64]
     """Σ e r/σ², with r what the model fitted to all cycles leaves: chi-square (channels, hits, stretches)."""
-    response: NDArray[np.float64]
-    """Σ y²/σ² (channels, hits, stretches)."""
+    response: NDArray[np.float64]  # Σ y²/σ² (channels, hits, stretches)
 
 
 def held_out(

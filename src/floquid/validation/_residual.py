@@ -12,47 +12,29 @@ from floquid.periodic import line_amplitudes, unexplained, without_lines
 from floquid.sync import ShaftAngle
 from floquid.validation._case import REMAINDER, Case, Checks, strongest
 
-TONE = 0.1
-"""The amplitude of a tone, over the noise, that is let pass in any case."""
+TONE = 0.1  # the amplitude of a tone, over the noise, that is let pass in any case
 
 LOUD_TONE, LOUD_LINE = 1.0, 0.5
 """Amplitudes of a tone and of any other line, over the noise, that fail a model: the latter may be of a mode."""
 
-LINES_BESIDE = (-5.0, -3.0, 3.0, 5.0)
-"""Lines of the record beside a tone, to hold it against."""
-
-ABOVE = 8.0
-"""Least score of a tone over that of those lines."""
-
-COLOUR = 0.01
-"""The sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter."""
-
-STRONG_COLOUR = 0.25
-"""The same from which on a model fails: such colour may be what modes leave."""
-
-ROUNDING = 0.5
-"""Residual over the noise below which the noise is no estimate but what the record is believed down to."""
+LINES_BESIDE = (-5.0, -3.0, 3.0, 5.0)  # lines of the record beside a tone, to hold it against
+ABOVE = 8.0  # least score of a tone over that of those lines
+COLOUR = 0.01  # the sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter
+STRONG_COLOUR = 0.25  # the same from which on a model fails: such colour may be what modes leave
+ROUNDING = 0.5  # Residual over the noise below which the noise is no estimate but what the record is believed down to
 
 LEFT_OUT = 1e-8
 """The probability at which noise passes for a harmonic where it is let be none: weaker ones are left out on purpose."""
 
-HARMONIC = 0.01
-"""The share of the response in one harmonic beside a band that is let pass in any case."""
-
-MARGIN = 2.0
-"""Standard deviations by which a harmonic has to rise above that."""
-
-MOST_TONES = 64
-"""Harmonics of the period that are looked at, at most."""
-
-BESIDE = 4
-"""Harmonics on each side of a mode's band that are looked at."""
+HARMONIC = 0.01  # the share of the response in one harmonic beside a band that is let pass in any case
+MARGIN = 2.0  # standard deviations by which a harmonic has to rise above that
+MOST_TONES = 64  # harmonics of the period that are looked at, at most
+BESIDE = 4  # harmonics on each side of a mode's band that are looked at
 
 LAGS = 16
 """Autocorrelations that are looked at, at most."""
 
-PIECE = 64
-"""Lines of a spectrum over which its level is taken."""
+PIECE = 64  # lines of a spectrum over which its level is taken
 
 
 def left_by(case: Case, found: Checks) -> dict[str, NDArray]:

@@ -21,23 +21,18 @@ from floquid.validation._held_out import held_out
 from floquid.validation._residual import left_by
 from floquid.validation._types import Validation
 
-LEAST_FIT = 0.95
-"""The share of the response that has to be predicted on cycles held out."""
+LEAST_FIT = 0.95  # the share of the response that has to be predicted on cycles held out
 
 ERROR = 1.05
 """The prediction error over noise and its own deviation that is let pass in any case; a tenth more over a stretch."""
 
-FAILING = 1.4
-"""How many times its limit the same is where a model fails; twice over a stretch."""
+FAILING = 1.4  # how many times its limit the same is where a model fails; twice over a stretch
 
 PHI = 1e-3
 """The relative difference between Φ and A(t) integrated that is let pass: interpolation between instants makes one."""
 
-EXPLAINED = 1e-9
-"""The probability at which noise passes for a mode, over all lines and decays that it is looked for at."""
-
-LOOKS = 8
-"""Decays that a mode may have been looked for at, on each line."""
+EXPLAINED = 1e-9  # the probability at which noise passes for a mode, over all lines and decays that it is looked for at
+LOOKS = 8  # decays that a mode may have been looked for at, on each line
 
 
 def validate(

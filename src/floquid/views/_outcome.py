@@ -8,8 +8,7 @@ from floquid.pipeline import Analysis
 from floquid.validation import Validation
 from floquid.views._words import mode_notes, period_words
 
-MOST_NAMED = 6
-"""Harmonics of the forced response that are named."""
+MOST_NAMED = 6  # harmonics of the forced response that are named
 
 
 def outcome_lines(analysis: Analysis) -> dict[str, str]:

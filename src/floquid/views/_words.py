@@ -19,11 +19,8 @@ MODE_NOTES = {
 }
 """The words that a mode may deserve and what they mean; they are short, for a table has to fit 80 columns."""
 
-RIVAL = 0.5
-"""Share of the energy of the strongest line from which on another makes the branch a choice."""
-
-MOST_DIGITS = 10
-"""After the point; beyond them a deviation says nothing that a reader could use."""
+RIVAL = 0.5  # share of the energy of the strongest line from which on another makes the branch a choice
+MOST_DIGITS = 10  # after the point; beyond them a deviation says nothing that a reader could use
 
 
 def with_error(value: float, std: float) -> str:

@@ -127,13 +127,9 @@ def _steps(system: PeriodicSystem, kind: Kind, instants: NDArray[np.float64], to
 def _refuse_unstable(steps: _Steps, period: float, of: str) -> None:
     growth = float(product_logarithms(steps.phi).real.max())
     if growth > -_UNDAMPED:
-        raise input_error(
-            "system",
-            of,
-            "be stable, for the integral over all past or future does not exist otherwise",
-            f"has an exponent of real part {growth / period:.6g} 1/s",
-            "Shift A(t) by a multiple of the identity, or take out the states that do not decay.",
-        )
+        must = "be stable, for the integral over all past or future does not exist otherwise"
+        remedy = "Shift A(t) by a multiple of the identity, or take out the states that do not decay."
+        raise input_error("system", of, must, f"has an exponent of real part {growth / period:.6g} 1/s", remedy)
 
 
 def largest_entry(matrix: AbstractPeriodicMatrix) -> float:
@@ -176,13 +172,9 @@ def h2_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> float:
         if doubling and change <= _SETTLED * now:
             return float(np.sqrt(now))
         before = now
-    raise input_error(
-        "system",
-        of,
-        f"have a mean of C P Cᵀ that is found to {_SETTLED:g}",
-        f"it still changes by {change:.2g} of {before:.3g}",
-        "Name the instants at which its matrices jump in their `breaks`.",
-    )
+    must = f"have a mean of C P Cᵀ that is found to {_SETTLED:g}"
+    got = f"it still changes by {change:.2g} of {before:.3g}"
+    raise input_error("system", of, must, got, "Name the instants at which its matrices jump in their `breaks`.")
 
 
 def hankel_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> float:

@@ -87,9 +87,8 @@ class HarmonicSystem(Rebuilt):
         matrices = with_inputs(system, of)
         size = (2 * count + 1) * max(max(matrix.shape) for matrix in matrices)
         if size > _LARGEST:
-            raise input_error(
-                "n_harmonics", of, f"keep every lifted matrix within {_LARGEST} rows", f"{count} needs {size}"
-            )
+            must = f"keep every lifted matrix within {_LARGEST} rows"
+            raise input_error("n_harmonics", of, must, f"{count} needs {size}")
         lifted = [block_toeplitz(fourier(matrix, 2 * count), count) for matrix in matrices]
         lifted[0] -= np.diag(speeds(system.n_states, count, 2.0 * np.pi / system.period))
         harmonics = range(-count, count + 1)
@@ -257,14 +256,13 @@ def respond(
         left = left[(change[..., left] > accuracy * largest).any(axis=(0, 1))]
     error = change.max(axis=2, initial=0.0)
     if left.size and raises:
-        raise input_error(
-            "omega" if not np.isfinite(values).all() else "system",
-            of,
-            f"have a response that settles to {accuracy:g} of its largest harmonic",
-            f"at Ω = {omega[left[0]]:g} rad/s it still changes by {error.max():.3g} at {used} harmonics",
+        must = f"have a response that settles to {accuracy:g} of its largest harmonic"
+        got = f"at Ω = {omega[left[0]]:g} rad/s it still changes by {error.max():.3g} at {used} harmonics"
+        remedy = (
             "Keep off the undamped exponents, name the jumps of callables in `breaks`, raise `tolerance`, or pass "
-            "`raises=False` and look at `error`.",
+            "`raises=False` and look at `error`."
         )
+        raise input_error("omega" if not np.isfinite(values).all() else "system", of, must, got, remedy)
     kept = min(highest, used)
     values = values[:, :, highest - kept : highest + kept + 1]
     return Responses(values, np.arange(-kept, kept + 1), used, error)
@@ -291,9 +289,8 @@ def _solved(
         try:
             inner[..., index] = np.linalg.solve(1j * line * diagonal - matrix, drive)
         except np.linalg.LinAlgError:
-            raise input_error(
-                "omega", of, "keep off the exponents", f"Ω = {line:g} rad/s is one of an undamped mode"
-            ) from None
+            must = "keep off the exponents"
+            raise input_error("omega", of, must, f"Ω = {line:g} rad/s is one of an undamped mode") from None
     out = np.zeros((system.n_outputs, n_columns, 2 * reach + 1, len(omega)), dtype=np.complex128)
     kept = min(truncation, reach)
     middle = slice(reach - kept, reach + kept + 1)
@@ -337,13 +334,10 @@ def _truncations(
     out = [max(4, lowest, 0 if wanted is None else wanted + 2)]
     least = out[0] + step
     if least > most:
-        raise input_error(
-            "system" if out[0] == lowest else "n_harmonics",
-            of,
-            f"keep (2 N + 1) n within {_LARGEST}",
-            f"{least} harmonics of {n} states are {(2 * least + 1) * n}",
-            "Reduce the states or the harmonics of the matrices, ask for fewer harmonics, or raise `tolerance`.",
-        )
+        must = f"keep (2 N + 1) n within {_LARGEST}"
+        got = f"{least} harmonics of {n} states are {(2 * least + 1) * n}"
+        remedy = "Reduce the states or the harmonics of the matrices, ask for fewer harmonics, or raise `tolerance`."
+        raise input_error("system" if out[0] == lowest else "n_harmonics", of, must, got, remedy)
     while out[-1] + step <= most:
         out.append(min(most, out[-1] + max(step, out[-1] // 2)))
     return wanted, out

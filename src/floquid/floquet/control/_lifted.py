@@ -319,13 +319,9 @@ def _check_causal(D: NDArray[np.float64], phases: int) -> None:
     ahead = np.triu(blocks, 1)
     if (ahead > RANK * blocks.max(initial=0.0)).any():
         phase, later = (int(index) for index in np.argwhere(ahead == ahead.max())[0])
-        raise input_error(
-            "system",
-            _OF,
-            "be causal within a period: D zero above its diagonal of blocks",
-            f"answers at phase {phase} to an input at phase {later}",
-            "Signals are by phase, then by name, as `lift(...).to_control()` has them; take them in that order.",
-        )
+        must = "be causal within a period: D zero above its diagonal of blocks"
+        remedy = "Signals are by phase, then by name, as `lift(...).to_control()` has them; take them in that order."
+        raise input_error("system", _OF, must, f"answers at phase {phase} to an input at phase {later}", remedy)
 
 
 def _names(labels: Any, count: int) -> tuple[str, ...] | None:

@@ -308,7 +308,6 @@ def _finite(states: NDArray[np.float64], instants: NDArray[np.float64]) -> NDArr
     good = np.isfinite(states).all(axis=1)
     if not good.all():
         last = instants[int(np.argmin(good))]
-        raise input_error(
-            "times", _OF, "end before the response leaves the range of floating point", f"it overflows by t = {last:g}"
-        )
+        must = "end before the response leaves the range of floating point"
+        raise input_error("times", _OF, must, f"it overflows by t = {last:g}")
     return states

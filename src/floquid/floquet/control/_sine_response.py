@@ -137,11 +137,6 @@ def _refuse_without_steady_state(system: PeriodicSystem, omega: float, of: str) 
     modes = hill(system.A)
     growth = modes.exponents.real
     if (growth > growth_doubt(modes)).any():
-        raise input_error(
-            "system",
-            of,
-            "be stable",
-            f"has an exponent of real part {growth.max():.6g} 1/s",
-            "It has no steady response; `harmonic_transfer` gives the transfer function all the same.",
-        )
+        remedy = "It has no steady response; `harmonic_transfer` gives the transfer function all the same."
+        raise input_error("system", of, "be stable", f"has an exponent of real part {growth.max():.6g} 1/s", remedy)
     refuse_undamped(modes, np.array([omega]), of)

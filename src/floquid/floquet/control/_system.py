@@ -239,13 +239,8 @@ def _over_one_period(given: dict[str, Operand]) -> dict[str, AbstractPeriodicMat
     else:
         some = [matrix.period for matrix in given.values() if isinstance(matrix, AbstractPeriodicMatrix)]
         if not some:
-            raise input_error(
-                "A",
-                of,
-                "have a period where all is constant",
-                "is an array",
-                "Pass `HarmonicMatrix(coefficients=A[:, :, None], harmonics=[0], period=...)`.",
-            )
+            remedy = "Pass `HarmonicMatrix(coefficients=A[:, :, None], harmonics=[0], period=...)`."
+            raise input_error("A", of, "have a period where all is constant", "is an array", remedy)
         period, counts = some[0], []
     held: dict[str, AbstractPeriodicMatrix] = {
         name: constant_matrix(value, period) for name, value in values.items() if value is not None
@@ -282,13 +277,9 @@ def _inverse(matrix: AbstractPeriodicMatrix, of: str) -> AbstractPeriodicMatrix:
     values = matrix.at(stretches(matrix))
     sizes = np.linalg.svd(values, compute_uv=False)
     if (sizes[..., -1] <= _SINGULAR * sizes[..., 0]).any() or changes_sign(values):
-        raise input_error(
-            "other",
-            of,
-            "leave the loop a solution at all times",
-            "I ∓ D₁(t) D₂(t) is singular at some time",
-            "Take the direct term out of one of the two, or change the gain.",
-        )
+        must = "leave the loop a solution at all times"
+        got = "I ∓ D₁(t) D₂(t) is singular at some time"
+        raise input_error("other", of, must, got, "Take the direct term out of one of the two, or change the gain.")
     if constant_value(matrix) is not None:
         return constant_matrix(_inverted(matrix, np.zeros(())), matrix.period)
     return FunctionMatrix(

@@ -100,13 +100,8 @@ def _differentiated(scaled: Matrices, name: str, index: int) -> _Output:
         if not _is_none(effect, _largest(row) * _largest(B)):
             return _Output(held, after, effect)
         row = after
-    raise input_error(
-        "system",
-        _OF,
-        "let every output be reached by an input",
-        f"its output {name!r} is reached by none",
-        "Leave the output out.",
-    )
+    must = "let every output be reached by an input"
+    raise input_error("system", _OF, must, f"its output {name!r} is reached by none", "Leave the output out.")
 
 
 def _derivative(row: AbstractPeriodicMatrix, name: str) -> AbstractPeriodicMatrix:
@@ -117,13 +112,10 @@ def _derivative(row: AbstractPeriodicMatrix, name: str) -> AbstractPeriodicMatri
     try:
         series = row.to_harmonics()
     except InputError:
-        raise input_error(
-            "system",
-            _OF,
-            "let an output be differentiated until an input appears in it",
-            f"its output {name!r} jumps, or a derivative of it does, before that",
-            "Smooth the jumps of A(t) and C(t), or give the output a direct term.",
-        ) from None
+        must = "let an output be differentiated until an input appears in it"
+        got = f"its output {name!r} jumps, or a derivative of it does, before that"
+        remedy = "Smooth the jumps of A(t) and C(t), or give the output a direct term."
+        raise input_error("system", _OF, must, got, remedy) from None
     lines, fundamental = np.asarray(series.harmonics), 2.0 * np.pi / row.period
     return real_series(1j * fundamental * lines * np.asarray(series.coefficients), lines, row.period)
 

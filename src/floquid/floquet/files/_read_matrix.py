@@ -270,9 +270,8 @@ def _stack(found: Contents, key: str, *, complex_numbers: bool) -> NDArray[Any]:
     if bad.any():
         where = tuple(int(i) for i in np.argwhere(bad)[0])
         got = f"has {int(bad.sum())} numbers there that are not, the first at index {where}"
-        raise found.error(
-            f"hold finite numbers in `{key}`", got, "Leave out those instants and give `times`, or mend it."
-        )
+        must = f"hold finite numbers in `{key}`"
+        raise found.error(must, got, "Leave out those instants and give `times`, or mend it.")
     return array.astype(np.complex128 if complex_numbers else np.float64)
 
 

@@ -93,13 +93,9 @@ def hill(
     n_states = matrix.shape[0]
     wanted = None if n_harmonics is None else integer(n_harmonics, "n_harmonics", of, at_least=1)
     if (2 * (wanted or 3) + 1) * n_states > _LARGEST:
-        raise input_error(
-            "n_harmonics",
-            of,
-            f"keep (2 N + 1) n within {_LARGEST}",
-            f"{wanted or 3} harmonics of {n_states} states are {(2 * (wanted or 3) + 1) * n_states}",
-            "Reduce the states, or use `floquet.exponents`, whose cost does not grow with the harmonics.",
-        )
+        got = f"{wanted or 3} harmonics of {n_states} states are {(2 * (wanted or 3) + 1) * n_states}"
+        remedy = "Reduce the states, or use `floquet.exponents`, whose cost does not grow with the harmonics."
+        raise input_error("n_harmonics", of, f"keep (2 N + 1) n within {_LARGEST}", got, remedy)
     if isinstance(matrix, FunctionMatrix):
         refuse_other_period(matrix, of)
     smooth = smoothed(matrix)
@@ -109,23 +105,16 @@ def hill(
     truncations = _growing(n_states, lines) if wanted is None else _up_to(wanted, lines)
     step, outcome = _settle(seen, scale, truncations, lines, accuracy)
     if step is None:
-        raise input_error(
-            "system",
-            of,
-            f"have {n_states} modes that a truncation at {truncations[-1]} harmonics can tell",
-            "they cannot be told from their copies",
-            _REMEDY,
-        )
+        must = f"have {n_states} modes that a truncation at {truncations[-1]} harmonics can tell"
+        raise input_error("system", of, must, "they cannot be told from their copies", _REMEDY)
     found = assemble(step.modes, step.problem, step.change, scale, matrix.period, outcome, smooth)
     if raises and outcome is HillOutcome.TRUNCATED:
-        raise input_error(
-            "system",
-            of,
-            f"have exponents that settle to {accuracy:g} of max(|λ|, ω)",
+        must = f"have exponents that settle to {accuracy:g} of max(|λ|, ω)"
+        got = (
             f"they still change by {found.change.max():.3g} 1/s, or A(t) has harmonics (up to {lines.highest}) "
-            f"that were not met, at {found.n_harmonics} harmonics: {outcome.value}",
-            "Raise `tolerance`, or pass `raises=False` and look at `change`.",
+            f"that were not met, at {found.n_harmonics} harmonics: {outcome.value}"
         )
+        raise input_error("system", of, must, got, "Raise `tolerance`, or pass `raises=False` and look at `change`.")
     return found
 
 

@@ -201,13 +201,9 @@ def refuse_undamped(modes: HillModes, omega: NDArray[np.float64], of: str) -> No
     met = rests & (apart <= np.sqrt(_ON_AXIS) * modes.fundamental + known)
     if met.any():
         line, mode = np.argwhere(met)[0]
-        raise input_error(
-            "omega",
-            of,
-            "keep off the undamped exponents, modulo the fundamental",
-            f"{omega[line]:g} rad/s meets Im λ = {modes.exponents[mode].imag:.6g} rad/s",
-            "There the response grows without end.",
-        )
+        must = "keep off the undamped exponents, modulo the fundamental"
+        got = f"{omega[line]:g} rad/s meets Im λ = {modes.exponents[mode].imag:.6g} rad/s"
+        raise input_error("omega", of, must, got, "There the response grows without end.")
 
 
 def growth_doubt(modes: HillModes) -> NDArray[np.float64]:

@@ -61,9 +61,8 @@ def product(left: Any, right: Any) -> AbstractPeriodicMatrix:
     """The matrix product."""
     first, second = operand(left, "left", "@"), operand(right, "right", "@")
     if first.shape[1] != second.shape[0]:
-        raise input_error(
-            "right", "@", f"have as many rows as the left has columns, {first.shape[1]}", f"has shape {second.shape}"
-        )
+        must = f"have as many rows as the left has columns, {first.shape[1]}"
+        raise input_error("right", "@", must, f"has shape {second.shape}")
     before, after = _constant(first), _constant(second)
     if after is not None and isinstance(first, AbstractPeriodicMatrix):
         return _mapped(first, partial(_times, after))

@@ -55,13 +55,9 @@ def to_harmonics(matrix: AbstractPeriodicMatrix, n_harmonics: int | None, tolera
             if (missed <= 10.0 * max(1.0, 1e-13 / accuracy) * allowed).all():
                 return _trimmed(found, accuracy)
         count *= 2
-    raise input_error(
-        "tolerance",
-        of,
-        "be one that the harmonics fall below",
-        f"with {LAST} of them the upper ones are still {left:.2g} of the matrix, which is to be {accuracy:g}",
-        "At a jump they never do: say how many to keep by `n_harmonics`, or use pieces or samples.",
-    )
+    got = f"with {LAST} of them the upper ones are still {left:.2g} of the matrix, which is to be {accuracy:g}"
+    remedy = "At a jump they never do: say how many to keep by `n_harmonics`, or use pieces or samples."
+    raise input_error("tolerance", of, "be one that the harmonics fall below", got, remedy)
 
 
 def to_samples(matrix: AbstractPeriodicMatrix, n_samples: int) -> SampledMatrix:
@@ -159,13 +155,9 @@ def _means(matrix: AbstractPeriodicMatrix, edges: NDArray[np.float64], of: str) 
         if change <= 1e-12 * largest:
             return np.moveaxis(means, 0, 2)
         before = means
-    raise input_error(
-        "n_pieces",
-        of,
-        "be one for which the means are found to 1e-12",
-        f"they still change by {change:.2g}",
-        "Name the instants at which the matrix jumps in its `breaks`.",
-    )
+    must = "be one for which the means are found to 1e-12"
+    got = f"they still change by {change:.2g}"
+    raise input_error("n_pieces", of, must, got, "Name the instants at which the matrix jumps in its `breaks`.")
 
 
 def _quadrature(

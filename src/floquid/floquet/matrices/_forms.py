@@ -126,9 +126,8 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
         object.__setattr__(self, "period", checked_period(self.period, of))
         harmonics = frozen_array(self.harmonics, "harmonics", of, dtype=np.int64, axes=("harmonics",))
         if not harmonics.size or (np.diff(harmonics) <= 0).any() or (harmonics != -harmonics[::-1]).any():
-            raise input_error(
-                "harmonics", of, "ascend and hold -m with every m", f"are {harmonics.tolist()}", "Such as [-1, 0, 1]."
-            )
+            must = "ascend and hold -m with every m"
+            raise input_error("harmonics", of, must, f"are {harmonics.tolist()}", "Such as [-1, 0, 1].")
         values = frozen_array(
             self.coefficients,
             "coefficients",
@@ -140,13 +139,9 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
         if not values.size:
             raise input_error("coefficients", of, "hold a matrix", f"has shape {values.shape}")
         if np.abs(values - values[..., ::-1].conj()).max() > 1e-12 * np.abs(values).max():
-            raise input_error(
-                "coefficients",
-                of,
-                "be those of a real matrix",
-                "the coefficient of some -m is not the conjugate of that of m",
-                "Give both, or use `HarmonicMatrix.from_cosines`.",
-            )
+            must = "be those of a real matrix"
+            got = "the coefficient of some -m is not the conjugate of that of m"
+            raise input_error("coefficients", of, must, got, "Give both, or use `HarmonicMatrix.from_cosines`.")
         object.__setattr__(self, "harmonics", harmonics)
         object.__setattr__(self, "coefficients", values)
 
@@ -248,13 +243,9 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
         even = self.period * np.arange(n_samples) / n_samples
         times = frozen_array(even if self.times is None else self.times, "times", of, axes=(n_samples,))
         if times[0] < 0.0 or times[-1] >= self.period or (np.diff(times) <= 0.0).any():
-            raise input_error(
-                "times",
-                of,
-                f"ascend within [0, {self.period:g}) [s]",
-                f"run from {times[0]:g} to {times[-1]:g}",
-                "Fold them into one period and sort them; leave out the repeated end.",
-            )
+            must = f"ascend within [0, {self.period:g}) [s]"
+            remedy = "Fold them into one period and sort them; leave out the repeated end."
+            raise input_error("times", of, must, f"run from {times[0]:g} to {times[-1]:g}", remedy)
         equal = bool(np.abs(times - times[0] - even).max() <= 1e-9 * self.period)
         if self.times is None:
             refuse_repeated_end(values, name, of)
@@ -263,9 +254,8 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
             words = " or ".join(f'"{word}"' for word in get_args(Interpolation))
             raise input_error("interpolation", of, f"be {words}", f"is {kind!r}")
         if kind == "fourier" and not equal:
-            raise input_error(
-                "interpolation", of, 'be "cubic" or "linear" for samples at unequal steps', 'is "fourier"'
-            )
+            must = 'be "cubic" or "linear" for samples at unequal steps'
+            raise input_error("interpolation", of, must, 'is "fourier"')
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "interpolation", kind)
@@ -318,9 +308,8 @@ class PiecewiseMatrix(Brief, AbstractPeriodicMatrix):
             raise input_error("values", of, "hold a piece at least", f"has shape {values.shape}")
         edges = frozen_array(self.edges, "edges", of, axes=(values.shape[2],), remedy="Give one for each piece.")
         if edges[0] < 0.0 or edges[-1] >= self.period or (np.diff(edges) <= 0.0).any():
-            raise input_error(
-                "edges", of, f"ascend within [0, {self.period:g}) [s]", f"run from {edges[0]:g} to {edges[-1]:g}"
-            )
+            must = f"ascend within [0, {self.period:g}) [s]"
+            raise input_error("edges", of, must, f"run from {edges[0]:g} to {edges[-1]:g}")
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "edges", edges)
 

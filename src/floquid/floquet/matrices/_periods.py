@@ -204,13 +204,9 @@ def _primes() -> list[int]:
 
 
 def _incommensurate(first: float, second: float, of: str) -> Exception:
-    return input_error(
-        "periods",
-        of,
-        f"have a common multiple within {MOST} of each",
-        f"are {first:.15g} s and {second:.15g} s, which have none to within {SAME:g}",
-        "If they are meant to be equal or a whole multiple, give both from one number.",
-    )
+    got = f"are {first:.15g} s and {second:.15g} s, which have none to within {SAME:g}"
+    remedy = "If they are meant to be equal or a whole multiple, give both from one number."
+    return input_error("periods", of, f"have a common multiple within {MOST} of each", got, remedy)
 
 
 def stretches(matrix: AbstractPeriodicMatrix) -> NDArray[np.float64]:

@@ -33,17 +33,12 @@ def periodic(system: StateMatrix, period: float | None, breaks: ArrayLike, of: s
     """A(t), in whatever form it was given, as a square periodic matrix of its period, or refused."""
     if isinstance(system, AbstractPeriodicMatrix):
         if period is not None and positive(period, "period", of, unit="s") != system.period:
-            raise input_error(
-                "period",
-                of,
-                f"be left out or be that of the matrix, {system.period:g} s",
-                f"is {period:g} s",
-                "To declare another period use `repeated` or `reduced`.",
-            )
+            must = f"be left out or be that of the matrix, {system.period:g} s"
+            got = f"is {period:g} s"
+            raise input_error("period", of, must, got, "To declare another period use `repeated` or `reduced`.")
         if np.size(breaks):
-            raise input_error(
-                "breaks", of, "be left out beside a periodic matrix", "is given", "The matrix has its own."
-            )
+            must = "be left out beside a periodic matrix"
+            raise input_error("breaks", of, must, "is given", "The matrix has its own.")
         matrix = system
     elif period is None:
         raise input_error("period", of, "be given for a callable or samples", "is None", "In seconds: 2π/ω.")
@@ -107,18 +102,12 @@ def _ended(lines: NDArray[np.complex128], scale: NDArray[np.float64], size: floa
 
 def _sampled(system: ArrayLike, period: float, breaks: ArrayLike, of: str) -> SampledMatrix:
     if np.size(breaks):
-        raise input_error(
-            "breaks", of, "be left out beside samples", "is given", "For jumps give a callable or a PiecewiseMatrix."
-        )
+        must = "be left out beside samples"
+        raise input_error("breaks", of, must, "is given", "For jumps give a callable or a PiecewiseMatrix.")
     shape = as_array(system, "system", of).shape
     if len(shape) == 3 and shape[0] != shape[1] and shape[1] == shape[2]:
-        raise input_error(
-            "system",
-            of,
-            "have shape (n, n, phases)",
-            f"has shape {shape}",
-            "Phase is the last axis: pass `np.moveaxis(A, 0, -1)`.",
-        )
+        remedy = "Phase is the last axis: pass `np.moveaxis(A, 0, -1)`."
+        raise input_error("system", of, "have shape (n, n, phases)", f"has shape {shape}", remedy)
     remedy = "A constant matrix is one sample: pass `A[:, :, None]`." if len(shape) == 2 else "Or pass a callable."
     values = frozen_array(system, "system", of, axes=("n", "n", "phases"), remedy=remedy)
     if values.shape[0] != values.shape[1] or not values.size:

@@ -23,7 +23,6 @@ Evaluate: TypeAlias = Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[
 CHUNK = 4_000_000  # numbers of the collocation's equations that are solved in one batch
 _INSIDE = 1e-7  # of an interval: where its ends are looked at, on this side of a jump that lies on them
 _JUMP = 1e-6  # of A: what the values at an end may be off those between, before a jump is suspected there
-
 MOST = 200_000  # intervals of one call beyond which the system is called impossible to integrate
 DEEPEST = 46  # halvings of one interval: a jump within what is left then is worth less than rounding
 

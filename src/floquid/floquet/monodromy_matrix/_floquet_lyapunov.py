@@ -107,13 +107,10 @@ def _block(
     whole = np.linalg.matrix_power(product, turns)
     found = np.asarray(logm(whole), dtype=np.complex128)
     if np.abs(found.imag).max() > 1e-9 * max(1.0, np.abs(found.real).max()):
-        raise input_error(
-            "system",
-            "floquet.floquet_lyapunov",
-            "have a real logarithm of its transition over two periods",
-            "multipliers at ±i stand beside negative ones",
-            "Use `floquet.modes`, whose shapes are complex.",
-        )
+        must = "have a real logarithm of its transition over two periods"
+        got = "multipliers at ±i stand beside negative ones"
+        remedy = "Use `floquet.modes`, whose shapes are complex."
+        raise input_error("system", "floquet.floquet_lyapunov", must, got, remedy)
     rate = found.real / (turns * period) + taken / period * np.eye(size)
     backs = np.stack([expm(-rate * width) for width in widths[:count]])
     ahead = np.stack([expm(rate * width) for width in widths[:count]])

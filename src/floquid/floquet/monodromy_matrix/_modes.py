@@ -140,13 +140,11 @@ class FloquetModes(Told, Drawn, Rebuilt):
         """
         start = np.asarray(initial, dtype=np.float64)
         if start.shape != (self.order,):
-            raise input_error(
-                "initial", "FloquetModes.response", f"have shape ({self.order},)", f"has shape {start.shape}"
-            )
+            must = f"have shape ({self.order},)"
+            raise input_error("initial", "FloquetModes.response", must, f"has shape {start.shape}")
         if self.defective:
-            raise input_error(
-                "self", "FloquetModes.response", "be a full set of modes", "is defective", "Use `floquet.transition`."
-            )
+            must = "be a full set of modes"
+            raise input_error("self", "FloquetModes.response", must, "is defective", "Use `floquet.transition`.")
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         amounts = np.linalg.solve(self.shapes([0.0])[..., 0].T, start.astype(np.complex128))
         grown = amounts[:, None] * np.exp(np.multiply.outer(self.exponents, t))

@@ -71,13 +71,9 @@ def transition(
     instants = frozen_array(times, "times", of, axes=("times",))
     begin = finite(start, "start", of, unit="s")
     if instants.size and (instants[0] < begin or (np.diff(instants) < 0).any()):
-        raise input_error(
-            "times",
-            of,
-            f"ascend from `start` = {begin:g} [s]",
-            f"begins at {instants[0]:g} and may go back",
-            "Backwards in time use Φ(t, t₀) = Φ(t₀, t)⁻¹.",
-        )
+        must = f"ascend from `start` = {begin:g} [s]"
+        got = f"begins at {instants[0]:g} and may go back"
+        raise input_error("times", of, must, got, "Backwards in time use Φ(t, t₀) = Φ(t₀, t)⁻¹.")
     found = factors(prepared, np.concatenate([[begin], instants]), tolerance, of)
     out = np.empty((len(instants), *prepared.matrix.shape))
     phi, place = np.eye(len(prepared.scale)), 0
@@ -88,13 +84,9 @@ def transition(
                 place += 1
             out[gap] = phi
     if not np.isfinite(out).all():
-        raise input_error(
-            "times",
-            of,
-            "end before Φ leaves the range of floating point",
-            f"Φ overflows before t = {instants[-1]:g}",
-            "Take a shorter interval; `floquet.exponents` never multiplies the factors out.",
-        )
+        must = "end before Φ leaves the range of floating point"
+        remedy = "Take a shorter interval; `floquet.exponents` never multiplies the factors out."
+        raise input_error("times", of, must, f"Φ overflows before t = {instants[-1]:g}", remedy)
     return out
 
 
@@ -119,13 +111,9 @@ def monodromy(
         for factor in found.matrices[1:]:
             phi = factor @ phi
     if not np.isfinite(phi).all():
-        raise input_error(
-            "system",
-            of,
-            "have a monodromy matrix within the range of floating point",
-            "it overflows",
-            "`floquet.exponents` finds the exponents from its factors, which it never multiplies out.",
-        )
+        must = "have a monodromy matrix within the range of floating point"
+        remedy = "`floquet.exponents` finds the exponents from its factors, which it never multiplies out."
+        raise input_error("system", of, must, "it overflows", remedy)
     return phi
 
 
@@ -150,14 +138,12 @@ def factors(prepared: Prepared, instants: NDArray[np.float64], tolerance: float,
     )
     if not found.finished:
         worst = found.left[int(np.argmin(found.right - found.left))]
-        raise input_error(
-            "system",
-            of,
-            f"be integrable to a relative error of {tolerance:g}",
-            f"the steps near t = {worst:g} shrink without end",
+        must = f"be integrable to a relative error of {tolerance:g}"
+        remedy = (
             "Name the instants at which A(t) jumps in `breaks`, take out states that decay at once, or raise "
-            "`tolerance`.",
+            "`tolerance`."
         )
+        raise input_error("system", of, must, f"the steps near t = {worst:g} shrink without end", remedy)
     return found
 
 
@@ -264,13 +250,9 @@ def refuse_lost(logs: NDArray[np.complex128], found: Factors, prepared: Prepared
     size = 1.0 + np.abs(logs.real).sum() + prepared.size * prepared.matrix.period
     if not abs(growth - integral) <= _LOST * size:
         period = prepared.matrix.period
-        raise input_error(
-            "system",
-            of,
-            "have multipliers that can be told from rounding",
-            f"their exponents sum to {growth / period:.6g} where the mean trace of A(t) is {integral / period:.6g}",
-            "Take the states that decay at once out of A(t), or lower `tolerance`.",
-        )
+        got = f"their exponents sum to {growth / period:.6g} where the mean trace of A(t) is {integral / period:.6g}"
+        remedy = "Take the states that decay at once out of A(t), or lower `tolerance`."
+        raise input_error("system", of, "have multipliers that can be told from rounding", got, remedy)
 
 
 def trace_integral(found: Factors, prepared: Prepared) -> float:

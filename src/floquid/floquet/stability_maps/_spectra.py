@@ -180,13 +180,9 @@ def _monodromy(
         if not found.finished:
             worst = int(np.argmin(found.right - found.left))
             where = f"{of.words(points[found.owner[worst]])}, near {found.left[worst]:g} of the period"
-            raise input_error(
-                "system",
-                of.of,
-                f"be integrable to a relative error of {of.tolerance:g}",
-                f"the steps shrink without end at {where}",
-                "Name the fractions of the period at which A(t) jumps in `breaks`, or raise `tolerance`.",
-            )
+            must = f"be integrable to a relative error of {of.tolerance:g}"
+            remedy = "Name the fractions of the period at which A(t) jumps in `breaks`, or raise `tolerance`."
+            raise input_error("system", of.of, must, f"the steps shrink without end at {where}", remedy)
         those, within = np.unique(found.owner, return_inverse=True)
         balanced = found.matrices * of.scale / of.scale[:, None]
         product[those], power[those], gain[those] = _product(within, balanced)

@@ -183,13 +183,8 @@ def stability_map(
     limit = _EDGES[len(names) - 1] if edge_tolerance is None else positive(edge_tolerance, "edge_tolerance", of)
     halvings = integer(_HALVINGS[len(names) - 1] if refinements is None else refinements, "refinements", of, at_least=0)
     if len(names) == 2 and np.prod([(len(grid) - 1.0) * 2.0**halvings + 1.0 for grid in grids]) > _NODES:
-        raise input_error(
-            "refinements",
-            of,
-            f"leave at most {_NODES:.0e} nodes of the finest lattice",
-            f"is {halvings}",
-            "Ask for less.",
-        )
+        must = f"leave at most {_NODES:.0e} nodes of the finest lattice"
+        raise input_error("refinements", of, must, f"is {halvings}", "Ask for less.")
     points = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, len(names))
     given = family(
         system,

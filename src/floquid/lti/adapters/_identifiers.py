@@ -18,13 +18,11 @@ from floquid.lti._poles import FASTEST
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 from floquid.lti.adapters._peer import Components, components, delayed, fitted, kept, load, paired, quiet
 
-LARGEST = 600.0
-"""The logarithm of the largest number that a mode may grow to."""
+LARGEST = 600.0  # the logarithm of the largest number that a mode may grow to
 
 Method = Literal["cov", "dat"]
 
-SHARE = 0.7
-"""A single decay brings it in six tenths of its time constant, where the errors of this method are least."""
+SHARE = 0.7  # a single decay brings it in six tenths of its time constant, where the errors of this method are least
 
 FIRST_LINE = 1
 """The band starts here and not at zero, where sdypy-EMA 0.31 transforms an empty slice, reads memory that was never

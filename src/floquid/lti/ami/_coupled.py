@@ -14,17 +14,10 @@ from floquid.lti._poles import PAIR, PoleSet, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
 from floquid.lti.ami._one_mode import Mode, band_lines, real_rows
 
-WORST = 1e10
-"""The condition number of the coupled fits beyond which two modes count as one."""
-
-KNOWN = 1e9
-"""The condition number beyond which no deviations are known: rounding in the slopes grows with its power 3/2."""
-
-LEAST_INFORMATION = 1e-100
-"""Information on a parameter below which it is undetermined: its mode has no residues left."""
-
-HALVINGS = 6
-"""Halvings of Newton's step before it is given up."""
+WORST = 1e10  # the condition number of the coupled fits beyond which two modes count as one
+KNOWN = 1e9  # condition number beyond which no deviations are known: rounding in the slopes grows with its power 3/2
+LEAST_INFORMATION = 1e-100  # information on a parameter below which it is undetermined: its mode has no residues left
+HALVINGS = 6  # halvings of Newton's step before it is given up
 
 SLACK = 0.01
 """Largest addition of a leap to the sum of squares, for each residue: fits near the peaks are not quite the least."""
@@ -35,8 +28,7 @@ def slack(modes: Sequence[Mode]) -> float:
     return 1.0 + SLACK * sum(own.size for mode in modes for own in mode.coefficients)
 
 
-Bands = Sequence[Sequence[slice]]
-"""The lines to which each mode is fitted, for each block."""
+Bands = Sequence[Sequence[slice]]  # the lines to which each mode is fitted, for each block
 
 
 def bands_of(modes: Sequence[Mode], blocks: Sequence[Block], widths: float) -> list[list[slice]]:

@@ -13,8 +13,7 @@ from floquid.lti._spectrum import WHITE, Block
 from floquid.lti.ami._coupled import Bands, bands_of, joint_residues, limit, newton, slack
 from floquid.lti.ami._one_mode import FASTEST, Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
 
-CLEAR = 3.0
-"""Standard deviations by which a stretch of the composite must rise above white noise to be looked at."""
+CLEAR = 3.0  # standard deviations by which a stretch of the composite must rise above white noise to be looked at
 
 NEAR = 3.0
 """Half-power half-widths to each side of a peak that a mode's first fit looks at, the other modes being unknown."""
@@ -22,17 +21,10 @@ NEAR = 3.0
 SETTLING = 3
 """Rounds in which the band of each mode follows its pole; later it stays, or the poles could not come to rest."""
 
-LEAP = 4
-"""Rounds after which Newton's step is tried."""
-
-LEAP_OF_OUTER_PRODUCTS = 7
-"""Rounds after which the limit of their sequence is tried."""
-
-TURNS = 100
-"""Turns, at most, in which the nearest outer product is found."""
-
-FAR = 1.0
-"""Deviations a round below which the limit of outer products is not that of residues of any rank."""
+LEAP = 4  # rounds after which Newton's step is tried
+LEAP_OF_OUTER_PRODUCTS = 7  # rounds after which the limit of their sequence is tried
+TURNS = 100  # turns, at most, in which the nearest outer product is found
+FAR = 1.0  # deviations a round below which the limit of outer products is not that of residues of any rank
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +34,7 @@ class Isolated:
     modes: tuple[Mode, ...]
     left: tuple[NDArray[np.complex128], ...]
     cost: float
-    rest: float = 0.0
-    """Distance that a pole moved in the last round, in its deviations."""
+    rest: float = 0.0  # distance that a pole moved in the last round, in its deviations
 
     @staticmethod
     def of(modes: Sequence[Mode], left: Sequence[NDArray[np.complex128]], rest: float = 0.0) -> Isolated:

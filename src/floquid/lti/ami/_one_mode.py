@@ -12,14 +12,9 @@ from floquid._numerics import levenberg_marquardt
 from floquid.lti._poles import PAIR, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
 
-FEWEST_LINES = 6
-"""Lines to each side of a peak that a fit looks at, however sharp the peak."""
-
-MANY = 8
-"""Responses a row beyond which the rows are condensed before a fit."""
-
-FASTEST = 3.0
-"""|Re s| of the fastest decay or growth a sample that a fit may reach."""
+FEWEST_LINES = 6  # lines to each side of a peak that a fit looks at, however sharp the peak
+MANY = 8  # responses a row beyond which the rows are condensed before a fit
+FASTEST = 3.0  # |Re s| of the fastest decay or growth a sample that a fit may reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +24,7 @@ class Mode:
     s: complex
     kind: int
     coefficients: tuple[NDArray[np.float64], ...] = ()
-    deviation: float = np.inf
-    """The larger standard deviation of Re s and Im s, the other modes being known."""
+    deviation: float = np.inf  # the larger standard deviation of Re s and Im s, the other modes being known
 
     @property
     def size(self) -> int:

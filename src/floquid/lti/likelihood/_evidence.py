@@ -17,8 +17,7 @@ from floquid.lti._types import ModalModel
 from floquid.lti.likelihood._search import candidates
 from floquid.lti.likelihood._select import STRONG, Threshold, crowded, possible
 
-SKETCHED = 8
-"""Steps that tell where a neighbouring model lies, though not to its last digit."""
+SKETCHED = 8  # steps that tell where a neighbouring model lies, though not to its last digit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -20,17 +20,10 @@ from floquid.lti.likelihood._rank_one import Noise, merged, refined, separated
 from floquid.lti.likelihood._residual import Residual, filtered, whitening_of
 from floquid.lti.likelihood._select import Threshold, choose, force_order
 
-LOOKS = 4
-"""Starts of the search, with more samples or with the noise whitened."""
-
-FIRM = 1e-3
-"""The share of the false-alarm probability at which a mode is beyond doubt."""
-
-DOUBTFUL = 1e-6
-"""The probability at which noise has the gain of a further mode that leaves the order in doubt."""
-
-AT_REST = 1e-6
-"""Standard deviations that the last step of the poles may have."""
+LOOKS = 4  # starts of the search, with more samples or with the noise whitened
+FIRM = 1e-3  # the share of the false-alarm probability at which a mode is beyond doubt
+DOUBTFUL = 1e-6  # the probability at which noise has the gain of a further mode that leaves the order in doubt
+AT_REST = 1e-6  # standard deviations that the last step of the poles may have
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,11 +22,8 @@ from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._types import PRODUCTS, ModalModel, Outcome, TimeResponses
 
-TOGETHER = 5.0
-"""The sum of their standard deviations, times this, within which poles are one to a free fit."""
-
-NOTHING = 1e-16
-"""The share of the squares of a tangent beside the columns below which it is rounding."""
+TOGETHER = 5.0  # the sum of their standard deviations, times this, within which poles are one to a free fit
+NOTHING = 1e-16  # the share of the squares of a tangent beside the columns below which it is rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +36,7 @@ class Noise:
 
     power: NDArray[np.float64]
     independent: float = 1.0
-    size: float = 1.0
-    """Its mean square, which `power` holds too."""
+    size: float = 1.0  # its mean square, which `power` holds too
 
     @property
     def colour(self) -> NDArray[np.float64]:

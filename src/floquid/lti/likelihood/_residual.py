@@ -18,33 +18,19 @@ from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PoleSet
 
-LONGEST = 600
-"""Samples looked at: enough to tell white noise, and few enough for a Gram matrix."""
-
-EVENLY = 16
-"""Multiples of so many samples are transformed: a number with a large prime factor takes ten times as long."""
-
-FEW = 8
-"""Such multiples up to which every sample counts."""
-
-SEEN = 0.3
-"""Lines of which the poles take more than 1 - this are not judged: little of the noise is left there."""
-
-COLOURED = 8.0
-"""The colour from which the noise is whitened: white noise has it once in many thousand records."""
-
-LEAST = 0.2
-"""The deviation of the residual, over the noise stated, below which it is not judged."""
-
-FEWEST = 24
-"""Samples more than poles below which noise is not told from what dies away."""
+LONGEST = 600  # samples looked at: enough to tell white noise, and few enough for a Gram matrix
+EVENLY = 16  # multiples of so many samples are transformed: a number with a large prime factor takes ten times as long
+FEW = 8  # such multiples up to which every sample counts
+SEEN = 0.3  # lines of which the poles take more than 1 - this are not judged: little of the noise is left there
+COLOURED = 8.0  # the colour from which the noise is whitened: white noise has it once in many thousand records
+LEAST = 0.2  # the deviation of the residual, over the noise stated, below which it is not judged
+FEWEST = 24  # samples more than poles below which noise is not told from what dies away
 
 LASTING = 1.5
 """The ratio of the energies in the first and the second half of a record up to which a residual is noise. The inverse
 has no bound: poles that decay take more of coloured noise out of the first half."""
 
-ORDERS = (1, 2, 4, 8)
-"""The lengths of whitening filters tried."""
+ORDERS = (1, 2, 4, 8)  # the lengths of whitening filters tried
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +40,8 @@ class Residual:
     values: NDArray[np.float64]
     fitted: NDArray[np.float64]
     columns: int
-    independent: float
-    """The share of the responses that the noise is worth (0 to 1]; 1 where it cannot be told from 1."""
-    variance: float
-    """The mean square left, over that of the noise as it was stated, where it is judged; otherwise 1."""
+    independent: float  # the share of the responses that the noise is worth (0 to 1]; 1 where it cannot be told from 1
+    variance: float  # the mean square left, over that of the noise as it was stated, where it is judged; otherwise 1
     judged: bool
     """True where it is noise: neither rounding, far below the noise that was stated, nor a response that dies away."""
 

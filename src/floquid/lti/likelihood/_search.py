@@ -21,8 +21,7 @@ from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import BLOCK, Factor
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 
-ROWS = 64
-"""Rows of the Gram matrix at a time."""
+ROWS = 64  # rows of the Gram matrix at a time
 
 LARGEST_GRAM = 1200
 """Samples up to which the Gram matrix of the residual is formed; of longer ones, columns are transformed."""

@@ -25,20 +25,14 @@ from numpy.typing import NDArray
 
 from floquid.lti._spectrum import line_weights
 
-EDGE = 0.5
-"""The growth and decay over the record, in nepers, between which both denominators are asked for roots."""
+EDGE = 0.5  # the growth and decay over the record, in nepers, between which both denominators are asked for roots
 
 SAME = 1.0
 """The change over the record, in nepers and radians, by which roots of the two denominators differ if not one mode."""
 
-ROUNDING = 1e-26
-"""The share of the largest eigenvalue below which one is rounding, where no matrix was squared."""
-
-SQUARED = 1e-14
-"""The same where one was."""
-
-SMALL = 16
-"""Directions up to which their lower quartile may well be one of a mode."""
+ROUNDING = 1e-26  # the share of the largest eigenvalue below which one is rounding, where no matrix was squared
+SQUARED = 1e-14  # the same where one was
+SMALL = 16  # directions up to which their lower quartile may well be one of a mode
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,7 @@ from floquid.lti._removal import Removal, weakest
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 from floquid.lti.rational._denominator import Band, Basis, stacked
 
-SMOOTH = 8
-"""The degree up to which a polynomial in 1/z stands for the skirts of modes far outside a band."""
+SMOOTH = 8  # the degree up to which a polynomial in 1/z stands for the skirts of modes far outside a band
 
 
 @dataclass(frozen=True, slots=True)

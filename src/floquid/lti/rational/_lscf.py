@@ -20,17 +20,10 @@ from floquid.lti._types import ModalModel, TimeResponses
 from floquid.lti.rational._denominator import Band, Basis, Denominators, Equations, stacked
 from floquid.lti.rational._lines import Modes, Rows, chosen, model_on
 
-DEGREE = 128
-"""The degree of the denominator on all lines, if there are twice as many samples."""
-
-EXTRA = 16
-"""Terms that are added on a band, for the skirts of the modes outside."""
-
-LARGEST = 192
-"""The number of roots of a matrix up to which its degree is chosen: their cost grows with its cube."""
-
-LEAST = 16
-"""The degree that is chosen all the same."""
+DEGREE = 128  # the degree of the denominator on all lines, if there are twice as many samples
+EXTRA = 16  # terms that are added on a band, for the skirts of the modes outside
+LARGEST = 192  # the number of roots of a matrix up to which its degree is chosen: their cost grows with its cube
+LEAST = 16  # the degree that is chosen all the same
 
 
 @dataclass(frozen=True, slots=True)

@@ -152,29 +152,19 @@ def _has_deviations(modal: ModalModel) -> bool:
 def _check(modal: ModalModel, lifted: Lifted, harmonics: int | None, of: str = "assemble") -> None:
     """Refuse models that do not belong together and harmonics that cannot be had."""
     if modal.residues.shape[1:] != (lifted.n_channels * lifted.n_phases, lifted.n_hits):
-        raise input_error(
-            "modal",
-            of,
-            "be a model of `lifted.responses`",
-            f"its residues have shape {modal.residues.shape} and the responses {lifted.responses.values.shape}",
-        )
+        got = f"its residues have shape {modal.residues.shape} and the responses {lifted.responses.values.shape}"
+        raise input_error("modal", of, "be a model of `lifted.responses`", got)
     if harmonics is not None and not 0 <= 2 * harmonics < lifted.n_phases:
-        raise input_error(
-            "harmonics",
-            "assemble",
-            f"be at least 0 and less than half the {lifted.n_phases} samples a period",
-            f"is {harmonics}",
-            "Ask for fewer harmonics, or sample faster.",
-        )
+        must = f"be at least 0 and less than half the {lifted.n_phases} samples a period"
+        got = f"is {harmonics}"
+        raise input_error("harmonics", "assemble", must, got, "Ask for fewer harmonics, or sample faster.")
     if harmonics is None and not _has_deviations(modal):
-        raise input_error(
-            "harmonics",
-            "assemble",
-            "be given when the modal model has no deviations",
-            "is None: which harmonics rise above the noise cannot be told",
+        got = "is None: which harmonics rise above the noise cannot be told"
+        remedy = (
             "Pass the number of harmonics to keep on each side, or let maximum likelihood finish the poles: "
-            "MaximumLikelihood(initial=...) as `identifier=`, or era-ml, lscf-ml, poly-ml by name.",
+            "MaximumLikelihood(initial=...) as `identifier=`, or era-ml, lscf-ml, poly-ml by name."
         )
+        raise input_error("harmonics", "assemble", "be given when the modal model has no deviations", got, remedy)
 
 
 @dataclass(frozen=True, slots=True)

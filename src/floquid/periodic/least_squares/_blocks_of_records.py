@@ -13,8 +13,7 @@ from floquid.core import ConstantPeriod, Record
 from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
 from floquid.sync import ShaftAngle
 
-WANDERS = 1e-7
-"""The relative wander of the speed from which on the forced response is let follow it."""
+WANDERS = 1e-7  # the relative wander of the speed from which on the forced response is let follow it
 
 
 def record_blocks(
@@ -48,13 +47,9 @@ def record_blocks(
         for rows in map(np.array, alike.values()):
             taken = ~missing[rows[0]]
             if taken.sum() < 2:
-                raise input_error(
-                    "records",
-                    "fit",
-                    "have samples in each channel",
-                    f"channel {record.channels[rows[0]].name!r} of record {hit + 1} has none",
-                    "Leave it out with `channels=`.",
-                )
+                must = "have samples in each channel"
+                got = f"channel {record.channels[rows[0]].name!r} of record {hit + 1} has none"
+                raise input_error("records", "fit", must, got, "Leave it out with `channels=`.")
             whole_record = bool(taken.all()) and len(rows) == record.n_channels
             grid = RecordBlock(
                 times=times,

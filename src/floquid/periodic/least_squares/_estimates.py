@@ -15,8 +15,7 @@ from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._sample_block import Block
 from floquid.periodic.least_squares._solver import Solution, linearise, solve
 
-FEW = 3
-"""Steps of that fit: what has hardly any information may go on for ever."""
+FEW = 3  # steps of that fit: what has hardly any information may go on for ever
 
 SHORT = 2.0
 """Standard deviations up to which one step of a linearisation stands for a fit."""

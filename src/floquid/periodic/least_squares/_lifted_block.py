@@ -29,8 +29,7 @@ class LiftedBlock(Block):
     known: NDArray[np.float64] | None = None
     """An orthonormal basis Q of what is known beside the modes, over the cycles (cycles, known): with another amplitude
     at each phase it is projected off, which commutes with the sums over phases."""
-    free: NDArray[np.float64] | None = None
-    """The responses with that taken off (rows, phases, cycles)."""
+    free: NDArray[np.float64] | None = None  # the responses with that taken off (rows, phases, cycles)
 
     @staticmethod
     def all_of(lifted: Lifted, known: Sequence[NDArray[np.float64]] | None = None) -> tuple[LiftedBlock, ...]:

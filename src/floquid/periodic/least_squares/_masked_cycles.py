@@ -13,16 +13,14 @@ from floquid.lti import TimeResponses
 from floquid.periodic.least_squares._lifted_block import LiftedBlock
 from floquid.periodic.least_squares._sample_block import Columns
 
-LARGEST_SLIP = 1e-6
-"""Samples by which the last cycle may have slipped: what is more is fitted sample by sample."""
+LARGEST_SLIP = 1e-6  # samples by which the last cycle may have slipped: what is more is fitted sample by sample
 
 
 @dataclass(frozen=True, slots=True)
 class KeptCycles(LiftedBlock):
     """One hit, without the cycles that are left out."""
 
-    kept: NDArray[np.bool_] = field(kw_only=True)
-    """Mask of the cycles that are there (cycles,)."""
+    kept: NDArray[np.bool_] = field(kw_only=True)  # mask of the cycles that are there (cycles,)
 
     @property
     def n_cycles(self) -> int:

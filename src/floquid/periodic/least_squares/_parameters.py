@@ -19,10 +19,8 @@ class Parameters:
     A parameter multiplies the coefficient on each column by its weight; a turn also takes the cosine to the sine.
     """
 
-    weights: NDArray[np.float64]
-    """(parameters, 2 columns)."""
-    turns: NDArray[np.bool_]
-    """Mask of the frequencies and the fundamental (parameters,)."""
+    weights: NDArray[np.float64]  # (parameters, 2 columns)
+    turns: NDArray[np.bool_]  # mask of the frequencies and the fundamental (parameters,)
 
     def applied(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
         """The coefficients on the slopes t cos, t sin (parameters, 2 columns, channels): α, β or β, -α."""

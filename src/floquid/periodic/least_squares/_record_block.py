@@ -23,8 +23,7 @@ from floquid.periodic.least_squares._uniform_grid import EvenColumns, step_of
 ENOUGH = 0.6
 """The share of samples that must be there for sums over all, less those of the missing ones, to be the cheaper way."""
 
-CHUNK = 4096
-"""Samples whose columns are formed at a time."""
+CHUNK = 4096  # samples whose columns are formed at a time
 
 
 @dataclass(frozen=True)  # no slots: what is asked often is kept
@@ -32,8 +31,7 @@ class RecordBlock(Block):
     """Samples at times after phase zero (samples,) [s]; the phase angle at each [rad], None for ωt."""
 
     times: NDArray[np.float64]
-    values: NDArray[np.float64]
-    """(rows, samples)."""
+    values: NDArray[np.float64]  # (rows, samples)
     hit: int
     rows: NDArray[np.int64]
     noise: NDArray[np.float64]
@@ -226,12 +224,9 @@ def _turned(turns: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[
 class GappyBlock(Block):
     """Evenly spaced samples of which some are missing: sums over all, with any values there, less those of these."""
 
-    whole: RecordBlock
-    """All samples of the grid, the missing ones filled with values of any kind."""
-    holes: RecordBlock
-    """The missing samples with the same values."""
-    taken: NDArray[np.int64]
-    """Mask of the samples on the grid (samples,)."""
+    whole: RecordBlock  # all samples of the grid, the missing ones filled with values of any kind
+    holes: RecordBlock  # the missing samples with the same values
+    taken: NDArray[np.int64]  # mask of the samples on the grid (samples,)
 
     @property
     def hit(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]

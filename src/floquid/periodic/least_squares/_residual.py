@@ -12,17 +12,10 @@ from numpy.typing import NDArray
 from floquid.periodic.least_squares._sample_block import Block, complex_of
 from floquid.periodic.least_squares._solver import Solution
 
-FLOOR = 1e-12
-"""The share of the largest free response that the noise is taken to be at least, unless told."""
-
-ROUNDING = 1e-13
-"""The share of a channel's largest value below which what is left of it is rounding."""
-
-BANDS = 8
-"""Bands whose median is the level of the noise."""
-
-APART = 2.0
-"""Lines on each side of an exponential, beside its width, that a fit takes noise from."""
+FLOOR = 1e-12  # the share of the largest free response that the noise is taken to be at least, unless told
+ROUNDING = 1e-13  # the share of a channel's largest value below which what is left of it is rounding
+BANDS = 8  # bands whose median is the level of the noise
+APART = 2.0  # lines on each side of an exponential, beside its width, that a fit takes noise from
 
 QUIETEST = 0.01
 """The level of a band over that of the loudest, at least: below, there are but the skirts of what is elsewhere."""
@@ -32,16 +25,11 @@ QUIETEST = 0.01
 class Residual:
     """Residual of one block, on the grid it was sampled on: missing samples are zero."""
 
-    values: NDArray[np.float64]
-    """(rows, grid)."""
-    taken: NDArray[np.int64]
-    """Mask of the samples on the grid (samples,)."""
-    step: float
-    """The sampling interval [s]."""
-    noise: NDArray[np.float64]
-    """The median level over the bands (rows,)."""
-    levels: NDArray[np.float64]
-    """The level of each band (rows, bands)."""
+    values: NDArray[np.float64]  # (rows, grid)
+    taken: NDArray[np.int64]  # mask of the samples on the grid (samples,)
+    step: float  # the sampling interval [s]
+    noise: NDArray[np.float64]  # the median level over the bands (rows,)
+    levels: NDArray[np.float64]  # the level of each band (rows, bands)
 
     @staticmethod
     def of(times: NDArray[np.float64], left: NDArray[np.float64], least: NDArray[np.float64]) -> Residual:

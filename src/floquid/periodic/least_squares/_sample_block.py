@@ -22,12 +22,9 @@ class Columns:
 
     exponents: NDArray[np.complex128]
     offsets: NDArray[np.float64]
-    factors: NDArray[np.int64]
-    """Further factor of each entry, such as `PLAIN` (entries,)."""
-    modes: NDArray[np.int64]
-    """The entry of each column (columns,)."""
-    harmonics: NDArray[np.int64]
-    """m of each column (columns,)."""
+    factors: NDArray[np.int64]  # further factor of each entry, such as `PLAIN` (entries,)
+    modes: NDArray[np.int64]  # the entry of each column (columns,)
+    harmonics: NDArray[np.int64]  # m of each column (columns,)
     fundamental: float
 
     @property
@@ -45,18 +42,12 @@ class Columns:
 class Sums:
     """Sums over the samples of a block; the real columns are Re z, then Im z."""
 
-    gram: NDArray[np.float64]
-    """Products of the columns (2 columns, 2 columns)."""
-    mixed: NDArray[np.float64]
-    """Products of the columns with the columns times t."""
-    slopes: NDArray[np.float64]
-    """Products of the columns times t."""
-    seen: NDArray[np.float64]
-    """Products of the columns with what is left (2 columns, rows)."""
-    late: NDArray[np.float64]
-    """Products of the columns times t with what is left."""
-    left: NDArray[np.float64]
-    """The sum of squares of what is left (rows,)."""
+    gram: NDArray[np.float64]  # products of the columns (2 columns, 2 columns)
+    mixed: NDArray[np.float64]  # products of the columns with the columns times t
+    slopes: NDArray[np.float64]  # products of the columns times t
+    seen: NDArray[np.float64]  # products of the columns with what is left (2 columns, rows)
+    late: NDArray[np.float64]  # products of the columns times t with what is left
+    left: NDArray[np.float64]  # the sum of squares of what is left (rows,)
 
 
 class Block(ABC):

@@ -24,39 +24,19 @@ from floquid.errors import IdentificationError
 from floquid.periodic.least_squares._parameters import ModeParameters, turned
 from floquid.periodic.least_squares._sample_block import Block, Columns, complex_of
 
-ITERATIONS = 40
-"""Steps at most."""
-
-LONGEST_STEP = 0.2
-"""The most that an exponent may move in a step, over one period."""
-
-FARTHEST = 0.5
-"""The most that an exponent may move in all, over one period: the multiplier then is another one."""
-
-AT_REST = 1e-4
-"""Standard deviations that the last step may have."""
-
-PASSES = 3
-"""Corrections of the coefficients of one set of exponents, at most."""
-
-GAINED = 100.0
-"""Gain of a step of the coefficients, over the residual, up to which no digits that matter are lost."""
-
-LITTLE = 1e-3
-"""The same where columns are all but alike."""
-
-GONE = 1e-200
-"""The sum of squares below which a column has decayed before the first sample."""
-
-ROUNDING = 1e-13
-"""The share of its own size below which a direction of the columns is rounding."""
+ITERATIONS = 40  # steps at most
+LONGEST_STEP = 0.2  # the most that an exponent may move in a step, over one period
+FARTHEST = 0.5  # the most that an exponent may move in all, over one period: the multiplier then is another one
+AT_REST = 1e-4  # standard deviations that the last step may have
+PASSES = 3  # corrections of the coefficients of one set of exponents, at most
+GAINED = 100.0  # gain of a step of the coefficients, over the residual, up to which no digits that matter are lost
+LITTLE = 1e-3  # the same where columns are all but alike
+GONE = 1e-200  # the sum of squares below which a column has decayed before the first sample
+ROUNDING = 1e-13  # the share of its own size below which a direction of the columns is rounding
 
 
-SAFE = 1e-8
-"""The share of a column that the columns before it must leave for its inverse to be had without eigenvalues."""
-
-NOTHING = 1e-18
-"""The information on a parameter, over that on the best known, below which nothing is known of it."""
+SAFE = 1e-8  # the share of a column that the columns before it must leave for its inverse to be had without eigenvalues
+NOTHING = 1e-18  # the information on a parameter, over that on the best known, below which nothing is known of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,16 +44,11 @@ class Linear:
     """Linear part of one block: coefficients α Re z + β Im z (2 columns, rows), and matrices."""
 
     coefficients: NDArray[np.float64]
-    inverse: NDArray[np.float64]
-    """The inverse of the Gram matrix (2 columns, 2 columns); zero where a column has no sine."""
-    mixed: NDArray[np.float64]
-    """Products of the slopes with the columns (2 columns, 2 columns)."""
-    curvature: NDArray[np.float64]
-    """Products of the slopes, less what the columns take of them (2 columns, 2 columns)."""
-    slope: NDArray[np.float64]
-    """Products of the slopes with what is left (2 columns, channels)."""
-    left: NDArray[np.float64]
-    """The sum of squares left (channels,)."""
+    inverse: NDArray[np.float64]  # inverse of the Gram matrix (2 columns, 2 columns); zero where a column has no sine
+    mixed: NDArray[np.float64]  # products of the slopes with the columns (2 columns, 2 columns)
+    curvature: NDArray[np.float64]  # products of the slopes, less what the columns take of them (2 columns, 2 columns)
+    slope: NDArray[np.float64]  # products of the slopes with what is left (2 columns, channels)
+    left: NDArray[np.float64]  # the sum of squares left (channels,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,12 +59,9 @@ class ByColumn:
     its gradient is A g and its Gauss-Newton matrix A J Aᵀ, so that one linearisation answers all such questions.
     """
 
-    gradient: NDArray[np.float64]
-    """(2 columns,)."""
-    gauss_newton: NDArray[np.float64]
-    """(2 columns, 2 columns)."""
-    noise: NDArray[np.float64]
-    """Part of it that noise on the coefficients adds (2 columns, 2 columns)."""
+    gradient: NDArray[np.float64]  # (2 columns,)
+    gauss_newton: NDArray[np.float64]  # (2 columns, 2 columns)
+    noise: NDArray[np.float64]  # part of it that noise on the coefficients adds (2 columns, 2 columns)
 
     def tied(self, ties: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Gradient, Gauss-Newton matrix and information of parameters `ties` (parameters, 2 columns)."""

@@ -16,20 +16,11 @@ from numpy.typing import NDArray
 
 from floquid.periodic.least_squares._sample_block import PLAIN, TREND, Columns, Sums, real_products
 
-FEWEST = 1024
-"""Samples from which pieces are quicker."""
-
-LONGEST = 256
-"""Samples of a piece."""
-
-AT_ONCE = 1 << 16
-"""Samples of a channel whose rest is formed at a time."""
-
-STEEPEST = 300.0
-"""Largest growth of a column within a piece, as the logarithm: its power is formed there."""
-
-UNEVEN = 8.0 * np.finfo(float).eps
-"""The share of the largest time by which evenly spaced times may be off."""
+FEWEST = 1024  # samples from which pieces are quicker
+LONGEST = 256  # samples of a piece
+AT_ONCE = 1 << 16  # samples of a channel whose rest is formed at a time
+STEEPEST = 300.0  # largest growth of a column within a piece, as the logarithm: its power is formed there
+UNEVEN = 8.0 * np.finfo(float).eps  # the share of the largest time by which evenly spaced times may be off
 
 
 def step_of(times: NDArray[np.float64]) -> float | None:
@@ -51,16 +42,11 @@ def _piece(n_samples: int) -> int:
 class Pieces:
     """Some pieces of a block, of equal length."""
 
-    slots: slice
-    """Places of their samples in the block."""
-    own: NDArray[np.complex128]
-    """e (samples of a piece, products)."""
-    first: NDArray[np.complex128]
-    """d (pieces, products)."""
-    times: NDArray[np.float64]
-    """The time of each piece [s]: where it begins (pieces,)."""
-    later: NDArray[np.float64]
-    """The time after that of its samples [s] (samples of a piece,)."""
+    slots: slice  # places of their samples in the block
+    own: NDArray[np.complex128]  # e (samples of a piece, products)
+    first: NDArray[np.complex128]  # d (pieces, products)
+    times: NDArray[np.float64]  # the time of each piece [s]: where it begins (pieces,)
+    later: NDArray[np.float64]  # the time after that of its samples [s] (samples of a piece,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,10 +57,8 @@ class EvenColumns:
     first: float
     step: float
     n_samples: int
-    middle: float
-    """Time at which the trend is zero [s]."""
-    half: float
-    """Unit of the trend [s]."""
+    middle: float  # time at which the trend is zero [s]
+    half: float  # unit of the trend [s]
 
     @classmethod
     def of(

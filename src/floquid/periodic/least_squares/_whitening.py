@@ -12,8 +12,7 @@ from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
 from floquid.periodic.least_squares._sample_block import Block, complex_of
 from floquid.periodic.least_squares._solver import Solution
 
-FEWEST = 256
-"""Samples of a channel below which noise is not told from what was not fitted."""
+FEWEST = 256  # samples of a channel below which noise is not told from what was not fitted
 
 
 def residual_filter(blocks: Sequence[Block], solution: Solution, *, least: float = 0.0) -> NDArray[np.float64] | None:

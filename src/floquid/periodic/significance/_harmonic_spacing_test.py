@@ -9,8 +9,7 @@ from floquid.core import Estimates
 from floquid.lifting import Lifted
 from floquid.periodic.least_squares import LiftedBlock, ModeParameters, linearise
 
-NOWHERE = 1e-200
-"""The information on a line, over that on the best known, below which there is none."""
+NOWHERE = 1e-200  # the information on a line, over that on the best known, below which there is none
 
 
 def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp]) -> float:

@@ -18,17 +18,10 @@ from floquid.periodic.significance._wald import holm, noncentrality, root, wald
 HARMONICS = (1, 2)
 """Harmonics per period that are looked at: stiffness that varies once or twice a period shows in these first."""
 
-LEVEL = 0.05
-"""The probability at which chance may pass for periodicity."""
-
-POWER = 0.95
-"""The probability with which what lies above a detection limit is seen."""
-
-MISPLACED = 0.01
-"""The probability at which harmonics may pass for modes of their own."""
-
-CLEAR = 1e-6
-"""The probability at which noise may pass for a harmonic whose place is looked at."""
+LEVEL = 0.05  # the probability at which chance may pass for periodicity
+POWER = 0.95  # the probability with which what lies above a detection limit is seen
+MISPLACED = 0.01  # the probability at which harmonics may pass for modes of their own
+CLEAR = 1e-6  # the probability at which noise may pass for a harmonic whose place is looked at
 
 TWIN = 0.5
 """Least distance of a harmonic from a mode, over the sum of their decays, at which their coefficients are told apart:
@@ -252,13 +245,9 @@ def periodicity(
             raise input_error(name, "periodicity", "lie between 0 and 1", f"is {value:g}")
     whole = model.unselected
     if whole is None:
-        raise input_error(
-            "model",
-            "periodicity",
-            "have the estimates of harmonics that were not selected, too (`unselected`)",
-            "has none",
-            "Identify with `constrained=True` and an identifier that gives deviations, and not from a file.",
-        )
+        must = "have the estimates of harmonics that were not selected, too (`unselected`)"
+        remedy = "Identify with `constrained=True` and an identifier that gives deviations, and not from a file."
+        raise input_error("model", "periodicity", must, "has none", remedy)
     asked = np.isin(np.abs(whole.harmonics), orders)
     tested = np.flatnonzero(asked & ~_on_a_mode(whole))
     every = np.arange(whole.blocks.shape[0])

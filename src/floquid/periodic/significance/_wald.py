@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from floquid.core import Estimates
 
-ROUNDING = 1e-12
-"""The share of the largest variance of a scaled covariance below which a direction is rounding."""
+ROUNDING = 1e-12  # the share of the largest variance of a scaled covariance below which a direction is rounding
 
 
 def wald(whole: Estimates, terms: NDArray[np.intp], channels: NDArray[np.intp]) -> tuple[float, int, float]:

@@ -26,11 +26,8 @@ from floquid.pipeline.draws._spread import MATERIAL, Spread
 
 OF = "bootstrap"
 
-FEWEST = 20
-"""Draws below which nothing can be said of a deviation."""
-
-FAMILY_WISE = 0.01
-"""The probability at which the verdict is against deviations that are right, over all elements together."""
+FEWEST = 20  # draws below which nothing can be said of a deviation
+FAMILY_WISE = 0.01  # probability at which the verdict is against deviations that are right, over all elements together
 
 QUANTITIES = (
     "exponents",

@@ -29,8 +29,7 @@ NEVER = 1e-300
 """The probability below which the structure of A(t) is refused: the free model that is drawn from has a misfit already,
 and twice that much is no news of the structure."""
 
-FADED = 1e-8
-"""The share of its size that coloured noise keeps of its beginning when the record begins."""
+FADED = 1e-8  # the share of its size that coloured noise keeps of its beginning when the record begins
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,11 +266,8 @@ def _sent(plan: Plan) -> bytes:
 
 
 def _unusable(why: str) -> Exception:
-    return input_error(
-        "workers",
-        "bootstrap",
-        "be a number of processes that can be started and last",
-        why,
+    remedy = (
         "Put the call of a script under `if __name__ == '__main__':`; where memory is short take fewer; `workers=1` "
-        "starts none.",
+        "starts none."
     )
+    return input_error("workers", "bootstrap", "be a number of processes that can be started and last", why, remedy)

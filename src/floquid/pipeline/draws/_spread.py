@@ -12,8 +12,7 @@ from floquid._checks import Rebuilt, frozen_array, input_error
 STRUCTURAL = 1e-12
 """The share of a quantity's largest deviation below which one is rounding: the element is what it is by definition."""
 
-MATERIAL = 0.25
-"""The bias, over the deviation, below which it does not matter: the root-mean-square error grows by 3 %."""
+MATERIAL = 0.25  # the bias, over the deviation, below which it does not matter: the root-mean-square error grows by 3 %
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

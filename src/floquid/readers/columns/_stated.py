@@ -20,8 +20,7 @@ from floquid.core import Channel, Record
 from floquid.io import Source
 from floquid.tables import numbers_of
 
-RECORD_LINE = "# floquid record: "
-"""Begin of the line in a text file."""
+RECORD_LINE = "# floquid record: "  # begin of the line in a text file
 
 _WORDS = ("name", "quantity", "unit", "location", "direction")
 

@@ -28,8 +28,7 @@ from floquid.tables import (
 if TYPE_CHECKING:
     import pandas as pd
 
-OWN = "floquid"
-"""The entry of `attrs` that holds what a table cannot say. It is plain JSON, as Parquet keeps it."""
+OWN = "floquid"  # the entry of `attrs` that holds what a table cannot say. It is plain JSON, as Parquet keeps it.
 
 _WORDS = ("name", "quantity", "unit", "location", "direction")
 
@@ -158,9 +157,8 @@ def _own(attrs: Mapping[Any, Any], source: Source) -> Mapping[str, Any]:
     said = attrs.get(OWN, {})
     tables = [said.get(key, {}) for key in ("channels", "orbit")] if isinstance(said, Mapping) else [None]
     if not all(isinstance(table, Mapping) for table in tables):
-        raise source.error(
-            f"have `attrs[{OWN!r}]` as `to_pandas` wrote it", "has another", "Delete it: the rest is enough."
-        )
+        must = f"have `attrs[{OWN!r}]` as `to_pandas` wrote it"
+        raise source.error(must, "has another", "Delete it: the rest is enough.")
     return said
 
 

@@ -150,9 +150,8 @@ def _names(signals: Sequence[Any], source: Source) -> list[str]:
         missing = [key for key in ("data", "name", "unit_str") if not isinstance(signal, Mapping) or key not in signal]
         if missing:
             words = f"`{missing[0]}`" if isinstance(signal, Mapping) else "any, being no dictionary"
-            raise source.error(
-                "be dictionaries that have `data`, `name` and `unit_str`", f"has number {position} without {words}"
-            )
+            must = "be dictionaries that have `data`, `name` and `unit_str`"
+            raise source.error(must, f"has number {position} without {words}")
     names = [str(signal["name"]) for signal in signals]
     groups = [str(signal.get("group") or "") for signal in signals]
     return [
@@ -168,9 +167,8 @@ def _row(signal: Mapping[str, Any], name: str, source: Source) -> NDArray[np.flo
         data = [np.nan if value is None else value for value in data]
     values = np.asarray(data)
     if values.ndim != 1:
-        raise source.error(
-            "hold samples in one dimension", f"has shape {values.shape} in {name!r}", "Pass one a channel."
-        )
+        must = "hold samples in one dimension"
+        raise source.error(must, f"has shape {values.shape} in {name!r}", "Pass one a channel.")
     return real_row(values, name, source)
 
 
@@ -179,11 +177,8 @@ def _check_alike(names: Sequence[str], stated: Sequence[Any], what: str, source:
     for name, value in zip(names, stated, strict=True):
         if value != stated[0]:
             words = "" if isinstance(value, bytes) else f": {value} and {stated[0]}"
-            raise source.error(
-                "be sampled together",
-                f"has {what} of {name!r} other than of {names[0]!r}{words}",
-                "Choose signals that go together, or resample them.",
-            )
+            got = f"has {what} of {name!r} other than of {names[0]!r}{words}"
+            raise source.error("be sampled together", got, "Choose signals that go together, or resample them.")
 
 
 def _channel(signal: Mapping[str, Any], name: str, source: Source) -> Channel:

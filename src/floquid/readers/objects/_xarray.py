@@ -125,11 +125,8 @@ def _times(data: Any, time: str, source: Source) -> tuple[TimeColumn, tuple[str,
     if coordinate.dtype.kind in "Mm" or unit in ("", *SECONDS):
         found = times_of(coordinate.values, scale=SECONDS.get(unit), label=time)
     if found is None:
-        raise source.error(
-            f"have `{time}` as numbers in one of s, ms, us, ns, min, h, as durations or as dates",
-            f"has {coordinate.dtype} in {unit!r}",
-            "Set `attrs['units']` of that coordinate.",
-        )
+        must = f"have `{time}` as numbers in one of s, ms, us, ns, min, h, as durations or as dates"
+        raise source.error(must, f"has {coordinate.dtype} in {unit!r}", "Set `attrs['units']` of that coordinate.")
     return found
 
 
@@ -137,11 +134,9 @@ def _by_variable(data: Any, time: str, source: Source) -> tuple[NDArray[np.float
     """A variable a channel, each over time alone."""
     others = [f"`{name}` with {variable.dims}" for name, variable in data.data_vars.items() if variable.dims != (time,)]
     if others or not data.data_vars:
-        raise source.error(
-            f"have the variable `response`, or variables over `{time}` alone, one a channel",
-            f"has {', '.join(others)}" if others else "has no variable",
-            "Choose among them, as in `data[['x', 'y']]`, or name the dimension by `time`.",
-        )
+        must = f"have the variable `response`, or variables over `{time}` alone, one a channel"
+        got = f"has {', '.join(others)}" if others else "has no variable"
+        raise source.error(must, got, "Choose among them, as in `data[['x', 'y']]`, or name the dimension by `time`.")
     rows = [real_row(variable.values, name, source) for name, variable in data.data_vars.items()]
     channels = [_channel(str(name), variable.attrs, source) for name, variable in data.data_vars.items()]
     return np.stack(rows), channels

@@ -95,11 +95,9 @@ def own_lines(source: Source, header: FunctionHeader) -> OwnLines | None:
         if not np.isfinite(numbers).all() or min(steps) <= 0.0 or (clock and _is_far(numbers[3], numbers[2])):
             raise ValueError(numbers)
     except ValueError:
-        raise source.error(
-            "have ID lines 2 and 4 as floquid wrote them",
-            f"has {header.ids[1]!r} and {header.ids[3]!r} in {where}",
-            "Mend them, or let line 2 be `NONE`: the function can be read without it.",
-        ) from None
+        must = "have ID lines 2 and 4 as floquid wrote them"
+        remedy = "Mend them, or let line 2 be `NONE`: the function can be read without it."
+        raise source.error(must, f"has {header.ids[1]!r} and {header.ids[3]!r} in {where}", remedy) from None
     words, doubt = _words(header)
     return OwnLines(
         sample_rate=numbers[0],
@@ -238,8 +236,6 @@ def check_names(source: Source, headers: Sequence[FunctionHeader], names: Sequen
     first: dict[str, int] = {}
     for header, name in zip(headers, names, strict=True):
         if first.setdefault(name, header.first) != header.first:
-            raise source.error(
-                "tell its time responses apart by node, direction, entity or ID line 1",
-                f"has {name!r} twice, at bytes {first[name]} and {header.first}",
-                "Export one run a file, or name the functions in their ID lines.",
-            )
+            must = "tell its time responses apart by node, direction, entity or ID line 1"
+            got = f"has {name!r} twice, at bytes {first[name]} and {header.first}"
+            raise source.error(must, got, "Export one run a file, or name the functions in their ID lines.")
