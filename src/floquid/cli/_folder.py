@@ -105,10 +105,7 @@ def maybe_folder(path: Path | None, names: Sequence[str]) -> Iterator[ResultFold
 
 @contextmanager
 def result_folder(path: Path, names: Sequence[str]) -> Iterator[ResultFolder]:
-    """The folder `path`, made if need be and tried before any long work; without a result it is left as it was.
-
-    `names` are those that files are to have in it. Whatever stands in the way of a result is an InputError.
-    """
+    """The folder `path`, made if need be and tried before any long work; without a result it is left as it was."""
     made: list[Path] = []
     unfinished: Path | None = None
     with ExitStack() as owned:

@@ -233,10 +233,7 @@ def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
 
 
 def print_state(console: Console, analysis: Analysis) -> None:
-    """Rows of A(t): the smallest and the largest value of each element over the period, and its largest deviation.
-
-    In second-order form they are those of the accelerations; the others say that displacements have velocities.
-    """
+    """Rows of A(t): the smallest and the largest value of each element over the period, and its largest deviation."""
     state = analysis.state
     assert state is not None
     second = analysis.settings.form == "second-order"

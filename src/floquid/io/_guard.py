@@ -184,13 +184,7 @@ def _send(stream: BinaryIO, message: object) -> None:
 
 
 def _received(stream: BinaryIO) -> Any:
-    """Read a message.
-
-    Raises
-    ------
-    EOFError
-        The other side has ended.
-    """
+    """Read a message; EOFError where the other side has ended."""
     count = _LENGTH.unpack(_exactly(stream, _LENGTH.size))[0]
     lengths = [_LENGTH.unpack(_exactly(stream, _LENGTH.size))[0] for _ in range(count)]
     body, *buffers = (_exactly(stream, length) for length in lengths)

@@ -106,10 +106,7 @@ def _left(values: NDArray[np.float64], shapes: NDArray[np.float64], powers: NDAr
 
 
 def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The autocorrelation of what is left (channels, lags), and the numbers that it is the mean of (channels,).
-
-    Of a channel whose residual is rounding, that of white noise.
-    """
+    """The autocorrelation of what is left (channels, lags), and the numbers that it is the mean of (channels,)."""
     data, phases = lifted.responses, lifted.n_phases
     # Of a conjugate pair one is enough: 2 Re(R μ^n) is a real product of real and imaginary parts.
     upper = modal.multipliers.imag >= 0.0

@@ -83,10 +83,7 @@ class Realisation:
         return int((self.values > ROUNDING * self.values[0]).sum()) if self.values[0] > 0 else 0
 
     def multipliers(self, order: int) -> NDArray[np.complex128]:
-        r"""The eigenvalues (order,) of Λ⁻¹ Vᵀ H₀ᵀH₁ V = Σ⁻¹ Uᵀ H₁ V, similar to the A of the balanced realisation.
-
-        At most `rank` of them.
-        """
+        """The eigenvalues (order,) of Λ⁻¹ Vᵀ H₀ᵀH₁ V = Σ⁻¹ Uᵀ H₁ V, similar to the A of the balanced realisation."""
         order = min(order, self.rank)
         lead, scale = self.vectors[:, :order], np.sqrt(self.values[:order])
         inner = (lead.T @ self.shifted @ lead) / np.outer(scale, scale)

@@ -192,10 +192,7 @@ def polish(
     tolerance: float = 1e-4,
     enough: float = -np.inf,
 ) -> Fit:
-    """The maximum-likelihood poles near those of the start: steps to the least projected cost.
-
-    They end as in `levenberg_marquardt`. A fit that is given as the start must be one of these factors.
-    """
+    """The maximum-likelihood poles near those of the start: steps to the least projected cost."""
     return levenberg_marquardt(
         start if isinstance(start, Fit) else fit(start, factors),
         lambda now, step: fit(now.poles.moved(step), factors),

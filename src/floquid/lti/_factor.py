@@ -85,11 +85,7 @@ def energies(data: TimeResponses) -> NDArray[np.float64]:
 
 
 def energetic_length(energy: NDArray[np.float64], data: TimeResponses) -> int:
-    """The samples to look at first: all of a short record; of a long one, those before the energy meets its floor.
-
-    The floor is the least mean energy over a twentieth of the record. A mode that goes on below it is found later, from
-    the poles.
-    """
+    """The samples to look at first: all of a short record; of a long one, those before the energy meets its floor."""
     whole = len(energy)
     if whole <= SHORT:
         return whole

@@ -94,10 +94,7 @@ def finite_sum(
 def mode_columns(
     s: complex, kind: int, angles: NDArray[np.float64], samples: int, weights: NDArray[np.float64]
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """The weighted lines of a mode's real columns (lines, 1 or 2), and those of k times the columns.
-
-    A pair has the columns Re μ^k and Im μ^k, conjugate included; a real multiplier has μ^k.
-    """
+    """The weighted lines of a mode's real columns, Re and Im μ^k (lines, 1 or 2), and those of k times the columns."""
     scale = weights / np.sqrt(samples)
     if kind != PAIR:
         total, slope = finite_sum(complex(s.real, np.pi if kind == NEGATIVE else 0.0), angles, samples)

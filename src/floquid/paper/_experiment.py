@@ -26,11 +26,7 @@ WINDOW = 3  # the largest |m| among which the four dominant coefficients are loo
 
 
 def dominant(model: PeriodicModel, count: int) -> PeriodicModel:
-    """The model with the largest coefficients of each residue alone (Allen 2009, section 3.2).
-
-    Each mode, channel and hit has its own choice. Modes must come in conjugate pairs: a coefficient of one is kept when
-    its mirror image is kept in the other. The others, and their deviations, are zero.
-    """
+    """The model with the largest coefficients of each residue alone (Allen 2009, section 3.2)."""
     of = "dominant"
     if integer(count, "count", of, at_least=1) > len(model.harmonics):
         raise input_error("count", of, f"be at most the {len(model.harmonics)} harmonics", f"is {count}")
@@ -224,10 +220,7 @@ def _errors(rotor: JeffcottRotor, exact: PeriodicModel, analysis: Analysis, boun
 
 
 def paired(model: PeriodicModel, exact: PeriodicModel, bound: PeriodicModel) -> list[tuple[complex, complex, complex]]:
-    """Estimate, truth and deviation of each upper principal exponent, in the paper's order: ascending Im λ.
-
-    The deviations are those of `bound`.
-    """
+    """Estimate, truth and deviation of each upper principal exponent, in the paper's order: ascending Im λ."""
     principal = exact.principal()
     upper = np.flatnonzero(principal.imag > 0)
     upper = upper[np.argsort(principal.imag[upper])]

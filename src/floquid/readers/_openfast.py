@@ -158,10 +158,7 @@ _AGAIN = "Run OpenFAST again, or copy the file again."
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _BinaryHead:
-    """All that is before the samples, which begin at byte `start`.
-
-    `first`, `second` are the first time and the step [s], or the scale and offset of the times.
-    """
+    """All before the samples at `start`; `first`, `second`: first time and step [s], or scale and offset of times."""
 
     kind: int
     n_samples: int

@@ -39,10 +39,7 @@ def mode_source(case: Case) -> ColumnDataSource:
 
 
 def _labels(x: NDArray[np.float64], y: NDArray[np.float64], wide: float = 0.0, high: float = 0.0) -> list[str]:
-    """The numbers of the modes for their marks; those of marks whose numbers would meet stand at the first of them.
-
-    The axes span the marks, or `wide` and `high`.
-    """
+    """The numbers of the modes for their marks; those of marks whose numbers would meet stand at the first of them."""
     across, up = (max(max(v, default=0.0) - min(v, default=0.0), least) for v, least in ((x, wide), (y, high)))
     held: dict[int, list[str]] = {}
     for k in range(len(x)):

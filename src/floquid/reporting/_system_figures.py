@@ -17,11 +17,7 @@ Truth = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def elements_shown(state: StateModel, *, second_order: bool) -> list[tuple[int, int]]:
-    """The elements that are no identity: all of them where they are few, or else those that vary most.
-
-    In second-order form the upper half of A says that displacements have velocities. An element varies by half its
-    range over its deviation.
-    """
+    """The elements that are no identity: all of them where they are few, or else those that vary most."""
     n = len(state.states)
     rows = range(n // 2 if second_order else 0, n)
     places = [(i, j) for i in rows for j in range(n)]

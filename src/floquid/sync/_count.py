@@ -70,11 +70,7 @@ def _spacing(times: Times, numbers: Numbers, lines: int) -> Times:
 
 
 def _pattern(times: Times, spacing: Times, lines: int) -> tuple[int, Times] | None:
-    """First line, and the spacings of the lines from there on (lines,), of mean one: None when they are even.
-
-    They are seen in the longest stretch in which each revolution of `lines` pulses takes as long as those about it,
-    whatever the lines' own spacing: no pulse is missing there, and none is doubled.
-    """
+    """First line, and the spacings of the lines from there on (lines,), of mean one: None when they are even."""
     if lines == 1 or len(times) < 3 * lines:
         return None
     whole = (times[lines:] - times[:-lines]) / (lines * spacing[: len(times) - lines])

@@ -177,10 +177,7 @@ def gaps(record: Record) -> tuple[Gap, ...]:
 
 
 def measuring(record: Record, *, standing: bool = False) -> list[tuple[int, NDArray[np.float64], float]]:
-    """Row, samples and quantum of the channels that measure something that moves smoothly.
-
-    With `standing`, only those of which two samples in turn are equal.
-    """
+    """Row, samples and quantum of channels of smooth motion; with `standing`, those with two equal samples in turn."""
     clock = record.clock.channel if isinstance(record.clock, TachometerSignal | AzimuthSignal) else None
     judged: list[tuple[int, NDArray[np.float64], float]] = []
     for row, (channel, values) in enumerate(zip(record.channels, record.values, strict=True)):

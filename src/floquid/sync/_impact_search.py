@@ -38,10 +38,7 @@ PASSES = 6
 
 
 def by_force(force: NDArray[np.float64], *, least: float, apart: int) -> list[Blow]:
-    """Blows of a force (samples,): away from its resting level, by two thresholds.
-
-    The resting level is the median and the noise the median deviation, which a few short blows do not move.
-    """
+    """Blows of a force (samples,): away from its resting level, by two thresholds."""
     away = np.abs(force - np.nanmedian(force)) if np.isfinite(force).any() else np.zeros(len(force))
     noise, largest = 1.4826 * float(np.nanmedian(away)), float(np.nanmax(away, initial=0.0))
     high = max(least * largest, 8.0 * noise)
@@ -158,10 +155,7 @@ def _filter(gram: NDArray[np.float64], channels: int, *, ahead: bool) -> NDArray
 def _excess(
     ahead: NDArray[np.float64], back: NDArray[np.float64], floor: float, window: int, channels: int
 ) -> tuple[NDArray[np.float64], float]:
-    """The mean square error ahead of each instant and back before it, against what is usual (samples + 1,).
-
-    And what only an impact exceeds.
-    """
+    """The mean square error ahead of each instant and back before it, over the usual; what only an impact exceeds."""
     instants = np.arange(len(ahead) + 1)
     later, earlier = np.minimum(instants + window, len(ahead)), np.maximum(instants - window, 0)
     total, number = np.zeros((2, len(instants)))

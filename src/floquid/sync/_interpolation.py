@@ -68,10 +68,7 @@ def design(sample_rate: float, cutoff: float, band: float, accuracy: float, of: 
 
 
 def _kaiser(attenuation: float, width: float) -> tuple[int, float]:
-    """Taps and β of Kaiser's window, of an attenuation [dB] and a transition over the Nyquist frequency (Kaiser 1974).
-
-    As `scipy.signal.kaiserord`, which takes a second to load.
-    """
+    """Taps and β of Kaiser's window (Kaiser 1974), as `scipy.signal.kaiserord`, which takes a second to load."""
     beta = 0.1102 * (attenuation - 8.7) if attenuation > 50.0 else 0.5842 * (attenuation - 21.0) ** 0.4
     if attenuation <= 50.0:
         beta += 0.07886 * (attenuation - 21.0)

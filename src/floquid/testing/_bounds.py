@@ -166,10 +166,7 @@ def projected(logs: NDArray[np.complex128], real: NDArray[np.bool_], samples: in
 
 
 def parameters(real: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.complex128]]:
-    """The real parameters: which logarithm each belongs to, and what it multiplies R d by in the response.
-
-    A pair is twice the real part of one of its two modes: 2 for the real part of its logarithm, 2i for the imaginary.
-    """
+    """The real parameters: which logarithm each belongs to, and what it multiplies R d by in the response."""
     pairs = np.flatnonzero(~real)
     turn = np.zeros(len(real) + len(pairs), np.complex128)
     turn[: len(real)], turn[len(real) :] = np.where(real, 1.0, 2.0), 2.0j

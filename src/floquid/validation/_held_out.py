@@ -97,10 +97,7 @@ def cycles_of(
     instants: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
     noise: NDArray[np.float64],
 ) -> list[NDArray[np.int64]]:
-    """The whole cycle that each sample of each record is in, from its first sample on; -1 in none, or a dead one.
-
-    `instants` are the times [s] and angles [rad] of the samples of each record (samples,).
-    """
+    """The whole cycle that each sample of each record is in, from its first sample on; -1 in none, or a dead one."""
     phases = np.arange(PHASES) / PHASES * model.period
     shapes = model.shapes(phases) * np.exp(np.multiply.outer(model.exponents, phases))[:, None, None]
     found = []

@@ -84,10 +84,7 @@ def _residual(case: Case, hit: int, left: NDArray[np.float64]) -> tuple[Record, 
 
 
 def _beside(case: Case, left: list[NDArray[np.float64]], turns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The mean score a few lines of the record on either side of tones (channels, hits, tones).
-
-    A tone is narrower than that; what a missing mode leaves is not.
-    """
+    """The mean score a few lines of the record on either side of tones (channels, hits, tones)."""
     score = np.zeros((*case.noise.shape, len(turns)))
     for hit, rest in enumerate(left):
         angles = case.instants[hit][1]
@@ -228,11 +225,7 @@ def lines_of(model: PeriodicModel, highest: float) -> tuple[NDArray[np.int64], N
 
 
 def peaks(left: NDArray[np.float64], noise: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The highest line of the spectrum of each channel over its level there, and where it is, in turns a sample.
-
-    White noise alone has an exponential distribution of mean one at each line. The level is that of the noise given, or
-    of the spectrum about the line where that is higher.
-    """
+    """The highest line of the spectrum of each channel over its level there, and where it is, in turns a sample."""
     there = ~np.isnan(left)
     lines = np.fft.rfft(np.where(there, left, 0.0), axis=1)
     spectrum = lines.real**2 + lines.imag**2

@@ -33,11 +33,7 @@ def checked(analysis: Analysis, of: str, *, channel: int | None = None, hit: int
 
 
 def paired(one: NDArray[np.complex128], other: NDArray[np.complex128]) -> NDArray[np.int64]:
-    """Index in `other` of each mode of `one` (modes of `one`,): each taken once, so that the differences are least.
-
-    Two modes that have one multiplier would both find the same one otherwise. Where `other` has too few, those left
-    over take the nearest.
-    """
+    """Index in `other` of each mode of `one` (modes of `one`,): each taken once, so that the differences are least."""
     from scipy.optimize import linear_sum_assignment
 
     off = np.abs(np.subtract.outer(one, other))

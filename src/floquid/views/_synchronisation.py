@@ -156,10 +156,7 @@ def _stretches(own: Response, angles: NDArray[np.float64]) -> list[slice]:
 def _filtered(
     analysis: Analysis, own: Response, hit: int
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64]]:
-    """The record after the filter that makes its noise white, what that does to each line, and the noise then.
-
-    The gain is (channels, modes, harmonics); the samples that have no past are missing.
-    """
+    """The record after the filter that makes its noise white, what that does to each line, and the noise then."""
     model, values = own.model, own.record.values
     # Where the speed wanders, the filter makes other lines of each: there the noise is taken as it is.
     taps = None if analysis.shafts else analysis.whitening
@@ -204,10 +201,7 @@ def _line(
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Samples of all channels over their noise, and the lines of the model there.
-
-    With harmonics of one multiplier that is real come their mirror images: its factor then stays real by itself.
-    """
+    """Samples of all channels over their noise, and the lines of the model there."""
 
     values: NDArray[np.float64]  # (channels, samples), zero where a sample is missing
     there: NDArray[np.bool_]  # (channels, samples)

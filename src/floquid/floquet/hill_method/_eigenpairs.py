@@ -61,11 +61,7 @@ class Truncated(NamedTuple):
         return 4.0 * _EPS * self.condition * problem.norm
 
     def split(self, problem: Problem) -> NDArray[np.float64]:
-        """Distance, modulo iω, of each to the farthest of those that may be one with it but for rounding (modes,).
-
-        A defective exponent is found as several, as far from it as from each other: what they are known to, although
-        they may hardly change from one truncation to the next.
-        """
+        """Distance, modulo iω, of each to the farthest of those that may be one with it but for rounding (modes,)."""
         apart = np.abs(modulo(np.subtract.outer(self.exponents, self.exponents), problem.fundamental))
         # The condition of an exactly defective one is without bound, that by which it splits is not.
         rounding = np.minimum(self.rounding(problem), np.cbrt(_EPS) * problem.norm)
@@ -167,10 +163,7 @@ def _leaks(problem: Problem, vectors: NDArray[np.complex128]) -> NDArray[np.floa
 def _one_of_each(
     values: NDArray[np.complex128], order: NDArray[np.intp], n: int, fundamental: float, same: float
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]] | None:
-    """The first of every family in `order` and whether its conjugate is meant, until there are n; None if not n.
-
-    Only eigenvalues with Im ≥ 0 are looked at, each for itself and for its conjugate.
-    """
+    """The first of every family in `order` and whether its conjugate is meant, until there are n; None if not n."""
     taken = np.empty(0, dtype=np.complex128)
     picked: list[int] = []
     conjugate: list[bool] = []

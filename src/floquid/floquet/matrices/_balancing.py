@@ -19,10 +19,7 @@ def binary_units(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def balanced_units(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The diagonal of D for which the rows and columns of D⁻¹ M D are of equal norm, beside the diagonal (n,).
-
-    Powers of two would leave sizes a factor of two open to the units that M is given in.
-    """
+    """The diagonal of D for which the rows and columns of D⁻¹ M D are of equal norm, beside the diagonal (n,)."""
     from scipy.sparse.csgraph import connected_components
 
     scale = binary_units(matrix)

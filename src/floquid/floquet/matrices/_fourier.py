@@ -38,10 +38,7 @@ class Reach(NamedTuple):
 
 
 def reach(matrix: AbstractPeriodicMatrix, tolerance: float, scale: NDArray[np.float64] | None = None) -> Reach:
-    """Reach of the lines above `tolerance` of the norm of all, states in units of `scale` (n,).
-
-    Where the lines have no end (jumps, kinks) only the strong ones are counted; the others fall off steadily.
-    """
+    """Reach of the lines above `tolerance` of the norm of all, states in units of `scale` (n,)."""
     coefficients, has_end = _all_lines(matrix)
     if scale is not None:
         coefficients = coefficients * (scale / scale[:, None])[:, :, None]

@@ -51,10 +51,7 @@ def checked_breaks(breaks: ArrayLike, period: float, of: str) -> NDArray[np.floa
 
 
 def refuse_repeated_end(values: NDArray[np.float64], name: str, of: str) -> None:
-    """Refuse samples of which the last is the first again, as `linspace(0, T, P + 1)` makes them.
-
-    Samples may be alike there by symmetry: that is told by the harmonics, which die away without the end alone.
-    """
+    """Refuse samples of which the last is the first again, as `linspace(0, T, P + 1)` makes them."""
     n_samples = values.shape[2]
     largest = np.abs(values).max(axis=2)
     parts = (values, values[..., :-1])

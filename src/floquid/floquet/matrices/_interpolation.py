@@ -27,10 +27,7 @@ def interpolant(
     kind: str,
     argument: tuple[str, str] = ("values", "SampledMatrix"),
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process.
-
-    Values so large, or so near in time, that what is between them overflows are refused, as `argument` of a callable.
-    """
+    """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process."""
     shortest = float(np.diff(times, append=times[0] + period).min())
     knots = np.append(times, times[0] + period)
     stack = np.moveaxis(np.concatenate([values, values[..., :1]], axis=2), 2, 0)

@@ -13,10 +13,7 @@ if TYPE_CHECKING:
 
 
 def _operations():
-    """The room, whose arithmetic and conversions know the forms, and so this type of theirs.
-
-    A closed algebra is circular by nature: this import, when an operator is first used, is the one that runs back.
-    """
+    """The room: an algebra is circular by nature, and this late import is the one that runs back."""
     from floquid.floquet import matrices
 
     return matrices

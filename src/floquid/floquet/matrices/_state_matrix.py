@@ -67,11 +67,7 @@ def prepare(matrix: AbstractPeriodicMatrix, tolerance: float, of: str) -> Prepar
 
 
 def resolve(matrix: FunctionMatrix, tolerance: float) -> Prepared | None:
-    """The harmonics of a matrix whose upper ones are below `tolerance` of its size, checked between and after samples.
-
-    The samples double until they suffice, none is taken twice; the check is one period later, so it is one of the
-    period as well. `None`: there is no end of the harmonics within reach, as where the matrix has a jump.
-    """
+    """The harmonics of a matrix, the upper below `tolerance` of its size; None if they have no end within reach."""
     period = matrix.period
     n = first = 2 * int(np.ceil(0.5 / matrix.narrowest))
     probes = period * (1.0 + np.array([OFFSET, 0.5 * OFFSET]))

@@ -74,11 +74,7 @@ def swapped(vectors: NDArray[np.complex64], first: NDArray[np.intp], second: NDA
 
 
 def thin_bands(known: Samples, evaluate: Evaluate, margin: float, halvings: int) -> Samples:
-    """More samples of one parameter, sorted, where a band or a gap may hide between those known.
-
-    Halved are the intervals between stable neighbours whose multipliers change places, and both sides of a stable
-    sample that grows faster than its neighbours, or of an unstable one that grows more slowly.
-    """
+    """More samples of one parameter, sorted, where a band or a gap may hide between those known."""
     thinnest = np.diff(known.points[:, 0]) * 2.0**-halvings
     # Of the interval that each sample begins; the last one stands for none.
     limit = np.append(thinnest, np.inf)
@@ -121,11 +117,7 @@ def bisect(
     evaluate: Evaluate,
     margin: float,
 ) -> tuple[NDArray[np.float64], list[Samples]]:
-    """The edges between stable and unstable points (edges, parameters), to `tolerance` of each parameter.
-
-    The second value is what was met on the way. Halving needs no smoothness: the growth of an undamped system leaves
-    zero as a root does, that of a damped one along a slope.
-    """
+    """The edges between stable and unstable points (edges, parameters) to `tolerance`, and what was met on the way."""
     calm, wild = calm.copy(), wild.copy()
     met = []
     width = np.abs(wild - calm)
@@ -148,10 +140,7 @@ def bisect(
 def refine(
     grids: tuple[NDArray[np.float64], ...], known: Samples, evaluate: Evaluate, margin: float, levels: int
 ) -> Cells:
-    """Cells of two parameters, halved `levels` times where stability changes or multipliers change places.
-
-    `known` holds the points of the grid, those of the second parameter running fastest.
-    """
+    """Cells of two parameters, the second fastest in `known`, halved `levels` times where stability changes or may."""
     step = 2**levels
     counts = tuple(len(grid) for grid in grids)
     lattice = np.full(tuple((count - 1) * step + 1 for count in counts), -1, dtype=np.int64)

@@ -62,11 +62,7 @@ def products(
 def _resolved(
     of: Family, points: NDArray[np.float64], periods: NDArray[np.float64]
 ) -> list[tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]]:
-    """Groups of points whose harmonics die away: their indices, the series of T A in fractions of T, and its size.
-
-    The samples double until they suffice, none is taken twice; the check is one period later, so it is one of the
-    period as well. Points whose harmonics have no end within reach are in no group.
-    """
+    """Groups of points whose harmonics die away: their indices, the series of T A in fractions of T, and its size."""
     groups = []
     first = 2 * int(np.ceil(0.5 / of.narrowest))
     index, count = np.arange(len(points)), first
@@ -153,10 +149,7 @@ def _monodromy(
     *,
     smooth: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Φ / 2^power of each point over `span` (points, n, n), in balanced units; the power, the errors' gain (points,).
-
-    Time is in fractions of the period.
-    """
+    """Φ / 2^power over `span` [periods], in balanced units (points, n, n); the power, the errors' gain (points,)."""
     n = len(of.scale)
     jumps = np.add.outer(np.arange(np.floor(span[0]), np.ceil(span[1])), of.breaks).ravel()
     ends = np.concatenate([[span[0]], jumps[(jumps > span[0]) & (jumps < span[1])], [span[1]]])

@@ -23,10 +23,7 @@ _NUMBERS = 50_000  # of the matrices of one sample of a batch
 
 
 class Workers:
-    """Evaluates points in chunks that do not depend on how many work on them; a context that leaves nothing behind.
-
-    Threads for a vectorised family, for numpy's linear algebra runs in parallel; processes for a plain one.
-    """
+    """Evaluates points in chunks that do not depend on how many work on them; a context that leaves nothing behind."""
 
     def __init__(self, of: Family, count: int) -> None:
         self._family = of

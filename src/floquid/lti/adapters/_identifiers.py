@@ -102,10 +102,7 @@ class BOPDMD(AbstractIdentifier):
 
 
 def _within(samples: int) -> Callable[[NDArray[np.complex128]], NDArray[np.complex128]]:
-    """The constraint on the eigenvalues of a fit to so many samples.
-
-    Conjugates are paired, and growth stays below what overflows: on infinite numbers LAPACK does not come back.
-    """
+    """The constraint on eigenvalues: conjugates paired, growth below overflow (LAPACK hangs on infinite numbers)."""
     most = min(FASTEST[1], LARGEST / samples)
 
     def constrained(alpha: NDArray[np.complex128]) -> NDArray[np.complex128]:

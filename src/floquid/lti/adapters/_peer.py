@@ -73,10 +73,7 @@ class Components:
 
 
 def components(data: TimeResponses) -> Components:
-    """The inputs stacked as outputs, cut to the shortest, and turned to their principal components.
-
-    A rotation of responses of equal noise keeps it white and equal.
-    """
+    """Principal components of the inputs, stacked as outputs and cut to the shortest; equal white noise stays so."""
     block = factors(data, int(data.lengths.min()))[0]
     directions, strengths, _ = np.linalg.svd(block.values, full_matrices=False)
     return Components(data, (directions * strengths).T)
@@ -107,10 +104,7 @@ def fitted(multipliers: NDArray[np.complex128], state: Components, order: int) -
 
 
 def paired(logs: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Logarithms of multipliers (modes,) moved as little as need be for each to have its conjugate, or be real.
-
-    Those closest to being conjugates are paired first. A pole by itself goes to the nearer end of the real axis.
-    """
+    """Logarithms of multipliers (modes,) moved as little as need be for each to have its conjugate, or be real."""
     angles = np.mod(logs.imag + np.pi, 2.0 * np.pi) - np.pi
     wrapped = logs.real + 1j * angles
     difference: NDArray[np.complex128] = np.subtract.outer(wrapped, wrapped.conj())

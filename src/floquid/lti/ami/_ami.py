@@ -167,10 +167,7 @@ class AMI(AbstractIdentifier):
         return None
 
     def _settle(self, now: Isolated, state: Lines, tolerance: float) -> Isolated:
-        """Bring the poles to rest, take away what is not needed, and put on the real axis what may lie there.
-
-        Whether a mode is needed beside a near one is asked at the end alone: until then both may be on their way.
-        """
+        """Bring the poles to rest, take away what is not needed, and put on the real axis what may lie there."""
         if now.rest >= tolerance:
             now = go_round(now, state.blocks, self._rounds(tolerance))
         changed = True

@@ -98,10 +98,7 @@ def evaluate(s: complex, kind: int, bands: Sequence[Band]) -> Step:
 
 
 def orthonormal(basis: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Q and R⁻¹ of one or two columns B = QR; a column that is nothing or a multiple of the first counts for nothing.
-
-    As good as a library's factorisation, and ten times as fast for so few columns.
-    """
+    """Q and R⁻¹ of one or two columns, ten times as fast as a library's; a dependent column counts for nothing."""
     q, inverse = np.array(basis), np.eye(basis.shape[1])
     for column in range(basis.shape[1]):
         size = whole = np.sqrt(q[:, column] @ q[:, column])

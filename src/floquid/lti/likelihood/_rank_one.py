@@ -358,11 +358,7 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, col
 
 
 def _covariance(found: ProductFit, stacked: Stacked, colour: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts.
-
-    The scatter of the gradient is that of what is left, whose responses need not err independently, times the noise
-    at the frequency of each pole (order,), over its mean.
-    """
+    """Of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts."""
     unit = sandwich(found.information, _scatter(found.products, stacked), smallest=1e-12)
     own = _pole_parameters(found.products)
     map_ = found.products.poles.parameter_map()

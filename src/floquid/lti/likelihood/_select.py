@@ -170,10 +170,7 @@ def crowded(poles: PoleSet, entry: int, factors: Sequence[Factor]) -> bool:
 
 
 def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
-    """Turn a pair next to the real axis into one real pole, or into two that are told apart, where the data say so.
-
-    Two real poles that are not told apart become a pair: where they meet, their own residues are unbounded.
-    """
+    """Turn a pair next to the real axis into one real pole, or into two that are told apart, where the data say so."""
     for entry in np.flatnonzero(now.poles.kind == PAIR):
         s = now.poles.s[entry]
         for kind, angle in ((POSITIVE, s.imag), (NEGATIVE, np.pi - s.imag)):

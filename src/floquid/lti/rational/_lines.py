@@ -47,10 +47,7 @@ class Modes:
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Data of a response: its samples, or the lines of a band less what lies outside.
-
-    `outside` (rows, k) is orthonormal; without a band it has no columns.
-    """
+    """Data of a response: its samples, or the lines of a band less what lies outside."""
 
     band: Band
     outside: NDArray[np.float64]
@@ -78,10 +75,7 @@ class Rows:
 
 @dataclass(frozen=True, slots=True)
 class Fitting:
-    """Least squares for residues of some inputs together: their columns and pseudo-inverses, one of each an input.
-
-    Columns (rows, order) are those of the modes in this input, powers over the largest within `longest` samples.
-    """
+    """Least squares for residues of some inputs together: their columns and pseudo-inverses, one of each an input."""
 
     modes: Modes
     inputs: list[int]

@@ -219,10 +219,7 @@ def _reordered(modal: ModalModel, order: list[int]) -> ModalModel:
 
 
 def _partner(modal: ModalModel, index: int) -> int:
-    """The position of the conjugate of one multiplier (its own when it is real).
-
-    Of modes with equal multipliers each has its conjugate next to it, below the real axis after the one above.
-    """
+    """The position of the conjugate of one multiplier (its own when it is real)."""
     distance = np.abs(modal.multipliers - modal.multipliers[index].conj())
     beside = index + int(np.sign(modal.multipliers[index].imag))
     if 0 <= beside < modal.order and distance[beside] <= distance.min():

@@ -23,10 +23,7 @@ SHORT = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Shapes:
-    """Coefficients of each entry (entries, channels, hits, harmonics), and their deviations likewise.
-
-    The deviation of the real part is the real part, that of the imaginary part the imaginary one.
-    """
+    """Coefficients of each entry (entries, channels, hits, harmonics), and their deviations, part by part."""
 
     harmonics: NDArray[np.int64]
     coefficients: NDArray[np.complex128]
@@ -125,10 +122,7 @@ def _mirror(entries: ModeParameters, harmonics: NDArray[np.int64], coefficients:
 def chosen_bands(
     blocks: Sequence[Block], wide: Solution, false_alarm: float, *, each: bool = False
 ) -> NDArray[np.int64]:
-    """The bands that rise above the noise, of the entries that are not fixed; the others keep theirs.
-
-    `false_alarm` is that of all of them together, or with `each` that of one harmonic.
-    """
+    """The bands above the noise, of entries not fixed; `false_alarm` is that of all, or with `each` of one harmonic."""
     entries, found = wide.entries, shapes(blocks, wide)
     harmonics = found.harmonics
     seeds = np.stack([np.minimum(0, -entries.half_turns), np.maximum(0, -entries.half_turns)], axis=1)
@@ -203,10 +197,7 @@ def model_of(
 
 
 def unselected(blocks: Sequence[Block], found: Solution, bands: NDArray[np.int64], most: int) -> Estimates | None:
-    """The estimates of the same fit with more harmonics beyond the bands reported; None where there is no such fit.
-
-    One step from a fit that is at rest loses nothing; where the wider bands ask for more, it is fitted.
-    """
+    """The estimates of the same fit with more harmonics beyond the bands reported; None where there is no such fit."""
     free = np.flatnonzero(~found.entries.fixed)
     try:
         wide = linearise(blocks, replace(found.entries, bands=bands).padded(GAP + 1, most))

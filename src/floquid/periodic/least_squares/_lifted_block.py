@@ -139,10 +139,7 @@ def _parts(cycles: NDArray[np.complex128]) -> NDArray[np.float64]:
 def _shapes(
     columns: Columns, coefficients: NDArray[np.complex128], phases: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
-    """2 Re B z over the phases, then 2 Im, summed over the columns of each entry (rows, phases, 2 entries).
-
-    What they make of Re μ^n and -Im μ^n is the model 2 Re Σ B z.
-    """
+    """2 Re B z over the phases, then 2 Im, summed over the columns of each entry (rows, phases, 2 entries)."""
     member = (columns.modes[:, None] == np.arange(len(columns.exponents))).astype(float)
     terms = 2.0 * coefficients.T[:, None, :] * phases
     return np.concatenate([terms.real @ member, terms.imag @ member], axis=2)

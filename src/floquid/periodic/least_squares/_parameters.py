@@ -14,10 +14,7 @@ from floquid.periodic.least_squares._sample_block import PLAIN, Columns
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """The real parameters: decays, then the turns of pairs, then the fundamental.
-
-    A parameter multiplies the coefficient on each column by its weight; a turn also takes the cosine to the sine.
-    """
+    """The real parameters: decays, then the turns of pairs, then the fundamental."""
 
     weights: NDArray[np.float64]  # (parameters, 2 columns)
     turns: NDArray[np.bool_]  # mask of the frequencies and the fundamental (parameters,)

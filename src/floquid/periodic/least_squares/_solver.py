@@ -100,10 +100,7 @@ class Solution:
 def linearise(
     blocks: Sequence[Block], entries: ModeParameters, start: tuple[NDArray[np.float64], ...] | None = None
 ) -> Solution:
-    """Cost, gradient and matrices of the fit at these exponents, the coefficients eliminated.
-
-    `start` are coefficients near the right ones, for each block: the residual is then small, and no digits are lost.
-    """
+    """Cost, gradient and matrices of the fit at these exponents, the coefficients eliminated."""
     columns, sines = entries.columns(), entries.sines()
     first = [None] * len(blocks) if start is None else start
     return weighted(blocks, entries, [_linear(b, columns, sines, own) for b, own in zip(blocks, first, strict=True)])

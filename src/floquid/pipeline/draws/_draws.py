@@ -187,10 +187,7 @@ def _identified(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
 
 
 def aligned(model: PeriodicModel, found: PeriodicModel) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    r"""The exponents and coefficients found, in the order, on the branches and with the harmonics of `model`.
-
-    Modes are paired by assignment, their exponents compared modulo iω; B e^{(λ + imω)t} is harmonic m + k of λ - ikω.
-    """
+    """The exponents and coefficients found, in the order, on the branches and with the harmonics of `model`."""
     exponents = np.zeros(model.order, complex)
     coefficients = np.zeros(model.coefficients.shape, complex)
     kept = (model.coefficients != 0).any(axis=(1, 2))
@@ -213,13 +210,7 @@ def _pairs(model: PeriodicModel, found: PeriodicModel) -> Iterator[tuple[int, in
 
 
 def drawn(plan: Plan, seeds: Sequence[SeedSequence], workers: int) -> Iterator[Draw]:
-    """The draws, in the order of their seeds, by so many processes; the numbers do not depend on how many.
-
-    Raises
-    ------
-    InputError
-        The processes cannot be started, or one of them dies.
-    """
+    """The draws in the order of their seeds, by so many processes; InputError where one cannot start, or dies."""
     from threadpoolctl import threadpool_limits
 
     if workers == 1:

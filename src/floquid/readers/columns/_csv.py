@@ -37,10 +37,7 @@ _BLANK = ' \t,;"\n'
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Body:
-    """The rows under the header: the lines `first` to `last` of the file (from 1), of which `count` hold numbers.
-
-    They are read from the file each time that they are gone through, so that no text of them is kept.
-    """
+    """The rows under the header: the lines `first` to `last` of the file (from 1), of which `count` hold numbers."""
 
     path: Path
     first: int

@@ -180,10 +180,7 @@ def _plain(column: pd.Series) -> NDArray[Any]:
 def _index_times(
     index: pd.Index, source: Source, parts: Sequence[tuple[str, str | None]]
 ) -> tuple[TimeColumn, tuple[str, ...]] | None:
-    """The times in an index of dates or durations, of numbers that is named so, or of fractions without a name.
-
-    Beside a column that is named as times (`parts`), fractions without a name are numbers of rows that a merge left.
-    """
+    """The times in an index of dates or durations, of numbers that is named so, or of fractions without a name."""
     pandas = load_package("pandas", source.of)
     if isinstance(index, pandas.MultiIndex):
         return None

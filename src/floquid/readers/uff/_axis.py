@@ -19,10 +19,7 @@ _SEEN = 0.005  # samples of drift over the record from which a message says so
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """Time axis of the headers: the rate [Hz] (None for a column of times), the start [s], and how it was found.
-
-    `scale` is the unit of the abscissas [s].
-    """
+    """Time axis of the headers: rate [Hz] (None for times), start [s], how it was found; `scale`, the unit [s]."""
 
     sample_rate: float | None
     rate_note: str | None

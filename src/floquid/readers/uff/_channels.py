@@ -48,10 +48,7 @@ _WORDS = "floquid {"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnLines:
-    """Content of ID lines of ours: numbers in Hz and s, and the `words` of the channel, as far as they could be read.
-
-    `doubt` says in a sentence why they could not, or is empty.
-    """
+    """Content of ID lines of ours: numbers in Hz and s, `words` of the channel, and the `doubt` about them."""
 
     sample_rate: float
     start: float

@@ -93,10 +93,7 @@ class FunctionHeader:
 
 
 def parse_header(source: Source, lines: Sequence[bytes], first: int) -> FunctionHeader:
-    """The header in the 11 lines of a dataset that begins at byte `first`.
-
-    Fields are taken by their columns, as the format has them, or by blanks where a program kept to none.
-    """
+    """The header in the 11 lines of a dataset that begins at byte `first`."""
     if not lines[-1].endswith(b"\n"):
         got = f"ends inside the header of the one of type 58 that begins at byte {first}: it is cut short"
         raise source.error("hold whole datasets", got, "Copy or export it again.")
