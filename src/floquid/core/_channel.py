@@ -40,6 +40,8 @@ _NAMES: dict[Quantity, str] = {
 class Channel(Brief):
     """One measured quantity.
 
+    Raises InputError where the name is empty, the quantity is unknown, or the unit is not a unit of that quantity.
+
     Parameters
     ----------
     name
@@ -52,11 +54,6 @@ class Channel(Brief):
         `quantity` nor a name that says it, what is measured is "other".
     location, direction
         Free words for people.
-
-    Raises
-    ------
-    InputError
-        The name is empty, the quantity is unknown, or the unit is not a unit of that quantity.
     """
 
     name: str
@@ -102,17 +99,14 @@ def _by_name(name: str, possible: Sequence[str]) -> str | None:
 def channels_named(channels: Sequence[Channel], names: Sequence[str], *, argument: str, of: str) -> list[int]:
     """The indices of the channels called `names`, in that order.
 
+    Raises InputError where a name is unknown, or given twice.
+
     Parameters
     ----------
     channels, names
         The channels to choose from, and the names wanted, each at most once.
     argument, of
         What the names are called in the caller's signature, and the caller, for the message.
-
-    Raises
-    ------
-    InputError
-        A name is unknown, or given twice.
     """
     known = [channel.name for channel in channels]
     listing = "The channels are: " + ", ".join(known) + "."

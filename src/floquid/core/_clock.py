@@ -18,6 +18,9 @@ _PERIOD = {"T": "period=T", "f": "period=1/f", "omega": "period=2*np.pi/omega", 
 class ConstantPeriod:
     """A period that does not change: the phase at time t is (t - origin)/period, in periods.
 
+    Raises InputError where `period` is not a positive finite number, or `origin` is not finite or so far off that
+    phases are rounded away.
+
     Parameters
     ----------
     period
@@ -25,11 +28,6 @@ class ConstantPeriod:
         the period of A(t) and C(t), not of the shaft.
     origin
         The time of phase zero [s], on the record's own time axis (`Record.start`).
-
-    Raises
-    ------
-    InputError
-        `period` is not a positive finite number, or `origin` is not finite or so far off that phases are rounded away.
     """
 
     period: float
@@ -59,6 +57,8 @@ class ConstantPeriod:
 class TachometerSignal:
     """A channel of pulses: the shaft turns by a revolution in `pulses_per_revolution` of them.
 
+    Raises InputError where the name is empty, or a number is not possible.
+
     Parameters
     ----------
     channel
@@ -68,11 +68,6 @@ class TachometerSignal:
     periods_per_revolution
         Periods of the system in a revolution of the shaft: 2 for a two-fold symmetric shaft seen from the ground, 1/2
         where everything repeats itself after two revolutions.
-
-    Raises
-    ------
-    InputError
-        The name is empty, or a number is not possible.
     """
 
     channel: str
@@ -90,17 +85,14 @@ class TachometerSignal:
 class AzimuthSignal:
     """A channel that holds the angle of the shaft, in degrees or radians, whole or wrapped.
 
+    Raises InputError where the name is empty, or the number is not possible.
+
     Parameters
     ----------
     channel
         The name of the channel.
     periods_per_revolution
         Periods of the system in a revolution of the shaft.
-
-    Raises
-    ------
-    InputError
-        The name is empty, or the number is not possible.
     """
 
     channel: str
@@ -116,6 +108,8 @@ class AzimuthSignal:
 class PulseTimes(Rebuilt):
     """The times of pulses, told by another instrument.
 
+    Raises InputError where the times do not ascend, or a number is not possible.
+
     Parameters
     ----------
     times
@@ -124,11 +118,6 @@ class PulseTimes(Rebuilt):
         Pulses in a revolution.
     periods_per_revolution
         Periods of the system in a revolution of the shaft.
-
-    Raises
-    ------
-    InputError
-        The times do not ascend, or a number is not possible.
     """
 
     times: NDArray[np.float64]

@@ -18,6 +18,8 @@ from floquid.core._record import as_channels
 class Cycles(Rebuilt):
     """Samples at P equally spaced phases of each of N periods.
 
+    Raises InputError where a shape or a value is not possible.
+
     Parameters
     ----------
     values
@@ -28,11 +30,6 @@ class Cycles(Rebuilt):
         The phase of `values[:, 0, :]`, in periods, in [0, 1), and the whole periods before it since phase zero.
     channels, provenance
         One `Channel` a row of `values`, and where the cycles come from.
-
-    Raises
-    ------
-    InputError
-        A shape or a value is not possible.
     """
 
     values: NDArray[np.float64]

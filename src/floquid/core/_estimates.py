@@ -24,6 +24,8 @@ class Estimates(Rebuilt):
     imaginary part alone is here, and of a real multiplier the harmonics that turn forwards: the others are their mirror
     images.
 
+    Raises InputError where a shape or a value is not possible.
+
     Parameters
     ----------
     exponents, fundamental
@@ -47,11 +49,6 @@ class Estimates(Rebuilt):
         known at these coefficients alone.
     bend
         f (terms, channels, hits), the relative slope of the filter that the responses went through; None for none.
-
-    Raises
-    ------
-    InputError
-        A shape or a value is not possible.
     """
 
     exponents: NDArray[np.complex128]

@@ -27,6 +27,8 @@ class PeriodicModel(Drawn, Rebuilt):
     (Allen 2009, eqs. 11-12), with t = 0 at phase zero of the clock: the instant of phase zero at or before the first
     sample used of each hit. Modes come with their conjugates, one by one, so the response is real.
 
+    Raises InputError where a shape or a value is not possible.
+
     Parameters
     ----------
     exponents
@@ -52,11 +54,6 @@ class PeriodicModel(Drawn, Rebuilt):
         record says, for what is fitted to it afterwards.
     provenance
         Where the model comes from.
-
-    Raises
-    ------
-    InputError
-        A shape or a value is not possible.
     """
 
     exponents: NDArray[np.complex128]

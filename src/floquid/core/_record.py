@@ -29,6 +29,8 @@ _SLIPS = {
 class Record(Rebuilt):
     """Samples of several channels at a constant rate: sample n is at `start` + n/`sample_rate` [s].
 
+    Raises InputError where a shape, a rate, a name or a value is not possible.
+
     Parameters
     ----------
     values
@@ -46,11 +48,6 @@ class Record(Rebuilt):
         there is none or it is not known. It is part of `values` until `identify` subtracts it.
     provenance
         Where the record comes from.
-
-    Raises
-    ------
-    InputError
-        A shape, a rate, a name or a value is not possible.
     """
 
     values: NDArray[np.float64]
@@ -138,10 +135,7 @@ class Record(Rebuilt):
     def select(self, names: Sequence[str]) -> Record:
         """The record of the channels called `names`, in that order.
 
-        Raises
-        ------
-        InputError
-            A name is unknown or given twice.
+        Raises InputError where a name is unknown or given twice.
         """
         rows = channels_named(self.channels, names, argument="names", of="Record.select")
         values = self.values[rows]

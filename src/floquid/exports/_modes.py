@@ -47,6 +47,8 @@ def export_modes(
       heading, or in a column.
     - `.json`: of an analysis the content of `summary.json`, of a model its modes alone.
 
+    Raises InputError where an argument is something else, the suffix is unknown, or the file cannot be written there.
+
     Parameters
     ----------
     result
@@ -56,11 +58,6 @@ def export_modes(
     coordinates
         Where the nodes of a universal file are: x, y, z by the location of channels, or by their names where they have
         none. Others are at the origin.
-
-    Raises
-    ------
-    InputError
-        An argument is something else, the suffix is unknown, or the file cannot be written there.
     """
     of = "export_modes"
     if not isinstance(result, (Analysis, PeriodicModel)):

@@ -51,10 +51,7 @@ class Guard:
     def call(self, path: Path, function: Callable[..., Any], *args: Any, **options: Any) -> Any:
         """Result of `function`, given `args` and `options`, for the file at `path`; an error of its own is raised here.
 
-        Raises
-        ------
-        DamagedError
-            The child ended, or took longer than a file of that size can need.
+        Raises DamagedError where the child ended, or took longer than a file of that size can need.
 
         Where no child can be had, as in a program that is not run by a Python of its own, it is done here.
         """

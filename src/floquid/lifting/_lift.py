@@ -125,6 +125,9 @@ def lift(
 
     (Allen 2009, eqs. 7-8; outputs are ordered by channel, then phase). One hit of one channel is a view.
 
+    They are (channels · phases, hits, cycles). Raises InputError where hits are not alike, samples are missing, or a
+    channel is constant or too large or small for its square.
+
     Parameters
     ----------
     cycles
@@ -134,16 +137,6 @@ def lift(
         precision raise it to 2⁻²⁴.
     noise
         The deviation of the noise (channels, hits) [units of the channels]; None estimates it.
-
-    Returns
-    -------
-    Lifted
-        The responses (channels · phases, hits, cycles).
-
-    Raises
-    ------
-    InputError
-        Hits are not alike, samples are missing, or a channel is constant or too large or small for its square.
     """
     hits = (cycles,) if isinstance(cycles, Cycles) else tuple(cycles)
     if not hits:

@@ -217,6 +217,8 @@ def fit_residues(
 
     This is the last step of most identifiers, and all that an algorithm of poles alone needs to become one.
 
+    Raises InputError where a multiplier is zero or not finite, or there are as many as samples.
+
     Parameters
     ----------
     multipliers
@@ -229,11 +231,6 @@ def fit_residues(
         How the identification ended.
     stats
         Numbers about the fit.
-
-    Raises
-    ------
-    InputError
-        A multiplier is zero or not finite, or there are as many as samples.
     """
     given = frozen_array(multipliers, "multipliers", "fit_residues", axes=("modes",), dtype=np.complex128)
     if (given == 0).any():

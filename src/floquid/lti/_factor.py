@@ -187,6 +187,10 @@ def compress(data: TimeResponses, most: int | None = None, *, rank_one: bool = F
     a randomised range finder (Halko, Martinsson and Tropp 2011, algorithm 4.4, one power iteration). A mode can be
     significant and yet lead no direction of its own, when its energy is spread over outputs that are mostly noise.
 
+    They are (responses, inputs, samples) in units of the noise of one output. `noise` is √(outputs/responses) for all,
+    so that the energy of white noise stays what it is; it is exactly white if there are no more outputs than samples.
+    Raises InputError where `most` is not a positive integer.
+
     Parameters
     ----------
     data
@@ -196,17 +200,6 @@ def compress(data: TimeResponses, most: int | None = None, *, rank_one: bool = F
     rank_one
         Keep residues of several inputs of rank one: the weights are then the product of one number an output and one
         an input that is nearest to the noise. Other weights turn the shape of a mode a little with each input.
-
-    Returns
-    -------
-    TimeResponses
-        (responses, inputs, samples) in units of the noise of one output. `noise` is √(outputs/responses) for all, so
-        that the energy of white noise stays what it is; it is exactly white if there are no more outputs than samples.
-
-    Raises
-    ------
-    InputError
-        `most` is not a positive integer.
     """
     if most is not None:
         integer(most, "most", "compress", at_least=1)

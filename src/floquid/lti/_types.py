@@ -29,6 +29,8 @@ class Outcome(Enum):
 class TimeResponses(Rebuilt):
     """Free responses of one LTI system, sampled together.
 
+    Raises InputError where a shape is not possible, a value is not finite, or a standard deviation is not positive.
+
     Parameters
     ----------
     values
@@ -40,11 +42,6 @@ class TimeResponses(Rebuilt):
         The standard deviation of the white noise on each response (outputs, inputs); 1 where not given.
     lengths
         The number of samples of each input (inputs,); all of them where not given.
-
-    Raises
-    ------
-    InputError
-        A shape is not possible, a value is not finite, or a standard deviation is not positive.
     """
 
     values: NDArray[np.float64]

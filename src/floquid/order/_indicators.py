@@ -42,6 +42,9 @@ def indicators(data: TimeResponses, model: ModalModel | None = None, *, smoothin
     in a thousand (Johnstone 2001). Fewer than 64 rows are given delays as rows of their own, and the edge is
     drawn from noise of the same size.
 
+    Raises InputError where `smoothing` is not an odd positive number below the number of lines, or the model is not one
+    of the data.
+
     Parameters
     ----------
     data
@@ -50,11 +53,6 @@ def indicators(data: TimeResponses, model: ModalModel | None = None, *, smoothin
         A model of them, for the composite of what it leaves.
     smoothing
         The number of adjacent lines, odd; 5, as far as there are so many, when not given.
-
-    Raises
-    ------
-    InputError
-        `smoothing` is not an odd positive number below the number of lines, or the model is not one of the data.
     """
     of, lines = "indicators", data.values.shape[2] // 2 + 1
     if smoothing is not None and (integer(smoothing, "smoothing", of, at_least=1) % 2 == 0 or smoothing > lines):

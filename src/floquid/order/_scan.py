@@ -53,6 +53,8 @@ def scan(
     That poles agree between orders is evidence only for an identifier that finds each order afresh, as `ERA` does.
     `MaximumLikelihood` and `AMI` add poles to those they have: there, poles of noise stay too.
 
+    Raises InputError where an order is not possible, or `identifier` is none.
+
     Parameters
     ----------
     data
@@ -66,11 +68,6 @@ def scan(
         When poles of neighbouring orders count as one.
     report
         Is told of each stage.
-
-    Raises
-    ------
-    InputError
-        An order is not possible, or `identifier` is none.
     """
     chosen = ERA() if identifier is None else identifier
     if not isinstance(chosen, AbstractIdentifier):
@@ -221,6 +218,8 @@ def stability(
     Gates on the shape itself that are common elsewhere, such as the modal phase collinearity or the mean phase
     deviation, are not used: the shapes of lifted responses are fully complex, and every true mode would be rejected.
 
+    Raises InputError where the models are not of the same responses.
+
     Parameters
     ----------
     model
@@ -231,11 +230,6 @@ def stability(
         The standard deviation of the noise on each response (outputs, inputs); alike where not given.
     tolerances
         When two poles count as one.
-
-    Raises
-    ------
-    InputError
-        The models are not of the same responses.
     """
     if model.residues.shape[1:] != lower.residues.shape[1:]:
         must, got = "be of the same responses", f"has {lower.residues.shape[1:]} instead of {model.residues.shape[1:]}"

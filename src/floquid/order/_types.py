@@ -26,6 +26,8 @@ class Stability(IntEnum):
 class Tolerances:
     """When poles of neighbouring orders count as one.
 
+    Raises InputError where a tolerance is not between 0 and 1.
+
     Parameters
     ----------
     frequency
@@ -38,11 +40,6 @@ class Tolerances:
         The difference of decays that counts as none [neper/sample], for modes with hardly any damping.
     shape
         The least MAC of the noise-weighted residues.
-
-    Raises
-    ------
-    InputError
-        A tolerance is not between 0 and 1.
     """
 
     frequency: float = 0.002

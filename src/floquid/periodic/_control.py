@@ -34,6 +34,10 @@ def to_control(model: PeriodicModel, n_phases: int, *, first_phase: float = 0.0)
     poles are the multipliers. All matrices are real: a real multiplier has one state, a pair of conjugates has two, its
     real and imaginary part, once for each of the hits that are independent in it.
 
+    Outputs are `X[0]`, `X[1]`, ..., by channel, then phase (a full stop in a name is a middle dot, which python-control
+    allows), inputs are `hit1`, ..., and dt is the period [s]. Raises InputError where python-control is not installed,
+    or an argument is not possible.
+
     Parameters
     ----------
     model
@@ -43,17 +47,6 @@ def to_control(model: PeriodicModel, n_phases: int, *, first_phase: float = 0.0)
         beyond P/2 fundamentals.
     first_phase
         The phase of the first of them, in periods.
-
-    Returns
-    -------
-    control.StateSpace
-        The system. Outputs are `X[0]`, `X[1]`, ..., by channel, then phase (a full stop in a name is a middle dot,
-        which python-control allows), inputs are `hit1`, ..., and dt is the period [s].
-
-    Raises
-    ------
-    InputError
-        python-control is not installed, or an argument is not possible.
     """
     of = "periodic.to_control"
     if not isinstance(model, PeriodicModel):
@@ -97,6 +90,11 @@ def from_control(
     The inverse of `to_control`: modes are the eigenvalues of A, those of several equal ones put together, and their
     residues :math:`R_r = C v_r w_r^T B/\mu_r` are expanded over the phases by `assemble`.
 
+    It has no deviations, and the harmonics that are more than rounding. Raises InputError where the system is of
+    continuous time or of a step that is no period, has a pole at zero or repeated poles with fewer eigenvectors, or its
+    D is not that of a free response; the outputs are no whole number of phases a channel, or too few phases for the
+    harmonics.
+
     Parameters
     ----------
     system
@@ -112,18 +110,6 @@ def from_control(
     tolerance
         The share of a channel's largest value to which D, C A⁻¹ B and the model must agree on the first period: small
         where the system is exact, and as large as the noise where it was realised from responses with noise.
-
-    Returns
-    -------
-    PeriodicModel
-        The model, without deviations, of the harmonics that are more than rounding.
-
-    Raises
-    ------
-    InputError
-        The system is of continuous time or of a step that is no period, has a pole at zero or repeated poles with
-        fewer eigenvectors, or its D is not that of a free response; the outputs are no whole number of phases a
-        channel, or too few phases for the harmonics.
     """
     of = "periodic.from_control"
     made = load_package("control", of).StateSpace

@@ -128,7 +128,8 @@ def fit(
     neither time nor angle alone makes the response one of an LTI system. All modes are fitted together, residues held
     to contiguous bands of harmonics (Allen 2009, eq. 12). Bands, modes that are parted, joined or left out, and further
     lines in the spectrum of the residual (section 2.2.3, the FSE view) are decided by scores of one linearisation.
-    Missing samples (NaN) take no part. Where the speed wanders, F is let follow it to second order.
+    Missing samples (NaN) take no part. Where the speed wanders, F is let follow it to second order. Returns model,
+    forced response and noise.
 
     Parameters
     ----------
@@ -161,11 +162,6 @@ def fit(
         The probabilities that noise passes for a mode, and for a harmonic of any mode.
     report
         Is told of each stage.
-
-    Returns
-    -------
-    Fit
-        Model, forced response and noise.
 
     Raises
     ------

@@ -52,7 +52,8 @@ def estimate_at(
     with p the exponents (and the period, where it was estimated), B the coefficients that are best at p₀, S their
     slopes, and g and I the gradient and the information of the projected cost: one Gauss-Newton step (Golub and Pereyra
     1973, with Kaufman's matrix). What is fitted to these estimates with their covariance as weight is one output-error
-    step, by which a two-step fit loses no efficiency (Söderström and Stoica 1989).
+    step, by which a two-step fit loses no efficiency (Söderström and Stoica 1989). They have the same modes and terms
+    as those of the model.
 
     Parameters
     ----------
@@ -71,11 +72,6 @@ def estimate_at(
         With records: the filter of each channel along the record that makes its noise white (channels, taps).
     forced
         With records: the forced response that was taken off them, whose deviations are shared.
-
-    Returns
-    -------
-    Estimates
-        With the same modes and terms as those of the model.
 
     Raises
     ------

@@ -53,7 +53,7 @@ def refit(
 
     (Allen 2009, eqs. 11-12, the spacing enforced), started at the exponents of the model; θ is ωt, or the angle of the
     shaft. Of records that are whole samples a period, with whole cycles left out, it costs as little as of lifted
-    responses: no sample's exponentials are formed.
+    responses: no sample's exponentials are formed. Exponents, coefficients and deviations are those of these samples.
 
     Parameters
     ----------
@@ -75,11 +75,6 @@ def refit(
         Whether the period is fitted too, where constant periods tie the records to the phase.
     wider
         Whether the fit with several harmonics more on each side of every band is made too (`unselected`).
-
-    Returns
-    -------
-    PeriodicModel
-        With exponents, coefficients and deviations of these samples.
 
     Raises
     ------
@@ -125,6 +120,9 @@ def own_period(
 
     One Gauss-Newton step of the fit with the fundamental as a parameter: a linear estimate.
 
+    None where the response does not tell it. Raises InputError where records, clocks, noise and model do not belong
+    together.
+
     Parameters
     ----------
     model
@@ -135,16 +133,6 @@ def own_period(
         What ties each record to the phase, by a constant period.
     noise
         The deviation of the noise (channels, hits) [units of the channels].
-
-    Returns
-    -------
-    tuple of float or None
-        The relative difference and its deviation; None where the response does not tell it.
-
-    Raises
-    ------
-    InputError
-        Records, clocks, noise and model do not belong together.
     """
     blocks = _noisy(model, records, clocks, noise, "own_period")
     now = _evaluated(model, blocks, replace(ModeParameters.of(model), free_period=True))
@@ -162,6 +150,9 @@ def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks)
 
     .. math:: e_{c,h}(t_k) = y_{c,h}(t_k) - \sum_{r,m} B_{r,c,h,m}\, e^{\lambda_r t_k + i m \theta(t_k)}
 
+    One array a record (channels, samples) [units of the channels]; NaN where no sample is. Raises InputError where
+    records, clocks and model do not belong together.
+
     Parameters
     ----------
     model
@@ -170,16 +161,6 @@ def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks)
         The free response, one record a hit. NaN marks samples that are left out.
     clocks
         What ties each record to the phase.
-
-    Returns
-    -------
-    tuple of numpy.ndarray
-        One a record (channels, samples) [units of the channels]; NaN where no sample is.
-
-    Raises
-    ------
-    InputError
-        Records, clocks and model do not belong together.
     """
     _check(model, records, clocks, "unexplained")
     entries = ModeParameters.of(model)
@@ -218,11 +199,6 @@ def instants(record: Record, clock: ConstantPeriod | ShaftAngle, fundamental: fl
         What ties it to the phase.
     fundamental
         ω [rad/s], of a clock of constant period.
-
-    Returns
-    -------
-    tuple of numpy.ndarray
-        Times and angles.
     """
     bare = Record(values=np.zeros((1, record.n_samples)), sample_rate=record.sample_rate, channels=["-"])
     (block,), _, _ = record_blocks([replace(bare, start=record.start)], [clock], 1.0)

@@ -21,6 +21,8 @@ def line_amplitudes(
 
     .. math:: \min_B \sum_k \big(y(t_k) - 2 \Re B\, e^{\lambda t_k + i q \theta(t_k)}\big)^2
 
+    Returns 2|B| [units of the channels] and the sums [units squared] (channels, columns).
+
     Parameters
     ----------
     record
@@ -31,11 +33,6 @@ def line_amplitudes(
         T [s].
     exponents, turns
         λ [1/s] and q, turns a period (columns,). What grows is counted from the end of the record.
-
-    Returns
-    -------
-    tuple of numpy.ndarray
-        2|B| [units of the channels] and the sums [units squared] (channels, columns).
     """
     columns = _entries(exponents, turns, period).columns()
     n = len(columns.modes)
@@ -62,15 +59,12 @@ def without_lines(
 
     .. math:: y(t_k) - 2 \Re \sum_j B_j\, e^{\lambda_j t_k + i q_j \theta(t_k)}
 
+    Returns what is left (channels, samples) [units of the channels].
+
     Parameters
     ----------
     record, clock, period, exponents, turns
         As of `line_amplitudes`.
-
-    Returns
-    -------
-    numpy.ndarray
-        What is left (channels, samples) [units of the channels].
     """
     entries, left = _entries(exponents, turns, period), np.array(record.values)
     for block in seen(period, [record], [clock]):

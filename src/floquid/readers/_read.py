@@ -118,6 +118,9 @@ def read(
     A time column is repaired, not trusted: the rate is fitted to the whole column and snapped to a nominal value where
     the evidence is clear, gaps of whole steps become missing samples, and `provenance` says so.
 
+    Raises InputError where the file is missing, damaged, of an unknown format or not what it must be; it says no rate
+    and none is given; an argument is not possible. The message names the file, the place in it and the way out.
+
     Parameters
     ----------
     path
@@ -132,17 +135,6 @@ def read(
         The names of the channels to read, in that order, or the paths of their variables; None reads all.
     origin
         The time of phase zero [s].
-
-    Returns
-    -------
-    Record
-        The record, with its provenance.
-
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, of an unknown format or not what it must be; it says no rate and none is given;
-        an argument is not possible. The message names the file, the place in it and the way out.
     """
     source, kind, table = load_table(path, of="read", channels=channels, ignore_time=rate is not None)
     n_channels, n_samples = table.values.shape
@@ -159,18 +151,15 @@ def write(record: Record, path: str | PathLike[str]) -> None:
     The format is chosen by the suffix: .npz, .csv, .mat, .h5, .hdf5, .uff, .unv or .parquet. The file
     appears whole or not at all: an existing one is replaced at the end, in one step.
 
+    Raises InputError where `record` is not a record of at least two samples, a name holds a control character, the
+    suffix is not of a format that is written, or the folder does not exist or cannot be written to.
+
     Parameters
     ----------
     record
         The record.
     path
         The file, in a folder that exists.
-
-    Raises
-    ------
-    InputError
-        `record` is not a record of at least two samples, a name holds a control character, the suffix is not
-        of a format that is written, or the folder does not exist or cannot be written to.
     """
     if not isinstance(record, Record):
         raise input_error("record", "write", "be a Record", f"is {describe(record)}", "Pass Record(values=..., ...).")

@@ -128,6 +128,10 @@ def describe_file(
 ) -> FileSummary:
     """Summary of a file: channels, units, rate, candidates for the clock.
 
+    It is what `floquid info` prints. A file whose time axis cannot be settled is described all the same, without a
+    rate, and a note says why. Raises InputError where the file cannot be read, or is not what its format must be; an
+    argument is not possible.
+
     Parameters
     ----------
     path
@@ -136,17 +140,6 @@ def describe_file(
         The sampling rate [Hz], overriding what the file says.
     channels
         The channels to describe, in that order; None describes all.
-
-    Returns
-    -------
-    FileSummary
-        What `floquid info` prints. A file whose time axis cannot be settled is described all the same, without a
-        rate, and a note says why.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is not what its format must be; an argument is not possible.
     """
     if rate is not None:
         rate = positive(rate, "rate", "describe_file", unit="Hz", remedy="Pass the number of samples a second.")

@@ -54,15 +54,12 @@ class DrawFile(AbstractDraws):
     def write(self, draws: Sequence[Draw]) -> None:
         """Write the draws.
 
+        Raises InputError where the file cannot be written.
+
         Parameters
         ----------
         draws
             All that are done.
-
-        Raises
-        ------
-        InputError
-            The file cannot be written.
         """
         used = [one for one in draws if one.exponents is not None]
         content: dict[str, Any] = {

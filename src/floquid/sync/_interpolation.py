@@ -93,10 +93,7 @@ def half_width(sample_rate: float, *, cutoff: float, band: float = BAND, accurac
     sum of ripple and images stay below the accuracy.) `sample_rate` is f_s [Hz]; `cutoff`, `band` and `accuracy` are
     those of `interpolate`.
 
-    Raises
-    ------
-    InputError
-        A parameter is not possible.
+    Raises InputError where a parameter is not possible.
     """
     return design(sample_rate, cutoff, band, accuracy, "half_width").half_width
 
@@ -116,6 +113,8 @@ def interpolation_error(
 
     Below band·cutoff it is at most the accuracy times :math:`e^{4|\sigma|h}`, h being the half-width [s].
 
+    Raises InputError where a parameter is not possible.
+
     Parameters
     ----------
     frequencies
@@ -124,11 +123,6 @@ def interpolation_error(
         As for `interpolate`.
     growth
         The rate σ [1/s] at which the response grows, or decays where it is negative.
-
-    Raises
-    ------
-    InputError
-        A parameter is not possible.
     """
     of = "interpolation_error"
     lines = frozen_array(frequencies, "frequencies", of, axes=("frequencies",))
@@ -162,6 +156,10 @@ def interpolate(
     and what lies beyond (2 - band)·cutoff is stopped to the accuracy. White noise of variance v comes out with a
     variance of about 2·cutoff/sample_rate·v.
 
+    Returns the channels at the instants (channels, times): NaN where the samples of `half_width` on either side are not
+    all in the record, and, channel by channel, where one of them is missing. Raises InputError where a parameter is not
+    possible.
+
     Parameters
     ----------
     values
@@ -175,17 +173,6 @@ def interpolate(
     band, accuracy
         The pass band as a share of the cut-off (a narrower one needs fewer samples about each instant), and the error
         as a share of each line's amplitude.
-
-    Returns
-    -------
-    ndarray
-        The channels at the instants (channels, times). NaN where the samples of `half_width` on either side are not all
-        in the record, and, channel by channel, where one of them is missing.
-
-    Raises
-    ------
-    InputError
-        A parameter is not possible.
     """
     of = "interpolate"
     array = frozen_array(values, "values", of, axes=("channels", "samples"), missing=True)

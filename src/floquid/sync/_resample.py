@@ -61,6 +61,9 @@ def resample(
     its samples on either side; with missing samples, the longest run of such cycles. The provenance says what was done
     and warns of a response beyond the pass band.
 
+    Raises InputError where the channels differ, there is not one clock a record, a period is shorter than two samples
+    or longer than its record, or no whole cycle has all the samples it needs.
+
     Parameters
     ----------
     records
@@ -73,12 +76,6 @@ def resample(
         more than the records' own samples a period.
     band, accuracy
         The pass band as a share of the cut-off f_c, and the error as a share of each line's amplitude.
-
-    Raises
-    ------
-    InputError
-        The channels differ, there is not one clock a record, a period is shorter than two samples or longer than its
-        record, or no whole cycle has all the samples it needs.
     """
     several = (records,) if isinstance(records, Record) else tuple(records)
     ties = (clocks,) if isinstance(clocks, (ConstantPeriod, Shaft)) else tuple(clocks)

@@ -86,10 +86,7 @@ def samples_per_period(record: Record) -> int:
 def rejoin(cycles: Cycles) -> Record:
     """The record of the cycles, end to end: the exact inverse of `segment` for whole periods.
 
-    Raises
-    ------
-    InputError
-        The cycles differ in length.
+    Raises InputError where the cycles differ in length.
     """
     if np.ptp(cycles.periods) > 1e-12 * cycles.period:
         must = "have one period"

@@ -133,10 +133,7 @@ class ShaftAngle(Rebuilt):
     def time_at(self, angle: ArrayLike) -> Values:
         """When the shaft comes to `angle` [rad]: the time [s] of each, by Newton's method.
 
-        Raises
-        ------
-        InputError
-            An angle is not finite.
+        Raises InputError where an angle is not finite.
         """
         return self._at(self._times_at, angle, "time_at", argument="angle")
 
@@ -167,16 +164,13 @@ def shaft_angle(record: Record) -> ShaftAngle:
     Akaike's corrected criterion prefers; a straight line, unless it is worse with a significance of 1 %. Pulses beyond
     six robust deviations are left out.
 
+    Raises InputError where the clock is another, its channel is not in the record or holds no pulses or no angle, fewer
+    than three pulses are left, or the shaft stands still or turns back on the way.
+
     Parameters
     ----------
     record
         A record whose clock is a `TachometerSignal`, an `AzimuthSignal` or `PulseTimes`.
-
-    Raises
-    ------
-    InputError
-        The clock is another, its channel is not in the record or holds no pulses or no angle, fewer than three pulses
-        are left, or the shaft stands still or turns back on the way.
     """
     clock = record.clock
     if not isinstance(clock, TachometerSignal | AzimuthSignal | PulseTimes):

@@ -36,6 +36,9 @@ class JeffcottRotor:
 
     All is without dimension: time in 1/ω_n, ω_n = (k_Fx/m)^½; stiffness in k_Fx. The defaults are the paper's.
 
+    Raises InputError where a stiffness or the speed is not positive, the damping is negative, or the form of damping is
+    unknown.
+
     Parameters
     ----------
     rotor_x, rotor_y
@@ -48,11 +51,6 @@ class JeffcottRotor:
         The speed of the shaft, Ω/ω_n.
     damping_form
         "identity" for C = c_f I; "support" for C = c_f K_F, as the paper prints it.
-
-    Raises
-    ------
-    InputError
-        A stiffness or the speed is not positive, the damping is negative, or the form of damping is unknown.
     """
 
     rotor_x: float = 1.0
@@ -149,6 +147,9 @@ class JeffcottRotor:
         period. The defaults are the paper's experiment (Allen 2009, section 3; its sampling interval of 0.126 is
         2π/50, rounded).
 
+        Raises InputError where a number is out of its range, or the response of an unstable rotor leaves the range of
+        floating point.
+
         Parameters
         ----------
         n_periods, samples_per_period
@@ -162,11 +163,6 @@ class JeffcottRotor:
             The direction α of the impulse on the mass, from X towards Y [deg].
         first_phase
             The phase φ of the period at which the impulse is given and the record begins, in [0, 1).
-
-        Raises
-        ------
-        InputError
-            A number is out of its range, or the response of an unstable rotor leaves the range of floating point.
         """
         of = "JeffcottRotor.simulate"
         periods = integer(n_periods, "n_periods", of, at_least=1)

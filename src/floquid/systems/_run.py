@@ -30,6 +30,8 @@ class Run(Brief):
 
     with an impulse at the first sample, and the rotor on the orbit of its imbalance before it.
 
+    Raises InputError where a number is out of its range.
+
     Parameters
     ----------
     rotor
@@ -52,11 +54,6 @@ class Run(Brief):
         The width of the tachometer's pulse, and its rise [deg].
     seed
         Seed of the noise and of the wander's phases.
-
-    Raises
-    ------
-    InputError
-        A number is out of its range.
     """
 
     rotor: JeffcottRotor = field(default_factory=JeffcottRotor)

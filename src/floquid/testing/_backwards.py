@@ -21,6 +21,9 @@ def system_with_exponents(
     at all times. The harmonics of the shapes and of A have no end, and fall as powers of the strength. G turns the
     plane of each pair of real negative multipliers by half a turn a period. Floquet 1883, read from right to left.
 
+    Raises InputError where an exponent has no conjugate, real negative multipliers are odd in number, or a number is
+    out of its range.
+
     Parameters
     ----------
     exponents
@@ -30,11 +33,6 @@ def system_with_exponents(
         The period T [s].
     seed, n_harmonics, strength
         The seed of the random shapes; M, at least 1; how far the shapes are from constant ones, in [0, 1).
-
-    Raises
-    ------
-    InputError
-        An exponent has no conjugate, real negative multipliers are odd in number, or a number is out of its range.
     """
     of = "system_with_exponents"
     length = positive(period, "period", of, unit="s")

@@ -79,6 +79,9 @@ def cramer_rao_bound(
     Pereyra 1973; Stoica and Nehorai 1989). A real multiplier has no imaginary part to estimate. Where modes coincide
     the variance is very large rather than infinite.
 
+    The bound is that of the poles ln μ / dt (2 modes, 2 modes), real parts, then imaginary parts [1/s²]. Raises
+    InputError where a shape or a value is not possible, a conjugate is missing, or there are as many poles as samples.
+
     Parameters
     ----------
     multipliers, residues
@@ -87,16 +90,6 @@ def cramer_rao_bound(
         The standard deviations of the white noise (outputs, inputs) [units of the responses].
     lengths, dt
         The number of samples of each input (inputs,), and the sampling interval [s].
-
-    Returns
-    -------
-    ndarray
-        The bound of the poles ln μ / dt (2 modes, 2 modes), real parts, then imaginary parts [1/s²].
-
-    Raises
-    ------
-    InputError
-        A shape or a value is not possible, a conjugate is missing, or there are as many poles as samples.
     """
     return bound_of(known_model(multipliers, residues, noise, lengths, dt, "cramer_rao_bound"))
 

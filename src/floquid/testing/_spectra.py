@@ -30,22 +30,15 @@ def pair_exponents(estimated: ArrayLike, truth: ArrayLike, period: float) -> Pai
 
     .. math:: \min_\pi \sum_k \left| \hat\lambda_{\pi(k)} - \lambda_k \bmod i\omega \right|, \qquad \omega = 2\pi/T
 
+    Returns the permutation and the wrapped differences; estimates without a partner are left out. Raises InputError
+    where there are fewer estimates than true exponents, or a value is not finite.
+
     Parameters
     ----------
     estimated, truth
         Estimated exponents (estimates,) and at most as many true ones (truth,), on any branch [1/s].
     period
         The period T [s].
-
-    Returns
-    -------
-    Pairing
-        The permutation and the wrapped differences; estimates without a partner are left out.
-
-    Raises
-    ------
-    InputError
-        There are fewer estimates than true exponents, or a value is not finite.
     """
     of = "pair_exponents"
     fundamental = 2.0 * np.pi / positive(period, "period", of, unit="s")

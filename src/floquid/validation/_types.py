@@ -17,17 +17,14 @@ from floquid.findings import Finding, texts
 class Criterion:
     """The limit of a number.
 
+    Raises InputError where the limit is not a finite number.
+
     Parameters
     ----------
     limit, at_least
         The most allowed, in the unit of the number; with `at_least`, the least.
     failing
         The number beyond which the model fails: up to there it passes with a remainder. None fails it beyond the limit.
-
-    Raises
-    ------
-    InputError
-        The limit is not a finite number.
     """
 
     limit: float
@@ -50,6 +47,8 @@ class Criterion:
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Validation(Rebuilt):
     """The verdict on a model.
+
+    Raises InputError where shapes do not belong together, or a criterion has no number.
 
     Parameters
     ----------
@@ -82,11 +81,6 @@ class Validation(Rebuilt):
     modes, harmonics, lines
         The mode of the model and the harmonic outside its band that were looked for (lines,); what is left there, in
         standard deviations (channels, hits, lines).
-
-    Raises
-    ------
-    InputError
-        Shapes do not belong together, or a criterion has no number.
     """
 
     metrics: Mapping[str, float]

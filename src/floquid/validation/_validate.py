@@ -60,6 +60,8 @@ def validate(
     for colour (Ljung and Box 1978). Each mode is held against what a fit makes of noise alone. A(t) is integrated over
     two periods and held against the model's multipliers.
 
+    Raises InputError where an argument is not possible, or does not belong to the model.
+
     Parameters
     ----------
     model, records, clocks
@@ -79,11 +81,6 @@ def validate(
         The probability at which noise may fail one of the checks, over all channels, hits and lines together.
     report
         Called with a sentence on each stage.
-
-    Raises
-    ------
-    InputError
-        An argument is not possible, or does not belong to the model.
     """
     case = case_of(model, records, clocks, noise, whitening, periods_per_revolution, false_alarm)
     integer(folds, "folds", "validate", at_least=2)

@@ -46,17 +46,14 @@ class ModeRow:
 def mode_table(analysis: Analysis, *, derived: bool = True) -> tuple[ModeRow, ...]:
     """The modes of an analysis, a row for each conjugate pair and for each real mode.
 
+    The rows are in the order of the model.
+
     Parameters
     ----------
     analysis
         What `identify` found.
     derived
         Whether f and ζ have their standard deviations; a narrow table has no room for them.
-
-    Returns
-    -------
-    tuple of ModeRow
-        The rows, in the order of the model.
     """
     model = analysis.model
     unknown = np.full(model.order, np.nan)
@@ -90,11 +87,6 @@ def note_meanings(rows: Sequence[ModeRow]) -> list[str]:
     ----------
     rows
         The rows of the table.
-
-    Returns
-    -------
-    list of str
-        "word: meaning" of each word that is there.
     """
     used = {word for row in rows for word in row.notes.split()}
     return [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]

@@ -14,15 +14,12 @@ MOST_NAMED = 6  # harmonics of the forced response that are named
 def outcome_lines(analysis: Analysis) -> dict[str, str]:
     """The outcome of an analysis beside its modes, a short line for each name.
 
+    Lines that have nothing to say are left out.
+
     Parameters
     ----------
     analysis
         What `identify` found.
-
-    Returns
-    -------
-    dict
-        The lines by their names, those left out that have nothing to say.
     """
     lines = {
         "Noise": _noise(analysis),
@@ -42,11 +39,6 @@ def verdict_line(validation: Validation) -> str:
     ----------
     validation
         The verdict.
-
-    Returns
-    -------
-    str
-        The line.
     """
     if not validation.passed:
         count = len(validation.reasons)
@@ -64,11 +56,6 @@ def remainder_words(validation: Validation) -> str:
     ----------
     validation
         The verdict.
-
-    Returns
-    -------
-    str
-        The number and its unit.
     """
     share = 100.0 * validation.metrics["remainder"]
     return f"{share:.2g} %" if share >= 0.1 else "less than 0.1 %"

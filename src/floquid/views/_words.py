@@ -32,11 +32,6 @@ def with_error(value: float, std: float) -> str:
         The value.
     std
         Its standard deviation; zero of an exact value; without a finite one four digits stand alone.
-
-    Returns
-    -------
-    str
-        The text.
     """
     if not np.isfinite(std) or std <= 0:
         return f"{value:.6g}" if std == 0 else f"{value:.4g}"
@@ -47,17 +42,14 @@ def with_error(value: float, std: float) -> str:
 def mode_notes(analysis: Analysis, mode: int) -> list[str]:
     """The words of `MODE_NOTES` that a mode deserves.
 
+    There are none for an ordinary mode.
+
     Parameters
     ----------
     analysis
         What `identify` found.
     mode
         Which of its modes.
-
-    Returns
-    -------
-    list of str
-        The words; none for an ordinary mode.
     """
     model = analysis.model
     error = complex(np.nan, np.nan) if model.exponent_std is None else model.exponent_std[mode]
@@ -81,11 +73,6 @@ def passed_words(validation: Validation) -> str:
     ----------
     validation
         A verdict that is in favour of the model.
-
-    Returns
-    -------
-    str
-        The words.
     """
     fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
     return (
@@ -97,15 +84,12 @@ def passed_words(validation: Validation) -> str:
 def whitening_words(found: Lifted | Analysis) -> str:
     """Treatment of noise that is coloured along the record, in a sentence.
 
+    Empty where nothing was done.
+
     Parameters
     ----------
     found
         The lifted responses, or what `identify` found.
-
-    Returns
-    -------
-    str
-        The words; empty where nothing was done.
     """
     if found.whitening is None:
         return ""
@@ -125,11 +109,6 @@ def period_words(analysis: Analysis) -> str:
     ----------
     analysis
         What `identify` found.
-
-    Returns
-    -------
-    str
-        The number.
     """
     period, std = analysis.model.period, analysis.period_std
     return f"{period:.8g}" if std is None else with_error(period, std)

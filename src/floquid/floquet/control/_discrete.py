@@ -22,6 +22,8 @@ class DiscretePeriodicSystem(Rebuilt):
 
     .. math:: x_{k+1} = A_k x_k + B_k u_k, \qquad y_k = C_k x_k + D_k u_k, \qquad A_{k+P} = A_k, \ldots
 
+    Raises InputError where shapes do not agree, or names are not distinct.
+
     Parameters
     ----------
     A
@@ -36,11 +38,6 @@ class DiscretePeriodicSystem(Rebuilt):
         D_k (phases, outputs, inputs); by default zero.
     states, inputs, outputs
         Their names; by default x1, x2, ..., u1, u2, ... and y1, y2, ....
-
-    Raises
-    ------
-    InputError
-        Shapes do not agree, or names are not distinct.
     """
 
     A: NDArray[np.float64]
@@ -133,6 +130,8 @@ class DiscretePeriodicSystem(Rebuilt):
     ) -> NDArray[np.float64]:
         """The outputs (outputs, samples) under a sequence of inputs.
 
+        Raises InputError where a shape or the phase is not possible.
+
         Parameters
         ----------
         inputs
@@ -141,11 +140,6 @@ class DiscretePeriodicSystem(Rebuilt):
             The state at the first sample (n,); zero by default.
         first_phase
             The phase k of the first sample, 0 to P - 1.
-
-        Raises
-        ------
-        InputError
-            A shape or the phase is not possible.
         """
         of = "DiscretePeriodicSystem.simulate"
         given = frozen_array(inputs, "inputs", of, axes=(self.n_inputs, "samples"), remedy="Time is the last axis.")
@@ -171,10 +165,7 @@ def discretise(system: PeriodicSystem, n_phases: int, *, tolerance: float = TOLE
     a relative error `tolerance`, from 1e-14 to 1e-3. C_k and D_k are the values at t_k, after it where they jump: the
     outputs are those at the beginning of each step.
 
-    Raises
-    ------
-    InputError
-        There is no step, or the system cannot be integrated.
+    Raises InputError where there is no step, or the system cannot be integrated.
     """
     of = "floquet.discretise"
     checked_system(system, of, inputs=False)

@@ -41,6 +41,9 @@ def gramian(
     (Van Loan 1978), and P(0) solves the discrete Lyapunov equation of a period; from there it is carried on in the
     direction in which errors decay.
 
+    Raises InputError where the system is not stable, so that the integral does not exist; it has no inputs; or it
+    cannot be integrated.
+
     Parameters
     ----------
     system
@@ -51,11 +54,6 @@ def gramian(
         The number of phases t = 0, T/n, ... at which it is given.
     tolerance
         The relative error that is aimed at, from 1e-14 to 1e-3; damping that is slight loses from it.
-
-    Raises
-    ------
-    InputError
-        The system is not stable, so that the integral does not exist; it has no inputs; or it cannot be integrated.
     """
     of = "floquet.gramian"
     checked_system(system, of, inputs=kind == "reachability")
@@ -151,10 +149,7 @@ def h2_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> float:
     of the impulse responses, or of the mean variance of the outputs under white noise of unit intensity (Colaneri 2000,
     Continuous-time periodic systems in H2 and H∞, part I).
 
-    Raises
-    ------
-    InputError
-        D is not zero, or as in `gramian`.
+    Raises InputError where D is not zero, or as in `gramian`.
     """
     of = "floquet.h2_norm"
     checked_system(system, of, inputs=True)

@@ -34,6 +34,8 @@ class HarmonicSystem(Rebuilt):
     Wereley and Hall 1990; Möllerstedt and Bernhardsson 2000. A truncation is no system with a sound input and output
     at every harmonic: rows near ±N lack their neighbours. Use `harmonic_transfer` for values that are checked.
 
+    Raises InputError where a shape does not agree with the labels.
+
     Parameters
     ----------
     A
@@ -46,11 +48,6 @@ class HarmonicSystem(Rebuilt):
         T [s].
     states, inputs, outputs
         The name and the harmonic of every row, as ("x1", -2).
-
-    Raises
-    ------
-    InputError
-        A shape does not agree with the labels.
     """
 
     A: NDArray[np.complex128]
@@ -77,10 +74,7 @@ class HarmonicSystem(Rebuilt):
     def from_system(cls, system: PeriodicSystem, n_harmonics: int) -> HarmonicSystem:
         """The harmonic state space of a periodic `system` with inputs, cut off at `n_harmonics`.
 
-        Raises
-        ------
-        InputError
-            The system has no inputs, or (2 N + 1) n is too large.
+        Raises InputError where the system has no inputs, or (2 N + 1) n is too large.
         """
         of = "HarmonicSystem.from_system"
         count = integer(n_harmonics, "n_harmonics", of, at_least=0)
@@ -175,6 +169,9 @@ def harmonic_transfer(
     Wereley and Hall 1990; Möllerstedt and Bernhardsson 2000. That of an unstable system is one too, but no steady
     response. Where A(t) jumps, it is first made smooth by a periodic change of coordinates, as in `hill`.
 
+    Raises InputError where the system has no inputs, a line meets an undamped exponent, modulo ω, or the values have
+    not settled and `raises` is true.
+
     Parameters
     ----------
     system
@@ -189,12 +186,6 @@ def harmonic_transfer(
         large again or larger by the highest strong harmonic of a matrix, that passes, from 1e-14 to 1e-2.
     raises
         Whether a truncation that does not suffice is an error; else see `error`.
-
-    Raises
-    ------
-    InputError
-        The system has no inputs, a line meets an undamped exponent, modulo ω, or the values have not settled and
-        `raises` is true.
     """
     of = "floquet.harmonic_transfer"
     inputs = with_inputs(system, of)[1].shape[1]

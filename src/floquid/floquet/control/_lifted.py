@@ -115,10 +115,7 @@ class LiftedSystem(Rebuilt):
     def to_control(self) -> Any:
         """The system as `control.StateSpace`, every signal named "name[phase]", a full stop in it as a middle dot.
 
-        Raises
-        ------
-        InputError
-            python-control is not installed.
+        Raises InputError where python-control is not installed.
         """
         return load_package("control", "to_control").StateSpace(
             self.A,
@@ -153,6 +150,8 @@ def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: in
 
     Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control, chapter 6.
 
+    Raises InputError where the form is unknown, or the phase is not possible.
+
     Parameters
     ----------
     system
@@ -161,11 +160,6 @@ def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: in
         "time" (Meyer and Burrus 1975) or "cyclic" (Flamm 1991).
     first_phase
         The phase with which a step begins, 0 to P - 1: the lifted state is the state at that phase.
-
-    Raises
-    ------
-    InputError
-        The form is unknown, or the phase is not possible.
     """
     of = "floquet.lift"
     if form not in get_args(Form):
@@ -243,6 +237,9 @@ def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) 
     phase and others between, as many as the phase needs that needs most. All responses are the same: it is the
     inverse of `lift(...).to_control()` but for coordinates.
 
+    Raises InputError where python-control is not installed, the system is of continuous time, or is not causal within a
+    period.
+
     Parameters
     ----------
     system
@@ -251,11 +248,6 @@ def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) 
         Steps a period, P.
     first_phase
         The phase with which a step of `system` begins, 0 to P - 1.
-
-    Raises
-    ------
-    InputError
-        python-control is not installed, the system is of continuous time, or is not causal within a period.
     """
     if not isinstance(system, load_package("control", _OF).StateSpace):
         raise input_error("system", _OF, "be a control.StateSpace", f"is {describe(system)}", "Use `control.ss`.")

@@ -44,6 +44,9 @@ def simulate(
     gap between two instants is found once for every phase of the period that it begins at: a long record in steps that
     divide the period costs hardly more than one period of it.
 
+    Raises InputError where a shape is not possible, `times` does not ascend, the system cannot be integrated, or the
+    response overflows.
+
     Parameters
     ----------
     system
@@ -64,11 +67,6 @@ def simulate(
     tolerance
         The relative error of each step: that of the transition to itself, that of the forcing to its largest value.
         From 1e-14 to 1e-3.
-
-    Raises
-    ------
-    InputError
-        A shape is not possible, `times` does not ascend, the system cannot be integrated, or the response overflows.
     """
     checked_system(system, _OF, inputs=False)
     if between not in get_args(Between):

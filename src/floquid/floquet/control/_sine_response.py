@@ -93,6 +93,9 @@ def sine_response(
 
     Wereley and Hall 1990. Without damping this is the response that repeats; a free response stays beside it.
 
+    Raises InputError where the system is unstable, and has no steady response; Ω meets an undamped exponent, modulo ω;
+    or as in `harmonic_transfer`.
+
     Parameters
     ----------
     system
@@ -105,12 +108,6 @@ def sine_response(
         The highest harmonic k that is given; by default as in `harmonic_transfer`.
     tolerance, raises
         As in `harmonic_transfer`.
-
-    Raises
-    ------
-    InputError
-        The system is unstable, and has no steady response; Ω meets an undamped exponent, modulo ω; or as in
-        `harmonic_transfer`.
     """
     of = "floquet.sine_response"
     speed = finite(omega, "omega", of, unit="rad/s")

@@ -47,6 +47,9 @@ class PeriodicSystem(Brief):
     `G2 @ G1` is G1 followed by G2, `G1 + G2` and `G1 - G2` are in parallel, `G1.feedback(G2)` closes a loop.
     All four are held over their least common period; a constant has any period, so it takes no part in finding it.
 
+    Raises InputError where shapes do not agree, no matrix is periodic, the periods have no common multiple, or names
+    are not distinct.
+
     Parameters
     ----------
     A
@@ -59,11 +62,6 @@ class PeriodicSystem(Brief):
         The direct term (outputs, inputs); by default zero.
     states, inputs, outputs
         Their names; by default x1, x2, ..., u1, u2, ... and y1, y2, ....
-
-    Raises
-    ------
-    InputError
-        Shapes do not agree, no matrix is periodic, the periods have no common multiple, or names are not distinct.
     """
 
     A: AbstractPeriodicMatrix
@@ -188,11 +186,8 @@ class PeriodicSystem(Brief):
 
         Feedback is negative with a `sign` of -1 and positive with 1.
 
-        Raises
-        ------
-        InputError
-            The numbers of inputs and outputs do not match, or at some time I ∓ D₁(t) D₂(t) is singular or all but:
-            then the loop has no solution.
+        Raises InputError where the numbers of inputs and outputs do not match, or at some time I ∓ D₁(t) D₂(t) is
+        singular or all but: then the loop has no solution.
         """
         of = "PeriodicSystem.feedback"
         checked_system(other, of, inputs=True, argument="other")

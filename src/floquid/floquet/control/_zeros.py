@@ -48,12 +48,9 @@ def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> NDArray[np
     Control Systems, 5.1. The outputs and their derivatives are projected out of every factor of a product that is not
     formed, so that no infinite zeros have to be told from finite ones.
 
-    Raises
-    ------
-    InputError
-        The numbers of inputs and outputs differ; an output that has to be differentiated jumps; or E(t) is singular at
-        some time, as where an output's first input fades within the period. Zeros may exist then: they are not found
-        in this way.
+    Raises InputError where the numbers of inputs and outputs differ; an output that has to be differentiated jumps; or
+    E(t) is singular at some time, as where an output's first input fades within the period. Zeros may exist then: they
+    are not found in this way.
     """
     with_inputs(system, _OF)
     if system.n_inputs != system.n_outputs:

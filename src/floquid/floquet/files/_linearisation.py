@@ -72,6 +72,8 @@ class OpenFastLinearisation(Rebuilt):
     No multi-blade transform is made and none is needed: states in the rotating frame stay there, and the period is
     one revolution, whatever the number of blades.
 
+    Raises InputError where a shape does not fit, a number is not finite, or the azimuths do not ascend in [0, 2π).
+
     Parameters
     ----------
     azimuths
@@ -90,11 +92,6 @@ class OpenFastLinearisation(Rebuilt):
         The states of the files that are not in the matrices.
     description
         The title of the model.
-
-    Raises
-    ------
-    InputError
-        A shape does not fit, a number is not finite, or the azimuths do not ascend in [0, 2π).
     """
 
     azimuths: NDArray[np.float64]
@@ -165,23 +162,16 @@ class OpenFastLinearisation(Rebuilt):
 
         Where the azimuths are equally spaced this is their discrete Fourier transform.
 
+        Returns the harmonics -n, ..., n (harmonics,) and the coefficients (rows, columns, harmonics), in the unit of
+        the matrix. Raises InputError where the files do not hold the matrix, or the azimuths do not determine as many
+        harmonics.
+
         Parameters
         ----------
         matrix
             Which one.
         n_harmonics
             n, at most (azimuths - 1)/2; as many as the azimuths determine where not given.
-
-        Returns
-        -------
-        tuple
-            The harmonics -n, ..., n (harmonics,) and the coefficients (rows, columns, harmonics), in the unit of the
-            matrix.
-
-        Raises
-        ------
-        InputError
-            The files do not hold the matrix, or the azimuths do not determine as many harmonics.
         """
         of = f"{_OF}.harmonics"
         values = getattr(self, matrix) if matrix in ("A", "B", "C", "D") else None
@@ -226,10 +216,8 @@ class OpenFastLinearisation(Rebuilt):
     def every_other(self) -> OpenFastLinearisation:
         """The same at the azimuths 0, 2, 4, .... Where its exponents are near those of all azimuths, these are enough.
 
-        Raises
-        ------
-        InputError
-            The number of azimuths is odd, so that half of them are not spread over the revolution, or below six.
+        Raises InputError where the number of azimuths is odd, so that half of them are not spread over the revolution,
+        or below six.
         """
         count = self.azimuths.size
         if count % 2 or count < 6:

@@ -87,6 +87,10 @@ def read_matrix(
     `summary.json` and `result.h5` of `floquid identify` with an A(t); and `.lin` files of OpenFAST, or folders of them
     (see `read_openfast`), of which the harmonics are taken that the azimuths determine.
 
+    Raises InputError where there is no such file; it is of another kind, damaged or cut short; it has not the names
+    above (the message lists those that it has); an array is not of its shape, or is not finite; or the period is not
+    known, or is another than the one given.
+
     Parameters
     ----------
     paths
@@ -96,18 +100,6 @@ def read_matrix(
     interpolation
         What A(t) is between samples: "fourier", "cubic" or "linear" (see `SampledMatrix`); "fourier" by default where
         they are at equal steps, else "cubic".
-
-    Returns
-    -------
-    MatrixFile
-        A(t), the names of its states, and what it was made from.
-
-    Raises
-    ------
-    InputError
-        There is no such file; it is of another kind, damaged or cut short; it has not the names above (the message
-        lists those that it has); an array is not of its shape, or is not finite; or the period is not known, or is
-        another than the one given.
     """
     files = _paths(paths)
     if any(path.is_dir() or path.suffix.lower() == ".lin" or "*" in path.name for path in files):

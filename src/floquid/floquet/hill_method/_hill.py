@@ -65,6 +65,9 @@ def hill(
     Hill 1886; in state form Wereley 1990. Zhou, Hagiwara and Araki 2004 show that the truncation converges.
     Selection by the shape rather than by Im λ: Moore 2005; Bentvelsen and Lazarus 2018.
 
+    Raises InputError where `system` is not a finite real (n, n) of that period; the truncation is too large; or the
+    exponents have not settled and `raises` is true.
+
     Parameters
     ----------
     system
@@ -80,12 +83,6 @@ def hill(
     raises
         Whether it is an error that the truncation does not suffice; else see `outcome` and `change`. Exponents that
         settle to rounding alone, as multiple ones do, are none: `outcome` says so and `change` by how much.
-
-    Raises
-    ------
-    InputError
-        `system` is not a finite real (n, n) of that period; the truncation is too large; or the exponents have not
-        settled and `raises` is true.
     """
     of = "floquet.hill"
     accuracy = checked_tolerance(tolerance, of, largest=1e-2)

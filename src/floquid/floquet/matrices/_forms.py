@@ -22,6 +22,9 @@ Interpolation: TypeAlias = Literal["fourier", "cubic", "linear"]
 class FunctionMatrix(Rebuilt, AbstractPeriodicMatrix):
     """M(t) as a callable.
 
+    Raises InputError where the period is not positive, a break lies outside the first period, or the function does not
+    return finite real matrices of one shape.
+
     Parameters
     ----------
     function
@@ -39,12 +42,6 @@ class FunctionMatrix(Rebuilt, AbstractPeriodicMatrix):
         what is known to be smooth.
     argument
         What messages call the function: the argument, and the callable it was given to.
-
-    Raises
-    ------
-    InputError
-        The period is not positive, a break lies outside the first period, or the function does not return finite
-        real matrices of one shape.
     """
 
     function: Callable[..., ArrayLike]
@@ -102,6 +99,8 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
 
     .. math:: M(t) = \sum_m M_m\, e^{i m \omega t}, \qquad \omega = 2\pi/T, \qquad M_{-m} = \overline{M_m}
 
+    Raises InputError where a harmonic has no conjugate partner, or the coefficients are not those of a real matrix.
+
     Parameters
     ----------
     coefficients
@@ -110,11 +109,6 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
         The integers m, each once, ascending, -m with every m (harmonics,).
     period
         The period T [s].
-
-    Raises
-    ------
-    InputError
-        A harmonic has no conjugate partner, or the coefficients are not those of a real matrix.
     """
 
     coefficients: ArrayLike
@@ -159,6 +153,8 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
 
         .. math:: M(t) = M_0 + \sum_m \left(C_m \cos m\omega t + S_m \sin m\omega t\right)
 
+        Raises InputError where the shapes do not agree, or the harmonics do not ascend from at least 1.
+
         Parameters
         ----------
         mean
@@ -169,11 +165,6 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
             The period T [s].
         harmonics
             The positive integers m, ascending (harmonics,); 1, 2, ... by default.
-
-        Raises
-        ------
-        InputError
-            The shapes do not agree, or the harmonics do not ascend from at least 1.
         """
         of = "HarmonicMatrix.from_cosines"
         constant = frozen_array(mean, "mean", of, axes=("rows", "columns"))
@@ -202,6 +193,9 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
 class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
     """M(t) from its samples in one period.
 
+    Raises InputError where the times do not ascend within one period, "fourier" is asked of unequal steps, or what is
+    between the samples overflows.
+
     Parameters
     ----------
     values
@@ -216,12 +210,6 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
         equal steps and "cubic" for others.
     argument
         What messages call the samples: the argument, and the callable they were given to.
-
-    Raises
-    ------
-    InputError
-        The times do not ascend within one period, "fourier" is asked of unequal steps, or what is between the samples
-        overflows.
     """
 
     values: ArrayLike
@@ -281,6 +269,8 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
 class PiecewiseMatrix(Brief, AbstractPeriodicMatrix):
     """M(t), constant in pieces: `values[:, :, i]` from `edges[i]` to the next edge, the last piece on to the first.
 
+    Raises InputError where the edges do not ascend within one period, or are not as many as the matrices.
+
     Parameters
     ----------
     values
@@ -289,11 +279,6 @@ class PiecewiseMatrix(Brief, AbstractPeriodicMatrix):
         Where each piece begins, ascending in [0, T) (pieces,) [s].
     period
         The period T [s].
-
-    Raises
-    ------
-    InputError
-        The edges do not ascend within one period, or are not as many as the matrices.
     """
 
     values: ArrayLike

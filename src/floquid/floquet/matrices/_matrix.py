@@ -85,18 +85,15 @@ class AbstractPeriodicMatrix(ABC):
     def to_harmonics(self, n_harmonics: int | None = None, *, tolerance: float = 1e-12) -> HarmonicMatrix:
         """The Fourier series.
 
+        Raises InputError where the harmonics do not fall below `tolerance` within 512, as at a jump, and `n_harmonics`
+        is not given; or a function does not repeat itself after its period.
+
         Parameters
         ----------
         n_harmonics
             The highest harmonic kept; by default as many as it takes for the rest to fall below `tolerance`.
         tolerance
             What the harmonics left out may come to, as a share of each entry of the matrix.
-
-        Raises
-        ------
-        InputError
-            The harmonics do not fall below `tolerance` within 512, as at a jump, and `n_harmonics` is not given; or a
-            function does not repeat itself after its period.
         """
         return _operations().to_harmonics(self, n_harmonics, tolerance)
 
@@ -105,10 +102,7 @@ class AbstractPeriodicMatrix(ABC):
 
         Harmonics from half of `n_samples` up are folded, unseen. At a jump the sample is the value after it.
 
-        Raises
-        ------
-        InputError
-            A function does not repeat itself after its period.
+        Raises InputError where a function does not repeat itself after its period.
         """
         return _operations().to_samples(self, n_samples)
 
@@ -120,11 +114,8 @@ class AbstractPeriodicMatrix(ABC):
         The mean, rather than the value in the middle, keeps the integral over the period, so that of A(t) the product
         of the multipliers stays what it is. Exponents are right to second order in the length of a piece.
 
-        Raises
-        ------
-        InputError
-            The means are not found, as of a function that jumps where it names no break; or a function does not
-            repeat itself after its period.
+        Raises InputError where the means are not found, as of a function that jumps where it names no break; or a
+        function does not repeat itself after its period.
         """
         return _operations().to_pieces(self, n_pieces)
 

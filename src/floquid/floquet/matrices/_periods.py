@@ -30,10 +30,7 @@ def common_period(*periods: float) -> float:
 
     .. math:: T = a\,p = b\,q, \qquad a, b \in \mathbb{N} \text{ without a common divisor}
 
-    Raises
-    ------
-    InputError
-        A period is not positive, or there is no such time within 1000 periods of each.
+    Raises InputError where a period is not positive, or there is no such time within 1000 periods of each.
     """
     return multiples(periods, "floquet.common_period")[0]
 

@@ -133,10 +133,7 @@ class FloquetModes(Told, Drawn, Rebuilt):
     def response(self, initial: ArrayLike, times: ArrayLike) -> NDArray[np.float64]:
         """The free response from x(0) = `initial` (states,) at `times` [s] (states, times).
 
-        Raises
-        ------
-        InputError
-            The modes are defective and span no response, or `initial` does not fit.
+        Raises InputError where the modes are defective and span no response, or `initial` does not fit.
         """
         start = np.asarray(initial, dtype=np.float64)
         if start.shape != (self.order,):

@@ -58,6 +58,8 @@ def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: Arra
     A real part is told from zero where it is larger than a hundred times the tolerance of the factors times the
     condition of the exponent, over the period; of exponents that share a shape, the root of that.
 
+    Raises InputError where the tolerance is not positive, or the errors are not as many as the modes.
+
     Parameters
     ----------
     modes
@@ -66,11 +68,6 @@ def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: Arra
         That with which they were found.
     errors
         What else each exponent is known to (modes,) [1/s], as from `compare`.
-
-    Raises
-    ------
-    InputError
-        The tolerance is not positive, or the errors are not as many as the modes.
     """
     of = "floquet.stability"
     relative = _SAFE * positive(tolerance, "tolerance", of) * np.maximum(modes.condition, 1.0)
@@ -104,10 +101,7 @@ def compare(modes: FloquetModes, exponents: ArrayLike) -> NDArray[np.float64]:
     iω. Of a group that shares a shape the means are compared: each alone is right only to a root of its error, by any
     route.
 
-    Raises
-    ------
-    InputError
-        They are not as many as the modes.
+    Raises InputError where they are not as many as the modes.
     """
     from scipy.optimize import linear_sum_assignment
 

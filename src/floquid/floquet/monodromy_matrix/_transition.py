@@ -41,6 +41,9 @@ def transition(
     interval. What happens within less than 1/64 of the period may pass unseen unless it stands between `breaks`: see
     `FunctionMatrix.narrowest`.
 
+    Raises InputError where `system` is not a finite real (n, n) of that period, `times` does not ascend from `start`, a
+    break lies outside the first period, or A(t) cannot be integrated.
+
     Parameters
     ----------
     system
@@ -59,12 +62,6 @@ def transition(
         is found if the samples see it, at the cost of some fifty halvings.
     tolerance
         The relative error of each factor of Φ, both of its large and of its small directions, from 1e-14 to 1e-3.
-
-    Raises
-    ------
-    InputError
-        `system` is not a finite real (n, n) of that period, `times` does not ascend from `start`, a break lies
-        outside the first period, or A(t) cannot be integrated.
     """
     of = "floquet.transition"
     prepared = checked(system, period, breaks, tolerance, of)
@@ -222,16 +219,13 @@ def exponents(
     may be as far apart as they like: each is good to about `tolerance` times the number of factors of itself, times
     its condition. Two that are nearly equal and share a shape are good to the root of that; `modes` tells.
 
+    Raises InputError as in `transition`; or the sum of the exponents misses the mean trace of A(t), which it must equal
+    by Liouville's formula.
+
     Parameters
     ----------
     system, period, breaks, tolerance
         As in `transition`.
-
-    Raises
-    ------
-    InputError
-        As in `transition`; or the sum of the exponents misses the mean trace of A(t), which it must equal by
-        Liouville's formula.
     """
     found, length = _logarithms(system, period, breaks, tolerance, "floquet.exponents")
     return found / length

@@ -134,6 +134,10 @@ def stability_map(
     The exponents are those of the product of the factors of Φ(T), kept in range: the largest multipliers are as good
     as the product allows, small ones may be lost, which stability does not ask for; `floquet.exponents` has them.
 
+    Raises InputError where the parameters are not one or two ascending grids, a callable does not return what it must,
+    A(t; p) does not have the period T(p) or cannot be integrated, or a plain callable cannot be sent to the worker
+    processes.
+
     Parameters
     ----------
     system
@@ -169,12 +173,6 @@ def stability_map(
         Whether a progress bar is drawn on stderr, if that is a terminal.
     report
         Is told of each stage.
-
-    Raises
-    ------
-    InputError
-        The parameters are not one or two ascending grids, a callable does not return what it must, A(t; p) does not
-        have the period T(p) or cannot be integrated, or a plain callable cannot be sent to the worker processes.
     """
     of = "floquet.stability_map"
     grids = _grids(parameters, of)
@@ -301,6 +299,9 @@ def transitions(
 
     With the method and accuracy of `transition`; the batch is what makes it quick for small systems.
 
+    Raises InputError where the parameters do not broadcast, `end` lies before `start`, a callable does not return what
+    it must, A(t; p) does not have the period T(p) or cannot be integrated, or Φ overflows.
+
     Parameters
     ----------
     system, period, vectorised, breaks, tolerance, narrowest
@@ -309,12 +310,6 @@ def transitions(
         The names of the parameters and their values, arrays that broadcast to one shape (...).
     start, end
         The phases φ₀ and φ₁ between which it is integrated [periods], the second not before the first.
-
-    Raises
-    ------
-    InputError
-        The parameters do not broadcast, `end` lies before `start`, a callable does not return what it must, A(t; p)
-        does not have the period T(p) or cannot be integrated, or Φ overflows.
     """
     of = "floquet.transitions"
     if not isinstance(parameters, Mapping) or not parameters:

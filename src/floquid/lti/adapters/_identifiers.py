@@ -130,6 +130,8 @@ class PyOMA2SSI(AbstractIdentifier):
     a free decay has the same observability matrix O. The Hankel matrix H is cut off at its first `order` singular
     vectors, which is what selects the poles: no pole is spurious by construction.
 
+    Raises InputError where the method is neither, or there are fewer than two block rows.
+
     Parameters
     ----------
     method
@@ -138,11 +140,6 @@ class PyOMA2SSI(AbstractIdentifier):
         The block rows of the Hankel matrix: fewer where the responses are short, and more where needed to hold `order`
         poles. None for as many as there are samples in which `SHARE` of the energy above the noise comes: so much later
         the future must still hold what the past held.
-
-    Raises
-    ------
-    InputError
-        The method is neither, or there are fewer than two block rows.
     """
 
     decides: ClassVar[bool] = False

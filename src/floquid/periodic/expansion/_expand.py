@@ -31,6 +31,10 @@ def assemble(
     Standard deviations are those of the maximum-likelihood fit: noise on the residues, and what the uncertainty of the
     poles does to them.
 
+    Modes are by ascending |λ|, a conjugate after its partner. Raises InputError where the models do not belong
+    together, more harmonics are asked for than there are phases, or none while the modal model has no deviations to
+    choose them by.
+
     Parameters
     ----------
     modal
@@ -41,17 +45,6 @@ def assemble(
         The probability that noise passes for a harmonic of any mode.
     harmonics
         Keep m = -harmonics … harmonics instead, whatever their significance.
-
-    Returns
-    -------
-    PeriodicModel
-        Modes by ascending |λ|, a conjugate after its partner.
-
-    Raises
-    ------
-    InputError
-        The models do not belong together, more harmonics are asked for than there are phases, or none while the modal
-        model has no deviations to choose them by.
     """
     _check(modal, lifted, harmonics)
     modal = _sorted(modal)
@@ -96,22 +89,14 @@ def physical_exponents(modal: ModalModel, lifted: Lifted) -> NDArray[np.complex1
     (Allen 2009, eqs. 4-6.) Channels are weighted by the inverse of their noise, conjugates are moved together, ties go
     to the larger \|Im λ\|. `assemble` reports the same ones.
 
+    They are in the order of `modal` (modes,) [1/s]. Raises InputError where the models do not belong together.
+
     Parameters
     ----------
     modal
         The modal model of `lifted.responses`.
     lifted
         The lifted responses.
-
-    Returns
-    -------
-    numpy.ndarray
-        The exponents in the order of `modal` (modes,) [1/s].
-
-    Raises
-    ------
-    InputError
-        The models do not belong together.
     """
     _check(modal, lifted, 0, "physical_exponents")
     found = np.array(modal.poles)

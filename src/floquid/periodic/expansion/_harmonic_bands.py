@@ -39,6 +39,8 @@ def select_bands(
 
     .. math:: \alpha' = 1 - (1 - \alpha)^{1/(2 n (\mathrm{GAP} + 1))}
 
+    Returns what is kept (modes, harmonics).
+
     Parameters
     ----------
     coefficients, std
@@ -51,11 +53,6 @@ def select_bands(
         The probability α that noise passes for a harmonic anywhere.
     n_modes
         The number n of different modes, where conjugates are listed too; None where they are not.
-
-    Returns
-    -------
-    numpy.ndarray
-        What is kept (modes, harmonics).
     """
     count = len(coefficients) if n_modes is None else n_modes
     level = level_of_each(false_alarm, 2 * (GAP + 1) * count)
@@ -114,6 +111,8 @@ def participation(
 
     .. math:: p_m = \sum_{c,h} w_{c,h}^2 |B_{m,c,h}|^2 \Big/ \sum_{m,c,h} w_{c,h}^2 |B_{m,c,h}|^2
 
+    Returns the integers m that are kept and the share p of each, both (harmonics,).
+
     Parameters
     ----------
     model
@@ -122,13 +121,6 @@ def participation(
         The index of the mode.
     weights
         One over the noise (channels, hits).
-
-    Returns
-    -------
-    harmonics
-        The integers m that are kept (harmonics,).
-    shares
-        The share p of each (harmonics,).
     """
     energy = np.sum(np.abs(model.coefficients[mode] * weights[:, :, None]) ** 2, axis=(0, 1))
     kept = energy > 0

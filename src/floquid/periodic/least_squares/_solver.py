@@ -147,10 +147,7 @@ def solve(
     It ends when a step is below `at_rest` standard deviations. With `hold`, a mode whose exponent runs away is put back
     and held there.
 
-    Raises
-    ------
-    IdentificationError
-        Without `hold`: an exponent moves by more than `FARTHEST`.
+    Raises IdentificationError where, without `hold`, an exponent moves by more than `FARTHEST`.
     """
     now = start if isinstance(start, Solution) else linearise(blocks, start)
     begin, damping, period = now.entries, 1e-6, 2.0 * np.pi / now.entries.fundamental

@@ -55,7 +55,7 @@ def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
 
     Two signs are looked for: a slow turn of the harmonics within each mode (`drift`), and, where the difference is so
     large that each harmonic came out as a mode of its own, modes of equal decay spaced by something close to ω
-    (`spacing`).
+    (`spacing`). Returns the one with the smaller deviation; None when the response does not tell the period.
 
     Parameters
     ----------
@@ -63,11 +63,6 @@ def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
         The periodic model.
     lifted
         The lifted responses that it was identified from.
-
-    Returns
-    -------
-    Synchrony or None
-        The one with the smaller deviation; None when the response does not tell the period.
     """
     found = [sign for sign in (drift(model, lifted), spacing(model, lifted)) if sign is not None]
     return min(found, key=lambda sign: sign.std, default=None)
@@ -78,7 +73,7 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
 
     Modes a, b of equal real part with Im(λ_a - λ_b) = mω/(1 + ε), m ≠ 0. At least `WITNESSES` such pairs must agree on
     ε, and half of the modes must be in them: two close modes of nearly equal decay are no sign of a wrong period. Of
-    several ε the one with most pairs counts.
+    several ε the one with most pairs counts. None when too few pairs of modes agree, or too few modes are in them.
 
     Parameters
     ----------
@@ -86,11 +81,6 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
         The periodic model.
     lifted
         The lifted responses that it was identified from.
-
-    Returns
-    -------
-    Synchrony or None
-        None when too few pairs of modes agree, or too few modes are in them.
     """
     std = model.exponent_std
     if std is None:
@@ -136,8 +126,8 @@ def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     .. math:: \frac{\partial y}{\partial\epsilon} = \sum_r n \mu_r^n q_r, \qquad
               q_r = -i \omega T \sum_m m\, B_{r,m} e^{(\lambda_r + i m \omega) t_k}
 
-    up to what the residues take up. The estimate of ε is its regression on the residual beside the slopes
-    :math:`n \mu_r^n R_r` of the poles.
+    up to what the residues take up. The estimate of ε is its regression on the residual beside the slopes :math:`n
+    \mu_r^n R_r` of the poles. None when no mode has more than one harmonic: then the response does not tell the period.
 
     Parameters
     ----------
@@ -145,11 +135,6 @@ def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
         The periodic model.
     lifted
         The lifted responses that it was identified from.
-
-    Returns
-    -------
-    Synchrony or None
-        None when no mode has more than one harmonic: then the response does not tell the period.
     """
     times, n = lifted.phase_times, model.order
     turning = np.exp(np.multiply.outer(model.exponents, times))[:, None, None, :]

@@ -64,6 +64,8 @@ class Periodicity(Rebuilt):
     The null hypothesis is a constant system seen by sensors that stand still in it: of every mode the zeroth harmonic
     alone is there. A sensor that moves periodically, such as one that scans, makes the response periodic as well.
 
+    Raises InputError where a shape is not possible.
+
     Parameters
     ----------
     statistic, degrees, p_value
@@ -94,11 +96,6 @@ class Periodicity(Rebuilt):
     spacing_p
         The probability of the responses if what was taken for harmonics lies whole numbers of fundamentals from its
         mode. A small one says that modes of a constant system were merged. None where it was not looked at.
-
-    Raises
-    ------
-    InputError
-        A shape is not possible.
     """
 
     statistic: float
@@ -216,6 +213,10 @@ def periodicity(
     `lifted`, what was taken for harmonics is looked at: whether it is where harmonics are, as exactly as the responses
     tell.
 
+    Returns the probability, the same for each harmonic, mode and channel, and how small a harmonic would have been
+    seen. Raises InputError where the model has no estimates of harmonics that were not selected, or a number is not
+    possible.
+
     Parameters
     ----------
     model
@@ -228,16 +229,6 @@ def periodicity(
         The probability with which what lies above the detection limits is to be seen.
     lifted
         The responses, to see whether harmonics are modes of their own; None does not look.
-
-    Returns
-    -------
-    Periodicity
-        The probability, the same for each harmonic, mode and channel, and how small a harmonic would have been seen.
-
-    Raises
-    ------
-    InputError
-        The model has no estimates of harmonics that were not selected, or a number is not possible.
     """
     orders = _orders(harmonics)
     for name, value in (("level", level), ("power", power)):

@@ -39,20 +39,12 @@ def to_pandas(record: Record) -> pd.DataFrame:
     What a table cannot say (the exact rate, a constant period, quantities, the orbit) is in `attrs["floquid"]`, in
     plain JSON. pandas forgets it in many operations: the times and the units in the headings are left.
 
+    The values are a copy (samples, channels). Raises InputError where pandas is not installed.
+
     Parameters
     ----------
     record
         The record.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The table, whose values are a copy (samples, channels).
-
-    Raises
-    ------
-    InputError
-        pandas is not installed.
     """
     pandas = load_package("pandas", "to_pandas")
     said: dict[str, Any] = {"sample_rate": record.sample_rate}
@@ -85,6 +77,10 @@ def from_pandas(
     (`floquid.read`). Dates count from the first of them, at 0 s. NaN and `pandas.NA` are missing samples. A column
     that does not hold real numbers is refused, not left out.
 
+    Of what `to_pandas` gave it is the record that was, but for its provenance. Raises InputError where pandas is not
+    installed, the table has no times and no rate is given, times are uneven, or a column, a unit or a number is not
+    possible.
+
     Parameters
     ----------
     frame
@@ -98,17 +94,6 @@ def from_pandas(
         The period T of the system [s]; attaches `ConstantPeriod(period, origin)`.
     origin
         The time of phase zero [s].
-
-    Returns
-    -------
-    Record
-        The record. Of what `to_pandas` gave it is the record that was, but for its provenance.
-
-    Raises
-    ------
-    InputError
-        pandas is not installed, the table has no times and no rate is given, times are uneven, or a column, a unit
-        or a number is not possible.
     """
     source = Source(argument="frame", of="from_pandas")
     pandas = load_package("pandas", source.of)

@@ -41,18 +41,14 @@ _NUMBERS = {"fs": True, "start": False, "period": True, "origin": False}
 def to_sep005(record: Record) -> list[dict[str, Any]]:
     """The record as dictionaries by SEP005, one a channel.
 
-    Each has `data`, `name`, `unit_str`, `fs` [Hz] and `quantity`. Keys of our own, which SEP005 allows, are `start`
-    [s] unless it is zero, `period` and `origin` [s] of a constant period, `location`, `direction` and `orbit`.
+    Each has `data`, `name`, `unit_str`, `fs` [Hz] and `quantity`. Keys of our own, which SEP005 allows, are `start` [s]
+    unless it is zero, `period` and `origin` [s] of a constant period, `location`, `direction` and `orbit`. Values are
+    copies.
 
     Parameters
     ----------
     record
         The record.
-
-    Returns
-    -------
-    list of dict
-        The dictionaries, whose values are copies.
     """
     codes = {quantity: code for code, quantity in _CODES.items() if code != "s"}
     numbers: dict[str, Any] = {"fs": record.sample_rate}
@@ -84,6 +80,9 @@ def from_sep005(
     Each has `data` (samples,), `name`, `unit_str`, and `fs` [Hz] or `time` (samples,) [s]; of the optional keys
     `quantity`, `group` and `start_timestamp` are used. A sample that is NaN or None is missing.
 
+    Of what `to_sep005` gave it is the record that was, but for its provenance. Raises InputError where a key is
+    missing, the signals were not sampled together (the message says which), or a unit or a number is not possible.
+
     Parameters
     ----------
     signals
@@ -96,17 +95,6 @@ def from_sep005(
         The period T of the system [s]; attaches `ConstantPeriod(period, origin)`.
     origin
         The time of phase zero [s].
-
-    Returns
-    -------
-    Record
-        The record. Of what `to_sep005` gave it is the record that was, but for its provenance.
-
-    Raises
-    ------
-    InputError
-        A key is missing, the signals were not sampled together (the message says which), or a unit or a number is
-        not possible.
     """
     source = Source(argument="signals", of="from_sep005")
     listed = [signals] if isinstance(signals, Mapping) else signals

@@ -63,6 +63,10 @@ def from_xarray(
     the first of them; it is repaired as the times of a file are (`floquid.read`). Names are the coordinate of the
     other dimension, or those of the variables. Units are the coordinate `unit`, or `attrs["units"]`.
 
+    Of what `to_xarray` gave it is the record that was, but for its provenance. Raises InputError where xarray is not
+    installed, there are no times and no rate is given, times are uneven, or a dimension, a unit or a number is not
+    possible.
+
     Parameters
     ----------
     data
@@ -78,17 +82,6 @@ def from_xarray(
         The period T of the system [s]; attaches `ConstantPeriod(period, origin)`. None takes `attrs["period"]`.
     origin
         The time of phase zero [s].
-
-    Returns
-    -------
-    Record
-        The record. Of what `to_xarray` gave it is the record that was, but for its provenance.
-
-    Raises
-    ------
-    InputError
-        xarray is not installed, there are no times and no rate is given, times are uneven, or a dimension, a unit
-        or a number is not possible.
     """
     source = Source(argument="data", of="from_xarray")
     xarray = load_package("xarray", source.of)
