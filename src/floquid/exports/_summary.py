@@ -29,12 +29,8 @@ def summary(analysis: Analysis) -> dict[str, Any]:
     harmonic has and would be seen at. `misfit` is what the fit leaves over its noise, null where there is none, and
     `failed` whether it is so much that the model fails: then no exponent and no shape has a deviation. `system` has
     A(t) over the period and its deviations, what its states are (`coordinates`), and, where it was fitted with a
-    structure, that structure, its parameters, and how well it fits. It is ready for `json.dump`.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
+    structure, that structure, its parameters, and how well it fits. It is ready for `json.dump`. `analysis` is what
+    `identify` found.
     """
     model = analysis.model
     weights = 1.0 / analysis.noise

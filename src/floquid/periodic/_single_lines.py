@@ -59,12 +59,8 @@ def without_lines(
 
     .. math:: y(t_k) - 2 \Re \sum_j B_j\, e^{\lambda_j t_k + i q_j \theta(t_k)}
 
-    Returns what is left (channels, samples) [units of the channels].
-
-    Parameters
-    ----------
-    record, clock, period, exponents, turns
-        As of `line_amplitudes`.
+    Returns what is left (channels, samples) [units of the channels]. `record`, `clock`, `period`, `exponents` and
+    `turns` are as of `line_amplitudes`.
     """
     entries, left = _entries(exponents, turns, period), np.array(record.values)
     for block in seen(period, [record], [clock]):

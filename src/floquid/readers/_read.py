@@ -151,15 +151,9 @@ def write(record: Record, path: str | PathLike[str]) -> None:
     The format is chosen by the suffix: .npz, .csv, .mat, .h5, .hdf5, .uff, .unv or .parquet. The file
     appears whole or not at all: an existing one is replaced at the end, in one step.
 
-    Raises InputError where `record` is not a record of at least two samples, a name holds a control character, the
-    suffix is not of a format that is written, or the folder does not exist or cannot be written to.
-
-    Parameters
-    ----------
-    record
-        The record.
-    path
-        The file, in a folder that exists.
+    The folder of `path` exists. Raises InputError where `record` is not a record of at least two samples, a name holds
+    a control character, the suffix is not of a format that is written, or the folder does not exist or cannot be
+    written to.
     """
     if not isinstance(record, Record):
         raise input_error("record", "write", "be a Record", f"is {describe(record)}", "Pass Record(values=..., ...).")

@@ -55,11 +55,6 @@ class DrawFile(AbstractDraws):
         """Write the draws.
 
         Raises InputError where the file cannot be written.
-
-        Parameters
-        ----------
-        draws
-            All that are done.
         """
         used = [one for one in draws if one.exponents is not None]
         content: dict[str, Any] = {

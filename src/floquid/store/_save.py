@@ -29,14 +29,8 @@ def save(analysis: Analysis, path: str | PathLike[str]) -> None:
     its own name when it is whole: whatever happens, `path` holds the old file or the new one. The same analysis gives
     the same bytes.
 
-    Raises InputError where `analysis` is something else, or the file cannot be written there.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    path
-        The file to write, by custom `result.h5`; it may exist.
+    `analysis` is what `identify` found; the file `path`, by custom `result.h5`, may exist. Raises InputError where
+    `analysis` is something else, or the file cannot be written there.
     """
     if not isinstance(analysis, Analysis):
         must = "be an Analysis"

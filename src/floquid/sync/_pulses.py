@@ -42,16 +42,9 @@ def pulse_times(record: Record, channel: str) -> NDArray[np.float64]:
     pulse is left out whose edge (of a narrow one: any part) is cut by the record's ends or lacks samples. The base may
     drift by a twentieth of the height.
 
-    Raises InputError where there is no such channel, it holds fewer than two pulses, or they do not stand out of its
-    noise.
-
-    Parameters
-    ----------
-    record
-        The record.
-    channel
-        The name of the channel of pulses. Where the record's clock is a `TachometerSignal` of this channel, the
-        evenness is judged from one revolution to the next.
+    Where the clock of the `record` is a `TachometerSignal` of this `channel`, the evenness is judged from one
+    revolution to the next. Raises InputError where there is no such channel, it holds fewer than two pulses, or they do
+    not stand out of its noise.
     """
     (row,) = channels_named(record.channels, [channel], argument="channel", of=OF)
     values = record.values[row]

@@ -19,13 +19,9 @@ def segment(records: Record | Sequence[Record]) -> tuple[Cycles, ...]:
 
     .. math:: \Delta t = T/P, \qquad t_{k + mP} = t_0 + (k + mP)\,\Delta t
 
-    (Allen 2009, before eq. 7.) The values are a view of the record. Records after the first lose the samples before
-    the first one's phase; a part of a period at the end is left out, and the provenance says so.
-
-    Parameters
-    ----------
-    records
-        One record, or one a hit on the same system: the same channels, rate and period.
+    (Allen 2009, before eq. 7.) The values are a view of the record. Records after the first lose the samples before the
+    first one's phase; a part of a period at the end is left out, and the provenance says so. `records` is one record,
+    or one a hit on the same system: the same channels, rate and period.
 
     Raises
     ------

@@ -164,13 +164,9 @@ def shaft_angle(record: Record) -> ShaftAngle:
     Akaike's corrected criterion prefers; a straight line, unless it is worse with a significance of 1 %. Pulses beyond
     six robust deviations are left out.
 
-    Raises InputError where the clock is another, its channel is not in the record or holds no pulses or no angle, fewer
-    than three pulses are left, or the shaft stands still or turns back on the way.
-
-    Parameters
-    ----------
-    record
-        A record whose clock is a `TachometerSignal`, an `AzimuthSignal` or `PulseTimes`.
+    The clock of the `record` is a `TachometerSignal`, an `AzimuthSignal` or `PulseTimes`. Raises InputError where the
+    clock is another, its channel is not in the record or holds no pulses or no angle, fewer than three pulses are left,
+    or the shaft stands still or turns back on the way.
     """
     clock = record.clock
     if not isinstance(clock, TachometerSignal | AzimuthSignal | PulseTimes):

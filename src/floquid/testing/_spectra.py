@@ -30,15 +30,9 @@ def pair_exponents(estimated: ArrayLike, truth: ArrayLike, period: float) -> Pai
 
     .. math:: \min_\pi \sum_k \left| \hat\lambda_{\pi(k)} - \lambda_k \bmod i\omega \right|, \qquad \omega = 2\pi/T
 
-    Returns the permutation and the wrapped differences; estimates without a partner are left out. Raises InputError
-    where there are fewer estimates than true exponents, or a value is not finite.
-
-    Parameters
-    ----------
-    estimated, truth
-        Estimated exponents (estimates,) and at most as many true ones (truth,), on any branch [1/s].
-    period
-        The period T [s].
+    Returns the permutation and the wrapped differences; estimates without a partner are left out. `estimated` exponents
+    (estimates,) and at most as many true ones `truth` (truth,) are on any branch [1/s], `period` is T [s]. Raises
+    InputError where there are fewer estimates than true exponents, or a value is not finite.
     """
     of = "pair_exponents"
     fundamental = 2.0 * np.pi / positive(period, "period", of, unit="s")
@@ -59,12 +53,7 @@ def pair_exponents(estimated: ArrayLike, truth: ArrayLike, period: float) -> Pai
 def assert_exponents_close(actual: ArrayLike, expected: ArrayLike, period: float, *, atol: float) -> None:
     """Raise AssertionError unless the exponents agree, as sets and modulo iω, to `atol` [1/s] in both parts.
 
-    Parameters
-    ----------
-    actual, expected
-        Exponents on any branch, in any order, equal in number (modes,) [1/s].
-    period, atol
-        The period T [s], and the largest difference of a real or an imaginary part that passes [1/s].
+    `actual` and `expected` are on any branch, in any order, equal in number (modes,) [1/s], `period` is T [s].
 
     Raises
     ------

@@ -46,14 +46,8 @@ class ModeRow:
 def mode_table(analysis: Analysis, *, derived: bool = True) -> tuple[ModeRow, ...]:
     """The modes of an analysis, a row for each conjugate pair and for each real mode.
 
-    The rows are in the order of the model.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    derived
-        Whether f and ζ have their standard deviations; a narrow table has no room for them.
+    The rows are in the order of the model. `analysis` is what `identify` found. Where `derived` is true, f and ζ have
+    their standard deviations; a narrow table has no room for them.
     """
     model = analysis.model
     unknown = np.full(model.order, np.nan)
@@ -83,10 +77,7 @@ def mode_table(analysis: Analysis, *, derived: bool = True) -> tuple[ModeRow, ..
 def note_meanings(rows: Sequence[ModeRow]) -> list[str]:
     """Meanings of the words in the notes of a table of modes.
 
-    Parameters
-    ----------
-    rows
-        The rows of the table.
+    The `rows` are those of the table; of each word that is there one has "word: meaning".
     """
     used = {word for row in rows for word in row.notes.split()}
     return [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]

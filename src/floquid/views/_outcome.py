@@ -14,12 +14,7 @@ MOST_NAMED = 6  # harmonics of the forced response that are named
 def outcome_lines(analysis: Analysis) -> dict[str, str]:
     """The outcome of an analysis beside its modes, a short line for each name.
 
-    Lines that have nothing to say are left out.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
+    Lines that have nothing to say are left out. `analysis` is what `identify` found.
     """
     lines = {
         "Noise": _noise(analysis),
@@ -35,10 +30,7 @@ def outcome_lines(analysis: Analysis) -> dict[str, str]:
 def verdict_line(validation: Validation) -> str:
     """The verdict on a model, with what it rests on if it passed.
 
-    Parameters
-    ----------
-    validation
-        The verdict.
+    `validation` is the verdict.
     """
     if not validation.passed:
         count = len(validation.reasons)
@@ -52,10 +44,7 @@ def verdict_line(validation: Validation) -> str:
 def remainder_words(validation: Validation) -> str:
     """The share of the response that a model which passes leaves beyond the noise, in per cent of its amplitude.
 
-    Parameters
-    ----------
-    validation
-        The verdict.
+    `validation` is the verdict.
     """
     share = 100.0 * validation.metrics["remainder"]
     return f"{share:.2g} %" if share >= 0.1 else "less than 0.1 %"

@@ -26,12 +26,7 @@ MOST_DIGITS = 10  # after the point; beyond them a deviation says nothing that a
 def with_error(value: float, std: float) -> str:
     """A value with its standard deviation in units of the last digits: -0.0020013(19) is -0.0020013 ± 0.0000019.
 
-    Parameters
-    ----------
-    value
-        The value.
-    std
-        Its standard deviation; zero of an exact value; without a finite one four digits stand alone.
+    The deviation `std` is zero of an exact `value`; without a finite one four digits stand alone.
     """
     if not np.isfinite(std) or std <= 0:
         return f"{value:.6g}" if std == 0 else f"{value:.4g}"
@@ -42,14 +37,7 @@ def with_error(value: float, std: float) -> str:
 def mode_notes(analysis: Analysis, mode: int) -> list[str]:
     """The words of `MODE_NOTES` that a mode deserves.
 
-    There are none for an ordinary mode.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    mode
-        Which of its modes.
+    There are none for an ordinary mode. `analysis` is what `identify` found, `mode` one of its modes.
     """
     model = analysis.model
     error = complex(np.nan, np.nan) if model.exponent_std is None else model.exponent_std[mode]
@@ -67,13 +55,7 @@ def mode_notes(analysis: Analysis, mode: int) -> list[str]:
 
 
 def passed_words(validation: Validation) -> str:
-    """Achievements of a model that passed its checks, in a sentence without its beginning.
-
-    Parameters
-    ----------
-    validation
-        A verdict that is in favour of the model.
-    """
+    """Achievements of a model with a verdict in its favour (`validation`), in a sentence without its beginning."""
     fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
     return (
         f"{fit:.1%} of the response is predicted in cycles left out, with an error of {error:.3g} times the noise at "
@@ -84,12 +66,7 @@ def passed_words(validation: Validation) -> str:
 def whitening_words(found: Lifted | Analysis) -> str:
     """Treatment of noise that is coloured along the record, in a sentence.
 
-    Empty where nothing was done.
-
-    Parameters
-    ----------
-    found
-        The lifted responses, or what `identify` found.
+    Empty where nothing was done. `found` are the lifted responses, or what `identify` found.
     """
     if found.whitening is None:
         return ""
@@ -103,12 +80,6 @@ def whitening_words(found: Lifted | Analysis) -> str:
 
 
 def period_words(analysis: Analysis) -> str:
-    """The period [s], with its deviation where it was estimated.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    """
+    """The period [s] that `identify` found (`analysis`), with its deviation where it was estimated."""
     period, std = analysis.model.period, analysis.period_std
     return f"{period:.8g}" if std is None else with_error(period, std)

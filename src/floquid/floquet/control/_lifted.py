@@ -77,10 +77,8 @@ class LiftedSystem(Rebuilt):
     def stack(self, inputs: ArrayLike) -> NDArray[np.float64]:
         """The inputs of the periodic system, from the first phase on, as this one takes them (lifted inputs, steps).
 
-        Parameters
-        ----------
-        inputs
-            u of the periodic system (inputs, samples); by "time" the samples are whole periods, or it is an InputError.
+        They are u of the periodic system (inputs, samples); by "time" the samples are whole periods, or it is an
+        InputError.
         """
         of, count = "LiftedSystem.stack", len(self.inputs) // self.n_phases
         given = frozen_array(inputs, "inputs", of, axes=(count, "samples"), remedy="Time is the last axis.")

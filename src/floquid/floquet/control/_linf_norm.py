@@ -76,14 +76,9 @@ def linf_norm(system: PeriodicSystem, *, tolerance: float = 1e-6) -> PeakGain:
     discrete-time algebraic Riccati equations. A gain close to that of D, or far below what B and C could give, takes
     many short steps.
 
-    Raises InputError where the system is not stable, it has no inputs, or it cannot be integrated.
-
-    Parameters
-    ----------
-    system
-        The periodic system, with inputs.
-    tolerance
-        The relative error that is aimed at, from 1e-9 to 0.1; very slight damping allows less, see `PeakGain.error`.
+    The `system` has inputs. The relative error that is aimed at is `tolerance`, from 1e-9 to 0.1; very slight damping
+    allows less, see `PeakGain.error`. Raises InputError where the system is not stable, it has no inputs, or it cannot
+    be integrated.
     """
     checked_system(system, _OF, inputs=True)
     accuracy = positive(tolerance, "tolerance", _OF)

@@ -126,15 +126,9 @@ class _Text:
 def read_lin(path: object, *, of: str = "floquet.read_lin", argument: str = "path") -> LinFile:
     """One linearisation file of OpenFAST.
 
-    Raises InputError where there is no such file, it is no linearisation file, ends early, or has a line that is not
-    what is due there. The message names the file and the line.
-
-    Parameters
-    ----------
-    path
-        The file.
-    of, argument
-        The callable and its argument that messages name.
+    `path` is the file; messages name the callable `of` and its `argument`. Raises InputError where there is no such
+    file, it is no linearisation file, ends early, or has a line that is not what is due there. The message names the
+    file and the line.
     """
     text = _open(path, of, argument)
     header = _header(text)

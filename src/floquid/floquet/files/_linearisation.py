@@ -163,15 +163,9 @@ class OpenFastLinearisation(Rebuilt):
         Where the azimuths are equally spaced this is their discrete Fourier transform.
 
         Returns the harmonics -n, ..., n (harmonics,) and the coefficients (rows, columns, harmonics), in the unit of
-        the matrix. Raises InputError where the files do not hold the matrix, or the azimuths do not determine as many
-        harmonics.
-
-        Parameters
-        ----------
-        matrix
-            Which one.
-        n_harmonics
-            n, at most (azimuths - 1)/2; as many as the azimuths determine where not given.
+        the matrix. Of the `matrix` named there are `n_harmonics`, at most (azimuths - 1)/2: as many as the azimuths
+        determine where not given. Raises InputError where the files do not hold the matrix, or the azimuths do not
+        determine as many harmonics.
         """
         of = f"{_OF}.harmonics"
         values = getattr(self, matrix) if matrix in ("A", "B", "C", "D") else None

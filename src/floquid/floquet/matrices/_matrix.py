@@ -85,15 +85,10 @@ class AbstractPeriodicMatrix(ABC):
     def to_harmonics(self, n_harmonics: int | None = None, *, tolerance: float = 1e-12) -> HarmonicMatrix:
         """The Fourier series.
 
-        Raises InputError where the harmonics do not fall below `tolerance` within 512, as at a jump, and `n_harmonics`
-        is not given; or a function does not repeat itself after its period.
-
-        Parameters
-        ----------
-        n_harmonics
-            The highest harmonic kept; by default as many as it takes for the rest to fall below `tolerance`.
-        tolerance
-            What the harmonics left out may come to, as a share of each entry of the matrix.
+        `n_harmonics` is the highest harmonic kept, by default as many as it takes for the rest to fall below
+        `tolerance`, a share of each entry of the matrix. Raises InputError where the harmonics do not fall below
+        `tolerance` within 512, as at a jump, and `n_harmonics` is not given; or a function does not repeat itself after
+        its period.
         """
         return _operations().to_harmonics(self, n_harmonics, tolerance)
 

@@ -54,14 +54,8 @@ def floquet_lyapunov(
     block by block of the periodic Schur form, so that multipliers of very different sizes are kept.
 
     Floquet 1883; Lyapunov 1892; real with a period of 2T where a real multiplier is negative: Montagnier, Paige and
-    Spiteri 2003, "Real Floquet factors of linear time-periodic systems".
-
-    Parameters
-    ----------
-    system, period, breaks, tolerance
-        As in `transition`, errors as in `exponents`.
-    n_phases
-        The number of steps in the period of A, at least 1.
+    Spiteri 2003, "Real Floquet factors of linear time-periodic systems". `system`, `period`, `breaks` and `tolerance`
+    are as in `transition`, errors as in `exponents`; `n_phases` is the number of steps in the period of A, at least 1.
     """
     of = "floquet.floquet_lyapunov"
     prepared = checked(system, period, breaks, tolerance, of)

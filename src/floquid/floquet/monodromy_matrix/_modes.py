@@ -159,15 +159,9 @@ def modes(
     """The Floquet modes of A(t): exponents and periodic shapes, by factors that are never multiplied out.
 
     Allen 2009, eqs. (3), (4), (6). The shape of a small multiplier is carried through each factor in the direction in
-    which errors decay.
-
-    Parameters
-    ----------
-    system, period, breaks, tolerance
-        As in `transition`, errors as in `exponents`.
-    n_phases
-        Equal steps of the period at which shapes are found, 8 at least; by default 32 or 64, or as many more as
-        their harmonics need, 512 at most.
+    which errors decay. `system`, `period`, `breaks` and `tolerance` are as in `transition`, errors as in `exponents`;
+    `n_phases` are equal steps of the period at which shapes are found, 8 at least: by default 32 or 64, or as many more
+    as their harmonics need, 512 at most.
     """
     of = "floquet.modes"
     prepared = checked(system, period, breaks, tolerance, of)

@@ -219,13 +219,8 @@ def exponents(
     may be as far apart as they like: each is good to about `tolerance` times the number of factors of itself, times
     its condition. Two that are nearly equal and share a shape are good to the root of that; `modes` tells.
 
-    Raises InputError as in `transition`; or the sum of the exponents misses the mean trace of A(t), which it must equal
-    by Liouville's formula.
-
-    Parameters
-    ----------
-    system, period, breaks, tolerance
-        As in `transition`.
+    `system`, `period`, `breaks` and `tolerance` are as in `transition`. Raises InputError as in `transition`; or the
+    sum of the exponents misses the mean trace of A(t), which it must equal by Liouville's formula.
     """
     found, length = _logarithms(system, period, breaks, tolerance, "floquet.exponents")
     return found / length

@@ -55,14 +55,8 @@ def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
 
     Two signs are looked for: a slow turn of the harmonics within each mode (`drift`), and, where the difference is so
     large that each harmonic came out as a mode of its own, modes of equal decay spaced by something close to ω
-    (`spacing`). Returns the one with the smaller deviation; None when the response does not tell the period.
-
-    Parameters
-    ----------
-    model
-        The periodic model.
-    lifted
-        The lifted responses that it was identified from.
+    (`spacing`). Returns the one with the smaller deviation; None when the response does not tell the period. The
+    `model` was identified from the responses `lifted`.
     """
     found = [sign for sign in (drift(model, lifted), spacing(model, lifted)) if sign is not None]
     return min(found, key=lambda sign: sign.std, default=None)
@@ -73,14 +67,8 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
 
     Modes a, b of equal real part with Im(λ_a - λ_b) = mω/(1 + ε), m ≠ 0. At least `WITNESSES` such pairs must agree on
     ε, and half of the modes must be in them: two close modes of nearly equal decay are no sign of a wrong period. Of
-    several ε the one with most pairs counts. None when too few pairs of modes agree, or too few modes are in them.
-
-    Parameters
-    ----------
-    model
-        The periodic model.
-    lifted
-        The lifted responses that it was identified from.
+    several ε the one with most pairs counts. None when too few pairs of modes agree, or too few modes are in them. The
+    `model` was identified from the responses `lifted`.
     """
     std = model.exponent_std
     if std is None:
@@ -128,13 +116,7 @@ def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
 
     up to what the residues take up. The estimate of ε is its regression on the residual beside the slopes :math:`n
     \mu_r^n R_r` of the poles. None when no mode has more than one harmonic: then the response does not tell the period.
-
-    Parameters
-    ----------
-    model
-        The periodic model.
-    lifted
-        The lifted responses that it was identified from.
+    The `model` was identified from the responses `lifted`.
     """
     times, n = lifted.phase_times, model.order
     turning = np.exp(np.multiply.outer(model.exponents, times))[:, None, None, :]

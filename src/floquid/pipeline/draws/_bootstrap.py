@@ -53,20 +53,14 @@ class AbstractDraws(ABC):
     def keep(self, draws: Sequence[Draw]) -> None:
         """Keep these, or pass over them if that was done a moment ago.
 
-        Parameters
-        ----------
-        draws
-            All that are done, in the order of their seeds.
+        All `draws` that are done are given, in the order of their seeds.
         """
 
     @abstractmethod
     def write(self, draws: Sequence[Draw]) -> None:
         """Keep these.
 
-        Parameters
-        ----------
-        draws
-            All that are done, in the order of their seeds.
+        All `draws` that are done are given, in the order of their seeds.
         """
 
 

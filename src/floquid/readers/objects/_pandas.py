@@ -40,11 +40,6 @@ def to_pandas(record: Record) -> pd.DataFrame:
     plain JSON. pandas forgets it in many operations: the times and the units in the headings are left.
 
     The values are a copy (samples, channels). Raises InputError where pandas is not installed.
-
-    Parameters
-    ----------
-    record
-        The record.
     """
     pandas = load_package("pandas", "to_pandas")
     said: dict[str, Any] = {"sample_rate": record.sample_rate}

@@ -44,11 +44,6 @@ def to_sep005(record: Record) -> list[dict[str, Any]]:
     Each has `data`, `name`, `unit_str`, `fs` [Hz] and `quantity`. Keys of our own, which SEP005 allows, are `start` [s]
     unless it is zero, `period` and `origin` [s] of a constant period, `location`, `direction` and `orbit`. Values are
     copies.
-
-    Parameters
-    ----------
-    record
-        The record.
     """
     codes = {quantity: code for code, quantity in _CODES.items() if code != "s"}
     numbers: dict[str, Any] = {"fs": record.sample_rate}
