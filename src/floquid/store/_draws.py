@@ -52,10 +52,7 @@ class DrawFile(AbstractDraws):
             self.write(draws)
 
     def write(self, draws: Sequence[Draw]) -> None:
-        """Write the draws.
-
-        Raises InputError where the file cannot be written.
-        """
+        """Write all `draws` that are done. Raises InputError where the file cannot be written."""
         used = [one for one in draws if one.exponents is not None]
         content: dict[str, Any] = {
             "key": np.array(self.key),

@@ -75,9 +75,6 @@ def mode_table(analysis: Analysis, *, derived: bool = True) -> tuple[ModeRow, ..
 
 
 def note_meanings(rows: Sequence[ModeRow]) -> list[str]:
-    """Meanings of the words in the notes of a table of modes.
-
-    The `rows` are those of the table; of each word that is there one has "word: meaning".
-    """
+    """The "word: meaning" of each word in the notes of the `rows` of a table of modes."""
     used = {word for row in rows for word in row.notes.split()}
     return [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]

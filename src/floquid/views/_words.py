@@ -35,10 +35,7 @@ def with_error(value: float, std: float) -> str:
 
 
 def mode_notes(analysis: Analysis, mode: int) -> list[str]:
-    """The words of `MODE_NOTES` that a mode deserves.
-
-    There are none for an ordinary mode. `analysis` is what `identify` found, `mode` one of its modes.
-    """
+    """The words of `MODE_NOTES` that a `mode` of an `analysis` deserves: none for an ordinary one."""
     model = analysis.model
     error = complex(np.nan, np.nan) if model.exponent_std is None else model.exponent_std[mode]
     real, multiplier = model.real[mode], model.multipliers[mode]
@@ -64,10 +61,7 @@ def passed_words(validation: Validation) -> str:
 
 
 def whitening_words(found: Lifted | Analysis) -> str:
-    """Treatment of noise that is coloured along the record, in a sentence.
-
-    Empty where nothing was done. `found` are the lifted responses, or what `identify` found.
-    """
+    """Treatment of noise coloured along the record, of lifted responses or an analysis `found`: may be empty."""
     if found.whitening is None:
         return ""
     channels, taps = found.channels if isinstance(found, Lifted) else found.model.channels, found.whitening.shape[1] - 1

@@ -51,10 +51,7 @@ class AbstractDraws(ABC):
 
     @abstractmethod
     def keep(self, draws: Sequence[Draw]) -> None:
-        """Keep these, or pass over them if that was done a moment ago.
-
-        All `draws` that are done are given, in the order of their seeds.
-        """
+        """Keep all `draws` that are done, in the order of their seeds; or pass over them if that was a moment ago."""
 
     @abstractmethod
     def write(self, draws: Sequence[Draw]) -> None:
