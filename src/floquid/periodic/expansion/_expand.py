@@ -89,8 +89,8 @@ def physical_exponents(modal: ModalModel, lifted: Lifted) -> NDArray[np.complex1
     (Allen 2009, eqs. 4-6.) Channels are weighted by the inverse of their noise, conjugates are moved together, ties go
     to the larger \|Im λ\|. `assemble` reports the same ones.
 
-    They are in the order of `modal` (modes,) [1/s]. `modal` is the modal model of the responses `lifted`. Raises InputError
-    where the models do not belong together.
+    They are in the order of `modal` (modes,) [1/s]. `modal` is the modal model of the responses `lifted`. Raises
+    InputError where the models do not belong together.
     """
     _check(modal, lifted, 0, "physical_exponents")
     found = np.array(modal.poles)
