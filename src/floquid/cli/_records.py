@@ -9,8 +9,8 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.cli._folder import result_file
 from floquid.cli._options import Debug, Frequency, NewRecordFile, Rate, RecordFile, period_of, split
@@ -260,7 +260,7 @@ def differences(record: Record, found: Record) -> list[str]:
     return [words for words, kept in pairs.items() if not kept]
 
 
-def _same(one: NDArray[np.float64] | None, other: NDArray[np.float64] | None) -> bool:
+def _same(one: Floats | None, other: Floats | None) -> bool:
     if one is None or other is None:
         return one is other
     return np.array_equal(one, other, equal_nan=True)

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from floquid._arrays import Floats, Integers
 from floquid._checks import input_error
 from floquid.cli._folder import ResultFolder, maybe_folder
 from floquid.cli._options import (
@@ -233,7 +233,7 @@ def _table(found: OrderScan) -> Table:
     return table
 
 
-def _above_least(values: NDArray[np.float64]) -> list[str]:
+def _above_least(values: Floats) -> list[str]:
     """Each value above the least, which has a star."""
     above = values - values.min()
     return [f"{value:.4g}" if value else "0 *" for value in above]
@@ -276,7 +276,7 @@ def _scan_text(scanned: Scanned, choices: Choices) -> str:
     return json_text(content)
 
 
-def _poles(model: ModalModel, levels: NDArray[np.int64]) -> list[dict[str, Any]]:
+def _poles(model: ModalModel, levels: Integers) -> list[dict[str, Any]]:
     """Every pole of a model: its multiplier, principal pole [1/s], folded frequency [Hz] and stability."""
     return [
         {

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
+from floquid._arrays import Floats
 from floquid._bar import lines
 from floquid.lifting import Lifted
 from floquid.pipeline import Analysis
@@ -302,7 +302,7 @@ def _parameters_table(found: Refinement) -> Table:
     return table
 
 
-def _alike(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> list[str]:
+def _alike(lows: Floats, highs: Floats) -> list[str]:
     """Ranges, all to the third digit of the largest value; one number where both ends read the same."""
     largest = float(max(np.abs(lows).max(), np.abs(highs).max()))
     form = ".2e" if not 1e-6 < largest < 1e6 else f".{max(0, 2 - int(np.floor(np.log10(largest))))}f"

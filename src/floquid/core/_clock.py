@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_error, integer, positive
 
 _TURNS = {"ppr": "pulses_per_revolution=ppr", "name": 'channel="tach"', "signal": 'channel="tach"'}
@@ -120,7 +120,7 @@ class PulseTimes(Rebuilt):
         Periods of the system in a revolution of the shaft.
     """
 
-    times: NDArray[np.float64]
+    times: Floats
     pulses_per_revolution: int = 1
     periods_per_revolution: float = 1.0
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, finite, frozen_array, input_error
 from floquid.core._channel import Channel
 from floquid.core._provenance import Provenance
@@ -32,8 +32,8 @@ class Cycles(Rebuilt):
         One `Channel` a row of `values`, and where the cycles come from.
     """
 
-    values: NDArray[np.float64]
-    periods: NDArray[np.float64]
+    values: Floats
+    periods: Floats
     first_phase: float
     channels: tuple[Channel, ...]
     provenance: Provenance = field(default_factory=Provenance)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, finite, frozen_array, input_error, positive
 
 
@@ -51,19 +52,19 @@ class Estimates(Rebuilt):
         f (terms, channels, hits), the relative slope of the filter that the responses went through; None for none.
     """
 
-    exponents: NDArray[np.complex128]
-    real: NDArray[np.bool_]
+    exponents: Complexes
+    real: Mask
     fundamental: float
-    modes: NDArray[np.int64]
-    harmonics: NDArray[np.int64]
-    coefficients: NDArray[np.complex128]
-    covariance: NDArray[np.float64]
-    slopes: NDArray[np.complex128]
-    spread: NDArray[np.float64]
-    blocks: NDArray[np.int64]
-    scales: NDArray[np.complex128]
-    drift: NDArray[np.float64] | None = None
-    bend: NDArray[np.complex128] | None = None
+    modes: Integers
+    harmonics: Integers
+    coefficients: Complexes
+    covariance: Floats
+    slopes: Complexes
+    spread: Floats
+    blocks: Integers
+    scales: Complexes
+    drift: Floats | None = None
+    bend: Complexes | None = None
 
     def __post_init__(self) -> None:
         of, put = "Estimates", object.__setattr__
@@ -100,27 +101,27 @@ class Estimates(Rebuilt):
             raise input_error("blocks", of, "name blocks of `spread`", f"are {np.unique(self.blocks).tolist()}")
 
     @property
-    def rates(self) -> NDArray[np.complex128]:
+    def rates(self) -> Complexes:
         """λ + imω of each term (terms,) [1/s]."""
         return self.exponents[self.modes] + 1j * self.fundamental * self.harmonics
 
     @property
-    def half_turns(self) -> NDArray[np.int64]:
+    def half_turns(self) -> Integers:
         """κ = 2 Im λ/ω of real multipliers, zero for pairs (modes,)."""
         return np.where(self.real, np.rint(2.0 * self.exponents.imag / self.fundamental), 0).astype(np.int64)
 
     @property
-    def turning(self) -> NDArray[np.bool_]:
+    def turning(self) -> Mask:
         """Mask of the terms that turn (terms,): all but that of a real multiplier that has a real coefficient."""
         return ~(self.real[self.modes] & (2 * self.harmonics + self.half_turns[self.modes] == 0))
 
     @property
-    def multiplicity(self) -> NDArray[np.float64]:
+    def multiplicity(self) -> Floats:
         """Count of a term in the response, its mirror image included: 2, or 1 where it does not turn (terms,)."""
         return np.where(self.turning, 2.0, 1.0)
 
     @property
-    def rate_slopes(self) -> NDArray[np.complex128]:
+    def rate_slopes(self) -> Complexes:
         """Derivatives of the rate of each term with respect to the parameters (terms, 2 modes + 1)."""
         count = len(self.exponents)
         own = (self.modes[:, None] == np.arange(count)).astype(float)
@@ -128,7 +129,7 @@ class Estimates(Rebuilt):
         parts = [own, 1j * own * ~self.real, 1j * turns[:, None]]
         return np.concatenate(parts, axis=1, dtype=np.complex128)
 
-    def std(self) -> NDArray[np.complex128]:
+    def std(self) -> Complexes:
         """Deviations of the coefficients (terms, channels, hits): real part of the real, imaginary of the imaginary."""
         n = len(self.modes)
         own = np.diagonal(self.spread, axis1=1, axis2=2)[self.blocks]
@@ -141,13 +142,13 @@ class Estimates(Rebuilt):
         imag += np.einsum("kchp,kchp->kch", s.imag @ self.covariance, s.imag)
         return np.sqrt(np.maximum(real, 0.0)) + 1j * np.sqrt(np.maximum(imag, 0.0))
 
-    def noise_covariance(self, channel: int, hit: int) -> NDArray[np.float64]:
+    def noise_covariance(self, channel: int, hit: int) -> Floats:
         """Covariance of the coefficients of a row, `channel` and `hit`, when p is known (2 terms, 2 terms)."""
         g = self.scales[:, channel, hit]
         turn = np.block([[np.diag(g.real), -np.diag(g.imag)], [np.diag(g.imag), np.diag(g.real)]])
         return turn @ self.spread[self.blocks[channel, hit]] @ turn.T
 
-    def slopes_at(self, coefficients: NDArray[np.complex128], channel: int, hit: int) -> NDArray[np.complex128]:
+    def slopes_at(self, coefficients: Complexes, channel: int, hit: int) -> Complexes:
         r"""The slopes S of one row for other coefficients than those estimated (terms, 2 modes + 1).
 
         .. math:: S = -g\, W \Big(\frac{\partial s}{\partial p}\, g^{-1} B\Big) - f\, \frac{\partial s}{\partial p} B
@@ -169,11 +170,11 @@ class Estimates(Rebuilt):
     def variance(
         self,
         *,
-        by_coefficients: NDArray[np.complex128],
-        by_rates: NDArray[np.complex128] | None = None,
-        by_exponents: NDArray[np.complex128] | None = None,
-        by_fundamental: NDArray[np.float64] | None = None,
-    ) -> NDArray[np.float64]:
+        by_coefficients: Complexes,
+        by_rates: Complexes | None = None,
+        by_exponents: Complexes | None = None,
+        by_fundamental: Floats | None = None,
+    ) -> Floats:
         r"""The variance of real quantities f, to first order (quantities,).
 
         .. math:: \delta f = \Re \Big(\sum_k \frac{\partial f}{\partial B_k} \delta B_k +

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid._show import Drawings, Drawn
 from floquid.core._channel import Channel
@@ -56,13 +57,13 @@ class PeriodicModel(Drawn, Rebuilt):
         Where the model comes from.
     """
 
-    exponents: NDArray[np.complex128]
-    coefficients: NDArray[np.complex128]
-    harmonics: NDArray[np.int64]
+    exponents: Complexes
+    coefficients: Complexes
+    harmonics: Integers
     period: float
     channels: tuple[Channel, ...]
-    covariance: NDArray[np.float64] | None = None
-    coefficient_std: NDArray[np.complex128] | None = None
+    covariance: Floats | None = None
+    coefficient_std: Complexes | None = None
     estimates: Estimates | None = None
     unselected: Estimates | None = None
     provenance: Provenance = field(default_factory=Provenance)
@@ -131,13 +132,13 @@ class PeriodicModel(Drawn, Rebuilt):
         return len(self.exponents)
 
     @property
-    def unpaired(self) -> NDArray[np.bool_]:
+    def unpaired(self) -> Mask:
         """Mask of the modes that are no half of a conjugate pair of the model (modes,)."""
         near = np.abs(np.subtract.outer(self.exponents, self.exponents.conj())) < SAME * self.fundamental
         return np.diag(near) | ~near.any(axis=1)
 
     @property
-    def real(self) -> NDArray[np.bool_]:
+    def real(self) -> Mask:
         """Mask of the modes of a real multiplier, listed once (modes,): 2 Im λ is a whole number of fundamentals."""
         turns = 2.0 * self.exponents.imag / self.fundamental
         return self.unpaired & (np.abs(turns - np.rint(turns)) < SAME)
@@ -158,12 +159,12 @@ class PeriodicModel(Drawn, Rebuilt):
         return 2.0 * np.pi / self.period
 
     @property
-    def multipliers(self) -> NDArray[np.complex128]:
+    def multipliers(self) -> Complexes:
         """The Floquet multipliers μ = e^{λT} (modes,)."""
         return np.exp(self.exponents * self.period)
 
     @property
-    def exponent_std(self) -> NDArray[np.complex128] | None:
+    def exponent_std(self) -> Complexes | None:
         """Standard deviations of the exponents (modes,) [1/s]: real part of the real, imaginary of the imaginary."""
         if self.covariance is None:
             return None
@@ -171,18 +172,18 @@ class PeriodicModel(Drawn, Rebuilt):
         return std[: self.order] + 1j * std[self.order :]
 
     @property
-    def frequencies_hz(self) -> NDArray[np.float64]:
+    def frequencies_hz(self) -> Floats:
         """The physical frequencies |λ|/2π (modes,) [Hz]."""
         return np.abs(self.exponents) / (2.0 * np.pi)
 
     @property
-    def damping_ratios(self) -> NDArray[np.float64]:
+    def damping_ratios(self) -> Floats:
         """The damping ratios -Re λ/|λ| (modes,), negative for a growing mode."""
         size = np.abs(self.exponents)
         return np.divide(-self.exponents.real, size, out=np.zeros_like(size), where=size > 0)
 
     @property
-    def multiplier_std(self) -> NDArray[np.complex128] | None:
+    def multiplier_std(self) -> Complexes | None:
         r"""Deviations of the multipliers (modes,): real part of the real, imaginary of the imaginary.
 
         .. math:: \delta\mu = \mu\, (T\, \delta\lambda + \lambda\, \delta T)
@@ -208,7 +209,7 @@ class PeriodicModel(Drawn, Rebuilt):
         return std[np.argmin(np.minimum(*map(np.abs, both)), axis=1)]
 
     @property
-    def frequency_std_hz(self) -> NDArray[np.float64] | None:
+    def frequency_std_hz(self) -> Floats | None:
         """Standard deviations of the physical frequencies (modes,) [Hz]."""
         if self.covariance is None:
             return None
@@ -216,7 +217,7 @@ class PeriodicModel(Drawn, Rebuilt):
         return self._std_of(self.exponents.real / size, self.exponents.imag / size)
 
     @property
-    def damping_ratio_std(self) -> NDArray[np.float64] | None:
+    def damping_ratio_std(self) -> Floats | None:
         r"""Standard deviations of the damping ratios (modes,); δζ = -(Im λ)² δRe λ/|λ|³ + Re λ Im λ δIm λ/|λ|³."""
         if self.covariance is None:
             return None
@@ -224,7 +225,7 @@ class PeriodicModel(Drawn, Rebuilt):
         real, imag = self.exponents.real / size, self.exponents.imag / size
         return self._std_of(-(imag**2) / size, real * imag / size)
 
-    def _std_of(self, by_real: NDArray[np.float64], by_imag: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _std_of(self, by_real: Floats, by_imag: Floats) -> Floats:
         """The deviations of quantities of one mode each, by their slopes (modes,)."""
         assert self.covariance is not None
         whole, n = self.covariance, self.order
@@ -232,22 +233,22 @@ class PeriodicModel(Drawn, Rebuilt):
         variance = by_real**2 * real + by_imag**2 * imag + 2.0 * by_real * by_imag * both
         return np.sqrt(np.maximum(variance, 0.0))
 
-    def principal(self) -> NDArray[np.complex128]:
+    def principal(self) -> Complexes:
         """The exponents moved by whole multiples of iω to the strip -ω/2 < Im λ ≤ ω/2 (modes,) [1/s] (eq. 4)."""
         turns = self.exponents.imag / self.fundamental
         return self.exponents - 1j * self.fundamental * np.ceil(turns - 0.5 - 1e-12)
 
-    def shapes(self, times: ArrayLike) -> NDArray[np.complex128]:
+    def shapes(self, times: ArrayLike) -> Complexes:
         """The periodic shapes Σ_m B e^{imωt} at `times` [s] (modes, channels, hits, times) (eq. 11)."""
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         return self.coefficients @ np.exp(1j * self.fundamental * np.multiply.outer(self.harmonics, t))
 
-    def response(self, times: ArrayLike) -> NDArray[np.float64]:
+    def response(self, times: ArrayLike) -> Floats:
         """The free response at `times` [s] after phase zero (channels, hits, times) (eq. 12)."""
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         return np.einsum("rchn,rn->chn", self.shapes(t), np.exp(np.multiply.outer(self.exponents, t))).real
 
-    def shape_std(self, times: ArrayLike, modes: Sequence[int] | None = None) -> NDArray[np.complex128] | None:
+    def shape_std(self, times: ArrayLike, modes: Sequence[int] | None = None) -> Complexes | None:
         """Deviations of the periodic shapes at `times` [s] (modes, channels, hits, times), None if not estimated.
 
         That of the real part as the real part, that of the imaginary part as the imaginary part. The harmonics that
@@ -274,12 +275,12 @@ class PeriodicModel(Drawn, Rebuilt):
                 std[partner[0]] = std[mode]
         return std[wanted]
 
-    def modes_of(self, estimates: Estimates) -> NDArray[np.int64]:
+    def modes_of(self, estimates: Estimates) -> Integers:
         """The mode of the model that each mode of `estimates` is, by their exponents (modes of `estimates`,)."""
         off = np.abs(np.subtract.outer(estimates.exponents, self.exponents))
         return np.argmin(off, axis=1).astype(np.int64)
 
-    def kept_terms(self, estimates: Estimates) -> NDArray[np.bool_]:
+    def kept_terms(self, estimates: Estimates) -> Mask:
         """Mask over the terms of `estimates`: those whose coefficients the model keeps (terms,)."""
         kept = (self.coefficients != 0).any(axis=(1, 2))
         modes, there = self.modes_of(estimates)[estimates.modes], np.isin(estimates.harmonics, self.harmonics)
@@ -287,9 +288,7 @@ class PeriodicModel(Drawn, Rebuilt):
         return there & kept[modes, place]
 
 
-def _real_imag_std(
-    own: Estimates, straight: NDArray[np.complex128], mirrored: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
+def _real_imag_std(own: Estimates, straight: Complexes, mirrored: Complexes) -> Complexes:
     """Deviations of Σ B·straight + B̄·mirrored (channels, hits, quantities), by (quantities, terms)."""
     std = np.zeros((*own.blocks.shape, len(straight)), complex)
     # Row by row: their noises are independent, and slopes by all rows at once would be nearly all zero.

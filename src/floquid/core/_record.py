@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_error, positive
 from floquid.core._channel import Channel, channels_named
 from floquid.core._clock import Clock
@@ -50,12 +51,12 @@ class Record(Rebuilt):
         Where the record comes from.
     """
 
-    values: NDArray[np.float64]
+    values: Floats
     sample_rate: float
     channels: tuple[Channel, ...]
     clock: Clock | None = None
     start: float = 0.0
-    orbit: NDArray[np.float64] | None = None
+    orbit: Floats | None = None
     provenance: Provenance = field(default_factory=Provenance)
 
     def __init__(
@@ -128,7 +129,7 @@ class Record(Rebuilt):
         return self.n_samples / self.sample_rate
 
     @property
-    def times(self) -> NDArray[np.float64]:
+    def times(self) -> Floats:
         """The time of each sample (samples,) [s]."""
         return self.start + np.arange(self.n_samples) / self.sample_rate
 

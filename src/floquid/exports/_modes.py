@@ -12,8 +12,9 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import describe, input_error
 from floquid._version import __version__
 from floquid.core import PeriodicModel
@@ -28,10 +29,7 @@ MODE_FORMATS = (".uff", ".unv", ".mat", ".csv", ".json")
 
 
 def export_modes(
-    result: Analysis | PeriodicModel,
-    path: str | PathLike[str],
-    *,
-    coordinates: Mapping[str, ArrayLike] | None = None,
+    result: Analysis | PeriodicModel, path: str | PathLike[str], *, coordinates: Mapping[str, ArrayLike] | None = None
 ) -> None:
     r"""Write the modes of a result to a file of another program, in the format of its suffix.
 
@@ -132,7 +130,7 @@ def _coefficient(model: PeriodicModel, mode: int, row: int, hit: int, place: int
     return (rate / (2.0 * np.pi), value.real, value.imag, *deviation)
 
 
-def _mode_columns(model: PeriodicModel) -> dict[str, NDArray[np.float64] | None]:
+def _mode_columns(model: PeriodicModel) -> dict[str, Floats | None]:
     """The numbers of the modes (modes,) by their headings, None for what was not estimated."""
     exponents, std, multipliers = model.exponents, model.exponent_std, model.multipliers
     return {

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
 from floquid.findings import as_mapping
 from floquid.order import Choice
@@ -72,7 +72,7 @@ def _forced(forced: ForcedResponse) -> dict[str, Any]:
 def _periodicity(found: Periodicity) -> dict[str, Any]:
     """The test over all, its parts, and sizes and limits (modes, harmonics); null where a harmonic was not tested."""
 
-    def numbers(values: NDArray[np.float64]) -> list[list[float | None]]:
+    def numbers(values: Floats) -> list[list[float | None]]:
         return [[float(value) if np.isfinite(value) else None for value in row] for row in values]
 
     def parts(of: PartialTests) -> dict[str, Any]:
@@ -105,7 +105,7 @@ def _periodicity(found: Periodicity) -> dict[str, Any]:
     }
 
 
-def _pairs(values: NDArray[np.complex128]) -> list[Any]:
+def _pairs(values: Complexes) -> list[Any]:
     return np.stack([values.real, values.imag], axis=-1).tolist()
 
 
@@ -118,7 +118,7 @@ def _choice(choice: Choice) -> dict[str, Any]:
     }
 
 
-def mode_entries(model: PeriodicModel, weights: NDArray[np.float64]) -> list[dict[str, Any]]:
+def mode_entries(model: PeriodicModel, weights: Floats) -> list[dict[str, Any]]:
     """The modes as `summary` has them; `weights` (channels, hits) are one over the noise."""
     columns = {
         "exponent": _pairs(model.exponents),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, Cycles, Provenance
 from floquid.lti import TimeResponses, white_noise_std
@@ -57,8 +58,8 @@ class Lifted(Rebuilt):
     n_phases: int
     first_phase: float
     provenance: Provenance
-    floor: float | NDArray[np.float64] = ROUNDING
-    whitening: NDArray[np.float64] | None = None
+    floor: float | Floats = ROUNDING
+    whitening: Floats | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.floor, np.ndarray):
@@ -81,16 +82,16 @@ class Lifted(Rebuilt):
         return self.responses.dt
 
     @property
-    def noise(self) -> NDArray[np.float64]:
+    def noise(self) -> Floats:
         """The standard deviation of the noise (channels, hits) [units of the channels]."""
         return self.responses.noise[:: self.n_phases]
 
     @property
-    def phase_times(self) -> NDArray[np.float64]:
+    def phase_times(self) -> Floats:
         """The time of each phase after phase zero (phases,) [s]."""
         return (self.first_phase + np.arange(self.n_phases) / self.n_phases) * self.period
 
-    def gain(self, rates: NDArray[np.complexfloating], *, slope: bool = False) -> NDArray[np.complex128]:
+    def gain(self, rates: NDArray[np.complexfloating], *, slope: bool = False) -> Complexes:
         r"""Gain of the whitening filter at e^{st}, or its derivative with respect to s.
 
         .. math:: g_c(s) = \sum_i a_{c,i}\, e^{-s\, i\, T/P}
@@ -109,16 +110,14 @@ class Lifted(Rebuilt):
         shape = (*outputs.shape[:-2], self.n_channels, self.n_phases, outputs.shape[-1])
         return outputs.reshape(shape)
 
-    def with_noise(self, noise: NDArray[np.float64]) -> Lifted:
+    def with_noise(self, noise: Floats) -> Lifted:
         """The same responses with another noise (channels, hits)."""
         at_least = self.floor * largest_values(self.responses.values, self.n_channels)
         spread, now = np.repeat(np.maximum(noise, at_least), self.n_phases, axis=0), self.responses
         return replace(self, responses=TimeResponses(values=now.values, dt=now.dt, noise=spread, lengths=now.lengths))
 
 
-def lift(
-    cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING, noise: NDArray[np.float64] | None = None
-) -> Lifted:
+def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING, noise: Floats | None = None) -> Lifted:
     r"""The lifted responses of one or several hits, with the noise of each channel and hit, estimated if not given.
 
     .. math:: y^L[m] = [y_0^T, \dots, y_{P-1}^T]^T[m] = \sum_r R^{Ld}_r e^{\lambda_r m T}
@@ -163,7 +162,7 @@ def lift(
     return lifted.with_noise(_noise_of(hits) if noise is None else noise)
 
 
-def _noise_of(hits: Sequence[Cycles]) -> NDArray[np.float64]:
+def _noise_of(hits: Sequence[Cycles]) -> Floats:
     """The noise of each channel and hit, before anything is known of the response (channels, hits)."""
     noise = np.array([[white_noise_std(block) for block in hit.values] for hit in hits]).T
     long = np.array([hit.n_cycles for hit in hits]) >= SHORT
@@ -206,7 +205,7 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
 
 def refuse_values(
     channels: Sequence[Channel],
-    values: Iterable[NDArray[np.float64]],
+    values: Iterable[Floats],
     where: str,
     *,
     argument: str = "records",
@@ -236,14 +235,14 @@ def refuse_values(
             raise input_error(argument, of, must, f"{name} is constant ({there.flat[0]:g})", remedy)
 
 
-def largest_values(values: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
+def largest_values(values: Floats, n_channels: int) -> Floats:
     """The largest size in each channel and hit (`n_channels`, hits), from lifted `values` (outputs, hits, cycles)."""
     outputs, inputs, _ = values.shape
     largest = np.maximum(values.max(axis=2), -values.min(axis=2))
     return largest.reshape(n_channels, outputs // n_channels, inputs).max(axis=1)
 
 
-def floor_of(values: Iterable[NDArray[np.float64]], floor: float) -> float:
+def floor_of(values: Iterable[Floats], floor: float) -> float:
     """The share of the largest value that the noise is at least: `floor`, or 2⁻²⁴ if more and all in single precision.
 
     The parts of `values` are looked at one by one, to hold no copy of all; NaN marks a missing sample.

@@ -16,8 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.lti._poles import NEGATIVE, PAIR
 from floquid.lti._types import Composites, ModalModel, TimeResponses
 
@@ -30,23 +30,23 @@ CHUNK = 2**22  # the most numbers that are transformed at once
 class Block:
     """The inputs of one length: their numbers, N, weighted lines (lines, outputs, inputs), noise (outputs, inputs)."""
 
-    inputs: NDArray[np.int64]
+    inputs: Integers
     samples: int
-    values: NDArray[np.complex128]
-    noise: NDArray[np.float64]
+    values: Complexes
+    noise: Floats
 
     @property
-    def angles(self) -> NDArray[np.float64]:
+    def angles(self) -> Floats:
         """θ of the lines (lines,) [rad/sample]."""
         return 2.0 * np.pi * np.arange(len(self.values)) / self.samples
 
     @property
-    def weights(self) -> NDArray[np.float64]:
+    def weights(self) -> Floats:
         """√2 on all lines but the ends (lines,)."""
         return line_weights(self.samples)
 
 
-def line_weights(samples: int) -> NDArray[np.float64]:
+def line_weights(samples: int) -> Floats:
     """Weight of a line (lines,): √2 stands for its mirror image too, which the ends do not have."""
     weights = np.full(samples // 2 + 1, np.sqrt(2.0))
     weights[0] = 1.0
@@ -66,9 +66,7 @@ def spectra(data: TimeResponses) -> tuple[Block, ...]:
     return tuple(blocks)
 
 
-def finite_sum(
-    s: complex, angles: NDArray[np.float64], samples: int
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def finite_sum(s: complex, angles: Floats, samples: int) -> tuple[Complexes, Complexes]:
     """Σ_k μ^k z^-k and Σ_k k μ^k z^-k at the lines (lines,); of a growing mode, both over μ^(N-1)."""
     delta = s - 1j * angles
     delta = delta.real + 1j * (np.mod(delta.imag + np.pi, 2.0 * np.pi) - np.pi)
@@ -91,9 +89,7 @@ def finite_sum(
     return total * shrink, slope * shrink
 
 
-def mode_columns(
-    s: complex, kind: int, angles: NDArray[np.float64], samples: int, weights: NDArray[np.float64]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def mode_columns(s: complex, kind: int, angles: Floats, samples: int, weights: Floats) -> tuple[Complexes, Complexes]:
     """The weighted lines of a mode's real columns, Re and Im μ^k (lines, 1 or 2), and those of k times the columns."""
     scale = weights / np.sqrt(samples)
     if kind != PAIR:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error, integer
 from floquid.lti import ModalModel, TimeResponses, composites, compress
 from floquid.order._types import Indicators
@@ -100,7 +100,7 @@ def indicators_of(
     )
 
 
-def _cmif(principal: TimeResponses, smoothing: int, n_outputs: int) -> NDArray[np.float64]:
+def _cmif(principal: TimeResponses, smoothing: int, n_outputs: int) -> Floats:
     """Singular values of adjacent lines together (lines, curves), over the edge of noise."""
     responses, inputs, samples = principal.values.shape
     spectra = np.empty((responses, inputs, samples), complex)
@@ -117,7 +117,7 @@ def _cmif(principal: TimeResponses, smoothing: int, n_outputs: int) -> NDArray[n
     return np.concatenate(curves) / (np.sqrt(n_outputs) + np.sqrt(columns))
 
 
-def _singular_values(values: NDArray[np.float64], delays: int) -> NDArray[np.float64]:
+def _singular_values(values: Floats, delays: int) -> Floats:
     """Of the responses (rows, samples) with their delays below one another, descending."""
     shifts = values.shape[1] - delays + 1
     rows = np.concatenate([values[:, d : d + shifts] for d in range(delays)])

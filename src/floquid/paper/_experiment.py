@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error, integer
 from floquid._show import Brief
 from floquid.core import PeriodicModel, Record
@@ -191,7 +191,7 @@ def uncut(analysis: Analysis) -> PeriodicModel:
     return assemble(analysis.modal, analysis.lifted, harmonics=(analysis.lifted.n_phases - 1) // 2)
 
 
-def system_error(rotor: JeffcottRotor, model: PeriodicModel, states: tuple[str, str]) -> NDArray[np.float64]:
+def system_error(rotor: JeffcottRotor, model: PeriodicModel, states: tuple[str, str]) -> Floats:
     """The error of A(t) in those states at fifty instants (times, 4, 4)."""
     found = reconstruct(model, states, harmonics="model")
     truth = rotor.system if states == MASS else rotor.turntable_system

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import describe, finite, frozen_array, input_error, integer, positive
 from floquid.core import Channel, PeriodicModel, Provenance
 from floquid.io import load_package
@@ -151,18 +152,16 @@ class _Block:
     start: NDArray[np.floating]
 
 
-def _by_multiplier(model: PeriodicModel, times: NDArray[np.float64]) -> list[tuple[complex, NDArray[np.complex128]]]:
+def _by_multiplier(model: PeriodicModel, times: Floats) -> list[tuple[complex, Complexes]]:
     """Distinct multipliers that are real or above the real axis, and their residues (outputs, hits)."""
     lifted = model.shapes(times) * np.exp(np.multiply.outer(model.exponents, times))[:, None, None, :]
     residues = np.moveaxis(lifted, 3, 2).reshape(model.order, -1, model.n_hits)
     return _together(model.multipliers, residues)
 
 
-def _together(
-    multipliers: NDArray[np.complex128], residues: NDArray[np.complex128]
-) -> list[tuple[complex, NDArray[np.complex128]]]:
+def _together(multipliers: Complexes, residues: Complexes) -> list[tuple[complex, Complexes]]:
     """Equal multipliers as one, whose residue is the sum; of conjugates the one above the real axis alone."""
-    found: list[tuple[complex, NDArray[np.complex128]]] = []
+    found: list[tuple[complex, Complexes]] = []
     for mu, residue in zip(multipliers, residues, strict=True):
         real = abs(mu.imag) <= EQUAL * abs(mu)
         if mu.imag < 0 and not real:
@@ -177,7 +176,7 @@ def _together(
     return found
 
 
-def _real_block(multiplier: complex, residue: NDArray[np.complex128]) -> _Block:
+def _real_block(multiplier: complex, residue: Complexes) -> _Block:
     """A real system whose free response is that of one multiplier and its conjugate, as small as can be."""
     left, size, right = np.linalg.svd(residue.real if multiplier.imag == 0.0 else residue, full_matrices=False)
     rank = int(np.sum(size > ROUNDING * size.max(initial=0.0)))
@@ -209,7 +208,7 @@ def _period(system: Any, of: str) -> float:
     return positive(float(dt), "system", of, unit="s")
 
 
-def _noise(noise: ArrayLike, n_channels: int, of: str) -> NDArray[np.float64]:
+def _noise(noise: ArrayLike, n_channels: int, of: str) -> Floats:
     spread = frozen_array(noise, "noise", of, axes=(n_channels,))
     if not (spread > 0).all():
         raise input_error("noise", of, "be positive", f"has {spread.min():g}")
@@ -228,9 +227,7 @@ def _order_of_outputs(labels: list[str], names: list[str], of: str) -> list[int]
     return [said[key] for key in wanted] if set(said) == set(wanted) else list(range(len(labels)))
 
 
-def _modes(
-    A: NDArray[np.float64], B: NDArray[np.float64], C: NDArray[np.float64], scale: NDArray[np.float64], of: str
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def _modes(A: Floats, B: Floats, C: Floats, scale: Floats, of: str) -> tuple[Complexes, Complexes]:
     """The multipliers (modes,), conjugates beside each other, and their residues (modes, outputs, hits)."""
     values, vectors = (np.asarray(part, np.complex128) for part in np.linalg.eig(A))
     try:
@@ -258,9 +255,7 @@ def _modes(
     return np.array([mu for mu, _ in both]), np.array([r for _, r in both])
 
 
-def _check_first_period(
-    D: NDArray[np.float64], residues: NDArray[np.complex128], scale: NDArray[np.float64], tolerance: float, of: str
-) -> None:
+def _check_first_period(D: Floats, residues: Complexes, scale: Floats, tolerance: float, of: str) -> None:
     off = float(np.abs((D - residues.sum(axis=0)) / scale).max())
     if off > tolerance:
         raise input_error(
@@ -272,7 +267,7 @@ def _check_first_period(
         )
 
 
-def _without_rounding(model: PeriodicModel, noise: NDArray[np.float64]) -> PeriodicModel:
+def _without_rounding(model: PeriodicModel, noise: Floats) -> PeriodicModel:
     """The model without coefficients that are rounding beside the largest of their mode."""
     size = np.abs(model.coefficients / noise[:, None, None]).max(axis=(1, 2))
     kept = size > ROUNDING * size.max(axis=1, keepdims=True)
@@ -288,12 +283,7 @@ def _without_rounding(model: PeriodicModel, noise: NDArray[np.float64]) -> Perio
 
 
 def _check_harmonics(
-    model: PeriodicModel,
-    lifted: Lifted,
-    residues: NDArray[np.complex128],
-    scale: NDArray[np.float64],
-    tolerance: float,
-    of: str,
+    model: PeriodicModel, lifted: Lifted, residues: Complexes, scale: Floats, tolerance: float, of: str
 ) -> None:
     """Refuse a model that lost a part of the response with the harmonics that these phases do not tell."""
     found = model.response(lifted.phase_times).transpose(0, 2, 1).reshape(len(scale), -1)

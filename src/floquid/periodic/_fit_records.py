@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
@@ -77,13 +77,13 @@ class Fit(Rebuilt):
 
     model: PeriodicModel
     forced: ForcedResponse | None
-    noise: NDArray[np.float64]
+    noise: Floats
     free: tuple[Record, ...]
     period_std: float | None
     own_period: tuple[float, float] | None
     constrained: bool = True
     misfit: float | None = None
-    whitening: NDArray[np.float64] | None = None
+    whitening: Floats | None = None
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
@@ -276,7 +276,7 @@ def _result(
     records: Sequence[Record],
     clocks: Sequence[ConstantPeriod | ShaftAngle],
     samples: _Samples,
-    taps: NDArray[np.float64] | None,
+    taps: Floats | None,
     *,
     free_period: bool,
     noise_floor: float,

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Mask
 from floquid._checks import input_error
 from floquid.core import Channel, ConstantPeriod, Record
 from floquid.errors import IdentificationError
@@ -127,7 +128,7 @@ def forced_of(found: SearchResult, nu: float, channels: tuple[Channel, ...], *, 
     turning = sorted(np.flatnonzero(plain & (entries.offsets > 0)), key=lambda e: entries.offsets[e])
     nothing = np.zeros(values.shape[1:])
 
-    def alone(which: NDArray[np.bool_], scale: NDArray[np.float64] | float = 1.0) -> tuple[NDArray, NDArray]:
+    def alone(which: Mask, scale: Floats | float = 1.0) -> tuple[NDArray, NDArray]:
         own = np.flatnonzero(which)
         return (values[own[0]].real / scale, std[own[0]].real / scale) if len(own) else (nothing, nothing)
 

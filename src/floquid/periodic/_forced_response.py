@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, frozen_array, positive
 from floquid.core import Channel
 
@@ -41,13 +42,13 @@ class ForcedResponse(Rebuilt):
         Whether F was let follow the speed: then F is that at the mean speed.
     """
 
-    harmonics: NDArray[np.int64]
-    coefficients: NDArray[np.complex128]
-    coefficient_std: NDArray[np.complex128] | None
-    offset: NDArray[np.float64]
-    offset_std: NDArray[np.float64] | None
-    drift: NDArray[np.float64]
-    drift_std: NDArray[np.float64] | None
+    harmonics: Integers
+    coefficients: Complexes
+    coefficient_std: Complexes | None
+    offset: Floats
+    offset_std: Floats | None
+    drift: Floats
+    drift_std: Floats | None
     revolution: float
     channels: tuple[Channel, ...]
     speed_dependent: bool = False
@@ -67,11 +68,11 @@ class ForcedResponse(Rebuilt):
         put(self, "revolution", positive(self.revolution, "revolution", of, unit="s"))
 
     @property
-    def amplitudes(self) -> NDArray[np.float64]:
+    def amplitudes(self) -> Floats:
         """2|F|, the amplitude of each harmonic (channels, hits, harmonics) [units of the channels]."""
         return 2.0 * np.abs(self.coefficients)
 
-    def response(self, angles: ArrayLike) -> NDArray[np.float64]:
+    def response(self, angles: ArrayLike) -> Floats:
         """The periodic part, offset included, at angles of the shaft [rad] (channels, hits, angles)."""
         turned = np.exp(1j * np.multiply.outer(self.harmonics, np.atleast_1d(np.asarray(angles, float))))
         return self.offset[:, :, None] + 2.0 * (self.coefficients @ turned).real

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import frozen_array, input_error
 from floquid.core import ConstantPeriod, Estimates, PeriodicModel, Record
 from floquid.errors import IdentificationError
@@ -42,7 +43,7 @@ def estimate_at(
     records: Sequence[Record] = (),
     clocks: Sequence[ConstantPeriod | ShaftAngle] = (),
     noise: ArrayLike | None = None,
-    whitening: NDArray[np.float64] | None = None,
+    whitening: Floats | None = None,
     forced: ForcedResponse | None = None,
 ) -> Estimates:
     r"""The estimates of a model, the record linearised anew at given exponents.
@@ -102,7 +103,7 @@ def estimate_at(
     return stepped(here, step).picked(modes=np.arange(len(start)))
 
 
-def _entries(known: Estimates, start: NDArray[np.complex128]) -> ModeParameters:
+def _entries(known: Estimates, start: Complexes) -> ModeParameters:
     """The modes at these exponents, with the terms that they have as bands."""
     bands = [
         (known.harmonics[known.modes == r].min(), known.harmonics[known.modes == r].max()) for r in range(len(start))
@@ -118,10 +119,7 @@ def _entries(known: Estimates, start: NDArray[np.complex128]) -> ModeParameters:
 
 
 def _record_blocks(
-    records: Sequence[Record],
-    clocks: Sequence[ConstantPeriod | ShaftAngle],
-    noise: ArrayLike | None,
-    known: Estimates,
+    records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], noise: ArrayLike | None, known: Estimates
 ) -> list[Block]:
     """Blocks of samples with their noise."""
     if noise is None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import frozen_array, input_error
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.lifting import Lifted
@@ -41,7 +42,7 @@ def refit(
     *,
     lifted: Lifted | None = None,
     noise: ArrayLike | None = None,
-    whitening: NDArray[np.float64] | None = None,
+    whitening: Floats | None = None,
     at_rest: float = AT_REST,
     free_period: bool = False,
     wider: bool = False,
@@ -145,7 +146,7 @@ def own_period(
     return -step / model.fundamental, float(np.sqrt(covariance[-1, -1])) / model.fundamental
 
 
-def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> tuple[NDArray[np.float64], ...]:
+def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> tuple[Floats, ...]:
     r"""Residual of records, at the samples that are there.
 
     .. math:: e_{c,h}(t_k) = y_{c,h}(t_k) - \sum_{r,m} B_{r,c,h,m}\, e^{\lambda_r t_k + i m \theta(t_k)}
@@ -177,7 +178,7 @@ def _evaluated(model: PeriodicModel, blocks: Sequence[Block], entries: ModeParam
     return linearise(blocks, entries, tuple(reals_of(_scaled(model, entries, block)) for block in blocks))
 
 
-def _scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> NDArray[np.complex128]:
+def _scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> Complexes:
     """The coefficients of a model on the scaled columns of a block, after its filter (columns, rows)."""
     columns = entries.columns()
     place = np.searchsorted(model.harmonics, columns.harmonics)

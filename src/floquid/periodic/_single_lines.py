@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid.core import ConstantPeriod, Record
 from floquid.periodic._refit import seen
 from floquid.periodic.least_squares import ModeParameters, complex_of, linearise
@@ -16,7 +17,7 @@ STILL = 1e-6
 
 def line_amplitudes(
     record: Record, clock: ConstantPeriod | ShaftAngle, period: float, exponents: ArrayLike, turns: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     r"""The amplitude of each exponential in each channel, alone, and the sum of squares that it takes off.
 
     .. math:: \min_B \sum_k \big(y(t_k) - 2 \Re B\, e^{\lambda t_k + i q \theta(t_k)}\big)^2
@@ -54,7 +55,7 @@ def line_amplitudes(
 
 def without_lines(
     record: Record, clock: ConstantPeriod | ShaftAngle, period: float, exponents: ArrayLike, turns: ArrayLike
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""A record less exponentials that are fitted to it together.
 
     .. math:: y(t_k) - 2 \Re \sum_j B_j\, e^{\lambda_j t_k + i q_j \theta(t_k)}

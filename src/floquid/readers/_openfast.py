@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import Channel
 from floquid.io import Source
 from floquid.tables import Table, TimeColumn, make_channels, number_in, rate_of_step, rows_of
@@ -116,7 +116,7 @@ def _with_units(source: Source, names: Sequence[str], at: int) -> _Head:
     return _Head(names=tuple(names), units=plain, first=at + 1 + has_units)
 
 
-def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[Floats, Floats]:
     """The samples of the channels asked for (channels, samples), and the times (samples,)."""
     body = (line for line in islice(_lines(source.path), head.first - 1, None) if line.strip())
     first = next(body, None)
@@ -134,7 +134,7 @@ def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[NDArray[
     return values, table[:, 0].copy()
 
 
-def _by_cell(source: Source, head: _Head) -> NDArray[np.float64]:
+def _by_cell(source: Source, head: _Head) -> Floats:
     found = []
     remedy = "Mend that cell, or run OpenFAST again; stars are a number too long for its `OutFmt`."
     for number, line in enumerate(islice(_lines(source.path), head.first - 1, None), head.first):
@@ -164,8 +164,8 @@ class _BinaryHead:
     n_samples: int
     first: float
     second: float
-    scales: NDArray[np.float64]
-    offsets: NDArray[np.float64]
+    scales: Floats
+    offsets: Floats
     names: tuple[str, ...]
     units: tuple[str, ...]
     start: int
@@ -269,7 +269,7 @@ def _times(source: Source, stream: BinaryIO, head: _BinaryHead) -> TimeColumn | 
     return TimeColumn(values=times, scale=1.0, label=head.names[0] or "Time")
 
 
-def _values(source: Source, stream: BinaryIO, head: _BinaryHead, rows: Sequence[int]) -> NDArray[np.float64]:
+def _values(source: Source, stream: BinaryIO, head: _BinaryHead, rows: Sequence[int]) -> Floats:
     """The samples of the channels asked for (channels, samples)."""
     bad = [row for row in rows if not (np.isfinite([head.scales[row], head.offsets[row]]).all() and head.scales[row])]
     if bad:

@@ -9,8 +9,8 @@ from os import PathLike
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import positive
 from floquid.core import Channel, Quantity
 from floquid.errors import InputError
@@ -173,7 +173,7 @@ def describe_file(
     )
 
 
-def _summary(channel: Channel, row: NDArray[np.float64]) -> ChannelSummary:
+def _summary(channel: Channel, row: Floats) -> ChannelSummary:
     there = row[np.isfinite(row)]
     return ChannelSummary(
         name=channel.name,
@@ -186,7 +186,7 @@ def _summary(channel: Channel, row: NDArray[np.float64]) -> ChannelSummary:
     )
 
 
-def _std(there: NDArray[np.float64]) -> float:
+def _std(there: Floats) -> float:
     """The standard deviation, also of numbers whose squares overflow, as damage makes them."""
     scale = float(np.abs(there).max())
     with np.errstate(over="ignore"):
@@ -194,7 +194,7 @@ def _std(there: NDArray[np.float64]) -> float:
 
 
 def _candidates(
-    period: float | None, channels: tuple[Channel, ...], values: NDArray[np.float64], axis: TimeAxis | None
+    period: float | None, channels: tuple[Channel, ...], values: Floats, axis: TimeAxis | None
 ) -> tuple[ClockCandidate, ...]:
     found = []
     if period is not None:
@@ -221,7 +221,7 @@ def _candidates(
     return tuple(found)
 
 
-def _wraps(channel: Channel, row: NDArray[np.float64]) -> str:
+def _wraps(channel: Channel, row: Floats) -> str:
     """True where an angle runs round and jumps back by a turn, as an encoder's does."""
     turn = _TURNS.get(channel.unit)
     there = row[np.isfinite(row)]
@@ -235,7 +235,7 @@ def _wraps(channel: Channel, row: NDArray[np.float64]) -> str:
     return f"it runs round and jumps back by a turn of {turn:.6g} {channel.unit}, {int(wraps.sum())} times"
 
 
-def _pulses(row: NDArray[np.float64], axis: TimeAxis | None) -> str:
+def _pulses(row: Floats, axis: TimeAxis | None) -> str:
     """True where a signal has two levels and changes between them regularly, as a pulse once per revolution does."""
     there = np.flatnonzero(np.isfinite(row))
     if there.size < 8:

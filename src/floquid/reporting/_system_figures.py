@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import PeriodicModel
 from floquid.reconstruction import StateModel
 from floquid.reporting._chosen_figures import BAND
@@ -13,7 +13,7 @@ from floquid.views import closed_period, element_unit
 
 MOST = 12  # elements shown; `summary.json` holds all
 
-Truth = tuple[NDArray[np.float64], NDArray[np.float64]]
+Truth = tuple[Floats, Floats]
 
 
 def elements_shown(state: StateModel, *, second_order: bool) -> list[tuple[int, int]]:

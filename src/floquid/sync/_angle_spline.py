@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers, Mask
 from floquid._checks import Rebuilt, frozen_array
 
 if TYPE_CHECKING:
@@ -32,8 +32,6 @@ beyond, it is motion that the spline does not follow, and the angle is as far of
 
 BLOCK = 4096  # instants whose deviations are found together
 
-Values = NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AngleSpline(Rebuilt):
@@ -53,10 +51,10 @@ class AngleSpline(Rebuilt):
     first: float
     last: float
     slope: float
-    knots: Values
-    coefficients: Values
+    knots: Floats
+    coefficients: Floats
     degree: int
-    covariance: Values
+    covariance: Floats
 
     def __post_init__(self) -> None:
         of, put, n = "AngleSpline", object.__setattr__, len(self.coefficients)
@@ -64,21 +62,21 @@ class AngleSpline(Rebuilt):
         put(self, "coefficients", frozen_array(self.coefficients, "coefficients", of, axes=("coefficients",)))
         put(self, "covariance", frozen_array(self.covariance, "covariance", of, axes=(n, n)))
 
-    def angle(self, times: Values) -> Values:
+    def angle(self, times: Floats) -> Floats:
         """The angle at `times` [rad]."""
         x, inside, spline = self._evaluate(times)
         return self.slope * (times - self.first) + spline(inside) + (x - inside) * spline(inside, 1)
 
-    def speed(self, times: Values) -> Values:
+    def speed(self, times: Floats) -> Floats:
         """The speed at `times` [rad/s]."""
         _, inside, spline = self._evaluate(times)
         return self.slope + spline(inside, 1) / (self.last - self.first)
 
-    def angle_std(self, times: Values) -> Values:
+    def angle_std(self, times: Floats) -> Floats:
         """The standard deviation of the angle at `times` [rad]."""
         return self._deviation(times, derivative=False)
 
-    def speed_std(self, times: Values) -> Values:
+    def speed_std(self, times: Floats) -> Floats:
         """The standard deviation of the speed at `times` [rad/s]."""
         return self._deviation(times, derivative=True) / (self.last - self.first)
 
@@ -92,13 +90,13 @@ class AngleSpline(Rebuilt):
             float(np.sqrt(max(ends @ self.covariance @ ends, 0.0))) / span,
         )
 
-    def _evaluate(self, times: Values) -> tuple[Values, Values, BSpline]:
+    def _evaluate(self, times: Floats) -> tuple[Floats, Floats, BSpline]:
         from scipy.interpolate import BSpline
 
         x = (times - self.first) / (self.last - self.first)
         return x, np.clip(x, 0.0, 1.0), BSpline(self.knots, self.coefficients, self.degree)
 
-    def _deviation(self, times: Values, *, derivative: bool) -> Values:
+    def _deviation(self, times: Floats, *, derivative: bool) -> Floats:
         from scipy.interpolate import BSpline
 
         x, inside, _ = self._evaluate(times)
@@ -122,10 +120,10 @@ class AngleFit:
     """
 
     spline: AngleSpline
-    offsets: Values
-    offsets_std: Values
-    kept: NDArray[np.bool_]
-    residuals: Values
+    offsets: Floats
+    offsets_std: Floats
+    kept: Mask
+    residuals: Floats
     std: float
 
 
@@ -133,17 +131,17 @@ class AngleFit:
 class _Rung:
     """A fit with one number of pieces, and what its deviations are made of."""
 
-    knots: Values
+    knots: Floats
     degree: int
-    coefficients: Values
-    offsets: Values
+    coefficients: Floats
+    offsets: Floats
     squares: float
     n_parameters: int
-    factor: tuple[Values, bool]
-    weights: Values
-    inverse_counts: Values
+    factor: tuple[Floats, bool]
+    weights: Floats
+    inverse_counts: Floats
 
-    def deviations(self) -> tuple[Values, Values]:
+    def deviations(self) -> tuple[Floats, Floats]:
         """For noise of unit variance: the coefficients' covariance, and the offsets' deviations from their mean."""
         from scipy.linalg import cho_solve
 
@@ -158,7 +156,7 @@ class _Rung:
 
 
 def fit_angle(
-    times: Values, angles: Values, lines: NDArray[np.int64], n_lines: int, most: int, *, step: float = 0.0
+    times: Floats, angles: Floats, lines: Integers, n_lines: int, most: int, *, step: float = 0.0
 ) -> AngleFit:
     """Fit `angles` [rad] at `times` [s] of pulses of `lines` (pulses,) by a spline of at most `most` pieces.
 
@@ -209,7 +207,7 @@ def fit_angle(
     )
 
 
-def _moving(residuals: Values, n_parameters: int) -> bool:
+def _moving(residuals: Floats, n_parameters: int) -> bool:
     """True where residuals (pulses,) are correlated: Ljung and Box's sum over some lags, less what the fit makes."""
     from scipy.special import chdtrc
 
@@ -222,13 +220,13 @@ def _moving(residuals: Values, n_parameters: int) -> bool:
     return bool(chdtrc(LAGS, max(score - 0.5 * n_parameters**2 / n, 0.0)) < CHANCE)
 
 
-def _residuals(rung: _Rung, x: Values, wave: Values, lines: NDArray[np.int64]) -> Values:
+def _residuals(rung: _Rung, x: Floats, wave: Floats, lines: Integers) -> Floats:
     from scipy.interpolate import BSpline
 
     return wave - BSpline(rung.knots, rung.coefficients, rung.degree)(x) - rung.offsets[lines]
 
 
-def _climb(x: Values, wave: Values, lines: NDArray[np.int64], n_lines: int, most: int, floor: float) -> _Rung:
+def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, floor: float) -> _Rung:
     """The straight line, or where it is significantly worse the spline that Akaike's corrected criterion prefers."""
     from scipy.special import fdtrc
 
@@ -255,7 +253,7 @@ def _criterion(rung: _Rung, n: int, least: float) -> float:
     return n * float(np.log(max(rung.squares, least))) + 2.0 * p + 2.0 * p * (p + 1) / max(n - p - 1, 1)
 
 
-def _solve(x: Values, wave: Values, lines: NDArray[np.int64], n_lines: int, knots: Values, degree: int) -> _Rung:
+def _solve(x: Floats, wave: Floats, lines: Integers, n_lines: int, knots: Floats, degree: int) -> _Rung:
     r"""Least squares of B c + Z g, the offsets g eliminated first: their normal matrix D = ZᵀZ is diagonal.
 
     .. math:: (B^T B - W D W^T) c = (B^T - W Z^T) y, \qquad W = B^T Z D^{-1}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Indices, Integers
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Channel, Record, channels_named
 from floquid.findings import Finding, note
@@ -22,16 +22,14 @@ NEAR = 101  # steps of which the median is the local one
 A_REVOLUTION = 16
 """The angle is averaged over blocks of a sixteenth of a revolution: resolution and noise of neighbours go together."""
 
-Values = NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
     """Instants [s] at which the angle [rad] is known up to the offset of a line, and what was done to get them."""
 
-    times: Values
-    angles: Values
-    lines: NDArray[np.int64]
+    times: Floats
+    angles: Floats
+    lines: Integers
     n_lines: int = 1
     missing: int = 0
     doubled: int = 0
@@ -94,7 +92,7 @@ def of_azimuth(record: Record, clock: AzimuthSignal) -> Evidence:
     )
 
 
-def _unwrapped(turns: Values, good: NDArray[np.intp]) -> tuple[Values, Values]:
+def _unwrapped(turns: Floats, good: Indices) -> tuple[Floats, Floats]:
     """The angle [revolutions] at the samples `good`, and what each step is off from the local one (steps,)."""
     from scipy.ndimage import median_filter
 
@@ -109,12 +107,12 @@ def _unwrapped(turns: Values, good: NDArray[np.intp]) -> tuple[Values, Values]:
     return turns[good[0]] + np.concatenate([[0.0], np.cumsum(local + off)]), off
 
 
-def _nearest(turns: Values) -> Values:
+def _nearest(turns: Floats) -> Floats:
     """The angle less whole turns, in [-1/2, 1/2]."""
     return turns - np.round(turns)
 
 
-def _revolution(values: Values, channel: Channel) -> float:
+def _revolution(values: Floats, channel: Channel) -> float:
     """A revolution in the channel's unit, agreed with the size of its wraps."""
     if channel.unit not in (*TURNS, "-"):
         must = "have an azimuth in deg or rad"
@@ -142,7 +140,7 @@ def _revolution(values: Values, channel: Channel) -> float:
     raise input_error("record", OF, must, f"{channel.name!r}, without a unit, wraps at {size:.4g}", remedy)
 
 
-def _wrap(values: Values) -> float | None:
+def _wrap(values: Floats) -> float | None:
     """The size of a wrap: of the jumps between two steps like the others. None where there are none."""
     finite = values[np.isfinite(values)]
     span = float(np.ptp(np.quantile(finite, [0.001, 0.999])))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import AzimuthSignal, Record, TachometerSignal
 from floquid.findings import Finding, failure, note, warning
 from floquid.sync._impact_search import runs_of
@@ -176,10 +176,10 @@ def gaps(record: Record) -> tuple[Gap, ...]:
     )
 
 
-def measuring(record: Record, *, standing: bool = False) -> list[tuple[int, NDArray[np.float64], float]]:
+def measuring(record: Record, *, standing: bool = False) -> list[tuple[int, Floats, float]]:
     """Row, samples and quantum of channels of smooth motion; with `standing`, those with two equal samples in turn."""
     clock = record.clock.channel if isinstance(record.clock, TachometerSignal | AzimuthSignal) else None
-    judged: list[tuple[int, NDArray[np.float64], float]] = []
+    judged: list[tuple[int, Floats, float]] = []
     for row, (channel, values) in enumerate(zip(record.channels, record.values, strict=True)):
         if channel.quantity in ("pulse", "angle") or channel.name == clock:
             continue
@@ -191,7 +191,7 @@ def measuring(record: Record, *, standing: bool = False) -> list[tuple[int, NDAr
     return judged
 
 
-def _two_levels(values: NDArray[np.float64], lowest: float, highest: float) -> bool:
+def _two_levels(values: Floats, lowest: float, highest: float) -> bool:
     """True where a channel switches between two levels: nine samples of ten within a tenth of the range of either."""
     margin = 0.1 * (highest - lowest)
     low, high = (values <= lowest + margin).sum(), (values >= highest - margin).sum()
@@ -199,7 +199,7 @@ def _two_levels(values: NDArray[np.float64], lowest: float, highest: float) -> b
     return bool(low + high > 0.9 * np.isfinite(values).sum() and min(low, high) > 0 and switches >= 3)
 
 
-def _cut(values: NDArray[np.float64], first: int, stop: int, quantum: float) -> bool:
+def _cut(values: Floats, first: int, stop: int, quantum: float) -> bool:
     """True where no smooth crest explains the flat top."""
     length = stop - first
     beside = [values[n] for n in (first - length, stop - 1 + length) if 0 <= n < len(values)]
@@ -250,7 +250,7 @@ def wrapped(record: Record) -> tuple[Wrapping, ...]:
     return tuple(found)
 
 
-def _jumps(counts: NDArray[np.float64], whole: float) -> int:
+def _jumps(counts: Floats, whole: float) -> int:
     """Number of jumps of counts by the whole range; 0 where they do not leave it, or are no smoother without."""
     lowest, highest = float(counts.min()), float(counts.max())
     signed = -0.5 * whole <= lowest and highest < 0.5 * whole

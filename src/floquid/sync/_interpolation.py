@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats, Indices
 from floquid._checks import finite, frozen_array, input_error, positive
 
 BAND = 0.8  # end of the pass band, as a share of the cut-off frequency, by default
@@ -31,16 +32,16 @@ _BLOCK = 1 << 18
 class Kernel:
     """Weights of the samples about an instant, by its fractional delay."""
 
-    coefficients: NDArray[np.float64]
+    coefficients: Floats
     """Chebyshev coefficients (degree + 1, taps) of each tap over delays of 0 to 1 sample."""
     half_width: int  # samples used on either side of the instant: taps are twice as many
 
-    def weights(self, delays: NDArray[np.float64]) -> NDArray[np.float64]:
+    def weights(self, delays: Floats) -> Floats:
         """The weights (delays, taps) at `delays` [samples] in [0, 1] past the last sample before the instant."""
         return chebyshev.chebvander(2.0 * delays - 1.0, len(self.coefficients) - 1) @ self.coefficients
 
     @property
-    def offsets(self) -> NDArray[np.intp]:
+    def offsets(self) -> Indices:
         """Position of each tap (taps,) [samples] from the last sample before the instant."""
         return np.arange(1 - self.half_width, self.half_width + 1)
 
@@ -106,7 +107,7 @@ def interpolation_error(
     band: float = BAND,
     accuracy: float = ACCURACY,
     growth: float = 0.0,
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""The largest error of `interpolate` over the fractional delay, of a response of unit amplitude (frequencies,).
 
     .. math:: \max_{0 \le d \le 1} \Bigl| \sum_n h(d - n)\, e^{(\sigma + 2\pi i f)(n - d)/f_s} - 1 \Bigr|
@@ -142,7 +143,7 @@ def interpolate(
     cutoff: float,
     band: float = BAND,
     accuracy: float = ACCURACY,
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""Band-limited interpolation at any instants, by a sinc under a Kaiser window.
 
     .. math:: \hat y(t) = \sum_{|t - t_n| < h} \frac{2 f_c}{f_s}\operatorname{sinc}\bigl(2 f_c (t - t_n)\bigr)
@@ -192,9 +193,7 @@ def interpolate(
     return result
 
 
-def _weighted(
-    values: NDArray[np.float64], kernel: Kernel, before: NDArray[np.intp], delays: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _weighted(values: Floats, kernel: Kernel, before: Indices, delays: Floats) -> Floats:
     """The channels (channels, times) at ascending instants: a product with a sparse matrix, which hands NaN on."""
     from scipy.sparse import csr_array
 

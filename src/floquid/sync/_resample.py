@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Indices
 from floquid._checks import input_error, integer
 from floquid.core import ConstantPeriod, Cycles, Record
 from floquid.sync._impact_search import longest_run
@@ -33,11 +33,11 @@ class Shaft(Protocol):
         """Periods of the system in a revolution of the shaft."""
         ...
 
-    def angle(self, times: NDArray[np.float64], /) -> NDArray[np.float64]:
+    def angle(self, times: Floats, /) -> Floats:
         """The angle of the shaft (times,) [rad] at `times` [s]."""
         ...
 
-    def time_at(self, angle: NDArray[np.float64], /) -> NDArray[np.float64]:
+    def time_at(self, angle: Floats, /) -> Floats:
         """The time [s] at which the shaft comes by `angle` (angles,) [rad]."""
         ...
 
@@ -101,7 +101,7 @@ class _Cut:
 
     clock: ConstantPeriod | Shaft
     first: int
-    bounds: NDArray[np.float64]  # start of each cycle, and end of the last (cycles + 1,) [s]
+    bounds: Floats  # start of each cycle, and end of the last (cycles + 1,) [s]
 
     @classmethod
     def of(cls, record: Record, clock: ConstantPeriod | Shaft) -> _Cut:
@@ -147,14 +147,14 @@ class _Cut:
         """The longest period [s]."""
         return float(np.diff(self.bounds).max())
 
-    def lengths(self, kept: slice) -> NDArray[np.float64]:
+    def lengths(self, kept: slice) -> Floats:
         """The length of each kept cycle (cycles,) [s]."""
         if isinstance(self.clock, ConstantPeriod):
             return np.full(kept.stop - kept.start, self.clock.period)
         return np.diff(self.bounds)[kept]
 
 
-def instants(clock: ConstantPeriod | Shaft, turns: NDArray[np.float64]) -> NDArray[np.float64]:
+def instants(clock: ConstantPeriod | Shaft, turns: Floats) -> Floats:
     """The times [s] at which the system has gone through `turns` periods since its phase zero."""
     if isinstance(clock, ConstantPeriod):
         return clock.origin + turns * clock.period
@@ -260,13 +260,13 @@ def bandwidth(record: Record) -> float:
     )
 
 
-def _stretches(gaps: NDArray[np.intp], length: int) -> NDArray[np.intp]:
+def _stretches(gaps: Indices, length: int) -> Indices:
     """First samples of half overlapping stretches without a missing one; `gaps` counts those before each sample."""
     starts = np.arange(0, max(len(gaps) - length, 0), length // 2)
     return starts[gaps[starts + length] == gaps[starts]]
 
 
-def _highest_line(stretches: NDArray[np.float64], sample_rate: float, chance: float) -> float:
+def _highest_line(stretches: Floats, sample_rate: float, chance: float) -> float:
     """The highest line of any of the stretches (stretches, samples), or of all, above the white noise; 0 if none is."""
     # Not `scipy.signal`, `scipy.stats` and `scipy.ndimage`: those take longer to load than all else here takes.
     from scipy.special import chdtri
@@ -294,7 +294,7 @@ def _highest_line(stretches: NDArray[np.float64], sample_rate: float, chance: fl
     return float(frequencies[above][-1]) + 0.5 * sample_rate / length if above.any() else 0.0
 
 
-def _highest_near(power: NDArray[np.float64]) -> NDArray[np.float64]:
+def _highest_near(power: Floats) -> Floats:
     """The highest of each line and the five on either side, along the last axis."""
     padded = np.pad(power, [(0, 0)] * (power.ndim - 1) + [(5, 5)], mode="edge")
     return np.lib.stride_tricks.sliding_window_view(padded, 11, axis=-1).max(axis=-1)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.findings import Finding, note, warning
 
 STEADY, USABLE = 0.01, 0.05
@@ -39,7 +39,7 @@ def repairs(
     return said + [note(code, number=number, what=what) for code, number in wrong.items() if number]
 
 
-def uneven(offsets: NDArray[np.float64], offsets_std: NDArray[np.float64]) -> list[Finding]:
+def uneven(offsets: Floats, offsets_std: Floats) -> list[Finding]:
     """Finding on lines that are unevenly spaced beyond what chance explains."""
     known = np.isfinite(offsets) & (offsets_std > 0.0)
     n = int(known.sum())
@@ -53,7 +53,7 @@ def uneven(offsets: NDArray[np.float64], offsets_std: NDArray[np.float64]) -> li
     return [note("uneven_lines", lines=n, degrees=worst, percent=100.0 * worst / (360.0 / len(offsets)))]
 
 
-def gaps(times: NDArray[np.float64], mean_speed: float) -> list[Finding]:
+def gaps(times: Floats, mean_speed: float) -> list[Finding]:
     """Finding on stretches without evidence."""
     turns = np.diff(times) * mean_speed / (2.0 * np.pi)
     wide = np.flatnonzero(turns > max(GAP, 3.0 * float(np.median(turns))))
@@ -64,7 +64,7 @@ def gaps(times: NDArray[np.float64], mean_speed: float) -> list[Finding]:
     return [warning("angle_bridged", first=first, last=last, revolutions=turns[worst], more=len(wide) - 1)]
 
 
-def alike(residuals: NDArray[np.float64]) -> list[Finding]:
+def alike(residuals: Floats) -> list[Finding]:
     """Finding on residuals that follow one another: a random error differs from pulse to pulse."""
     power = float(residuals @ residuals)
     correlation = float(residuals[1:] @ residuals[:-1]) / power if power > 0.0 else 0.0

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe, input_error
 from floquid.core import Channel, ConstantPeriod, Record, channels_named
 from floquid.errors import InputError
@@ -26,10 +27,7 @@ def make_channel(source: Source, **words: Any) -> Channel:
 
 
 def make_channels(
-    source: Source,
-    names: Sequence[str],
-    units: Sequence[str] | None = None,
-    **words: Sequence[str | None] | None,
+    source: Source, names: Sequence[str], units: Sequence[str] | None = None, **words: Sequence[str | None] | None
 ) -> tuple[Channel, ...]:
     """The channels of a `source` by their `names` and `units`; other `words`, one a channel, as `Channel` has them."""
     given = {key: values for key, values in {"unit": units, **words}.items() if values is not None}
@@ -75,7 +73,7 @@ def with_units(channels: Sequence[Channel], units: Mapping[str, str] | None, sou
         raise source.wrapped(error) from None
 
 
-def real_row(values: NDArray[Any], name: object, source: Source) -> NDArray[np.float64]:
+def real_row(values: NDArray[Any], name: object, source: Source) -> Floats:
     """The `values` (samples,) of the channel `name` of a `source` as numbers."""
     if values.dtype.kind not in "biuf":
         remedy = "Pass its real part." if values.dtype.kind == "c" else "Leave it out, or turn it into numbers."
@@ -139,7 +137,7 @@ def clock_numbers(record: Record) -> dict[str, float]:
     return {"period": clock.period, "origin": clock.origin} if isinstance(clock, ConstantPeriod) else {}
 
 
-def orbit_of(record: Record) -> dict[str, NDArray[np.float64]]:
+def orbit_of(record: Record) -> dict[str, Floats]:
     """The orbit of `record`, by its name in our files; empty where there is none."""
     return {} if record.orbit is None else {"orbit": record.orbit}
 

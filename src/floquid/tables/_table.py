@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import finite, input_error, positive
 from floquid._show import Brief
 from floquid.core import Channel, ConstantPeriod, Provenance, Record
@@ -43,7 +44,7 @@ class Table(Brief):
         Sentences on what else there is.
     """
 
-    values: NDArray[np.float64]
+    values: Floats
     channels: tuple[Channel, ...]
     kind: str = "a file"
     time: TimeColumn | None = None
@@ -53,7 +54,7 @@ class Table(Brief):
     start: float | None = None
     period: float | None = None
     origin: float | None = None
-    orbit: NDArray[np.float64] | None = None
+    orbit: Floats | None = None
     notes: tuple[str, ...] = ()
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers
 from floquid._show import Brief
 from floquid.errors import InputError
 from floquid.io import Source
@@ -76,10 +77,10 @@ class TimeAxis(Brief):
 
     sample_rate: float
     start: float
-    positions: NDArray[np.int64] | None = None
+    positions: Integers | None = None
     notes: tuple[str, ...] = ()
 
-    def place(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def place(self, values: Floats) -> Floats:
         """The rows of the file, `values`, at their samples, NaN in the gaps (channels, samples); read-only."""
         if self.positions is not None:
             placed = np.full((len(values), int(self.positions[-1]) + 1), np.nan)
@@ -128,7 +129,7 @@ def repair(column: TimeColumn, source: Source) -> TimeAxis:
     )
 
 
-def _check_order(times: NDArray[np.float64], label: str, source: Source) -> None:
+def _check_order(times: Floats, label: str, source: Source) -> None:
     if len(times) < 2:
         raise source.error("hold at least two samples", "holds one", "A rate cannot be had from one: export more.")
     bad = np.flatnonzero(~np.isfinite(times))
@@ -157,7 +158,7 @@ def _is_even(line: LineFit, rounded: Rounding) -> bool:
     return line.step > 0 and bool((np.abs(line.residuals) <= allowed + JITTER * line.step).all())
 
 
-def _whole_steps(times: NDArray[np.float64], rounded: Rounding) -> float | None:
+def _whole_steps(times: Floats, rounded: Rounding) -> float | None:
     """The step [s], if nearly all steps are exactly it and the others whole multiples that can only be gaps.
 
     For times rounded about as coarsely as they are spaced. 0.01, 0.02, 0.04, 0.05 s may be 100 Hz with a sample lost or
@@ -183,9 +184,7 @@ def _whole_steps(times: NDArray[np.float64], rounded: Rounding) -> float | None:
     return step
 
 
-def _positions_with_gaps(
-    times: NDArray[np.float64], rounded: Rounding, whole: float | None, label: str, source: Source
-) -> NDArray[np.float64]:
+def _positions_with_gaps(times: Floats, rounded: Rounding, whole: float | None, label: str, source: Source) -> Floats:
     """The sample number k_n of each time, when some steps are whole multiples of the shortest."""
     steps = np.diff(times)
     width = int(min(16, max(1, len(steps) // 4)))  # several steps together, of which rounding is a smaller part
@@ -208,7 +207,7 @@ def _positions_with_gaps(
     return positions
 
 
-def _uneven(times: NDArray[np.float64], line: LineFit, label: str, source: Source) -> InputError:
+def _uneven(times: Floats, line: LineFit, label: str, source: Source) -> InputError:
     steps = np.diff(times)
     worst = int(np.argmax(np.abs(steps - np.median(steps))))
     got = (
@@ -219,11 +218,7 @@ def _uneven(times: NDArray[np.float64], line: LineFit, label: str, source: Sourc
 
 
 def _notes(
-    line: LineFit,
-    rounded: Rounding,
-    nominal: float | None,
-    positions: NDArray[np.float64],
-    times: NDArray[np.float64],
+    line: LineFit, rounded: Rounding, nominal: float | None, positions: Floats, times: Floats
 ) -> tuple[str, ...]:
     fit = _with_error(1.0 / line.step, line.rate_std(rounded.coarsest))
     if nominal is None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import finite, frozen_array, input_error, integer, positive
 from floquid.floquet import FunctionMatrix
 
@@ -49,7 +50,7 @@ def system_with_exponents(
     frame = np.linalg.qr(generator.standard_normal((n, n)))[0]
     spin = 0.5 * fundamental * (turning - turning.T)
 
-    def system(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def system(times: Floats) -> Floats:
         t = np.asarray(times, dtype=np.float64)
         c, s = np.cos(np.multiply.outer(t, orders)), np.sin(np.multiply.outer(t, orders))
         inner = np.eye(n) + np.tensordot(c, waves[0], 1) + np.tensordot(s, waves[1], 1)
@@ -62,14 +63,14 @@ def system_with_exponents(
     return FunctionMatrix(function=system, period=length, vectorised=True)
 
 
-def _turned(turning: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def _turned(turning: Floats, angle: Floats) -> Floats:
     """The rotation by `angle` (times,) of each marked plane (times, n, n)."""
     marked = np.diag((turning + turning.T).sum(axis=0))
     still = np.eye(len(turning)) - marked
     return still + np.cos(angle)[:, None, None] * marked + np.sin(angle)[:, None, None] * (turning - turning.T)
 
 
-def _real_form(exponents: NDArray[np.complex128], period: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _real_form(exponents: Complexes, period: float) -> tuple[Floats, Floats]:
     """R, real and block diagonal, and a one below each plane that turns by half a turn a period."""
     of = "system_with_exponents"
     fundamental = 2.0 * np.pi / period

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
 from floquid._checks import frozen_array, input_error, positive
 
 
@@ -14,20 +15,20 @@ from floquid._checks import frozen_array, input_error, positive
 class Known:
     """A known model over noise: multipliers closed under conjugation, `size` 2 for a pair and 1 for a real one."""
 
-    multipliers: NDArray[np.complex128]
-    residues: NDArray[np.complex128]
-    lengths: NDArray[np.int64]
+    multipliers: Complexes
+    residues: Complexes
+    lengths: Integers
     dt: float
-    upper: NDArray[np.intp]
-    partner: NDArray[np.intp]
+    upper: Indices
+    partner: Indices
 
     @property
-    def size(self) -> NDArray[np.int64]:
+    def size(self) -> Integers:
         """The number of poles behind each of the upper ones (upper,)."""
         return np.where(self.partner[self.upper] == self.upper, 1, 2)
 
     @property
-    def logs(self) -> NDArray[np.complex128]:
+    def logs(self) -> Complexes:
         """The logarithms of the multipliers (modes,)."""
         return np.asarray(np.log(self.multipliers), dtype=np.complex128)
 
@@ -36,12 +37,8 @@ def known_model(
     multipliers: ArrayLike, residues: ArrayLike, noise: ArrayLike, lengths: ArrayLike, dt: float, of: str
 ) -> Known:
     """The arguments checked, the residues over their noise."""
-    mu: NDArray[np.complex128] = frozen_array(
-        multipliers, "multipliers", of, axes=("modes",), dtype=np.complex128
-    ).copy()
-    free: NDArray[np.complex128] = frozen_array(
-        residues, "residues", of, axes=(len(mu), "outputs", "inputs"), dtype=np.complex128
-    )
+    mu: Complexes = frozen_array(multipliers, "multipliers", of, axes=("modes",), dtype=np.complex128).copy()
+    free: Complexes = frozen_array(residues, "residues", of, axes=(len(mu), "outputs", "inputs"), dtype=np.complex128)
     std = frozen_array(noise, "noise", of, axes=free.shape[1:])
     samples = frozen_array(lengths, "lengths", of, axes=(free.shape[2],), dtype=np.int64)
     if not (std > 0).all():
@@ -66,7 +63,7 @@ def known_model(
 
 def cramer_rao_bound(
     multipliers: ArrayLike, residues: ArrayLike, noise: ArrayLike, lengths: ArrayLike, dt: float
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""The least covariance that an unbiased estimate of the poles can have, the residues being unknown too.
 
     .. math:: y_{oi}[k] = \sum_r R_{r,oi} \mu_r^k + \sigma_{oi} n[k], \qquad
@@ -94,7 +91,7 @@ def cramer_rao_bound(
     return bound_of(known_model(multipliers, residues, noise, lengths, dt, "cramer_rao_bound"))
 
 
-def bound_of(known: Known) -> NDArray[np.float64]:
+def bound_of(known: Known) -> Floats:
     """The Cramér-Rao bound of all poles, conjugates included."""
     n, at, size = len(known.multipliers), known.upper, known.size
     if not n:
@@ -118,7 +115,7 @@ def bound_of(known: Known) -> NDArray[np.float64]:
     return onto @ small @ onto.T / known.dt**2
 
 
-def _inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse(information: Floats) -> Floats:
     """The inverse by way of a unit diagonal; a direction without information has a very large variance."""
     scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
@@ -133,23 +130,21 @@ class Projected:
     `scale` is what each column was multiplied by: a growing mode must not overflow.
     """
 
-    basis: NDArray[np.float64]
-    triangle: NDArray[np.float64]
-    slopes: NDArray[np.complex128]
-    scale: NDArray[np.float64]
+    basis: Floats
+    triangle: Floats
+    slopes: Complexes
+    scale: Floats
 
 
-def columns_of(
-    logs: NDArray[np.complex128], real: NDArray[np.bool_], samples: int
-) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
+def columns_of(logs: Complexes, real: Mask, samples: int) -> tuple[Complexes, Floats, Floats]:
     """The columns e^{sk} scaled (samples, n), their real form (samples, poles), and the scale (n,)."""
     last = np.where(logs.real > 0, (samples - 1) * logs.real, 0.0)
     exponent = np.arange(samples)[:, None] * logs - last
-    columns: NDArray[np.complex128] = np.where(np.real(exponent) > -138.0, np.exp(exponent), 0.0)
+    columns: Complexes = np.where(np.real(exponent) > -138.0, np.exp(exponent), 0.0)
     return columns, np.concatenate([columns.real, columns.imag[:, ~real]], axis=1), np.exp(-last)
 
 
-def projected(logs: NDArray[np.complex128], real: NDArray[np.bool_], samples: int) -> Projected:
+def projected(logs: Complexes, real: Mask, samples: int) -> Projected:
     """The basis and the projected slopes of poles with logarithms s (n,), one a pair, `real` where one is its own."""
     columns, flat, scale = columns_of(logs, real, samples)
     q, r = np.linalg.qr(flat)
@@ -158,7 +153,7 @@ def projected(logs: NDArray[np.complex128], real: NDArray[np.bool_], samples: in
     return Projected(q, r, slopes, scale)
 
 
-def parameters(real: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.complex128]]:
+def parameters(real: Mask) -> tuple[Indices, Complexes]:
     """The real parameters: which logarithm each belongs to, and what it multiplies R d by in the response."""
     pairs = np.flatnonzero(~real)
     turn = np.zeros(len(real) + len(pairs), np.complex128)
@@ -166,7 +161,7 @@ def parameters(real: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.co
     return np.concatenate([np.arange(len(real)), pairs]), turn
 
 
-def information(block: Projected, residues: NDArray[np.complex128], real: NDArray[np.bool_]) -> NDArray[np.float64]:
+def information(block: Projected, residues: Complexes, real: Mask) -> Floats:
     """Σ over responses of Jᵀ(I - P)J, for residues (n, responses) of the scaled columns (parameters, parameters)."""
     moves, turn = parameters(real)
     straight = (residues.conj() @ residues.T) * (block.slopes.conj().T @ block.slopes)

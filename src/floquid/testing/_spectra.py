@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Indices
 from floquid._checks import frozen_array, input_error, positive
 
 
@@ -21,8 +22,8 @@ class Pairing(NamedTuple):
         Estimate less truth, moved to the strip -ω/2 < Im ≤ ω/2 (truth,) [1/s].
     """
 
-    permutation: NDArray[np.intp]
-    differences: NDArray[np.complex128]
+    permutation: Indices
+    differences: Complexes
 
 
 def pair_exponents(estimated: ArrayLike, truth: ArrayLike, period: float) -> Pairing:

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import finite, frozen_array, input_error
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.findings import Finding, failure, warning
@@ -60,9 +61,9 @@ class Case:
     model: PeriodicModel
     records: tuple[Record, ...]
     clocks: tuple[ConstantPeriod | ShaftAngle, ...]
-    noise: NDArray[np.float64]
-    instants: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]
-    cycles: tuple[NDArray[np.int64], ...]
+    noise: Floats
+    instants: tuple[tuple[Floats, Floats], ...]
+    cycles: tuple[Integers, ...]
     highest: float  # half of the lowest sampling rate, in fundamentals
     per_revolution: float
     false_alarm: float
@@ -133,10 +134,7 @@ def case_of(
 
 
 def _whitened(
-    model: PeriodicModel,
-    records: tuple[Record, ...],
-    clocks: Sequence[ConstantPeriod | ShaftAngle],
-    taps: NDArray[np.float64],
+    model: PeriodicModel, records: tuple[Record, ...], clocks: Sequence[ConstantPeriod | ShaftAngle], taps: Floats
 ) -> tuple[PeriodicModel, tuple[Record, ...]]:
     """Records after the filters, from where they have their past on, and the model of those."""
     step, order = 1.0 / records[0].sample_rate, taps.shape[1] - 1
@@ -154,13 +152,13 @@ def _whitened(
     return replace(model, coefficients=coefficients, coefficient_std=None), tuple(after)
 
 
-def gains(taps: NDArray[np.float64], rates: NDArray[np.complex128], step: float) -> NDArray[np.complex128]:
+def gains(taps: Floats, rates: Complexes, step: float) -> Complexes:
     r"""Gain of filters at e^{st} (channels, ...): Σ_i a_i e^{-s i Δt}."""
     turned = np.exp(-np.multiply.outer(np.arange(taps.shape[1]) * step, rates))
     return np.asarray(np.tensordot(taps, turned, axes=1), np.complex128)
 
 
-def filtered(values: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:
+def filtered(values: Floats, taps: Floats) -> Floats:
     """Values (channels, samples) after the filter of each channel, from where it has its past on; NaN goes through."""
     if taps.shape[1] > values.shape[1]:
         return values[:, :0]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure
 from floquid.reconstruction import StateModel
@@ -65,7 +65,7 @@ def consistency(model: PeriodicModel, state: StateModel) -> Consistency | Findin
     return Consistency(multipliers, pair, liouville, composition)
 
 
-def _multipliers(found: NDArray[np.complex128], model: PeriodicModel) -> tuple[float, tuple[complex, complex]]:
+def _multipliers(found: Complexes, model: PeriodicModel) -> tuple[float, tuple[complex, complex]]:
     """The largest difference from the nearest multiplier, both ways, over what it may be; and the pair."""
     own = model.multipliers
     std = 0.0 if model.exponent_std is None else np.abs(model.exponent_std) * model.period
@@ -78,7 +78,7 @@ def _multipliers(found: NDArray[np.complex128], model: PeriodicModel) -> tuple[f
     return float(off[worst]), (complex(found[worst[0]]), complex(own[worst[1]]))
 
 
-def _scales(state: StateModel) -> NDArray[np.float64]:
+def _scales(state: StateModel) -> Floats:
     """Units of the states in which A(t) is balanced (n,)."""
     from scipy.linalg import matrix_balance
 
@@ -86,7 +86,7 @@ def _scales(state: StateModel) -> NDArray[np.float64]:
     return np.asarray(scale, np.float64)
 
 
-def _integrated(state: StateModel, period: float) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _integrated(state: StateModel, period: float) -> tuple[Floats, Floats] | None:
     """Φ(t, t0) at the instants (times, n, n), and after a period (n, n); None where no step is short enough."""
     scale = _scales(state)
     parts = np.fft.rfft(state.system / scale[:, None] * scale, axis=0) / len(state.times)
@@ -103,7 +103,7 @@ def _integrated(state: StateModel, period: float) -> tuple[NDArray[np.float64], 
     return None
 
 
-def _propagated(parts: NDArray[np.complex128], instants: int, steps: int, period: float) -> NDArray[np.float64]:
+def _propagated(parts: Complexes, instants: int, steps: int, period: float) -> Floats:
     """Φ from the first instant to each one and to the end of the period (instants + 1, n, n)."""
     from scipy.linalg import expm
 
@@ -111,7 +111,7 @@ def _propagated(parts: NDArray[np.complex128], instants: int, steps: int, period
     step = period / total
     turns = 2j * np.pi / period * np.arange(len(parts))
 
-    def system(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def system(times: Floats) -> Floats:
         turned = np.exp(np.multiply.outer(times, turns))
         return (turned @ parts.reshape(len(parts), -1)).real.reshape(-1, n, n)
 

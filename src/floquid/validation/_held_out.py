@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers, Mask
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import refit, unexplained
 from floquid.sync import ShaftAngle
@@ -29,19 +29,19 @@ AT_REST = 0.1  # the deviations that the last step of a refit may have: what com
 class HeldOut:
     """Sums of squares that the prediction of held-out cycles leaves, over the noise squared."""
 
-    numbers: NDArray[np.int64]  # samples predicted (channels, hits, stretches)
-    squares: NDArray[np.float64]  # Σ e²/σ² (channels, hits, stretches)
-    own: NDArray[np.float64]
+    numbers: Integers  # samples predicted (channels, hits, stretches)
+    squares: Floats  # Σ e²/σ² (channels, hits, stretches)
+    own: Floats
     """Σ e r/σ², with r what the model fitted to all cycles leaves: chi-square (channels, hits, stretches)."""
-    response: NDArray[np.float64]  # Σ y²/σ² (channels, hits, stretches)
+    response: Floats  # Σ y²/σ² (channels, hits, stretches)
 
 
 def held_out(
     model: PeriodicModel,
     records: Sequence[Record],
     clocks: Clocks,
-    cycles: Sequence[NDArray[np.int64]],
-    noise: NDArray[np.float64],
+    cycles: Sequence[Integers],
+    noise: Floats,
     folds: int,
 ) -> HeldOut | None:
     r"""Interleaved pieces of the record, in turn left out of the fit and predicted.
@@ -92,11 +92,7 @@ def held_out(
     return HeldOut(numbers, squares * weight, own * weight, response * weight)
 
 
-def cycles_of(
-    model: PeriodicModel,
-    instants: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
-    noise: NDArray[np.float64],
-) -> list[NDArray[np.int64]]:
+def cycles_of(model: PeriodicModel, instants: Sequence[tuple[Floats, Floats]], noise: Floats) -> list[Integers]:
     """The whole cycle that each sample of each record is in, from its first sample on; -1 in none, or a dead one."""
     phases = np.arange(PHASES) / PHASES * model.period
     shapes = model.shapes(phases) * np.exp(np.multiply.outer(model.exponents, phases))[:, None, None]
@@ -120,7 +116,7 @@ def _predictable(model: PeriodicModel, cycles: int) -> tuple[int, int]:
     return int((rates < -1.0 / BRIEF).any()), cycles - int((rates > 1.0 / BRIEF).any())
 
 
-def only(record: Record, there: NDArray[np.bool_]) -> Record:
+def only(record: Record, there: Mask) -> Record:
     """The record with the other samples left out."""
     values = np.where(there, record.values, np.nan)
     values.flags.writeable = False

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers
 from floquid._checks import Rebuilt, finite, frozen_array, input_error
 from floquid.findings import Finding, texts
 
@@ -87,14 +87,14 @@ class Validation(Rebuilt):
     criteria: Mapping[str, Criterion]
     passed: bool
     findings: tuple[Finding, ...]
-    fit: NDArray[np.float64]
-    held_out_error: NDArray[np.float64]
-    colour: NDArray[np.float64]
-    turns: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    tones: NDArray[np.float64]
-    modes: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    harmonics: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    lines: NDArray[np.float64]
+    fit: Floats
+    held_out_error: Floats
+    colour: Floats
+    turns: Floats = field(default_factory=lambda: np.zeros(0))
+    tones: Floats
+    modes: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
+    harmonics: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
+    lines: Floats
 
     def __post_init__(self) -> None:
         of, put = "Validation", object.__setattr__

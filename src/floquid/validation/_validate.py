@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats, Integers, Mask
 from floquid._checks import integer
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import FloquidError
@@ -107,7 +108,7 @@ def validate(
     )
 
 
-def _held_out(case: Case, folds: int, found: Checks) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _held_out(case: Case, folds: int, found: Checks) -> tuple[Floats, Floats]:
     """The fit, and the rms error over the noise (channels, hits)."""
     from scipy.special import chdtri
 
@@ -162,9 +163,7 @@ def _period(case: Case, found: Checks) -> None:
         found.fail("own_period", "period", period=given * (1.0 + relative), std=deviation, given=given)
 
 
-def _worst(
-    own: NDArray[np.float64], numbers: NDArray[np.int64], alarm: float, least: float
-) -> tuple[float, float, tuple[int, ...]]:
+def _worst(own: Floats, numbers: Integers, alarm: float, least: float) -> tuple[float, float, tuple[int, ...]]:
     """The root of a mean square that most exceeds its limit, the limit, and where it is."""
     from scipy.special import chdtri
 
@@ -228,7 +227,7 @@ def _power(case: Case, mode: int) -> float:
     for hit, (record, (times, _)) in enumerate(zip(case.records, case.instants, strict=True)):
         # A growing mode is counted from its end, so that nothing overflows.
         origin = times[-1] if value.real > 0 else times[0]
-        there: NDArray[np.bool_] = ~np.isnan(record.values)
+        there: Mask = ~np.isnan(record.values)
         decay = there @ np.exp(2.0 * value.real * (times - origin))
         sizes = np.abs(model.coefficients[mode, :, hit] * np.exp(value.real * origin)) / case.noise[:, hit, None]
         total += float(np.sum(sizes**2, axis=1) @ decay)

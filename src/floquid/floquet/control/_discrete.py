@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet.control._system import PeriodicSystem, checked_system, input_units, matrix_reach
 from floquid.floquet.matrices import after_jumps, assembled, named
@@ -40,10 +41,10 @@ class DiscretePeriodicSystem(Rebuilt):
         Their names; by default x1, x2, ..., u1, u2, ... and y1, y2, ....
     """
 
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
     dt: float
     states: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -106,7 +107,7 @@ class DiscretePeriodicSystem(Rebuilt):
         """The number of outputs."""
         return self.C.shape[1]
 
-    def multipliers(self) -> NDArray[np.complex128]:
+    def multipliers(self) -> Complexes:
         r"""The eigenvalues of the product of a period (n,), which is not formed; the same at every phase.
 
         .. math:: \mu_r = \mathrm{eig}\,(A_{P-1} \cdots A_1 A_0)
@@ -115,7 +116,7 @@ class DiscretePeriodicSystem(Rebuilt):
         """
         return multipliers_of(product_logarithms(self.A))
 
-    def exponents(self) -> NDArray[np.complex128]:
+    def exponents(self) -> Complexes:
         r"""The Floquet exponents on the principal branch (n,) [1/s], in the order of `multipliers`.
 
         .. math:: \lambda_r = \frac{\ln \mu_r}{P\,\Delta t}
@@ -125,9 +126,7 @@ class DiscretePeriodicSystem(Rebuilt):
         logs = product_logarithms(self.A)
         return np.asarray(logs.real / self.period + 1j * (logs.imag / self.period), dtype=np.complex128)
 
-    def simulate(
-        self, inputs: ArrayLike, *, initial: ArrayLike | None = None, first_phase: int = 0
-    ) -> NDArray[np.float64]:
+    def simulate(self, inputs: ArrayLike, *, initial: ArrayLike | None = None, first_phase: int = 0) -> Floats:
         """The outputs (outputs, samples) under a sequence of inputs.
 
         Raises InputError where a shape or the phase is not possible.

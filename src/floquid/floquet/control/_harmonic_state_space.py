@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet.control._system import Matrices, PeriodicSystem, with_inputs
 from floquid.floquet.hill_method import block_toeplitz, hill, refuse_undamped, smoothed, speeds
@@ -50,10 +51,10 @@ class HarmonicSystem(Rebuilt):
         The name and the harmonic of every row, as ("x1", -2).
     """
 
-    A: NDArray[np.complex128]
-    B: NDArray[np.complex128]
-    C: NDArray[np.complex128]
-    D: NDArray[np.complex128]
+    A: Complexes
+    B: Complexes
+    C: Complexes
+    D: Complexes
     n_harmonics: int
     period: float
     states: tuple[tuple[str, int], ...]
@@ -98,7 +99,7 @@ class HarmonicSystem(Rebuilt):
             f"-{self.n_harmonics}..{self.n_harmonics}, period={self.period:g})"
         )
 
-    def transfer(self, s: complex) -> NDArray[np.complex128]:
+    def transfer(self, s: complex) -> Complexes:
         """The truncated harmonic transfer function 𝒞 (s - 𝒜 + 𝒩)⁻¹ ℬ + 𝒟 at one s [1/s] (outputs, inputs)."""
         return self.C @ np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B) + self.D
 
@@ -128,12 +129,12 @@ class HarmonicTransfer(Rebuilt):
         Their names.
     """
 
-    omega: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    harmonics: NDArray[np.int64]
+    omega: Floats
+    values: Complexes
+    harmonics: Integers
     period: float
     n_harmonics: int
-    error: NDArray[np.float64]
+    error: Floats
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
@@ -208,16 +209,16 @@ def harmonic_transfer(
 class Responses(NamedTuple):
     """The outputs' harmonics for some columns of input amplitudes."""
 
-    values: NDArray[np.complex128]  # (outputs, columns, harmonics, lines)
-    harmonics: NDArray[np.int64]
+    values: Complexes  # (outputs, columns, harmonics, lines)
+    harmonics: Integers
     truncation: int
-    error: NDArray[np.float64]  # (outputs, columns)
+    error: Floats  # (outputs, columns)
 
 
 def respond(
     system: PeriodicSystem,
-    omega: NDArray[np.float64],
-    columns: NDArray[np.complex128] | NDArray[np.float64],
+    omega: Floats,
+    columns: Complexes | Floats,
     n_harmonics: int | None,
     tolerance: float,
     raises: bool,
@@ -262,12 +263,12 @@ def respond(
 def _solved(
     lifted: Matrices,
     system: PeriodicSystem,
-    omega: NDArray[np.float64],
-    columns: NDArray[np.complex128] | NDArray[np.float64],
+    omega: Floats,
+    columns: Complexes | Floats,
     truncation: int,
     reach: int,
     of: str,
-) -> NDArray[np.complex128]:
+) -> Complexes:
     """The outputs' harmonics up to `reach` at one truncation (outputs, columns, harmonics, lines)."""
     A, B, C, D = lifted
     n_columns = columns.shape[1]

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, final, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Indices
 from floquid._checks import Rebuilt, describe, frozen_array, input_error, integer, positive
 from floquid.floquet.control._discrete import DiscretePeriodicSystem, checked_phase
 from floquid.io import load_package
@@ -48,10 +49,10 @@ class LiftedSystem(Rebuilt):
         Phase and name of each; by "time" all states are those at the first phase.
     """
 
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
     dt: float
     form: Form
     n_phases: int
@@ -65,7 +66,7 @@ class LiftedSystem(Rebuilt):
         for name, axes in (("A", (n, n)), ("B", (n, m)), ("C", (p, n)), ("D", (p, m))):
             object.__setattr__(self, name, frozen_array(getattr(self, name), name, "LiftedSystem", axes=axes))
 
-    def poles(self) -> NDArray[np.complex128]:
+    def poles(self) -> Complexes:
         """The eigenvalues of A (states,), the largest first.
 
         By "time" they are the multipliers, small ones to a fraction of the largest alone: see
@@ -74,7 +75,7 @@ class LiftedSystem(Rebuilt):
         found = np.linalg.eigvals(self.A).astype(np.complex128)
         return found[np.argsort(-np.abs(found), kind="stable")]
 
-    def stack(self, inputs: ArrayLike) -> NDArray[np.float64]:
+    def stack(self, inputs: ArrayLike) -> Floats:
         """The inputs of the periodic system, from the first phase on, as this one takes them (lifted inputs, steps).
 
         They are u of the periodic system (inputs, samples); by "time" the samples are whole periods, or it is an
@@ -93,7 +94,7 @@ class LiftedSystem(Rebuilt):
             raise input_error("inputs", of, f"be whole periods of {self.n_phases} samples", got, "Append zeros.")
         return given.reshape(count, -1, self.n_phases).transpose(2, 0, 1).reshape(len(self.inputs), -1)
 
-    def unstack(self, outputs: ArrayLike) -> NDArray[np.float64]:
+    def unstack(self, outputs: ArrayLike) -> Floats:
         """The outputs of the periodic system (outputs, samples), from this one's `outputs` (lifted outputs, steps)."""
         of = "LiftedSystem.unstack"
         given = frozen_array(outputs, "outputs", of, axes=(len(self.outputs), "steps"), remedy="Time is the last axis.")
@@ -104,7 +105,7 @@ class LiftedSystem(Rebuilt):
             return blocks[every % self.n_phases, :, every].T
         return blocks.transpose(1, 2, 0).reshape(count, -1)
 
-    def initial(self, state: ArrayLike) -> NDArray[np.float64]:
+    def initial(self, state: ArrayLike) -> Floats:
         """The lifted state (states,) of a `state` (n,) of the periodic system at the first phase."""
         count = len(self.states) // (self.n_phases if self.form == "cyclic" else 1)
         given = frozen_array(state, "state", "LiftedSystem.initial", axes=(count,))
@@ -182,9 +183,7 @@ def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: in
     )
 
 
-def _in_time(
-    A: NDArray[np.float64], B: NDArray[np.float64], C: NDArray[np.float64], D: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _in_time(A: Floats, B: Floats, C: Floats, D: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """The matrices of a step of one period, by what the state at each phase owes to the first state and the inputs."""
     n_phases, n_outputs, n_inputs = D.shape
     n = A.shape[1]
@@ -200,15 +199,13 @@ def _in_time(
     return owed[:, :n], owed[:, n:], seen[:, :n], seen[:, n:]
 
 
-def _cyclic(
-    A: NDArray[np.float64], B: NDArray[np.float64], C: NDArray[np.float64], D: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], ...]:
+def _cyclic(A: Floats, B: Floats, C: Floats, D: Floats) -> tuple[Floats, ...]:
     """Each phase's matrices as blocks, those into the state a row of blocks further down, the last into the first."""
     following = np.roll(np.arange(len(A)), -1)
     return _blocks(A, following), _blocks(B, following), _blocks(C), _blocks(D)
 
 
-def _blocks(stack: NDArray[np.float64], rows: NDArray[np.intp] | None = None) -> NDArray[np.float64]:
+def _blocks(stack: Floats, rows: Indices | None = None) -> Floats:
     count, height, width = stack.shape
     every = np.arange(count)
     out = np.zeros((count, height, count, width))
@@ -274,9 +271,7 @@ def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) 
     )
 
 
-def _factors(
-    whole: NDArray[np.float64], phases: int, n_inputs: int, n_outputs: int, n_states: int
-) -> tuple[NDArray[np.float64], ...]:
+def _factors(whole: Floats, phases: int, n_inputs: int, n_outputs: int, n_states: int) -> tuple[Floats, ...]:
     """A_k, B_k, C_k and D_k, from the matrix that gives (y_0, ..., y_P-1, x_P) by (x_0, u_0, ..., u_P-1).
 
     The state at phase k is what all that comes later, rows from y_k on, owes to all before it, columns up to u_k-1: a
@@ -304,7 +299,7 @@ def _factors(
     return A, B, C, D
 
 
-def _check_causal(D: NDArray[np.float64], phases: int) -> None:
+def _check_causal(D: Floats, phases: int) -> None:
     blocks = np.abs(D.reshape(phases, D.shape[0] // phases, phases, D.shape[1] // phases)).max(axis=(1, 3), initial=0.0)
     ahead = np.triu(blocks, 1)
     if (ahead > RANK * blocks.max(initial=0.0)).any():

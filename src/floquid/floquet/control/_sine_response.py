@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, finite, frozen_array, input_error, positive
 from floquid.floquet.control._harmonic_state_space import respond
 from floquid.floquet.control._system import PeriodicSystem, checked_system
@@ -42,12 +43,12 @@ class SineResponse(Rebuilt):
     """
 
     omega: float
-    amplitude: NDArray[np.complex128]
-    values: NDArray[np.complex128]
-    harmonics: NDArray[np.int64]
+    amplitude: Complexes
+    values: Complexes
+    harmonics: Integers
     period: float
     n_harmonics: int
-    error: NDArray[np.float64]
+    error: Floats
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
@@ -63,11 +64,11 @@ class SineResponse(Rebuilt):
         put(self, "error", frozen_array(self.error, "error", of, axes=axes[:1], finite=False))
 
     @property
-    def frequencies(self) -> NDArray[np.float64]:
+    def frequencies(self) -> Floats:
         """Ω + kω (harmonics,) [rad/s]; a negative one is that of the conjugate."""
         return np.asarray(self.omega + 2.0 * np.pi / self.period * self.harmonics, dtype=np.float64)
 
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """The outputs at `times` [s] of any shape (outputs, ...): the sum of the harmonics that are there.
 
         Where the system jumps, the harmonics beyond are missed, about the size of the last ones times their number.

@@ -8,8 +8,9 @@ from functools import partial
 from typing import Any, Literal, TypeAlias, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid._show import Brief
 from floquid.floquet.matrices import (
@@ -282,7 +283,7 @@ def _inverse(matrix: AbstractPeriodicMatrix, of: str) -> AbstractPeriodicMatrix:
     )
 
 
-def _inverted(matrix: AbstractPeriodicMatrix, times: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverted(matrix: AbstractPeriodicMatrix, times: Floats) -> Floats:
     return np.linalg.inv(matrix.at(times)).astype(np.float64, copy=False)
 
 
@@ -293,13 +294,13 @@ def balanced_system(system: PeriodicSystem, prepared: Prepared, of: str) -> Matr
     return back @ prepared.matrix @ to, back @ B, C @ to, D
 
 
-def matrix_reach(prepared: Prepared, entry: AbstractPeriodicMatrix) -> NDArray[np.float64]:
+def matrix_reach(prepared: Prepared, entry: AbstractPeriodicMatrix) -> Floats:
     """The speed at which a unit of each input moves the states, in their units (inputs,)."""
     size = np.abs(entry.at(probe_times(entry.period, _PROBES))).max(axis=0)
     return (size / prepared.scale[:, None]).max(axis=0)
 
 
-def input_units(prepared: Prepared, reach: NDArray[np.float64]) -> NDArray[np.float64]:
+def input_units(prepared: Prepared, reach: Floats) -> Floats:
     """Units of the inputs in which they move the states as quickly as these move each other, powers of two."""
     rate = prepared.size or 1.0 / prepared.matrix.period
     return np.where(reach > 0.0, 2.0 ** np.round(np.log2(rate / np.where(reach > 0.0, reach, rate))), 1.0)
@@ -322,7 +323,7 @@ def with_inputs(system: PeriodicSystem, of: str, argument: str = "system") -> Ma
     return system.A, system.B, system.C, system.D
 
 
-def changes_sign(values: NDArray[np.float64]) -> bool:
+def changes_sign(values: Floats) -> bool:
     """True if a determinant has both signs between two breaks, of values (stretches, instants, n, n).
 
     There it is continuous, and so has a zero, whether or not an instant met it.

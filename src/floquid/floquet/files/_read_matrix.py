@@ -11,6 +11,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe, input_error, positive
 from floquid._show import Brief
 from floquid.errors import InputError
@@ -184,7 +185,7 @@ _BETWEEN = {
 
 
 def _samples(
-    found: Contents, values: NDArray[np.float64], period: float, interpolation: Interpolation | None
+    found: Contents, values: Floats, period: float, interpolation: Interpolation | None
 ) -> tuple[SampledMatrix, str, tuple[str, ...]]:
     """The samples folded into one period, a repeated end left out; the words and the warnings."""
     count, times, dropped = values.shape[2], None, ""
@@ -210,9 +211,7 @@ def _samples(
     return matrix, words, _resolution(matrix)
 
 
-def _without_end(
-    found: Contents, values: NDArray[np.float64], times: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _without_end(found: Contents, values: Floats, times: Floats) -> tuple[Floats, Floats]:
     """The samples without the last, which must be the first once more."""
     first, last = int(times.argmin()), int(times.argmax())
     if np.abs(values[:, :, first] - values[:, :, last]).max() > _REPEATS * np.abs(values).max():
@@ -278,7 +277,7 @@ def _numbers(found: Contents, key: str) -> NDArray[Any]:
     return array
 
 
-def _vector(found: Contents, key: str, count: int) -> NDArray[np.float64]:
+def _vector(found: Contents, key: str, count: int) -> Floats:
     """A list of as many real numbers, in whatever direction."""
     array = _numbers(found, key)
     if array.dtype.kind == "c" or array.size != count or max(array.shape, default=1) != count:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe, input_error, integer
 from floquid.floquet.files._lin_file import LinFile, LinSignals, read_lin
 from floquid.floquet.files._linearisation import OpenFastLinearisation, mean_over_revolution
@@ -221,7 +221,7 @@ def _assembled(files: list[LinFile], azimuth: AzimuthRole) -> OpenFastLinearisat
     )
 
 
-def _rates(files: list[LinFile], index: int) -> NDArray[np.float64]:
+def _rates(files: list[LinFile], index: int) -> Floats:
     """The rates of change of the states along the orbit (n, azimuths); that of the azimuth is at `index`."""
     for file in files:
         if file.state_rates is None or not np.isfinite(file.state_rates).all():

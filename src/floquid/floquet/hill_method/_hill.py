@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, integer
 from floquid.floquet.hill_method._eigenpairs import Problem, Truncated, effect_of_edges, swinging_along, truncated
 from floquid.floquet.hill_method._hill_matrix import modulo
@@ -38,7 +39,7 @@ class _Step(NamedTuple):
 
     problem: Problem
     modes: Truncated
-    change: NDArray[np.float64]
+    change: Floats
 
 
 def hill(
@@ -119,7 +120,7 @@ _REMEDY = "Name the instants at which a callable jumps in `breaks`, or use `floq
 
 
 def _settle(
-    matrix: AbstractPeriodicMatrix, scale: NDArray[np.float64], truncations: list[int], lines: Reach, tolerance: float
+    matrix: AbstractPeriodicMatrix, scale: Floats, truncations: list[int], lines: Reach, tolerance: float
 ) -> tuple[_Step | None, HillOutcome]:
     """The last truncation needed."""
     fundamental = 2.0 * np.pi / matrix.period
@@ -151,7 +152,7 @@ def _settle(
     return before, HillOutcome.TRUNCATED
 
 
-def _refined(problem: Problem, modes: Truncated, allowed: NDArray[np.float64]) -> Truncated:
+def _refined(problem: Problem, modes: Truncated, allowed: Floats) -> Truncated:
     """The modes with those that are ill conditioned in harmonics found again, where that can be cured."""
     rounding = modes.rounding(problem)
     curable = (rounding > 0.1 * allowed) & (modes.condition > _ILL)
@@ -164,7 +165,7 @@ def _refined(problem: Problem, modes: Truncated, allowed: NDArray[np.float64]) -
     return out
 
 
-def _changes(now: NDArray[np.complex128], before: NDArray[np.complex128], fundamental: float) -> NDArray[np.float64]:
+def _changes(now: Complexes, before: Complexes, fundamental: float) -> Floats:
     """Distance of each exponent from its own of the truncation before, modulo iω."""
     from scipy.optimize import linear_sum_assignment
 

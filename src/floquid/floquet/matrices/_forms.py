@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid._show import Brief
 from floquid.floquet.matrices._given import as_array, checked_breaks, checked_period, refuse_repeated_end
@@ -70,7 +71,7 @@ class FunctionMatrix(Rebuilt, AbstractPeriodicMatrix):
         object.__setattr__(self, "shape", first)
         object.__setattr__(self, "_first", value)
 
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """The values at `times` [s] of any shape (..., rows, columns)."""
         instants = np.asarray(times, dtype=np.float64)
         flat = instants.ravel()
@@ -88,7 +89,7 @@ class FunctionMatrix(Rebuilt, AbstractPeriodicMatrix):
             self._checked(values, values.shape, worst)
         return values.reshape(*instants.shape, *self.shape)
 
-    def _checked(self, value: ArrayLike, shape: tuple[int, ...], time: float | None = None) -> NDArray[np.float64]:
+    def _checked(self, value: ArrayLike, shape: tuple[int, ...], time: float | None = None) -> Floats:
         remedy = "" if time is None else f"This is its value at t = {time:g}."
         return frozen_array(value, *self.argument, axes=shape, finite=time is not None, remedy=remedy)
 
@@ -181,7 +182,7 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
             period=period,
         )
 
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """The values at `times` [s] of any shape (..., rows, columns)."""
         harmonics = np.asarray(self.harmonics)
         half = len(harmonics) // 2  # the upper half says all: the series is real
@@ -217,7 +218,7 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
     times: ArrayLike | None = None
     interpolation: Interpolation | None = None
     argument: tuple[str, str] = field(default=("values", "SampledMatrix"), repr=False)
-    _interpolant: Callable[[NDArray[np.float64]], NDArray[np.float64]] = field(init=False, repr=False)
+    _interpolant: Callable[[Floats], Floats] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         name, of = self.argument
@@ -256,11 +257,11 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
         return rows, columns
 
     @property
-    def breaks(self) -> NDArray[np.float64]:
+    def breaks(self) -> Floats:
         """The knots of a spline (breaks,) [s]; none of a trigonometric polynomial."""
         return np.empty(0) if self.interpolation == "fourier" else np.asarray(self.times)
 
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """The values at `times` [s] of any shape (..., rows, columns)."""
         return self._interpolant(np.asarray(times, dtype=np.float64))
 
@@ -305,12 +306,12 @@ class PiecewiseMatrix(Brief, AbstractPeriodicMatrix):
         return rows, columns
 
     @property
-    def breaks(self) -> NDArray[np.float64]:
+    def breaks(self) -> Floats:
         """The edges (pieces,) [s]; none of a single piece."""
         edges = np.asarray(self.edges)
         return edges if len(edges) > 1 else np.empty(0)
 
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """The values at `times` [s] of any shape (..., rows, columns)."""
         folded = np.mod(np.asarray(times, dtype=np.float64), self.period)
         piece = np.searchsorted(np.asarray(self.edges), folded, side="right") - 1  # -1 is the last piece, as it must

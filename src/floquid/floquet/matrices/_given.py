@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import frozen_array, input_error, positive
 from floquid.floquet.matrices._balancing import balance
 from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix
@@ -40,7 +41,7 @@ def as_array(value: ArrayLike, argument: str, of: str, remedy: str = "") -> NDAr
         raise input_error(argument, of, "be an array", got, remedy or "Give each row as many numbers.") from None
 
 
-def checked_breaks(breaks: ArrayLike, period: float, of: str) -> NDArray[np.float64]:
+def checked_breaks(breaks: ArrayLike, period: float, of: str) -> Floats:
     """The breaks sorted, each once, all in [0, period)."""
     instants = np.unique(frozen_array(breaks, "breaks", of, axes=("breaks",)))
     if instants.size and not (instants[0] >= 0.0 and instants[-1] < period):
@@ -50,7 +51,7 @@ def checked_breaks(breaks: ArrayLike, period: float, of: str) -> NDArray[np.floa
     return instants
 
 
-def refuse_repeated_end(values: NDArray[np.float64], name: str, of: str) -> None:
+def refuse_repeated_end(values: Floats, name: str, of: str) -> None:
     """Refuse samples of which the last is the first again, as `linspace(0, T, P + 1)` makes them."""
     n_samples = values.shape[2]
     largest = np.abs(values).max(axis=2)
@@ -104,6 +105,6 @@ def refuse_other_period(matrix: AbstractPeriodicMatrix, of: str) -> None:
         raise input_error("period", of, "be a period of A(t)", got, remedy)
 
 
-def probe_times(period: float, count: int = 16) -> NDArray[np.float64]:
+def probe_times(period: float, count: int = 16) -> Floats:
     """Instants spread over the period (times,) [s]."""
     return period * (np.arange(count) + OFFSET) / count

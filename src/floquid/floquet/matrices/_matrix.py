@@ -6,7 +6,9 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from floquid._arrays import Floats
 
 if TYPE_CHECKING:
     from floquid.floquet.matrices._forms import HarmonicMatrix, PiecewiseMatrix, SampledMatrix
@@ -35,15 +37,15 @@ class AbstractPeriodicMatrix(ABC):
         """The numbers of rows and columns."""
 
     @property
-    def breaks(self) -> NDArray[np.float64]:
+    def breaks(self) -> Floats:
         """Instants in [0, T) at which the matrix or a derivative jumps (breaks,) [s]."""
         return np.empty(0)
 
     @abstractmethod
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """The values at `times` [s] of any shape (..., rows, columns)."""
 
-    def __call__(self, times: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, times: ArrayLike) -> Floats:
         return self.at(times)
 
     # numpy must not broadcast over the operands itself.

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import frozen_array, input_error, positive
 from floquid.floquet.matrices._balancing import balance
 from floquid.floquet.matrices._forms import AbstractPeriodicMatrix, FunctionMatrix, HarmonicMatrix, SampledMatrix
@@ -25,7 +26,7 @@ class Prepared(NamedTuple):
 
     matrix: AbstractPeriodicMatrix
     smooth: bool  # true if it is smooth between its breaks for certain
-    scale: NDArray[np.float64]  # units of the states (n,) in which A is best balanced
+    scale: Floats  # units of the states (n,) in which A is best balanced
     size: float  # its largest row sum in these units [1/s]
 
 
@@ -89,7 +90,7 @@ def resolve(matrix: FunctionMatrix, tolerance: float) -> Prepared | None:
         n *= 2
 
 
-def _ended(lines: NDArray[np.complex128], scale: NDArray[np.float64], size: float) -> NDArray[np.complex128]:
+def _ended(lines: Complexes, scale: Floats, size: float) -> Complexes:
     """The lines up to the last that is above rounding, and one more."""
     counts = (np.abs(lines) * scale / scale[:, None]).max(axis=(1, 2)) > 1e-17 * size
     last = int(np.flatnonzero(counts)[-1]) if counts.any() else 0
@@ -111,7 +112,7 @@ def _sampled(system: ArrayLike, period: float, breaks: ArrayLike, of: str) -> Sa
     return SampledMatrix(values=values, period=period, argument=("system", of))
 
 
-def _harmonic(lines: NDArray[np.complex128], period: float) -> HarmonicMatrix:
+def _harmonic(lines: Complexes, period: float) -> HarmonicMatrix:
     """The series of the lines of `rfft`, already weighted, the last of them left out."""
     upper = np.moveaxis(lines[1:-1], 0, 2) / 2.0
     return HarmonicMatrix(

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, input_error, integer
 from floquid.floquet.matrices import StateMatrix
 from floquid.floquet.monodromy_matrix import _periodic_schur
@@ -33,9 +34,9 @@ class FloquetLyapunov(Rebuilt):
         The period of P [s]: that of A, or twice it where a real multiplier is negative.
     """
 
-    times: NDArray[np.float64]
-    transform: NDArray[np.float64]
-    constant: NDArray[np.float64]
+    times: Floats
+    transform: Floats
+    constant: Floats
     period: float
 
 
@@ -85,8 +86,8 @@ def floquet_lyapunov(
 
 
 def _block(
-    form: _periodic_schur.PeriodicSchur, block: slice, widths: NDArray[np.float64], turns: int, period: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    form: _periodic_schur.PeriodicSchur, block: slice, widths: Floats, turns: int, period: float
+) -> tuple[Floats, Floats]:
     r"""R of one diagonal block (m, m), and the columns of P at the nodes of `turns` periods (nodes, n, m).
 
     The own part is :math:`W_{2,k+1} = T_{22,k} W_{2,k} e^{-R h_k}`; the part in the columns before it is carried

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Indices
 from floquid._checks import finite, frozen_array, input_error
 from floquid.floquet.matrices import (
     FunctionMatrix,
@@ -30,7 +31,7 @@ def transition(
     start: float = 0.0,
     breaks: ArrayLike = (),
     tolerance: float = TOLERANCE,
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""The state transition matrix Φ(t, t₀) at `times` (times, n, n).
 
     .. math:: \dot\Phi(t, t_0) = A(t)\,\Phi(t, t_0), \qquad \Phi(t_0, t_0) = I
@@ -94,7 +95,7 @@ def monodromy(
     start: float = 0.0,
     breaks: ArrayLike = (),
     tolerance: float = TOLERANCE,
-) -> NDArray[np.float64]:
+) -> Floats:
     """The monodromy matrix Φ(t₀ + T, t₀) (n, n): the transition over one period.
 
     Arguments (`system`, `period`, `start`, `breaks`, `tolerance`) and errors are those of `transition`.
@@ -120,7 +121,7 @@ def checked(system: StateMatrix, period: float | None, breaks: ArrayLike, tolera
     return prepare(periodic(system, period, breaks, of), accuracy, of)
 
 
-def factors(prepared: Prepared, instants: NDArray[np.float64], tolerance: float, of: str) -> Factors:
+def factors(prepared: Prepared, instants: Floats, tolerance: float, of: str) -> Factors:
     """The transition matrices of short intervals between successive instants, whose gap is their owner."""
     matrix = prepared.matrix
     gaps, left, right = intervals(prepared, instants, of)
@@ -144,9 +145,7 @@ def factors(prepared: Prepared, instants: NDArray[np.float64], tolerance: float,
     return found
 
 
-def intervals(
-    prepared: Prepared, instants: NDArray[np.float64], of: str
-) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+def intervals(prepared: Prepared, instants: Floats, of: str) -> tuple[Indices, Floats, Floats]:
     """First intervals between the instants: gap (intervals,), left and right ends, none across a break."""
     matrix = prepared.matrix
     period, breaks = matrix.period, np.asarray(matrix.breaks)
@@ -192,7 +191,7 @@ def _fastest(matrix: HarmonicMatrix) -> int:
 
 def multipliers(
     system: StateMatrix, period: float | None = None, *, breaks: ArrayLike = (), tolerance: float = TOLERANCE
-) -> NDArray[np.complex128]:
+) -> Complexes:
     r"""The Floquet multipliers (n,), the eigenvalues of the monodromy matrix.
 
     .. math:: \mu_r = \mathrm{eig}\,\Phi(T, 0) = e^{\lambda_r T}
@@ -205,7 +204,7 @@ def multipliers(
 
 def exponents(
     system: StateMatrix, period: float | None = None, *, breaks: ArrayLike = (), tolerance: float = TOLERANCE
-) -> NDArray[np.complex128]:
+) -> Complexes:
     r"""The Floquet exponents on the principal branch (n,) [1/s].
 
     .. math:: \lambda_r = \frac{\ln \mu_r}{T}, \qquad -\omega/2 < \mathrm{Im}\,\lambda_r \le \omega/2, \qquad
@@ -226,12 +225,12 @@ def exponents(
     return found / length
 
 
-def balanced(found: Factors, prepared: Prepared) -> NDArray[np.float64]:
+def balanced(found: Factors, prepared: Prepared) -> Floats:
     """The factors in balanced units (factors, n, n)."""
     return found.matrices * prepared.scale / prepared.scale[:, None]
 
 
-def refuse_lost(logs: NDArray[np.complex128], found: Factors, prepared: Prepared, of: str) -> None:
+def refuse_lost(logs: Complexes, found: Factors, prepared: Prepared, of: str) -> None:
     """Refuse exponents whose sum is not the mean trace of A(t)."""
     integral = trace_integral(found, prepared)
     growth = float(logs.real.sum())
@@ -258,7 +257,7 @@ def trace_integral(found: Factors, prepared: Prepared) -> float:
 
 def _logarithms(
     system: StateMatrix, period: float | None, breaks: ArrayLike, tolerance: float, of: str
-) -> tuple[NDArray[np.complex128], float]:
+) -> tuple[Complexes, float]:
     """The sorted logarithms of the multipliers, and the period."""
     prepared = checked(system, period, breaks, tolerance, of)
     found = factors(prepared, np.array([0.0, prepared.matrix.period]), tolerance, of)

@@ -9,6 +9,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._arrays import Complexes, Floats, Mask
 from floquid._bar import bar
 from floquid._checks import Rebuilt, finite, frozen_array, input_error, integer, positive
 from floquid._show import Drawings, Drawn
@@ -80,22 +81,22 @@ class StabilityMap(Drawn, Rebuilt):
     """
 
     names: tuple[str, ...]
-    grids: tuple[NDArray[np.float64], ...]
-    points: NDArray[np.float64]
-    exponents: NDArray[np.complex128]
-    growth: NDArray[np.float64]
-    multiplier: NDArray[np.complex128]
+    grids: tuple[Floats, ...]
+    points: Floats
+    exponents: Complexes
+    growth: Floats
+    multiplier: Complexes
     kind: NDArray[np.int8]
-    grid_growth: NDArray[np.float64]
-    bands: NDArray[np.float64] | None
-    boundary: NDArray[np.float64] | None
+    grid_growth: Floats
+    bands: Floats | None
+    boundary: Floats | None
     margin: float
 
     def _figures(self) -> Drawings:
         return {"stability_map": (self, {})}
 
     @property
-    def unstable(self) -> NDArray[np.bool_]:
+    def unstable(self) -> Mask:
         """True where the system is unstable (points,)."""
         return self.kind != Instability.STABLE
 
@@ -198,7 +199,7 @@ def stability_map(
     ranges = np.array([grid[-1] - grid[0] for grid in grids])
     with Workers(given, workers) as pool, bar(progress, report) as told:
 
-        def evaluate(points: NDArray[np.float64], words: str) -> Spectra:
+        def evaluate(points: Floats, words: str) -> Spectra:
             told(words)
             return pool.spectra(points)
 
@@ -217,7 +218,7 @@ def stability_map(
     return _map(given, known, grids, first.growth, bands, segments, margin)
 
 
-def _grids(parameters: Mapping[str, ArrayLike], of: str) -> tuple[NDArray[np.float64], ...]:
+def _grids(parameters: Mapping[str, ArrayLike], of: str) -> tuple[Floats, ...]:
     """The grids, checked."""
     if not isinstance(parameters, Mapping) or not 1 <= len(parameters) <= 2:
         got = f"holds {len(parameters)}" if isinstance(parameters, Mapping) else f"is {type(parameters).__name__}"
@@ -232,8 +233,8 @@ def _grids(parameters: Mapping[str, ArrayLike], of: str) -> tuple[NDArray[np.flo
 
 
 def _bands(
-    known: Samples, tolerance: NDArray[np.float64], evaluate: Callable[..., Spectra], margin: float
-) -> tuple[NDArray[np.float64], list[Samples]]:
+    known: Samples, tolerance: Floats, evaluate: Callable[..., Spectra], margin: float
+) -> tuple[Floats, list[Samples]]:
     """The unstable intervals among sorted samples of one parameter, their edges refined."""
     turn = np.flatnonzero(known.unstable[:-1] != known.unstable[1:])
     begins = known.unstable[turn + 1]
@@ -251,10 +252,10 @@ def _bands(
 def _map(
     given: Family,
     known: Samples,
-    grids: tuple[NDArray[np.float64], ...],
-    first: NDArray[np.float64],
-    bands: NDArray[np.float64] | None,
-    segments: NDArray[np.float64] | None,
+    grids: tuple[Floats, ...],
+    first: Floats,
+    bands: Floats | None,
+    segments: Floats | None,
     margin: float,
 ) -> StabilityMap:
     known = taken(known, np.lexsort(known.points.T[::-1]))
@@ -292,7 +293,7 @@ def transitions(
     breaks: ArrayLike = (),
     tolerance: float = TOLERANCE,
     narrowest: float = 1.0 / 64.0,
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""The transition matrices of many systems (..., n, n), in one batch.
 
     .. math:: \Phi(\varphi_1 T(p), \varphi_0 T(p); p), \qquad \dot x = A(t; p)\, x, \qquad A(t + T(p); p) = A(t; p)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.lifting import Lifted
@@ -81,7 +81,7 @@ def assemble(
     )
 
 
-def physical_exponents(modal: ModalModel, lifted: Lifted) -> NDArray[np.complex128]:
+def physical_exponents(modal: ModalModel, lifted: Lifted) -> Complexes:
     r"""The exponents of a modal model, each on the branch whose zeroth harmonic carries most of the shape's energy.
 
     .. math:: \lambda_r = \frac{\ln \mu_r}{T} + i n_r \omega
@@ -103,9 +103,7 @@ def physical_exponents(modal: ModalModel, lifted: Lifted) -> NDArray[np.complex1
     return found
 
 
-def _estimates(
-    modal: ModalModel, lifted: Lifted, found: Expansion, kept: NDArray[np.bool_], order: list[int]
-) -> Estimates:
+def _estimates(modal: ModalModel, lifted: Lifted, found: Expansion, kept: Mask, order: list[int]) -> Estimates:
     """The coefficients of the bands and of several harmonics beside them, with their joint covariance."""
     partners = np.array([_partner(modal, r) for r in range(modal.order)])
     turns = np.abs(found.exponents.imag[:, None] * lifted.period / (2.0 * np.pi) + found.harmonics)
@@ -153,21 +151,21 @@ class Expansion:
     Of each mode, the harmonics up to the Nyquist frequency are filled, |Im λ/ω + m| ≤ P/2; the others are zero.
     """
 
-    exponents: NDArray[np.complex128]
-    coefficients: NDArray[np.complex128]
-    std: NDArray[np.complex128]
-    harmonics: NDArray[np.int64]
-    seeds: NDArray[np.int64]
-    partners: NDArray[np.int64]
+    exponents: Complexes
+    coefficients: Complexes
+    std: Complexes
+    harmonics: Integers
+    seeds: Integers
+    partners: Integers
     """The conjugate of each mode, itself where the multiplier is real (modes,)."""
 
     @property
-    def real(self) -> NDArray[np.bool_]:
+    def real(self) -> Mask:
         """Mask of the real multipliers (modes,)."""
         return self.partners == np.arange(len(self.partners))
 
     @property
-    def upper(self) -> NDArray[np.int64]:
+    def upper(self) -> Integers:
         """One mode of each pair, and the real ones."""
         return np.flatnonzero(self.partners >= np.arange(len(self.partners)))
 
@@ -249,8 +247,8 @@ def _physical_turn(modal: ModalModel, lifted: Lifted, mode: int) -> int:
 
 
 def _coefficients(
-    modal: ModalModel, lifted: Lifted, mode: int, exponent: complex, harmonics: NDArray[np.int64]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    modal: ModalModel, lifted: Lifted, mode: int, exponent: complex, harmonics: Integers
+) -> tuple[Complexes, Complexes]:
     """The coefficients of one mode and their standard deviations, both (channels, hits, harmonics)."""
     times, phases = lifted.phase_times, lifted.n_phases
     rates = exponent + 1j * harmonics * 2 * np.pi / lifted.period
@@ -280,7 +278,7 @@ def _coefficients(
     return own, real + 1j * imag
 
 
-def _square_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _square_root(covariance: Floats) -> Floats:
     """A matrix L with L Lᵀ the covariance; it is singular, since conjugates move together."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))

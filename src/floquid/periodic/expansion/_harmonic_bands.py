@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core import PeriodicModel
 
 GAP = 3
@@ -13,14 +13,14 @@ and one whose period was given four times too long every fourth."""
 
 
 def select_bands(
-    coefficients: NDArray[np.complex128],
-    std: NDArray[np.complex128],
-    harmonics: NDArray[np.int64],
-    seeds: NDArray[np.int64],
+    coefficients: Complexes,
+    std: Complexes,
+    harmonics: Integers,
+    seeds: Integers,
     *,
     false_alarm: float,
     n_modes: int | None = None,
-) -> NDArray[np.bool_]:
+) -> Mask:
     r"""Keep, of each mode, the contiguous band of harmonics around its seed that rises above the noise.
 
     A harmonic is significant when, over all channels c and hits h,
@@ -64,14 +64,7 @@ def level_of_each(false_alarm: float, tests: int) -> float:
     return float(-np.expm1(np.log1p(-false_alarm) / max(tests, 1)))
 
 
-def bands_at(
-    coefficients: NDArray[np.complex128],
-    std: NDArray[np.complex128],
-    harmonics: NDArray[np.int64],
-    seeds: NDArray[np.int64],
-    *,
-    level: float,
-) -> NDArray[np.bool_]:
+def bands_at(coefficients: Complexes, std: Complexes, harmonics: Integers, seeds: Integers, *, level: float) -> Mask:
     """`select_bands` at a level for each harmonic."""
     from scipy.special import chdtri
 
@@ -90,12 +83,12 @@ def bands_at(
     return kept
 
 
-def _squares(values: NDArray[np.float64], std: NDArray[np.float64], counted: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _squares(values: Floats, std: Floats, counted: Mask) -> Floats:
     """The squares of values over their deviations; zero where they are not `counted`."""
     return np.divide(values, std, out=np.zeros(values.shape), where=counted) ** 2
 
 
-def _grow(significant: NDArray[np.bool_], end: int) -> int:
+def _grow(significant: Mask, end: int) -> int:
     """The last index reached from `end` on by steps over at most `GAP` insignificant entries."""
     while True:
         ahead = np.flatnonzero(significant[end + 1 : end + 2 + GAP])
@@ -104,9 +97,7 @@ def _grow(significant: NDArray[np.bool_], end: int) -> int:
         end += 1 + int(ahead[-1])
 
 
-def participation(
-    model: PeriodicModel, mode: int, weights: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def participation(model: PeriodicModel, mode: int, weights: Floats) -> tuple[Integers, Floats]:
     r"""The harmonics that a mode keeps, and the share of each in the energy of its shape.
 
     .. math:: p_m = \sum_{c,h} w_{c,h}^2 |B_{m,c,h}|^2 \Big/ \sum_{m,c,h} w_{c,h}^2 |B_{m,c,h}|^2

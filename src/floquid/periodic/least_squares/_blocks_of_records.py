@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Mask
 from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Record
 from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
@@ -64,7 +64,7 @@ def record_blocks(
     return tuple(blocks), 2.0 * np.pi / period, nu
 
 
-def _with_gaps(grid: RecordBlock, taken: NDArray[np.bool_]) -> RecordBlock | GappyBlock:
+def _with_gaps(grid: RecordBlock, taken: Mask) -> RecordBlock | GappyBlock:
     """The block of some samples of a grid."""
     gappy = GappyBlock.of(grid, grid.values, taken)
     if gappy is not None:
@@ -78,7 +78,7 @@ def _with_gaps(grid: RecordBlock, taken: NDArray[np.bool_]) -> RecordBlock | Gap
     )
 
 
-def _speeds(shaft: ShaftAngle, times: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _speeds(shaft: ShaftAngle, times: Floats) -> Floats | None:
     """The factors that follow the speed (3, samples), each of unit size; None for a steady shaft."""
     deviation = shaft.speed(times) / shaft.mean_speed - 1.0
     deviation = deviation - deviation.mean()

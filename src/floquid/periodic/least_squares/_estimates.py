@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import Channel, Estimates, PeriodicModel, Provenance
 from floquid.errors import IdentificationError
 from floquid.periodic.expansion import GAP, bands_at, select_bands
@@ -25,9 +26,9 @@ SHORT = 2.0
 class Shapes:
     """Coefficients of each entry (entries, channels, hits, harmonics), and their deviations, part by part."""
 
-    harmonics: NDArray[np.int64]
-    coefficients: NDArray[np.complex128]
-    std: NDArray[np.complex128]
+    harmonics: Integers
+    coefficients: Complexes
+    std: Complexes
 
 
 def estimates_of(blocks: Sequence[Block], found: Solution) -> Estimates:
@@ -79,7 +80,7 @@ def estimates_of(blocks: Sequence[Block], found: Solution) -> Estimates:
     )
 
 
-def parts_of(entries: ModeParameters) -> NDArray[np.float64]:
+def parts_of(entries: ModeParameters) -> Floats:
     """Selection of real parts, imaginary parts and the fundamental from the parameters (2 entries + 1, parameters)."""
     decays, pairs = np.flatnonzero(~entries.fixed), np.flatnonzero(~entries.fixed & ~entries.real)
     count = len(entries.exponents)
@@ -109,7 +110,7 @@ def _shapes(entries: ModeParameters, whole: Estimates) -> Shapes:
     return Shapes(harmonics, coefficients, std)
 
 
-def _mirror(entries: ModeParameters, harmonics: NDArray[np.int64], coefficients: NDArray, std: NDArray) -> None:
+def _mirror(entries: ModeParameters, harmonics: Integers, coefficients: NDArray, std: NDArray) -> None:
     """The other half of a real multiplier's shape."""
     for entry in np.flatnonzero(entries.real):
         for place, m in enumerate(harmonics):
@@ -119,9 +120,7 @@ def _mirror(entries: ModeParameters, harmonics: NDArray[np.int64], coefficients:
                 std[entry, :, :, other] = std[entry, :, :, place]
 
 
-def chosen_bands(
-    blocks: Sequence[Block], wide: Solution, false_alarm: float, *, each: bool = False
-) -> NDArray[np.int64]:
+def chosen_bands(blocks: Sequence[Block], wide: Solution, false_alarm: float, *, each: bool = False) -> Integers:
     """The bands above the noise, of entries not fixed; `false_alarm` is that of all, or with `each` of one harmonic."""
     entries, found = wide.entries, shapes(blocks, wide)
     harmonics = found.harmonics
@@ -137,7 +136,7 @@ def chosen_bands(
 def model_of(
     blocks: Sequence[Block],
     found: Solution,
-    bands: NDArray[np.int64],
+    bands: Integers,
     *,
     channels: tuple[Channel, ...],
     provenance: Provenance,
@@ -196,7 +195,7 @@ def model_of(
     )
 
 
-def unselected(blocks: Sequence[Block], found: Solution, bands: NDArray[np.int64], most: int) -> Estimates | None:
+def unselected(blocks: Sequence[Block], found: Solution, bands: Integers, most: int) -> Estimates | None:
     """The estimates of the same fit with more harmonics beyond the bands reported; None where there is no such fit."""
     free = np.flatnonzero(~found.entries.fixed)
     try:
@@ -215,7 +214,7 @@ def unselected(blocks: Sequence[Block], found: Solution, bands: NDArray[np.int64
     return whole.picked(modes=free[np.argsort(size, kind="stable")])
 
 
-def stepped(here: Estimates, step: NDArray[np.float64]) -> Estimates:
+def stepped(here: Estimates, step: Floats) -> Estimates:
     """Estimates after a step of the real parts, the imaginary parts and the fundamental (2 modes + 1,)."""
     count = len(here.exponents)
     turned = 0.5 * here.half_turns * step[-1]

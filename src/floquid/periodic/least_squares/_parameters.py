@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core import PeriodicModel
 from floquid.periodic.least_squares._sample_block import PLAIN, Columns
 
@@ -16,15 +17,15 @@ from floquid.periodic.least_squares._sample_block import PLAIN, Columns
 class Parameters:
     """The real parameters: decays, then the turns of pairs, then the fundamental."""
 
-    weights: NDArray[np.float64]  # (parameters, 2 columns)
-    turns: NDArray[np.bool_]  # mask of the frequencies and the fundamental (parameters,)
+    weights: Floats  # (parameters, 2 columns)
+    turns: Mask  # mask of the frequencies and the fundamental (parameters,)
 
-    def applied(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    def applied(self, coefficients: Floats) -> Floats:
         """The coefficients on the slopes t cos, t sin (parameters, 2 columns, channels): α, β or β, -α."""
         return self.weights[:, :, None] * np.where(self.turns[:, None, None], turned(coefficients), coefficients)
 
 
-def turned(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+def turned(coefficients: Floats) -> Floats:
     """The coefficients of a slope by frequency from those of the slope by decay: β, -α for α, β (2 columns, …)."""
     cosines, sines = np.split(coefficients, 2)
     return np.concatenate([sines, -cosines])
@@ -57,21 +58,21 @@ class ModeParameters:
         Whether the fundamental is a parameter too.
     """
 
-    exponents: NDArray[np.complex128]
-    real: NDArray[np.bool_]
-    bands: NDArray[np.int64]
+    exponents: Complexes
+    real: Mask
+    bands: Integers
     fundamental: float
-    offsets: NDArray[np.float64]
-    fixed: NDArray[np.bool_]
-    factors: NDArray[np.int64]
+    offsets: Floats
+    fixed: Mask
+    factors: Integers
     free_period: bool = False
 
     @property
-    def half_turns(self) -> NDArray[np.int64]:
+    def half_turns(self) -> Integers:
         """κ of each real entry, zero for pairs (entries,)."""
         return np.where(self.real, np.rint(2.0 * self.offsets), 0).astype(np.int64)
 
-    def _members(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _members(self) -> tuple[Integers, Integers]:
         """The entry and the harmonic of each column."""
         modes, harmonics = [], []
         for entry, (low, high) in enumerate(self.bands):
@@ -87,7 +88,7 @@ class ModeParameters:
         """The columns of the fit."""
         return Columns(self.exponents, self.offsets, self.factors, *self._members(), self.fundamental)
 
-    def sines(self) -> NDArray[np.bool_]:
+    def sines(self) -> Mask:
         """Mask of the columns that have a sine (columns,): not a real multiplier's that does not turn."""
         modes, harmonics = self._members()
         return ~(self.real[modes] & (2 * harmonics + self.half_turns[modes] == 0))
@@ -103,13 +104,13 @@ class ModeParameters:
         turns = np.arange(len(weights)) >= len(rows[0])
         return Parameters(np.concatenate([weights, weights], axis=1), turns)
 
-    def ties(self) -> NDArray[np.float64]:
+    def ties(self) -> Floats:
         """Derivatives of the decays and then the frequencies of all columns (parameters, 2 columns)."""
         own = self.parameters()
         weights = own.weights[:, : own.weights.shape[1] // 2]
         return np.concatenate([weights * ~own.turns[:, None], weights * own.turns[:, None]], axis=1)
 
-    def moved(self, step: NDArray[np.float64]) -> ModeParameters:
+    def moved(self, step: Floats) -> ModeParameters:
         """After a step in the real parameters."""
         moved = np.zeros(len(self.exponents), complex)
         decays, pairs = np.flatnonzero(~self.fixed), np.flatnonzero(~self.fixed & ~self.real)

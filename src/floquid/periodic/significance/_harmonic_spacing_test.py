@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Indices
 from floquid.core import Estimates
 from floquid.lifting import Lifted
 from floquid.periodic.least_squares import LiftedBlock, ModeParameters, linearise
@@ -12,7 +12,7 @@ from floquid.periodic.least_squares import LiftedBlock, ModeParameters, linearis
 NOWHERE = 1e-200  # the information on a line, over that on the best known, below which there is none
 
 
-def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp]) -> float:
+def spacing_probability(whole: Estimates, lifted: Lifted, lines: Indices) -> float:
     r"""The probability of the responses if harmonics lie whole numbers of fundamentals from their modes; 1 without any.
 
     .. math:: Q = g^T J^{-1} g - (A^T g)^T (A^T J A)^{-1} A^T g \sim \chi^2
@@ -42,7 +42,7 @@ def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp
     return float(chdtrc(2 * len(lines), max(free - tied, 0.0)))
 
 
-def _gain(gradient: NDArray[np.float64], matrix: NDArray[np.float64]) -> float:
+def _gain(gradient: Floats, matrix: Floats) -> float:
     sizes = np.diag(matrix)
     # A line that is nowhere to be seen takes nothing.
     scale = np.where(sizes > NOWHERE * sizes.max(), sizes, np.inf) ** -0.5

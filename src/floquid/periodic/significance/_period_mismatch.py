@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 
@@ -152,11 +152,7 @@ def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
 
 
 def _accumulate(
-    information: NDArray[np.float64],
-    score: NDArray[np.float64],
-    curvature: NDArray[np.complex128],
-    seen: NDArray[np.complex128],
-    rows: list[NDArray[np.complex128]],
+    information: Floats, score: Floats, curvature: Complexes, seen: Complexes, rows: list[Complexes]
 ) -> None:
     """Add one hit: the parameters are the real and imaginary parts of each ln μ, as if independent, then ε."""
     shapes, turned = rows

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
 from floquid._checks import Rebuilt, finite, frozen_array, input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.findings import Finding, note, texts, warning
@@ -40,10 +40,10 @@ class PartialTests(Rebuilt):
         The probabilities corrected for the number of all parts of the table: harmonics, modes and channels (Holm 1979).
     """
 
-    statistics: NDArray[np.float64]
-    degrees: NDArray[np.int64]
-    p_values: NDArray[np.float64]
-    adjusted: NDArray[np.float64]
+    statistics: Floats
+    degrees: Integers
+    p_values: Floats
+    adjusted: Floats
 
     def __post_init__(self) -> None:
         for name in ("statistics", "degrees", "p_values", "adjusted"):
@@ -103,16 +103,16 @@ class Periodicity(Rebuilt):
     p_value: float
     level: float
     power: float
-    harmonics: NDArray[np.int64]
-    exponents: NDArray[np.complex128]
+    harmonics: Integers
+    exponents: Complexes
     channels: tuple[str, ...]
     by_harmonic: PartialTests
     by_mode: PartialTests
     by_channel: PartialTests
-    sizes: NDArray[np.float64]
-    limits: NDArray[np.float64]
-    untested: NDArray[np.int64]
-    locked: NDArray[np.int64]
+    sizes: Floats
+    limits: Floats
+    untested: Integers
+    locked: Integers
     spacing_p: float | None = None
 
     def __post_init__(self) -> None:
@@ -272,7 +272,7 @@ def periodicity(
     )
 
 
-def _orders(harmonics: Sequence[int]) -> NDArray[np.int64]:
+def _orders(harmonics: Sequence[int]) -> Integers:
     given = np.atleast_1d(np.asarray(harmonics))
     whole = given.ndim == 1 and given.size and np.issubdtype(given.dtype, np.integer)
     if not whole or given.min() < 1 or len(np.unique(given)) < len(given):
@@ -281,7 +281,7 @@ def _orders(harmonics: Sequence[int]) -> NDArray[np.int64]:
     return np.sort(given).astype(np.int64)
 
 
-def _on_a_mode(whole: Estimates) -> NDArray[np.bool_]:
+def _on_a_mode(whole: Estimates) -> Mask:
     """Mask of terms that lie on another mode's zeroth harmonic, or on the conjugate of one (terms,)."""
     zeroth = np.flatnonzero(whole.harmonics == 0)
     places = np.concatenate([whole.rates[zeroth], whole.rates[zeroth].conj()])
@@ -290,7 +290,7 @@ def _on_a_mode(whole: Estimates) -> NDArray[np.bool_]:
     return (gaps < TWIN * decays).any(axis=1) & (whole.harmonics != 0)
 
 
-def _table(part: list[tuple[float, int, float]], adjusted: NDArray[np.float64]) -> PartialTests:
+def _table(part: list[tuple[float, int, float]], adjusted: Floats) -> PartialTests:
     statistics, degrees, p_values = zip(*part, strict=True)
     return PartialTests(
         statistics=np.array(statistics),
@@ -300,16 +300,14 @@ def _table(part: list[tuple[float, int, float]], adjusted: NDArray[np.float64]) 
     )
 
 
-def _clear(whole: Estimates, tested: NDArray[np.intp]) -> NDArray[np.intp]:
+def _clear(whole: Estimates, tested: Indices) -> Indices:
     """Harmonics that clearly rise above the noise, each by itself."""
     every = np.arange(whole.blocks.shape[0])
     found = [k for k in tested if whole.turning[k] and wald(whole, np.array([k]), every)[2] < CLEAR]
     return np.array(found, np.intp)
 
 
-def _sizes_and_limits(
-    whole: Estimates, orders: NDArray[np.int64], tested: NDArray[np.intp], least: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _sizes_and_limits(whole: Estimates, orders: Integers, tested: Indices, least: float) -> tuple[Floats, Floats]:
     r"""Size of each harmonic, and its detection limit, over the zeroth of its mode.
 
     The shape that is seen least has the largest variance, at most the sum of the largest of noise and of exponents:
@@ -336,7 +334,7 @@ def _sizes_and_limits(
     return sizes, limits
 
 
-def _untested(whole: Estimates, orders: NDArray[np.int64], tested: NDArray[np.intp]) -> NDArray[np.int64]:
+def _untested(whole: Estimates, orders: Integers, tested: Indices) -> Integers:
     """Mode and harmonic of what is asked for and not tested; of a real multiplier one of two conjugates is."""
     done = set(zip(whole.modes[tested].tolist(), whole.harmonics[tested].tolist(), strict=True))
     missing = [
@@ -348,7 +346,7 @@ def _untested(whole: Estimates, orders: NDArray[np.int64], tested: NDArray[np.in
     return np.array(missing, np.int64).reshape(-1, 2)
 
 
-def _locked(whole: Estimates) -> NDArray[np.int64]:
+def _locked(whole: Estimates) -> Integers:
     """Modes of real multipliers that share their half turns, not zero, with another."""
     turns = whole.half_turns
     return np.flatnonzero((turns != 0) & ((turns[:, None] == turns).sum(axis=1) > 1)).astype(np.int64)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
+from floquid._arrays import Integers, Mask
 from floquid._bar import bar
 from floquid._checks import Rebuilt, describe, input_error, integer
 from floquid._show import Told
@@ -97,7 +98,7 @@ class Bootstrap(Told, Rebuilt):
     transition: Spread | None
     n_draws: int
     seed: int
-    orders: NDArray[np.int64]
+    orders: Integers
     failures: tuple[str, ...]
     whole: bool
 
@@ -129,7 +130,7 @@ class Bootstrap(Told, Rebuilt):
         return self.n_used / self.n_draws
 
     @property
-    def doubtful(self) -> dict[str, NDArray[np.bool_]]:
+    def doubtful(self) -> dict[str, Mask]:
         """Elements of `Spread.ratios` that differ from one by more than chance, by quantity; those alone that have any.
 
         Together, over all quantities, right deviations are found wrong with a probability of at most `FAMILY_WISE`

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
@@ -32,9 +32,9 @@ class Plan:
     built: PeriodicModel  # the same with the harmonics alone that A(t) was built from
     states: tuple[str, ...]  # names of the states of A(t); none where there is no A(t)
     settings: Settings  # without states where there is no A(t); with the structure and the delay that were found
-    clean: tuple[NDArray[np.float64], ...]
+    clean: tuple[Floats, ...]
     """Response of all that was fitted in each record (channels, samples), NaN where a sample is missing."""
-    noise: NDArray[np.float64]  # (channels, hits)
+    noise: Floats  # (channels, hits)
     whole: bool
     estimated: bool
     """True where the model has the joint covariance of its coefficients, as those of draws should then have."""
@@ -42,7 +42,7 @@ class Plan:
     lifted: Lifted | None
     """The lifted responses, where they hold all that was fitted: then a fit of them is the cheaper one."""
     modal: ModalModel | None  # the modal model, where residues were left free
-    whitening: NDArray[np.float64] | None  # filter of each channel that makes its noise white; `noise` is that after it
+    whitening: Floats | None  # filter of each channel that makes its noise white; `noise` is that after it
     records: tuple[Record, ...]
     """The records that draws take the place of: with their clocks' channels for `whole`, without otherwise."""
     rows: tuple[tuple[int, ...], ...]  # the rows of `records` that are responses
@@ -103,9 +103,7 @@ def _choices(analysis: Analysis, bare: PeriodicModel) -> dict[str, Any]:
     return found | {"settings": replace(settings, delay=delay)}
 
 
-def _response(
-    model: PeriodicModel, hit: int, times: NDArray[np.float64], angles: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _response(model: PeriodicModel, hit: int, times: Floats, angles: Floats) -> Floats:
     """The free response of one hit (channels, samples) at times after phase zero [s] and phase angles [rad]."""
     found = np.empty((len(model.channels), len(times)))
     weights = model.coefficients[:, :, hit].transpose(1, 0, 2).reshape(len(model.channels), -1)

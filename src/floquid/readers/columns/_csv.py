@@ -10,8 +10,8 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import Channel, Record
 from floquid.errors import InputError
 from floquid.io import Source
@@ -208,7 +208,7 @@ def _is_skipped(line: str) -> bool:
     return not line.strip() or line.lstrip().startswith("#")
 
 
-def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]) -> NDArray[np.float64]:
+def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]) -> Floats:
     """The numbers of the chosen columns (columns, rows): in one go, or cell by cell if something is odd."""
     values = np.empty((len(columns), body.count))
     try:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe
 from floquid.core import Channel, Record
 from floquid.io import Source, load_package
@@ -197,9 +198,7 @@ def _channels(
     return channels
 
 
-def _orbit(
-    labels: Sequence[str], said: Mapping[str, Any], source: Source
-) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+def _orbit(labels: Sequence[str], said: Mapping[str, Any], source: Source) -> tuple[Floats | None, tuple[str, ...]]:
     """The orbit of these columns, and a note where it is not that of all of them."""
     rows = [said.get("orbit", {}).get(label) for label in labels]
     if "orbit" not in said or None in rows:

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe
 from floquid.core import Channel, Quantity, Record
 from floquid.io import Source
@@ -143,7 +143,7 @@ def _names(signals: Sequence[Any], source: Source) -> list[str]:
     ]
 
 
-def _row(signal: Mapping[str, Any], name: str, source: Source) -> NDArray[np.float64]:
+def _row(signal: Mapping[str, Any], name: str, source: Source) -> Floats:
     """The samples of a channel; one that is None is missing."""
     data = signal["data"]
     if isinstance(data, Sequence) and not isinstance(data, str):
@@ -177,7 +177,7 @@ def _channel(signal: Mapping[str, Any], name: str, source: Source) -> Channel:
     )
 
 
-def _orbit(signals: Sequence[Mapping[str, Any]], source: Source) -> NDArray[np.float64] | None:
+def _orbit(signals: Sequence[Mapping[str, Any]], source: Source) -> Floats | None:
     rows = [np.asarray(signal["orbit"]) for signal in signals if signal.get("orbit") is not None]
     if not rows:
         return None

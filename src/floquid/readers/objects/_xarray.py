@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe
 from floquid.core import Channel, Quantity, Record
 from floquid.io import Source, load_package
@@ -123,7 +123,7 @@ def _times(data: Any, time: str, source: Source) -> tuple[TimeColumn, tuple[str,
     return found
 
 
-def _by_variable(data: Any, time: str, source: Source) -> tuple[NDArray[np.float64], list[Channel]]:
+def _by_variable(data: Any, time: str, source: Source) -> tuple[Floats, list[Channel]]:
     """A variable a channel, each over time alone."""
     others = [f"`{name}` with {variable.dims}" for name, variable in data.data_vars.items() if variable.dims != (time,)]
     if others or not data.data_vars:
@@ -135,7 +135,7 @@ def _by_variable(data: Any, time: str, source: Source) -> tuple[NDArray[np.float
     return np.stack(rows), channels
 
 
-def _by_row(data: Any, time: str, source: Source) -> tuple[NDArray[np.float64], list[Channel]]:
+def _by_row(data: Any, time: str, source: Source) -> tuple[Floats, list[Channel]]:
     """One array, over time or over channels and time, in whichever order."""
     if time not in data.dims or data.ndim > 2:
         must = f"have the dimension `{time}`, and beside it one of channels at most"
@@ -170,7 +170,7 @@ def _channel(name: str, stated: Mapping[Any, Any], source: Source) -> Channel:
     return make_channel(source, name=name, **words)
 
 
-def _orbit(orbit: Any, channels: list[Channel], source: Source) -> NDArray[np.float64]:
+def _orbit(orbit: Any, channels: list[Channel], source: Source) -> Floats:
     """One period of the orbit of these channels (channels, phases)."""
     if orbit.ndim != 2 or "channel" not in orbit.dims or orbit.sizes["channel"] != len(channels):
         must = f"have `orbit` over `channel` and phases, with {len(channels)} channels"

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import Channel, Record, channels_named
 from floquid.errors import InputError
 from floquid.io import Source
@@ -145,9 +146,7 @@ def _counted(count: int, what: str, number: int, known: dict[int, str]) -> str:
     return f"{count} {what}{'' if count == 1 else 's'} of type {number}{meaning}"
 
 
-def _values(
-    source: Source, data: bytes, functions: Sequence[_Function]
-) -> tuple[NDArray[np.float64], NDArray[np.floating] | None]:
+def _values(source: Source, data: bytes, functions: Sequence[_Function]) -> tuple[Floats, NDArray[np.floating] | None]:
     """The ordinates (channels, samples), and the uneven abscissas (samples,) that all must share."""
     values = np.empty((len(functions), functions[0].header.n_points))
     shared: NDArray[np.floating] | None = None
@@ -245,7 +244,7 @@ def check_size(source: Source, dataset: Dataset, header: FunctionHeader, name: s
 
 def read_values(
     source: Source, data: bytes, dataset: Dataset, header: FunctionHeader, name: str
-) -> tuple[NDArray[np.float64], NDArray[np.floating] | None]:
+) -> tuple[Floats, NDArray[np.floating] | None]:
     """The ordinates (samples,), and the abscissas (samples,) where they are uneven, of a function of checked size."""
     if dataset.binary is None:
         numbers = _text_numbers(source, data[dataset.start : dataset.end], header, name)
@@ -277,7 +276,7 @@ def _check_byte_order(source: Source, raw: NDArray[np.floating], name: str, decl
         raise source.error(must, got, f"Set the first number after `58b` to {3 - declared}, or export it again.")
 
 
-def _text_numbers(source: Source, text: bytes, header: FunctionHeader, name: str) -> NDArray[np.float64]:
+def _text_numbers(source: Source, text: bytes, header: FunctionHeader, name: str) -> Floats:
     """All numbers of a function's text: by blanks, or by the columns of the format where two numbers touch."""
     wanted = header.n_points * (1 if header.is_even else 2)
     if b"D" in text or b"d" in text:
@@ -292,7 +291,7 @@ def _text_numbers(source: Source, text: bytes, header: FunctionHeader, name: str
     return numbers
 
 
-def _parsed(text: bytes) -> NDArray[np.float64] | None:
+def _parsed(text: bytes) -> Floats | None:
     """The numbers in a text, separated by blanks; None if something else is there."""
     if not text.strip():
         return np.empty(0)

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe
 from floquid.core import channels_named
 from floquid.io import Source
@@ -103,7 +103,7 @@ def scalar(source: Source, file: VariableFile, path: str) -> float | None:
     return number
 
 
-def _orbit(source: Source, array: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
+def _orbit(source: Source, array: Floats, n_channels: int) -> Floats:
     if array.ndim != 2 or array.shape[0] != n_channels or not array.shape[1] or not np.isfinite(array).all():
         must = f"have `orbit` of shape (channels, phases) with {n_channels} channels, all finite"
         got = f"has shape {array.shape} there" + ("" if np.isfinite(array).all() else ", not all of it finite")
@@ -111,7 +111,7 @@ def _orbit(source: Source, array: NDArray[np.float64], n_channels: int) -> NDArr
     return np.asarray(array, np.float64)
 
 
-def _values(source: Source, file: VariableFile, n_channels: int) -> NDArray[np.float64]:
+def _values(source: Source, file: VariableFile, n_channels: int) -> Floats:
     require_numbers(source, file.variables["values"])
     shape = file.variables["values"].shape
     if len(shape) != 2 or shape[0] != n_channels:

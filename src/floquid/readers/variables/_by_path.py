@@ -13,8 +13,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.errors import InputError
 from floquid.io import Source
@@ -209,7 +209,7 @@ def _length(row: _Row) -> int:
     return row.variable.shape[0 if row.turned else 1]
 
 
-def _values(source: Source, file: VariableFile, rows: Sequence[_Row]) -> NDArray[np.float64]:
+def _values(source: Source, file: VariableFile, rows: Sequence[_Row]) -> Floats:
     """The samples (channels, samples), each variable read once."""
     values = np.empty((0, 0))
     places: dict[str, list[int]] = {}
