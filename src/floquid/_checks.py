@@ -34,14 +34,19 @@ class Rebuilt(Brief):
         plain = {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in taken.items()}
         return _rebuilt, (type(self), plain)
 
-    def _freeze(self, *, dtype: DTypeLike = np.float64, finite: bool = True, **axes: Sequence[str | int]) -> None:
+    def _freeze(
+        self, *, dtype: DTypeLike = np.float64, finite: bool = True, missing: bool = False, **axes: Sequence[str | int]
+    ) -> None:
         """Make the fields named read-only arrays of these axes (`frozen_array`); one that may be None may stay so."""
-        of, optional = type(self).__name__, {field.name for field in fields(cast("Any", self)) if field.default is None}
+        of, optional = (
+            type(self).__name__,
+            {field.name for field in fields(cast("Any", self)) if "None" in str(field.type)},
+        )
         for name, wanted in axes.items():
             value = getattr(self, name)
             if value is not None or name not in optional:
-                array = frozen_array(cast("Any", value), name, of, dtype=dtype, axes=wanted, finite=finite)
-                object.__setattr__(self, name, array)
+                checks: dict[str, Any] = {"dtype": dtype, "axes": wanted, "finite": finite, "missing": missing}
+                object.__setattr__(self, name, frozen_array(cast("Any", value), name, of, **checks))
 
 
 def _rebuilt(kind: type[Rebuilt], values: dict[str, Any]) -> Rebuilt:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid._checks import Rebuilt, finite, frozen_array, input_error, positive
+from floquid._checks import Rebuilt, finite, input_error, positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,33 +68,18 @@ class Estimates(Rebuilt):
 
     def __post_init__(self) -> None:
         of, put = "Estimates", object.__setattr__
-        lam = frozen_array(self.exponents, "exponents", of, axes=("modes",), dtype=np.complex128)
-        modes = frozen_array(self.modes, "modes", of, axes=("terms",), dtype=np.int64)
-        values = frozen_array(
-            self.coefficients, "coefficients", of, axes=(len(modes), "channels", "hits"), dtype=np.complex128
-        )
-        n, parts = len(modes), 2 * len(lam) + 1
-        put(self, "exponents", lam)
-        put(self, "modes", modes)
-        put(self, "coefficients", values)
+        self._freeze(dtype=np.complex128, exponents=("modes",))
+        self._freeze(dtype=np.int64, modes=("terms",))
+        lam, modes, n, parts = self.exponents, self.modes, len(self.modes), 2 * len(self.exponents) + 1
+        self._freeze(dtype=np.complex128, coefficients=(n, "channels", "hits"))
         put(self, "fundamental", positive(self.fundamental, "fundamental", of, unit="rad/s"))
         real = np.array(self.real, bool)
         real.flags.writeable = False
         put(self, "real", real)
-        shapes = {
-            "harmonics": ((n,), np.int64),
-            "covariance": ((parts, parts), np.float64),
-            "slopes": ((*values.shape, parts), np.complex128),
-            "spread": (("blocks", 2 * n, 2 * n), np.float64),
-            "blocks": (values.shape[1:], np.int64),
-            "scales": (values.shape, np.complex128),
-            "drift": ((len(self.spread), 2 * n, 2 * n), np.float64),
-            "bend": (values.shape, np.complex128),
-        }
-        for name, (axes, dtype) in shapes.items():
-            if getattr(self, name) is None and name in ("drift", "bend"):
-                continue
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, dtype=dtype))
+        shape, square = self.coefficients.shape, (2 * n, 2 * n)
+        self._freeze(dtype=np.int64, harmonics=(n,), blocks=shape[1:])
+        self._freeze(covariance=(parts, parts), spread=("blocks", *square), drift=(len(self.spread), *square))
+        self._freeze(dtype=np.complex128, slopes=(*shape, parts), scales=shape, bend=shape)
         if real.shape != lam.shape or (n and (modes.min() < 0 or modes.max() >= len(lam))):
             raise input_error("modes", of, "name modes of `exponents`", f"are {np.unique(modes).tolist()}")
         if self.blocks.size and (self.blocks.min() < 0 or self.blocks.max() >= len(self.spread)):

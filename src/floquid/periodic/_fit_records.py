@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, texts, warning
@@ -87,7 +87,7 @@ class Fit(Rebuilt):
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "noise", frozen_array(self.noise, "noise", "Fit", axes=("channels", "hits")))
+        self._freeze(noise=("channels", "hits"))
 
     @property
     def reasons(self) -> tuple[str, ...]:

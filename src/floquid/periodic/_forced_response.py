@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import Rebuilt, frozen_array, positive
+from floquid._checks import Rebuilt, positive
 from floquid.core import Channel
 
 
@@ -54,18 +54,12 @@ class ForcedResponse(Rebuilt):
     speed_dependent: bool = False
 
     def __post_init__(self) -> None:
-        of, put = "ForcedResponse", object.__setattr__
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
-        shape = (len(self.channels), "hits", len(self.harmonics))
-        put(self, "coefficients", frozen_array(self.coefficients, "coefficients", of, axes=shape, dtype=np.complex128))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",))
+        self._freeze(dtype=np.complex128, coefficients=(len(self.channels), "hits", len(self.harmonics)))
         shape, rows = self.coefficients.shape, self.coefficients.shape[:2]
-        if self.coefficient_std is not None:
-            std = frozen_array(self.coefficient_std, "coefficient_std", of, axes=shape, dtype=np.complex128)
-            put(self, "coefficient_std", std)
-        for name in ("offset", "offset_std", "drift", "drift_std"):
-            if getattr(self, name) is not None or not name.endswith("std"):
-                put(self, name, frozen_array(getattr(self, name), name, of, axes=rows))
-        put(self, "revolution", positive(self.revolution, "revolution", of, unit="s"))
+        self._freeze(dtype=np.complex128, coefficient_std=shape)
+        self._freeze(offset=rows, offset_std=rows, drift=rows, drift_std=rows)
+        object.__setattr__(self, "revolution", positive(self.revolution, "revolution", "ForcedResponse", unit="s"))
 
     @property
     def amplitudes(self) -> Floats:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
-from floquid._checks import Rebuilt, frozen_array
+from floquid._checks import Rebuilt
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -57,10 +57,8 @@ class AngleSpline(Rebuilt):
     covariance: Floats
 
     def __post_init__(self) -> None:
-        of, put, n = "AngleSpline", object.__setattr__, len(self.coefficients)
-        put(self, "knots", frozen_array(self.knots, "knots", of, axes=(n + self.degree + 1,)))
-        put(self, "coefficients", frozen_array(self.coefficients, "coefficients", of, axes=("coefficients",)))
-        put(self, "covariance", frozen_array(self.covariance, "covariance", of, axes=(n, n)))
+        n = len(self.coefficients)
+        self._freeze(knots=(n + self.degree + 1,), coefficients=("coefficients",), covariance=(n, n))
 
     def angle(self, times: Floats) -> Floats:
         """The angle at `times` [rad]."""

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import Rebuilt, frozen_array
+from floquid._checks import Rebuilt
 from floquid.floquet import AbstractPeriodicMatrix, FunctionMatrix, PiecewiseMatrix
 
 Entries: TypeAlias = Callable[[Floats], list[list[object]]]
@@ -41,8 +41,7 @@ class ReferenceSystem(Rebuilt):
     error: float = 0.0
 
     def __post_init__(self) -> None:
-        values = frozen_array(self.exponents, "exponents", "ReferenceSystem", dtype=np.complex128, axes=("modes",))
-        object.__setattr__(self, "exponents", values)
+        self._freeze(dtype=np.complex128, exponents=("modes",))
 
 
 def literature() -> tuple[ReferenceSystem, ...]:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from floquid._arrays import Floats, Integers
-from floquid._checks import Rebuilt, finite, frozen_array, input_error
+from floquid._checks import Rebuilt, finite, input_error
 from floquid.findings import Finding, texts
 
 
@@ -98,16 +98,13 @@ class Validation(Rebuilt):
 
     def __post_init__(self) -> None:
         of, put = "Validation", object.__setattr__
-        fit = frozen_array(self.fit, "fit", of, axes=("channels", "hits"), missing=True)
-        put(self, "fit", fit)
-        put(self, "turns", frozen_array(self.turns, "turns", of, axes=("tones",)))
-        put(self, "modes", frozen_array(self.modes, "modes", of, axes=("lines",), dtype=np.int64))
-        lines = len(self.modes)
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=(lines,), dtype=np.int64))
-        shapes = {"held_out_error": (), "colour": (), "tones": (len(self.turns),), "lines": (lines,)}
-        for name, more in shapes.items():
-            axes = (*fit.shape, *more)
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, missing=True))
+        self._freeze(missing=True, fit=("channels", "hits"))
+        self._freeze(turns=("tones",))
+        self._freeze(dtype=np.int64, modes=("lines",))
+        rows, lines = self.fit.shape, len(self.modes)
+        self._freeze(dtype=np.int64, harmonics=(lines,))
+        self._freeze(missing=True, held_out_error=rows, colour=rows)
+        self._freeze(missing=True, tones=(*rows, len(self.turns)), lines=(*rows, lines))
         if set(self.metrics) - set(self.criteria):
             got = f"{sorted(set(self.metrics) - set(self.criteria))} have none"
             raise input_error("criteria", of, "have a limit for each of the metrics", got)

@@ -64,10 +64,7 @@ class HarmonicSystem(Rebuilt):
     def __post_init__(self) -> None:
         of = "HarmonicSystem"
         n, n_inputs, n_outputs = len(self.states), len(self.inputs), len(self.outputs)
-        shapes = {"A": (n, n), "B": (n, n_inputs), "C": (n_outputs, n), "D": (n_outputs, n_inputs)}
-        for name, shape in shapes.items():
-            array = frozen_array(getattr(self, name), name, of, axes=shape, dtype=np.complex128)
-            object.__setattr__(self, name, array)
+        self._freeze(dtype=np.complex128, A=(n, n), B=(n, n_inputs), C=(n_outputs, n), D=(n_outputs, n_inputs))
         object.__setattr__(self, "n_harmonics", integer(self.n_harmonics, "n_harmonics", of, at_least=0))
         object.__setattr__(self, "period", positive(self.period, "period", of, unit="s"))
 
@@ -139,14 +136,12 @@ class HarmonicTransfer(Rebuilt):
     outputs: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        of, put = "HarmonicTransfer", object.__setattr__
-        put(self, "omega", frozen_array(self.omega, "omega", of, axes=("lines",)))
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
+        self._freeze(omega=("lines",))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",))
         sizes = (len(self.outputs), len(self.inputs))
-        axes = (*sizes, len(self.harmonics), len(self.omega))
-        put(self, "values", frozen_array(self.values, "values", of, axes=axes, dtype=np.complex128))
-        put(self, "error", frozen_array(self.error, "error", of, axes=sizes, finite=False))
-        put(self, "period", positive(self.period, "period", of, unit="s"))
+        self._freeze(dtype=np.complex128, values=(*sizes, len(self.harmonics), len(self.omega)))
+        self._freeze(finite=False, error=sizes)
+        object.__setattr__(self, "period", positive(self.period, "period", "HarmonicTransfer", unit="s"))
 
     @property
     def fundamental(self) -> float:

@@ -63,8 +63,7 @@ class LiftedSystem(Rebuilt):
 
     def __post_init__(self) -> None:
         n, m, p = len(self.states), len(self.inputs), len(self.outputs)
-        for name, axes in (("A", (n, n)), ("B", (n, m)), ("C", (p, n)), ("D", (p, m))):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), name, "LiftedSystem", axes=axes))
+        self._freeze(A=(n, n), B=(n, m), C=(p, n), D=(p, m))
 
     def poles(self) -> Complexes:
         """The eigenvalues of A (states,), the largest first.

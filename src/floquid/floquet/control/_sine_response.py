@@ -56,12 +56,10 @@ class SineResponse(Rebuilt):
         of, put = "SineResponse", object.__setattr__
         put(self, "omega", finite(self.omega, "omega", of, unit="rad/s"))
         put(self, "period", positive(self.period, "period", of, unit="s"))
-        axes = (len(self.inputs),)
-        put(self, "amplitude", frozen_array(self.amplitude, "amplitude", of, axes=axes, dtype=np.complex128))
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",))
         axes = (len(self.outputs), len(self.harmonics))
-        put(self, "values", frozen_array(self.values, "values", of, axes=axes, dtype=np.complex128))
-        put(self, "error", frozen_array(self.error, "error", of, axes=axes[:1], finite=False))
+        self._freeze(dtype=np.complex128, amplitude=(len(self.inputs),), values=axes)
+        self._freeze(finite=False, error=axes[:1])
 
     @property
     def frequencies(self) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
-from floquid._checks import Rebuilt, frozen_array, input_error, positive
+from floquid._checks import Rebuilt, input_error, positive
 from floquid.floquet.hill_method._eigenpairs import Problem, Truncated
 from floquid.floquet.hill_method._hill_matrix import modulo
 from floquid.floquet.hill_method._smoothing import Smoothed
@@ -71,15 +71,12 @@ class HillModes(Rebuilt):
     outcome: HillOutcome
 
     def __post_init__(self) -> None:
-        of, put = "HillModes", object.__setattr__
-        put(self, "exponents", frozen_array(self.exponents, "exponents", of, axes=("modes",), dtype=np.complex128))
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
-        n, count = len(self.exponents), len(self.harmonics)
-        values = frozen_array(self.coefficients, "coefficients", of, axes=(n, "n", count), dtype=np.complex128)
-        put(self, "coefficients", values)
-        put(self, "period", positive(self.period, "period", of, unit="s"))
-        for name in ("change", "condition"):
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=(n,), finite=False))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",))
+        self._freeze(dtype=np.complex128, exponents=("modes",))
+        n = len(self.exponents)
+        self._freeze(dtype=np.complex128, coefficients=(n, "n", len(self.harmonics)))
+        object.__setattr__(self, "period", positive(self.period, "period", "HillModes", unit="s"))
+        self._freeze(finite=False, change=(n,), condition=(n,))
 
     @property
     def converged(self) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
-from floquid._checks import Rebuilt, finite, frozen_array, input_error
+from floquid._checks import Rebuilt, finite, input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.findings import Finding, note, texts, warning
 from floquid.lifting import Lifted
@@ -46,10 +46,8 @@ class PartialTests(Rebuilt):
     adjusted: Floats
 
     def __post_init__(self) -> None:
-        for name in ("statistics", "degrees", "p_values", "adjusted"):
-            dtype = np.int64 if name == "degrees" else np.float64
-            value = frozen_array(getattr(self, name), name, "PartialTests", axes=("parts",), dtype=dtype)
-            object.__setattr__(self, name, value)
+        self._freeze(dtype=np.int64, degrees=("parts",))
+        self._freeze(statistics=("parts",), p_values=("parts",), adjusted=("parts",))
 
     @property
     def strongest(self) -> int:
@@ -118,10 +116,8 @@ class Periodicity(Rebuilt):
     def __post_init__(self) -> None:
         of, put = "Periodicity", object.__setattr__
         put(self, "channels", tuple(self.channels))
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
-        put(self, "exponents", frozen_array(self.exponents, "exponents", of, axes=("modes",), dtype=np.complex128))
-        put(self, "untested", frozen_array(self.untested, "untested", of, axes=("cases", 2), dtype=np.int64))
-        put(self, "locked", frozen_array(self.locked, "locked", of, axes=("modes",), dtype=np.int64))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",), untested=("cases", 2), locked=("modes",))
+        self._freeze(dtype=np.complex128, exponents=("modes",))
         shape = (len(self.exponents), len(self.harmonics))
         for name in ("sizes", "limits"):
             values = np.array(getattr(self, name), np.float64)

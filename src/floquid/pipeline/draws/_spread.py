@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Floats, Mask
-from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid._checks import Rebuilt, input_error
 
 STRUCTURAL = 1e-12
 """The share of a quantity's largest deviation below which one is rounding: the element is what it is by definition."""
@@ -55,18 +55,15 @@ class Spread(Rebuilt):
     bound: bool = False
 
     def __post_init__(self) -> None:
-        put, of = object.__setattr__, "Spread"
         kind = np.complex128 if np.iscomplexobj(self.estimate) else np.float64
         shape = np.shape(self.estimate)
-        put(self, "estimate", frozen_array(self.estimate, "estimate", of, axes=shape, dtype=kind))
-        put(self, "draws", frozen_array(self.draws, "draws", of, axes=("draws", *shape), dtype=kind))
+        self._freeze(dtype=kind, estimate=shape, draws=("draws", *shape))
         if len(self.draws) < 2:
-            raise input_error("draws", of, "hold two draws or more", f"has {len(self.draws)}")
-        if self.asymptotic is not None:
-            put(self, "asymptotic", frozen_array(self.asymptotic, "asymptotic", of, axes=shape, dtype=kind))
+            raise input_error("draws", "Spread", "hold two draws or more", f"has {len(self.draws)}")
+        self._freeze(dtype=kind, asymptotic=shape)
         distinct = np.broadcast_to(np.asarray(self.distinct, bool), shape).copy()
         distinct.flags.writeable = False
-        put(self, "distinct", distinct)
+        object.__setattr__(self, "distinct", distinct)
 
     @property
     def std(self) -> NDArray:
