@@ -16,6 +16,7 @@ from rich.text import Text
 
 from floquid._arrays import Floats
 from floquid._bar import lines
+from floquid._json import for_json
 from floquid.lifting import Lifted
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
@@ -82,8 +83,8 @@ def new_table(left: Sequence[str], right: Sequence[str], after: Sequence[str] = 
 
 
 def json_text(content: Any) -> str:
-    """Output for a program."""
-    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+    """Output for a program: complex numbers are [real, imaginary], what is not finite is null."""
+    return json.dumps(for_json(content), indent=1, allow_nan=False) + "\n"
 
 
 def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:

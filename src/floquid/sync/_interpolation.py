@@ -24,8 +24,7 @@ _MARGIN = 8.0
 # 1e-10 the formulas themselves fall short.
 _DEGREE = 20
 # Over one sampling interval a tap turns by less than 3 rad: Chebyshev coefficients fall below 1e-16 by here.
-_BLOCK = 1 << 18
-# Weights held at once (2 MB).
+_BLOCK = 1 << 18  # weights held at once (2 MB)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -153,26 +153,8 @@ def refuse_blurred_times(record: Record) -> None:
 _TIME_NAME = re.compile(
     r"(?:elapsed |relative )?(t|times?|time ?stamps?|zeit|temps|tiempo)(?:[ _.-](\w+))?", re.IGNORECASE
 )
-_OTHER_UNITS = {
-    "-",
-    "%",
-    "V",
-    "mV",
-    "uV",
-    "A",
-    "mA",
-    "Pa",
-    "kPa",
-    "MPa",
-    "bar",
-    "Nm",
-    "N.m",
-    "N m",
-    "Hz",
-    "rpm",
-    "RPM",
-    "°",
-}
+_OTHER_UNITS = {"-", "%", "°", "Hz", "rpm", "RPM", "V", "mV", "uV", "A", "mA"}
+_OTHER_UNITS |= {"Pa", "kPa", "MPa", "bar", "Nm", "N.m", "N m"}
 
 
 def name_and_unit(cell: str) -> tuple[str, str | None]:

@@ -131,21 +131,9 @@ def _words(header: FunctionHeader) -> tuple[dict[str, str], str]:
 
 
 _QUANTITIES: dict[int, Quantity] = {
-    2: "other",
-    3: "strain",
-    5: "other",
-    6: "other",
-    8: "displacement",
+    **dict.fromkeys((2, 5, 6, *range(15, 21)), "other"),
+    **{KINDS[quantity]: quantity for quantity in ("strain", "displacement", "velocity", "acceleration", "force")},
     9: "force",
-    11: "velocity",
-    12: "acceleration",
-    13: "force",
-    15: "other",
-    16: "other",
-    17: "other",
-    18: "other",
-    19: "other",
-    20: "other",
 }
 """Quantity by the specific data type of an ordinate; 0 (unknown) and 1 (general) leave it to the unit."""
 
@@ -153,22 +141,11 @@ _SYSTEMS = {1: ("m", "N"), 2: ("ft", "lbf"), 5: ("mm", "mN"), 6: ("cm", "cN"), 7
 """Units of length and force, by the code of dataset 164; others name none that could be taken over."""
 
 _SPELLINGS = {
-    "m/s**2": "m/s^2",
-    "m/s/s": "m/s^2",
-    "m/sec^2": "m/s^2",
-    "m/sec2": "m/s^2",
+    **dict.fromkeys(("m/s**2", "m/s/s", "m/sec^2", "m/sec2", "M/S^2", "M/S2", "M/S**2"), "m/s^2"),
+    **{unit.upper(): unit for unit in ("m", "mm", "m/s", "rad", "deg", "g")},
     "m/sec": "m/s",
     "mm/s**2": "mm/s^2",
     "rad/s**2": "rad/s^2",
-    "M": "m",
-    "MM": "mm",
-    "M/S": "m/s",
-    "M/S^2": "m/s^2",
-    "M/S2": "m/s^2",
-    "M/S**2": "m/s^2",
-    "RAD": "rad",
-    "DEG": "deg",
-    "G": "g",
 }
 
 
