@@ -193,6 +193,16 @@ def frozen_array(
     return array
 
 
+def noise_array(
+    value: ArrayLike, of: str, axes: Sequence[str | int], remedy: str = "Give each channel its noise."
+) -> NDArray[Any]:
+    """The deviations of noise that the public callable `of` was given, positive, as a read-only array of these axes."""
+    spread = frozen_array(value, "noise", of, axes=axes)
+    if not (spread > 0.0).all():
+        raise input_error("noise", of, "be positive", f"has {spread.min():g}", remedy)
+    return spread
+
+
 def timed_matrices(value: object, argument: str, of: str, n: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """A pair of instants (times,) and a matrix at each (times, n, n)."""
     if not isinstance(value, tuple) or len(value) != 2:

@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from floquid._arrays import Floats
+from floquid._arrays import Complexes, Floats
 
 
 def sandwich(information: Floats, scatter: Floats, *, smallest: float = 1e-14) -> Floats:
@@ -94,3 +94,9 @@ def yule_walker(correlation: Floats, order: int) -> Floats:
     first = correlation[:order].copy()
     first[0] *= 1.0 + 1e-9
     return np.concatenate([[1.0], -solve_toeplitz(first, correlation[1 : order + 1])])
+
+
+def filter_gain(taps: Floats, delays: Floats, rates: Complexes, *, slope: bool = False) -> Complexes:
+    """The gain of filters (channels, taps) at e^{st}, Σ_i a_i e^{-s τ_i}, or its derivative by s (channels, ...)."""
+    weights = -delays * taps if slope else taps
+    return np.asarray(np.tensordot(weights, np.exp(-np.multiply.outer(delays, rates)), axes=1), np.complex128)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, input_error
+from floquid._numerics import filter_gain
 from floquid.core import Channel, Cycles, Provenance
 from floquid.lti import TimeResponses, white_noise_std
 
@@ -101,9 +102,7 @@ class Lifted(Rebuilt):
         if self.whitening is None:
             return np.full((self.n_channels, *rates.shape), 0j if slope else 1.0 + 0j)
         delays = np.arange(self.whitening.shape[1]) * self.period / self.n_phases
-        taps = -delays * self.whitening if slope else self.whitening
-        turned = np.exp(-np.multiply.outer(delays, rates))
-        return np.asarray(np.tensordot(taps, turned, axes=1), np.complex128)
+        return filter_gain(self.whitening, delays, np.asarray(rates, np.complex128), slope=slope)
 
     def by_channel(self, outputs: NDArray) -> NDArray:
         """An array over outputs (..., outputs, hits) as (..., channels, phases, hits)."""

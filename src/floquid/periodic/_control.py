@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import describe, finite, frozen_array, input_error, integer, positive
+from floquid._checks import describe, finite, input_error, integer, noise_array, positive
 from floquid.core import Channel, PeriodicModel, Provenance
 from floquid.io import load_package
 from floquid.lifting import Lifted
@@ -123,7 +123,7 @@ def from_control(
     if not D.size:
         raise input_error("system", of, "have an output and an input", f"has D of shape {D.shape}")
     sizes = np.abs(D).reshape(len(named), -1).max(axis=1)
-    spread = np.where(sizes > 0, sizes, 1.0) if noise is None else _noise(noise, len(named), of)
+    spread = np.where(sizes > 0, sizes, 1.0) if noise is None else noise_array(noise, of, (len(named),), remedy="")
     scale = np.repeat(np.where(sizes > 0, sizes, 1.0), len(order) // len(named))[:, None]
     multipliers, residues = _modes(np.asarray(system.A, float), np.asarray(system.B, float), C, scale, of)
     allowed = positive(tolerance, "tolerance", of)
@@ -206,13 +206,6 @@ def _period(system: Any, of: str) -> float:
         remedy = "Its step is the period of the model: `control.ss(A, B, C, D, period)`."
         raise input_error("system", of, "be of discrete time, in steps of the period [s]", f"is {words}", remedy)
     return positive(float(dt), "system", of, unit="s")
-
-
-def _noise(noise: ArrayLike, n_channels: int, of: str) -> Floats:
-    spread = frozen_array(noise, "noise", of, axes=(n_channels,))
-    if not (spread > 0).all():
-        raise input_error("noise", of, "be positive", f"has {spread.min():g}")
-    return spread
 
 
 def _order_of_outputs(labels: list[str], names: list[str], of: str) -> list[int]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import frozen_array, input_error
+from floquid._checks import input_error, noise_array
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.lifting import Lifted
 from floquid.periodic._fit_records import _most
@@ -241,12 +241,15 @@ def _noisy(
 ) -> list[Block]:
     """The blocks with their noise."""
     _check(model, records, clocks, of)
+    spread = noise_of_records(noise, model.coefficients.shape[1:3], of)
+    return [block.with_noise(spread[block.rows, block.hit]) for block in _blocks(model, records, clocks, cut=cut)]
+
+
+def noise_of_records(noise: ArrayLike | None, shape: tuple[int, ...], of: str) -> Floats:
+    """The noise (channels, hits) that has to be given with records."""
     if noise is None:
         raise input_error("noise", of, "be given with records", "is None", "Pass the noise that the analysis found.")
-    spread = frozen_array(noise, "noise", of, axes=model.coefficients.shape[1:3])
-    if not (spread > 0.0).all():
-        raise input_error("noise", of, "be positive", f"has {spread.min():g}", "Give each channel its noise.")
-    return [block.with_noise(spread[block.rows, block.hit]) for block in _blocks(model, records, clocks, cut=cut)]
+    return noise_array(noise, of, shape)
 
 
 def _check(model: PeriodicModel, records: Sequence[Record], clocks: Clocks, of: str) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
-from floquid._checks import frozen_array, input_error, positive
+from floquid._checks import frozen_array, input_error, noise_array, positive
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +39,8 @@ def known_model(
     """The arguments checked, the residues over their noise."""
     mu: Complexes = frozen_array(multipliers, "multipliers", of, axes=("modes",), dtype=np.complex128).copy()
     free: Complexes = frozen_array(residues, "residues", of, axes=(len(mu), "outputs", "inputs"), dtype=np.complex128)
-    std = frozen_array(noise, "noise", of, axes=free.shape[1:])
+    std = noise_array(noise, of, free.shape[1:], remedy="Give noise-free responses their rounding.")
     samples = frozen_array(lengths, "lengths", of, axes=(free.shape[2],), dtype=np.int64)
-    if not (std > 0).all():
-        raise input_error("noise", of, "be positive", f"has {std.min():g}", "Give noise-free responses their rounding.")
     if (mu == 0).any():
         raise input_error("multipliers", of, "not be zero", f"holds {int((mu == 0).sum())} zeros")
     if len(mu) >= samples.min():

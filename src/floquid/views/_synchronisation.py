@@ -9,6 +9,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Sealed
+from floquid._numerics import filter_gain
 from floquid.core import PeriodicModel
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
@@ -164,8 +165,7 @@ def _filtered(analysis: Analysis, own: Response, hit: int) -> tuple[Floats, Comp
     after = np.array([np.convolve(row, own_taps)[: len(row)] for row, own_taps in zip(values, taps, strict=True)])
     after[:, : taps.shape[1] - 1] = np.nan
     delays = np.arange(taps.shape[1]) / own.record.sample_rate
-    gain = np.asarray(np.tensordot(taps, np.exp(-np.multiply.outer(delays, rates)), 1), np.complex128)
-    return np.asarray(after, np.float64), gain, analysis.noise[:, hit]
+    return np.asarray(after, np.float64), filter_gain(taps, delays, rates), analysis.noise[:, hit]
 
 
 def _strongest(analysis: Analysis) -> list[tuple[int, int]]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid.core import PeriodicModel
+from floquid.core import Estimates, PeriodicModel
 from floquid.periodic.least_squares._sample_block import PLAIN, Columns
 
 
@@ -175,6 +175,15 @@ class ModeParameters:
         own = model.exponents[chosen]
         offsets = np.where(real, 0.5 * np.rint(2.0 * own.imag / model.fundamental), 0.0)
         return ModeParameters.made(np.where(real, own.real, own), bands, model.fundamental, real=real, offsets=offsets)
+
+    @staticmethod
+    def of_terms(known: Estimates, exponents: Complexes | None = None) -> ModeParameters:
+        """The modes of the estimates `known` at `exponents`, or at their own, with the terms that they have as bands."""
+        own = known.exponents if exponents is None else exponents
+        terms = [known.harmonics[known.modes == mode] for mode in range(len(own))]
+        bands = [(each.min(), each.max()) for each in terms]
+        rates, offsets = np.where(known.real, own.real, own), 0.5 * known.half_turns
+        return ModeParameters.made(rates, bands, known.fundamental, real=known.real, offsets=offsets)
 
 
 def forced_entries(turns: Sequence[float], fundamental: float, *, factor: int = 0) -> ModeParameters:

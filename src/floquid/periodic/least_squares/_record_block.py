@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid._numerics import filter_gain
 from floquid.periodic.least_squares._sample_block import (
     SPEED,
     SPEED_RATE,
@@ -88,9 +89,7 @@ class RecordBlock(Block):
         """Gain of the filter at e^{st}, or its slope (rows, rates): 1 where the columns go through it."""
         if self.taps is None or self.before is not None:
             return super().gain(rates, slope=slope)
-        delays = np.arange(self.taps.shape[1]) * self.interval
-        weights = -delays * self.taps if slope else self.taps
-        return np.asarray(weights @ np.exp(-np.multiply.outer(delays, rates)), np.complex128)
+        return filter_gain(self.taps, np.arange(self.taps.shape[1]) * self.interval, rates, slope=slope)
 
     @property
     def interval(self) -> float:

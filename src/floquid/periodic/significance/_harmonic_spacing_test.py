@@ -28,10 +28,7 @@ def spacing_probability(whole: Estimates, lifted: Lifted, lines: Indices) -> flo
         return 1.0
     # Every term takes part: one that is left out would pull at the places of the others.
     count = len(whole.exponents)
-    bands = [whole.harmonics[whole.modes == mode][[0, -1]] for mode in range(count)]
-    own = np.where(whole.real, whole.exponents.real, whole.exponents)
-    entries = ModeParameters.made(own, bands, whole.fundamental, real=whole.real, offsets=0.5 * whole.half_turns)
-    rates = linearise(LiftedBlock.all_of(lifted), entries).by_column
+    rates = linearise(LiftedBlock.all_of(lifted), ModeParameters.of_terms(whole)).by_column
     modes = (whole.modes[:, None] == np.arange(count)) * whole.turning[:, None].astype(float)
     alone = (np.arange(len(whole.modes))[:, None] == lines).astype(float)
     looked_at = alone.any(axis=1, keepdims=True)
