@@ -178,7 +178,7 @@ class ModeParameters:
 
     @staticmethod
     def of_terms(known: Estimates, exponents: Complexes | None = None) -> ModeParameters:
-        """The modes of the estimates `known` at `exponents`, or at their own, with the terms that they have as bands."""
+        """The modes of the estimates `known`, at `exponents` or their own, with the terms that they have as bands."""
         own = known.exponents if exponents is None else exponents
         terms = [known.harmonics[known.modes == mode] for mode in range(len(own))]
         bands = [(each.min(), each.max()) for each in terms]
