@@ -119,21 +119,11 @@ def own_period(
 ) -> tuple[float, float] | None:
     r"""(own period - T)/T as the harmonics of the response have it, and its standard deviation.
 
-    One Gauss-Newton step of the fit with the fundamental as a parameter: a linear estimate.
+    One Gauss-Newton step of the fit with the fundamental as a parameter: a linear estimate. The `model` says T, too;
+    `records`, `clocks` (by a constant period) and `noise` (channels, hits) [units of the channels] are as of `refit`.
 
     None where the response does not tell it. Raises InputError where records, clocks, noise and model do not belong
     together.
-
-    Parameters
-    ----------
-    model
-        The model; it says the period T.
-    records
-        The free response, one record a hit. NaN marks samples that are left out.
-    clocks
-        What ties each record to the phase, by a constant period.
-    noise
-        The deviation of the noise (channels, hits) [units of the channels].
     """
     blocks = _noisy(model, records, clocks, noise, "own_period")
     now = _evaluated(model, blocks, replace(ModeParameters.of(model), free_period=True))
@@ -151,17 +141,8 @@ def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks)
 
     .. math:: e_{c,h}(t_k) = y_{c,h}(t_k) - \sum_{r,m} B_{r,c,h,m}\, e^{\lambda_r t_k + i m \theta(t_k)}
 
-    One array a record (channels, samples) [units of the channels]; NaN where no sample is. Raises InputError where
-    records, clocks and model do not belong together.
-
-    Parameters
-    ----------
-    model
-        The model; it says the period, too.
-    records
-        The free response, one record a hit. NaN marks samples that are left out.
-    clocks
-        What ties each record to the phase.
+    One array a record (channels, samples) [units of the channels]; NaN where no sample is. `model`, `records` and
+    `clocks` are as of `refit`. Raises InputError where records, clocks and model do not belong together.
     """
     _check(model, records, clocks, "unexplained")
     entries = ModeParameters.of(model)
@@ -192,14 +173,7 @@ def _scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> Comp
 def instants(record: Record, clock: ConstantPeriod | ShaftAngle, fundamental: float) -> tuple[NDArray, NDArray]:
     """Times after phase zero (samples,) [s], and the phase angle of the system at each (samples,) [rad].
 
-    Parameters
-    ----------
-    record
-        The record.
-    clock
-        What ties it to the phase.
-    fundamental
-        ω [rad/s], of a clock of constant period.
+    They are those of a `record` that a `clock` ties to the phase; `fundamental` is ω [rad/s], of a constant period.
     """
     bare = Record(values=np.zeros((1, record.n_samples)), sample_rate=record.sample_rate, channels=["-"])
     (block,), _, _ = record_blocks([replace(bare, start=record.start)], [clock], 1.0)
