@@ -177,8 +177,8 @@ def hum(generator: np.random.Generator) -> Case:
 
 
 def gaps(generator: np.random.Generator) -> Case:
-    """0.2 to 5 % of the samples missing, one by one."""
-    own = setting(generator)
+    """0.2 to 5 % of the samples missing, one by one; in every other draw the rate is out of step, too."""
+    own = setting(generator, step=generator.choice([0.0, generator.uniform(0.05, 0.95)]))
     free = own.free()
     sigma = own.noise(free)
     values = own.white(free, sigma)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
     from floquid.errors import FloquidError, IdentificationError, InputError
     from floquid.exports import export_modes, to_xarray
-    from floquid.pipeline import Analysis, Bootstrap, Settings, bootstrap, identify
+    from floquid.pipeline import Analysis, Bootstrap, DrivenAnalysis, Settings, bootstrap, identify, identify_driven
     from floquid.readers import from_pandas, from_sep005, from_xarray, read, to_pandas, to_sep005, write
     from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
     from floquid.reporting import report
@@ -31,6 +31,7 @@ __all__ = [
     "Bootstrap",
     "Channel",
     "ConstantPeriod",
+    "DrivenAnalysis",
     "FloquidError",
     "IdentificationError",
     "InputError",
@@ -48,6 +49,7 @@ __all__ = [
     "from_sep005",
     "from_xarray",
     "identify",
+    "identify_driven",
     "load",
     "read",
     "reconstruct",
@@ -65,7 +67,7 @@ _ROOMS = {
     "core": "AzimuthSignal Channel ConstantPeriod PeriodicModel PulseTimes Record TachometerSignal",
     "errors": "FloquidError IdentificationError InputError",
     "exports": "export_modes to_xarray",
-    "pipeline": "Analysis Bootstrap Settings bootstrap identify",
+    "pipeline": "Analysis Bootstrap DrivenAnalysis Settings bootstrap identify identify_driven",
     "readers": "from_pandas from_sep005 from_xarray read to_pandas to_sep005 write",
     "reconstruction": "Refinement StateModel reconstruct refine",
     "reporting": "report",

@@ -43,6 +43,8 @@ def test_the_structure_is_printed_with_its_fit_and_its_parameters(rotor):
     assert "Structure given: symmetric stiffness with 1 harmonic; damping constant, 2 elements known" in flat
     assert f"a chi-square of {said['chi_square']:.4g} for {said['degrees']} degrees of freedom" in flat
     assert "the structure does not contradict the record" in flat
+    assert said["conditional_on"] == ["symmetric stiffness with 1 harmonic; damping constant, 2 elements known"]
+    assert f"The deviations are conditional on: {said['conditional_on'][0]}." in flat
     known = {one["name"]: one for one in said["parameters"]}
     assert len(known) == 11
     rows = [line for line in text.splitlines() if re.match(r" (stiffness|damping)\[", line)]

@@ -13,6 +13,7 @@ from cyclopts import App, CycloptsError
 
 from floquid.cli._bootstrap import bootstrap
 from floquid.cli._demo import demo, simulate
+from floquid.cli._driven import transfer
 from floquid.cli._errors import (
     BAD_INPUT,
     DONE,
@@ -41,6 +42,7 @@ app.command(demo, usage="Usage: floquid demo [SYSTEM] [OPTIONS]")
 app.command(info, usage="Usage: floquid info FILE [OPTIONS]")
 app.command(convert, usage="Usage: floquid convert FILE OUT [OPTIONS]")
 app.command(identify, usage="Usage: floquid identify FILES... [OPTIONS]")
+app.command(transfer, usage="Usage: floquid transfer FILES... --inputs NAMES [OPTIONS]")
 app.command(scan, usage="Usage: floquid scan FILES... [OPTIONS]")
 app.command(report, usage="Usage: floquid report RESULT [OPTIONS]")
 app.command(bootstrap, usage="Usage: floquid bootstrap RESULT [OPTIONS]")

@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from floquid._checks import input_error
+from floquid.cli._driven import driven
 from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli._folder import NAMES, maybe_folder, result_file, write_result
 from floquid.cli._options import (
@@ -25,7 +26,7 @@ from floquid.cli._options import (
 )
 from floquid.cli._records import check_files, read_records
 from floquid.cli._settings import choices_of
-from floquid.cli._terminal import json_text, print_analysis, print_folder, progress, terminal
+from floquid.cli._terminal import json_text, print_analysis, print_files, print_folder, progress, terminal
 from floquid.errors import IdentificationError
 from floquid.exports import summary
 from floquid.pipeline import identify as identify_records
@@ -52,7 +53,8 @@ def identify(
     Parameters
     ----------
     files
-        Records of free responses, of any format that is read. Several files are several hits on one system.
+        Records of free responses, of any format that is read, several hits on one system; with --inputs, of responses
+        to what these channels measure.
     record, model
         The fields of `Settings`.
     enforce
@@ -77,6 +79,11 @@ def identify(
     stages = STAGES + (5 if out else 0) + (3 if choices.settings.structure else 0)
     with maybe_folder(out, NAMES) as folder, progress(stages) as report:
         records, choices = read_records(files, choices, OF, report)
+        if choices.settings.inputs:
+            driven(records, choices, folder, report, as_json=format == "json", enforce=enforce)
+            if format == "text":
+                print_files(out, ("summary.json", "transfer.csv", "settings.toml", "figures/"), "to keep the result")
+            return
         analysis = identify_records(records, choices.resolved(), report=report)
         if folder is not None:
             write_result(folder, analysis, choices.text(), report)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from cyclopts import Group, Parameter, Token
 
 from floquid._checks import input_error, positive
+from floquid.inputs import Hold
 from floquid.pipeline import IdentifierName, Settings
 from floquid.readers import SUFFIXES, WRITTEN
 from floquid.reconstruction import Form
@@ -83,7 +84,7 @@ def period_of(period: float | None, frequency: float | None, of: str) -> float |
 
 RECORDS = (  # the settings that say what records are taken for: those of every command that starts from records
     *("period", "tach", "azimuth", "estimate_period", "pulses_per_revolution", "periods_per_revolution"),
-    *("channels", "orbit", "find_hits", "skip", "repair", "forced", "trust_period", "noise_floor"),
+    *("channels", "inputs", "hold", "orbit", "find_hits", "skip", "repair", "forced", "trust_period", "noise_floor"),
 )
 
 SYSTEM = ("states", "form", "delay", "structure", "output_error", "system_times")
@@ -99,7 +100,7 @@ READING = {  # what is said of records beside the settings
 RECORD = "Record"
 ORDER = (RECORD, "Model", "State matrix A(t)", "Checks")  # the groups of options, in the order of the help
 
-KINDS: dict[str, Any] = {"form": Form, "identifier": IdentifierName}
+KINDS: dict[str, Any] = {"form": Form, "hold": Hold, "identifier": IdentifierName}
 
 
 def _words() -> dict[str, str]:
@@ -148,7 +149,7 @@ def given(options: object, of: str) -> dict[str, Any]:
     said = {long.get(f.name, f.name): getattr(options, f.name) for f in fields(options)}  # type: ignore[arg-type]
     if "frequency" in said:
         said["period"] = period_of(said["period"], said.pop("frequency"), of)
-    for name in ("channels", "states"):
+    for name in ("channels", "inputs", "states"):
         if said.get(name) is not None:
             said[name] = split(said[name])
     return {name: value for name, value in said.items() if value is not None}

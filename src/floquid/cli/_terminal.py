@@ -18,7 +18,7 @@ from floquid._arrays import Floats
 from floquid._bar import lines
 from floquid._json import for_json
 from floquid.lifting import Lifted
-from floquid.pipeline import Analysis
+from floquid.pipeline import Analysis, DrivenAnalysis
 from floquid.reconstruction import Refinement
 from floquid.views import (
     for_command,
@@ -213,7 +213,7 @@ def _noise_table(analysis: Analysis) -> Table:
     return table
 
 
-def print_modes(console: Console, analysis: Analysis) -> None:
+def print_modes(console: Console, analysis: Analysis | DrivenAnalysis) -> None:
     """The table of modes, with the deviations of f and ζ where it is not too wide for them."""
     table = modes_table(analysis, derived=True)
     table.padding, table.pad_edge = (0, 1, 0, 0), False
@@ -222,7 +222,7 @@ def print_modes(console: Console, analysis: Analysis) -> None:
     print_whole(console, table)
 
 
-def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
+def modes_table(analysis: Analysis | DrivenAnalysis, *, derived: bool = False) -> Table:
     """The table of modes, if wanted with the deviations of what is derived from exponents."""
     rows = mode_table(analysis, derived=derived)
     noted = not derived or any(row.notes for row in rows)
@@ -288,6 +288,8 @@ def print_structure(console: Console, found: Refinement) -> None:
         f"{units[0].upper()}{units[1:]}{DEVIATIONS}; rows and columns count from zero, in the order of the states.",
         style="dim",
     )
+    if found.conditional_on:
+        console.print(f"The deviations are conditional on: {'; '.join(found.conditional_on)}.")
 
 
 def _parameters_table(found: Refinement) -> Table:

@@ -4,6 +4,7 @@ from floquid.core._channel import Channel, Quantity, channels_named
 from floquid.core._clock import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, TachometerSignal
 from floquid.core._cycles import Cycles
 from floquid.core._estimates import Estimates
+from floquid.core._model_inputs import ModelInputs
 from floquid.core._periodic_model import PeriodicModel
 from floquid.core._provenance import Provenance
 from floquid.core._record import Record
@@ -15,6 +16,7 @@ __all__ = [
     "ConstantPeriod",
     "Cycles",
     "Estimates",
+    "ModelInputs",
     "PeriodicModel",
     "Provenance",
     "PulseTimes",

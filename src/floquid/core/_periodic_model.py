@@ -13,6 +13,7 @@ from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid._show import Drawings, Drawn
 from floquid.core._channel import Channel
 from floquid.core._estimates import Estimates
+from floquid.core._model_inputs import ModelInputs
 from floquid.core._provenance import Provenance
 from floquid.core._record import as_channels
 
@@ -55,6 +56,9 @@ class PeriodicModel(Drawn, Rebuilt):
         record says, for what is fitted to it afterwards.
     provenance
         Where the model comes from.
+    inputs
+        How measured inputs drive the modes and the outputs; None of a model of free responses. With inputs, the
+        coefficients are those of a unit state of each mode, as one hit.
     """
 
     exponents: Complexes
@@ -67,6 +71,7 @@ class PeriodicModel(Drawn, Rebuilt):
     estimates: Estimates | None = None
     unselected: Estimates | None = None
     provenance: Provenance = field(default_factory=Provenance)
+    inputs: ModelInputs | None = None
 
     def __init__(
         self,
@@ -81,6 +86,7 @@ class PeriodicModel(Drawn, Rebuilt):
         estimates: Estimates | None = None,
         unselected: Estimates | None = None,
         provenance: Provenance | None = None,
+        inputs: ModelInputs | None = None,
     ) -> None:
         of = "PeriodicModel"
         named = as_channels(channels, of)
@@ -109,6 +115,10 @@ class PeriodicModel(Drawn, Rebuilt):
         if self.estimates is not None:
             self._check_estimates(self.estimates)
         put(self, "provenance", provenance if provenance is not None else Provenance())
+        if inputs is not None and (len(inputs.coefficients), len(inputs.direct)) != (len(lam), len(named)):
+            got = f"has {len(inputs.coefficients)} modes and {len(inputs.direct)} outputs"
+            raise input_error("inputs", of, f"have the {len(lam)} modes and {len(named)} channels of the model", got)
+        put(self, "inputs", inputs)
 
     def _check_estimates(self, estimates: Estimates) -> None:
         """Refuse estimates of another model."""

@@ -152,6 +152,7 @@ def _structure(found: Refinement) -> dict[str, Any]:
         "p_value": found.p_value,
         "parameters": [{"name": name, "value": value, "std": std} for name, value, std in parameters],
         "reasons": found.reasons,
+        "conditional_on": found.conditional_on,
     }
 
 

@@ -42,7 +42,7 @@ def _known(error: float) -> str:
 
 def _wide(names: Sequence[str], ratios: Sequence[float], misfit: bool) -> str:
     said = [f"{QUANTITIES[name]} ({r:.3g} times as large in the median)" for name, r in zip(names, ratios, strict=True)]
-    beside = "what is left beside noise" if misfit else "what harmonics that are left out may do"
+    beside = "what is left beside noise" if misfit else "what is left out of the model may do"
     return (
         f"The deviations of {' and '.join(said)} are larger than the draws spread, as they should be: they also count "
         f"{beside}, which no draw shows."

@@ -27,7 +27,7 @@ def _peak(frequency: float, share: float, loud: bool) -> str:
 def _undamped(frequencies: Sequence[float], on: int) -> str:
     heard = ", ".join(f"{frequency:.4g}" for frequency in frequencies)
     return (
-        f"Lines that do not decay, at {heard} Hz, are a forced response: they tell the revolution, not the period. "
+        f"Lines that do not decay, at {heard} Hz, are a steady response: that to a force, or a limit cycle. "
         f"{on} of {len(frequencies)} are at multiples of half the fundamental."
     )
 
@@ -38,6 +38,20 @@ def _families(lines: int, spacings: int, families: int, frequency: float, odds: 
     return (
         f"{lines} lines that decay are {several} with {spaced} of multiples of {frequency:.6g} Hz; odds against "
         f"chance, from frequencies alone, are 1e{odds:.1f}."
+    )
+
+
+def _of_orbit(period: float, orbit: float, harmonics: Sequence[int], symmetric: bool) -> str:
+    said = (
+        f"The period is told by the lines that do not decay, at {both([str(m) for m in harmonics[:8]])} times "
+        f"{1.0 / orbit:.6g} Hz: a limit cycle, or the response to a force; lines that decay do not tell it."
+    )
+    if not symmetric:
+        return said
+    return (
+        f"{said} All are odd multiples: the orbit is half-wave symmetric, x(t + T/2) = -x(t), with T = {orbit:.7g} s. "
+        f"A(t) of a symmetric system has half of its period, {period:.7g} s, which is taken; if the system is not "
+        f"symmetric, give its own: `period={orbit:.10g}`."
     )
 
 
@@ -92,6 +106,15 @@ FIT: dict[str, str | Callable[..., str]] = {
     "them are noise that is not white along the record, or what a nonlinearity leaves.",
     "undamped_lines": _undamped,
     "line_families": _families,
+    "period_of_orbit": _of_orbit,
+    "beside_steady": lambda turns: (
+        f"A steady response, {both([f'{turn:g}' for turn in turns[:8]])} times the fundamental, was taken off first: "
+        "an orbit on which nothing is seen to decay. A limit cycle shows its multipliers where it is disturbed, and "
+        "only those that last for some samples: disturb it more, or sample faster."
+    ),
+    "orbit_of_two_periods": "What does not decay repeats after two periods, with the opposite sign after one: a limit "
+    "cycle or a forced orbit that is half-wave symmetric, or the imbalance of a shaft that turns once in two periods. "
+    "It was fitted beside the modes, where a revolution is two periods.",
     "period_no_line": "Cannot tell: no line that decays rises above the noise.",
     "period_no_family": "Cannot tell: no two lines have one decay, as harmonics of a mode have: the response is that "
     "of a system that is constant, as far as it rises above the noise.",

@@ -55,7 +55,10 @@ def _wrong_period(own: float, std: float, given: float, slip: float, rate: float
 def _forced(orders: Sequence[float], largest: Sequence[float], follows: bool) -> str:
     parts = [f"{j} a revolution (up to {size:.3g} times the noise)" for j, size in zip(orders, largest, strict=True)]
     speed = ", let follow the speed" if follows else ""
-    return f"A forced response was fitted beside the modes{speed}: {', '.join(parts)}."
+    return (
+        f"A forced response was fitted beside the modes{speed}: {', '.join(parts)}. Without a force it is the limit "
+        "cycle, whose own multiplier is 1."
+    )
 
 
 def _sum(channel: str, shares: Sequence[float], others: Sequence[str], beside: float) -> str:

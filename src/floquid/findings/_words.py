@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from floquid.findings._draws import DRAWS
 from floquid.findings._fit import FIT
+from floquid.findings._inputs import INPUTS
 from floquid.findings._model import MODEL
 from floquid.findings._order import ORDER
 from floquid.findings._records import RECORDS
@@ -18,6 +19,7 @@ WORDS: dict[str, str | Callable[..., str]] = {
     **SHAFT,
     **ORDER,
     **FIT,
+    **INPUTS,
     **MODEL,
     **SYSTEM,
     **VERDICT,

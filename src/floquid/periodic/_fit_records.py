@@ -146,7 +146,7 @@ def fit(
     forced
         "auto" finds the harmonics of the revolution in the forced response; or those to be fitted; "none" for none.
     periods_per_revolution
-        ν, where the clocks are constant periods.
+        ν, where the clocks are constant periods; of 1, it is 2 where `known` holds what repeats after two periods.
     order
         The number of complex poles, conjugates one by one; None finds it.
     harmonics
@@ -172,12 +172,14 @@ def fit(
     """
     if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
         raise input_error("free_period", "fit", "be false with a tachometer", "is true", "The shaft tells the period.")
-    samples = _Samples.of(records, clocks, lifted, known, periods_per_revolution)
+    auto = isinstance(forced, str) and forced == "auto"
+    doubled = auto and periods_per_revolution == 1.0 and known is not None and 0.5 in known.roots
+    samples = _Samples.of(records, clocks, lifted, known, 2.0 if doubled else periods_per_revolution)
     most = samples.most
     if harmonics is not None and harmonics > most:
         must = f"be at most {most}, below half of the samples a period"
         raise input_error("harmonics", "fit", must, f"is {harmonics}", "Ask for fewer, or sample faster.")
-    nu, omega, auto = samples.nu, samples.fundamental, isinstance(forced, str) and forced == "auto"
+    nu, omega = samples.nu, samples.fundamental
     base = forced_base(forced_turns(forced, known, most, nu), omega, wanders=samples.wanders)
     limits = Limits(
         most=most,

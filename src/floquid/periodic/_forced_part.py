@@ -35,6 +35,7 @@ from floquid.periodic.start import Known
 from floquid.sync import ShaftAngle
 
 USUAL = (1, 2)  # harmonics of the revolution that are always looked at where the forced response is to be found
+SLOW = 1.0  # nepers over the record below which a real multiplier may be taken for a steady response
 KEPT = 1e-6  # the probability at which noise may pass for a harmonic of the forced response
 
 
@@ -88,9 +89,10 @@ def angle_std(clocks: Sequence[ConstantPeriod | ShaftAngle], records: Sequence[R
 
 
 def without_noise(found: SearchResult) -> SearchResult:
-    """Without those harmonics of the forced response, offset and drift that noise explains."""
+    """Without those harmonics of the forced response, offset and drift that noise explains, or a mode beside them."""
     from scipy.special import chdtri
 
+    found = _without_twins(found)
     both, entries = shapes(found.blocks, found.solution), found.solution.entries
     place = int(np.flatnonzero(both.harmonics == 0)[0])
     kept = ~entries.fixed
@@ -113,6 +115,27 @@ def without_noise(found: SearchResult) -> SearchResult:
     places = tuple(int(kept[:entry].sum()) for entry in found.clusters)
     solution = replace(solution, further=found.solution.further)
     return replace(found, solution=solution, bands=found.bands[kept], clusters=places)
+
+
+def _without_twins(found: SearchResult) -> SearchResult:
+    """Without the forced response on the lines of a real multiplier that hardly decays, where that alone will do."""
+    from scipy.special import chdtri
+
+    entries, duration = found.solution.entries, max(block.last for block in found.blocks)
+    free = ~entries.fixed & entries.real & (np.abs(entries.exponents.real) * duration < SLOW)
+    turns = entries.offsets[:, None] - entries.offsets[free]
+    plain = entries.fixed & (entries.exponents == 0.0) & (entries.factors == PLAIN)
+    twins = plain & (np.abs(turns - np.rint(turns)) < 1e-9).any(axis=1)
+    if not twins.any():
+        return found
+    with suppress(IdentificationError, np.linalg.LinAlgError):
+        alone = solve(found.blocks, entries.picked(np.flatnonzero(~twins)), hold=True)
+        fewer = sum(len(block.rows) for block in found.blocks) * int(np.where(entries.real[twins], 1, 2).sum())
+        if alone.cost - found.solution.cost < float(chdtri(fewer, KEPT)):
+            places = tuple(int((~twins)[:entry].sum()) for entry in found.clusters)
+            alone = replace(alone, further=found.solution.further)
+            return replace(found, solution=alone, bands=found.bands[~twins], clusters=places)
+    return found
 
 
 def forced_of(found: SearchResult, nu: float, channels: tuple[Channel, ...], *, wanders: bool) -> ForcedResponse | None:

@@ -4,6 +4,7 @@ Everything starts from what `prepare` makes of records: the responses, what ties
 `lifted` stops after lifting, and `find_poles` goes on from there to poles and noise.
 `samples_of` are the samples that are fitted, and `lifted_views` what a fit leaves of them, cut into periods and lifted.
 `validated` adds the verdict on a model.
+`identify_driven` is the chain for records with measured inputs.
 `bootstrap` checks the deviations of an `Analysis` by drawing records from its model.
 """
 
@@ -19,19 +20,23 @@ from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import AbstractDraws, Bootstrap, Draw, Spread, bootstrap
 from floquid.pipeline.preparation import Prepared, prepare
 from floquid.pipeline.preparation import blas_threads as blas_threads
+from floquid.pipeline.with_inputs import HELD_OUT, DrivenAnalysis, identify_driven
 
 __all__ = [
     "CONFIDENT",
+    "HELD_OUT",
     "AbstractDraws",
     "Analysis",
     "Bootstrap",
     "Draw",
+    "DrivenAnalysis",
     "Prepared",
     "Settings",
     "Spread",
     "bootstrap",
     "find_poles",
     "identify",
+    "identify_driven",
     "lifted",
     "lifted_views",
     "prepare",

@@ -89,7 +89,7 @@ def completed(
         findings=(
             *prepared.findings,
             *(() if start.floor is None else (note("believed_down_to", floor=start.floor),)),
-            *_done(fitted, why_sampled(fitted, shafts, settings)),
+            *_done(fitted, why_sampled(fitted, shafts, settings), settings.periods_per_revolution),
             *(own for own in (fails, *doubts, misfit(fitted), *uneven_speed(shafts), blurred) if own is not None),
             *ambiguity(choice),
             *(() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None)),
@@ -234,14 +234,16 @@ def by_cycles(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -
     return fitted.forced is None and not why_sampled(fitted, shafts, settings)
 
 
-def _done(found: Fit, why: str) -> list[Finding]:
-    """Findings on the way the samples were fitted, and on the forced response."""
+def _done(found: Fit, why: str, given: float) -> list[Finding]:
+    """Findings on the way the samples were fitted, and on the forced response beside the revolution given."""
     forced, done = found.forced, [note("as_sampled", why=why)] if why else []
     if forced is None:
         return done
     if len(forced.harmonics):
         largest = (forced.amplitudes.max(axis=1) / found.noise[:, :1]).max(axis=0)
         done.append(note("forced", orders=forced.harmonics, largest=largest, follows=forced.speed_dependent))
+        if given == 1.0 and forced.revolution > 1.5 * found.model.period:
+            done.append(note("orbit_of_two_periods"))
     else:
         done.append(note("no_forced"))
     parts = {"offset": forced.offset, "drift": forced.drift}

@@ -144,7 +144,8 @@ def _period_alone(records: Sequence[Record]) -> tuple[float, float] | None:
     """The period that the response alone tells, and its deviation [s]; None where it does not."""
     with suppress(FloquidError):
         estimate = estimate_period(records)
-        if estimate.period is not None and estimate.period_std is not None:
+        # A steady response tells the period of a force, which may have nothing to do with the system's.
+        if estimate.period is not None and estimate.period_std is not None and estimate.orbit is None:
             return estimate.period, estimate.period_std
     return None
 

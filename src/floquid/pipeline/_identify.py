@@ -59,7 +59,11 @@ def identify(
         No mode rises above the noise, the record is too short, or the result would look right and be wrong. A model
         that leaves many times the noise is returned, but it fails: `Analysis.failed`, its first warning, its verdict.
     """
-    prepared = prepare(records, settings_of(settings, options, "identify"), report=report)
+    chosen = settings_of(settings, options, "identify")
+    if chosen.inputs:
+        must, got = "be empty: the response is free", f"is {list(chosen.inputs)!r}"
+        raise input_error("inputs", "identify", must, got, "Call `identify_driven`, which takes measured inputs.")
+    prepared = prepare(records, chosen, report=report)
     faults = prepared.faults
     with own_names("identify"), blas_threads(prepared.records):
         try:

@@ -12,6 +12,7 @@ from floquid._checks import answers_slips, finite, input_error, integer, positiv
 from floquid._show import Brief
 from floquid.core import AzimuthSignal
 from floquid.errors import InputError
+from floquid.inputs import Hold
 from floquid.lti import AMI, ERA, LSCF, AbstractIdentifier, MaximumLikelihood, PolyLSCF
 from floquid.reconstruction import MOST_TIMES, AbstractStructure, FirstOrder, Form, structure_of, text_of
 
@@ -55,6 +56,11 @@ class Settings(Brief):
         of a two-fold symmetric shaft.
     channels
         Names of the channels to use; all if not given.
+    inputs
+        Names of the channels that drive the system: their way to each mode is identified, too.
+    hold
+        Inputs between their samples: zero where they are held, first where they are linear, none where they act at the
+        samples alone.
     order
         The number of complex poles, conjugates counted one by one; found from the data if not given.
     harmonics
@@ -71,7 +77,7 @@ class Settings(Brief):
     structure
         What A(t) is fitted to be, such as "stiffness 2 symmetric; damping 0", or "auto"; free if not given. An
         `AbstractStructure` or its text (`structure_of`); "auto" is the simplest second-order form that the data do not
-        contradict; kept as text.
+        contradict, with deviations that count what wider ones could hide; kept as text.
     output_error
         Fit the structured A(t) once more, to the record linearised anew at its exponents.
     system_times
@@ -121,6 +127,8 @@ class Settings(Brief):
 
     period: float | None = None
     channels: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    hold: Hold = "zero"
     order: int | None = None
     harmonics: int | None = None
     states: tuple[str, ...] = ()
@@ -151,7 +159,7 @@ class Settings(Brief):
         of = "Settings"
         if self.period is not None:
             object.__setattr__(self, "period", positive(self.period, "period", of, unit="s"))
-        for name in ("channels", "states"):
+        for name in ("channels", "inputs", "states"):
             value = getattr(self, name)
             listed = isinstance(value, (tuple, list))
             if not listed or not all(isinstance(entry, str) for entry in value):
@@ -163,6 +171,9 @@ class Settings(Brief):
             integer(self.harmonics, "harmonics", of, at_least=0)
         fewer = "Ask for fewer instants."
         integer(self.system_times, "system_times", of, at_least=1, at_most=MOST_TIMES, remedy=fewer)
+        if self.hold not in get_args(Hold):
+            words = ", ".join(f'"{one}"' for one in get_args(Hold))
+            raise input_error("hold", of, f"be one of {words}", f"is {self.hold!r}")
         self._check_form()
         self._check_clock()
         object.__setattr__(self, "forced", _forced_text(self.forced))

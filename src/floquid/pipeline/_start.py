@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Cycles, Record
-from floquid.errors import NotSynchronousError
+from floquid.errors import IdentificationError, NotSynchronousError
+from floquid.findings import note
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import ModalModel
 from floquid.order import Choice
@@ -218,6 +219,10 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
             if cutting.synchronous or not by_default:
                 raise
             return from_lines  # what is left may be that of samples that were resampled
+        except IdentificationError as error:
+            if known is None or not known.turns:
+                raise
+            raise IdentificationError(f"{error} {note('beside_steady', turns=known.turns)}") from None
         if free.whitening is not None:
             whole = whitened(whole, free.whitening)
         return Start(
@@ -245,7 +250,8 @@ def _without_forced(
     if prepared.settings.forced == "none":
         return lifted, None, first_filter(lifted)
     nu = prepared.shafts[0].periods_per_revolution if prepared.shafts else prepared.settings.periods_per_revolution
-    return without_known(lifted, nu, speeds=cutting.speeds)
+    halves = not prepared.shafts and prepared.settings.forced == "auto"
+    return without_known(lifted, nu, speeds=cutting.speeds, halves=halves)
 
 
 def refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:

@@ -30,6 +30,8 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
     Analysis
         With its `validation`.
     """
+    forced = analysis.fit.forced
+    nu = analysis.settings.periods_per_revolution if forced is None else forced.revolution / analysis.model.period
     try:
         verdict = validate(
             analysis.model,
@@ -38,7 +40,7 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
             noise=analysis.noise,
             state=analysis.state,
             whitening=analysis.whitening,
-            periods_per_revolution=analysis.settings.periods_per_revolution,
+            periods_per_revolution=nu,
             report=report,
         )
     except (FloquidError, np.linalg.LinAlgError) as error:

@@ -16,6 +16,7 @@ from floquid.plot._stabilisation import stabilisation
 from floquid.plot._stability_map import stability_map
 from floquid.plot._synchronisation import speed, synchronisation
 from floquid.plot._system_elements import system_elements
+from floquid.plot._transfer import transfer
 
 if TYPE_CHECKING:
     # For annotations elsewhere: no other room imports matplotlib.
@@ -39,4 +40,5 @@ __all__ = [
     "synthesis",
     "system_elements",
     "time_record",
+    "transfer",
 ]

@@ -14,6 +14,7 @@ used in estimation and the invariance principle").
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -307,50 +308,57 @@ def _undetermined() -> IdentificationError:
     )
 
 
-Fitted = Callable[[AbstractStructure], tuple[Point, Basis]]
+Fitted = Callable[[AbstractStructure, tuple[Point, Basis] | None], tuple[Point, Basis]]
+"""The fit of a structure near that of another, or near the free model."""
 
 
 def found_structure(
     fit: Fitted, report: Callable[[str], None] = lambda _: None
-) -> tuple[AbstractStructure, tuple[Finding, ...]]:
-    """The simplest second-order form that the data do not contradict, and what was added to it and gained by that.
+) -> tuple[AbstractStructure, tuple[Point, Basis], tuple[Finding, ...]]:
+    """The simplest second-order form that the data do not contradict, its fit, and what was added and gained by that.
 
     Forward selection from constant symmetric stiffness and constant damping, by likelihood ratio tests.
     """
     from scipy.special import chdtrc
 
     now: AbstractStructure = SecondOrder(stiffness=Block(symmetry="symmetric"), damping=Block())
-    point, found = _tried(fit, now), []
+    near, found = _tried(fit, now, None), []
     for _ in range(MOST):
-        best: Point | None = None
+        best: tuple[Point, Basis] | None = None
         least, words, chosen = (False, 0.0), "", now
         for name, other in now.wider():
             report(f"trying a structure: {name}")
-            trial = _tried(fit, other)
+            trial = _tried(fit, other, near)
             if trial is None:
                 continue
-            more = trial.slopes.shape[1] - (0 if point is None else point.slopes.shape[1])
-            gain = np.inf if point is None else point.cost - trial.cost
-            rare = 0.0 if point is None else float(chdtrc(max(more, 1), max(gain, 0.0)))
+            more = trial[0].slopes.shape[1] - (0 if near is None else near[0].slopes.shape[1])
+            gain = np.inf if near is None else near[0].cost - trial[0].cost
+            rare = 0.0 if near is None else float(chdtrc(max(more, 1), max(gain, 0.0)))
             # Where several are sure, the one that gains most for each number that it adds.
             worth = (rare > SURE, -gain / max(more, 1))
             if rare < SURE and (best is None or worth < least):
                 best, least, words, chosen = trial, worth, name, other
         if best is None:
             break
-        before = np.inf if point is None else point.cost
-        found.append(note("structure_widened", name=words, before=before, after=best.cost))
-        now, point = chosen, best
-    if point is None:
+        before = np.inf if near is None else near[0].cost
+        found.append(note("structure_widened", name=words, before=before, after=best[0].cost))
+        now, near = chosen, best
+    if near is None:
         raise IdentificationError("No second-order form of few harmonics fits the response in these states.")
-    return now, (note("structure_found", structure=now.words()), *found)
+    return now, near, (note("structure_found", structure=now.words()), *found)
 
 
-def _tried(fit: Fitted, structure: AbstractStructure) -> Point | None:
-    """The fit; None where there is none, or the data do not determine it."""
-    try:
-        point, _ = fit(structure)
-        covariance_of(point)
-    except (IdentificationError, np.linalg.LinAlgError):
-        return None
-    return point
+def _tried(fit: Fitted, structure: AbstractStructure, near: tuple[Point, Basis] | None) -> tuple[Point, Basis] | None:
+    """The fit; None where there is none, or the data do not determine it.
+
+    A fit that leaves more than that of the structure within it, `near`, has gone astray: it is made again from there.
+    """
+    best: tuple[Point, Basis] | None = None
+    for start in (None,) if near is None else (None, near):
+        if best is not None and near is not None and best[0].cost <= near[0].cost:
+            break
+        with suppress(IdentificationError, np.linalg.LinAlgError):
+            trial = fit(structure, start)
+            covariance_of(trial[0])
+            best = trial if best is None or trial[0].cost < best[0].cost else best
+    return best

@@ -16,8 +16,18 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding
 from floquid.reconstruction._coordinates import Coordinates, Part, State, derivative_of
 from floquid.reconstruction._harmonic_balance import Mode, NoModeError
-from floquid.reconstruction._invariance import Point, Seen, covariance_of, fitted, found_structure, problem_of
-from floquid.reconstruction._modal_matrix import condition_of, modal_at, shapes_of
+from floquid.reconstruction._hidden import Hidden, hidden_in
+from floquid.reconstruction._invariance import (
+    Point,
+    Problem,
+    Seen,
+    covariance_of,
+    fitted,
+    found_structure,
+    problem_of,
+)
+from floquid.reconstruction._modal_matrix import modal_at, shapes_of
+from floquid.reconstruction._propagation import transition_of, variances
 from floquid.reconstruction._reconstruct import coordinates_of, instants_of
 from floquid.reconstruction._state_model import Refinement, StateModel
 from floquid.reconstruction._states import Names
@@ -73,7 +83,8 @@ def refine(
         combinations of these, whose gains are found too.
     structure
         `SecondOrder` or `FirstOrder`, or their text ("stiffness 2 symmetric; damping 0"); "auto" takes the simplest
-        second-order form that the data do not contradict.
+        second-order form that the data do not contradict, and all deviations count what the next wider forms could hide
+        of the truth; those of a structure that is given are conditional on it (`Refinement.conditional_on`).
     times
         Instants after phase zero [s], or how many equally spaced ones over a period.
     refuse
@@ -104,18 +115,18 @@ def refine(
         raise input_error("refuse", OF, "be a probability below one", f"is {refuse:g}")
     if isinstance(structure, str):
         structure = structure_of(structure)
-    if not isinstance(structure, AbstractStructure):
-        if structure != "auto":
-            must = 'be "auto", a structure such as SecondOrder(stiffness=Block(harmonics=2)), or its text'
-            raise input_error("structure", OF, must, f"is {structure!r:.60}")
-        first = _Fit.made(model, states, 2, estimates)
-        structure, findings = found_structure(first.at, report)
+    given = isinstance(structure, AbstractStructure)
+    if not given and structure != "auto":
+        must = 'be "auto", a structure such as SecondOrder(stiffness=Block(harmonics=2)), or its text'
+        raise input_error("structure", OF, must, f"is {structure!r:.60}")
+    fit = _Fit.made(model, states, structure.degree if given else 2, estimates)
+    if given:
+        near, findings = None, ()
     else:
-        findings = ()
+        structure, near, findings = found_structure(fit.at, report)
     report("fitting the structured state matrix")
-    fit = _Fit.made(model, states, structure.degree, estimates)
     try:
-        point, basis = fit.at(structure)
+        point, basis = near or fit.at(structure)
     except NoModeError:
         raise IdentificationError(
             f"The structure contradicts the data: an equation of motion with {structure.words()} has no modes near "
@@ -124,12 +135,13 @@ def refine(
     if again is not None:
         report("one output-error step on the record")
         fit = replace(fit, estimates=again(np.array([mode.exponent for mode in point.modes])))
-        point, basis = fit.at(structure, point)
+        point, basis = fit.at(structure, (point, basis))
     if point.p_value < refuse:
         point, basis, wider = _from_wider(fit, structure, point, basis)
         if point.p_value < refuse:
             raise IdentificationError(_contradicted(point, refuse, wider))
-    return _refinement(fit, structure, basis, point, instants_of(times, model.period, OF), findings)
+    hidden, tests = ((), ()) if given else _hidden(fit, structure, point, basis)
+    return _refinement(fit, structure, basis, point, instants_of(times, model.period, OF), (*findings, *tests), hidden)
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,28 +185,30 @@ class _Fit:
     def at(
         self,
         structure: AbstractStructure,
-        near: Point | None = None,
-        system: NDArray[np.float64] | None = None,
+        near: tuple[Point, Basis] | None = None,
     ) -> tuple[Point, Basis]:
-        """The best fit of a structure near a point, or near A(t) at `times`: that of the free model by default.
+        """The best fit of a structure near A(t) of the free model, or near that of another fit.
 
         Raises IdentificationError where there is none.
         """
         count = len(self.coordinates.states) // structure.degree
         basis = structure.basis(count)
         whole, slopes = basis.in_time(self.model.fundamental * self.times)
-        system = self.system if system is None else system
+        system, gains = self.system, np.array(list(self.gains.values()))
+        if near is not None:
+            known, by = near[1].in_time(self.model.fundamental * self.times)
+            system = known + np.tensordot(near[0].parameters[: len(by)], by, axes=1)
+            gains = near[0].parameters[len(by) :]
         start = np.linalg.lstsq(slopes.reshape(len(slopes), whole.size).T, (system - whole).ravel(), rcond=None)[0]
-        start = np.concatenate([start, list(self.gains.values())]) if near is None else near.parameters
+        start = np.concatenate([start, gains])
         most = int(max(np.abs(self.estimates.harmonics).max(), np.abs(self.model.harmonics).max()))
         step = BEYOND * max(int(basis.harmonics.max()), 1)
         exponents, point = None, None
         for round_ in range(WIDENED):
             width = most + step * (round_ + 1)
-            shapes = [self._widened(shape, width) for shape in self.shapes]
-            modes = [Mode(complex(lam), u) for lam, u in zip(self.estimates.exponents, shapes, strict=True)]
-            problem = problem_of(self.estimates, self.seen, basis, shapes, tuple(self.gains))
-            point = fitted(problem, start, tuple(modes))
+            problem = self.problem(basis, width)
+            pairs = zip(self.estimates.exponents, problem.anchors, strict=True)
+            point = fitted(problem, start, tuple(Mode(complex(lam), u) for lam, u in pairs))
             start, before = point.parameters, exponents
             exponents = np.array([mode.exponent for mode in point.modes])
             std = np.sqrt(np.diag(self.estimates.covariance)[: len(exponents)])
@@ -204,6 +218,11 @@ class _Fit:
                 break
         assert point is not None
         return point, basis
+
+    def problem(self, basis: Basis, width: int) -> Problem:
+        """The fit of a basis, with the harmonics -width to width of each shape."""
+        shapes = [self._widened(shape, width) for shape in self.shapes]
+        return problem_of(self.estimates, self.seen, basis, shapes, tuple(self.gains))
 
     def _widened(self, shape: Array, width: int) -> Array:
         whole = np.zeros((2 * width + 1, shape.shape[1]), complex)
@@ -255,12 +274,22 @@ def _from_wider(
             continue
         wider.append((trial.p_value, f"{words} leaves {trial.cost:.4g} for {trial.degrees}"))
         if trial.cost < point.cost:
-            known, slopes = whole.in_time(fit.model.fundamental * fit.times)
-            system = known + np.tensordot(trial.parameters[: len(slopes)], slopes, axes=1)
             with suppress(IdentificationError, np.linalg.LinAlgError):
-                again, own = fit.at(structure, system=system)
+                again, own = fit.at(structure, (trial, whole))
                 point, basis = (again, own) if again.cost < point.cost else (point, basis)
     return point, basis, sorted(wider, key=lambda one: -one[0])
+
+
+def _hidden(
+    fit: _Fit, structure: AbstractStructure, point: Point, basis: Basis
+) -> tuple[tuple[Hidden, ...], tuple[Finding, ...]]:
+    """What each next wider structure adds to the deviations, and its test."""
+    width = len(point.modes[0].coefficients) // 2
+    found = []
+    for name, other in structure.wider():
+        problem = fit.problem(other.basis(basis.known.shape[-1]), width)
+        found.append(hidden_in(problem, name, point, basis))
+    return tuple(own for own, _ in found if own is not None), tuple(finding for _, finding in found)
 
 
 def _contradicted(point: Point, refuse: float, wider: Sequence[tuple[float, str]]) -> str:
@@ -280,25 +309,22 @@ def _refinement(
     point: Point,
     times: NDArray[np.float64],
     findings: tuple[Finding, ...],
+    hidden: Sequence[Hidden],
 ) -> Refinement:
     """The result, with every deviation."""
-    whole, n = covariance_of(point), len(basis.names)
-    covariance = whole[:n, :n]
+    whole, model = covariance_of(point), fit.model
     known, slopes = basis.in_time(point.fundamental * times)
-    system = known + np.tensordot(point.parameters[:n], slopes, axes=1)
-    root = np.linalg.cholesky(covariance + 0.0) if n else np.zeros((0, 0))
-    system_std = np.sqrt(np.sum(np.tensordot(root, slopes, axes=(0, 0)) ** 2, axis=0))
-    transition, transition_slopes, condition = _transition(fit, basis, point, times)
-    transition_std = np.sqrt(np.sum(np.tensordot(root, transition_slopes, axes=(0, 0)) ** 2, axis=0))
-    model = fit.model
-    # An estimated period moves the exponents too.
-    moving = len(point.parameters) + int(fit.estimates.covariance[-1, -1] > 0)
-    shared = whole[:moving, :moving]
+    system = known + np.tensordot(point.parameters[: len(slopes)], slopes, axes=1)
+    transition, condition = transition_of(fit.estimates, basis, point, times)
+    parts = [variances(fit.estimates, basis, point, whole, times)]
+    parts += [variances(fit.estimates, own.basis, own.point, own.moment, times) for own in hidden]
+    system_std, transition_std, by_mode = (np.sqrt(sum(part)) for part in zip(*parts, strict=True))
+    count = len(point.parameters)
+    covariance = whole[:count, :count] + sum(own.of_parameters for own in hidden)
     exponents, std = np.array(model.exponents), np.zeros(model.order, complex)
-    for entry, (mode, slope) in enumerate(zip(point.modes, point.mode_slopes, strict=True)):
+    for entry, mode in enumerate(point.modes):
         own = model.modes_of(fit.estimates)[entry]
-        by = slope.exponent[:moving]
-        deviation = np.sqrt(by.real @ shared @ by.real) + 1j * np.sqrt(by.imag @ shared @ by.imag)
+        deviation = complex(*by_mode[:, entry])
         partners = np.flatnonzero(np.abs(model.exponents - model.exponents[own].conj()) < 1e-9 * model.fundamental)
         if fit.estimates.real[entry]:
             exponents[own], std[own] = complex(mode.exponent.real, model.exponents[own].imag), deviation.real
@@ -324,7 +350,7 @@ def _refinement(
         structure=structure,
         parameters=point.parameters,
         names=(*basis.names, *gains),
-        covariance=whole[: len(point.parameters), : len(point.parameters)],
+        covariance=covariance,
         exponents=exponents,
         exponent_std=std,
         chi_square=point.cost,
@@ -332,41 +358,3 @@ def _refinement(
         p_value=point.p_value,
         findings=findings,
     )
-
-
-def _transition(
-    fit: _Fit, basis: Basis, point: Point, times: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Φ (times, n, n), its slopes by the parameters (parameters, times, n, n), and the condition of Ψ."""
-    d, n = basis.degree, len(basis.names)
-    columns, rates, moved, drift = [], [], [], []
-    for mode, slope, real in zip(point.modes, point.mode_slopes, fit.estimates.real, strict=True):
-        harmonics = np.arange(len(mode.coefficients)) - len(mode.coefficients) // 2
-        s = mode.exponent + 1j * point.fundamental * harmonics
-        turned = np.exp(1j * point.fundamental * np.multiply.outer(times, harmonics))
-        powers = [s**p for p in range(d)]
-        column = np.concatenate([turned @ (power[:, None] * mode.coefficients) for power in powers], axis=1)
-        change = []
-        for p, power in enumerate(powers):
-            by = power[:, None] * slope.coefficients[:n]
-            if p:
-                by = by + p * s[:, None] ** (p - 1) * slope.exponent[:n, None, None] * mode.coefficients
-            change.append(np.einsum("tm,qmi->qti", turned, by))
-        stacked = np.concatenate(change, axis=2)
-        columns.append(column)
-        rates.append(mode.exponent)
-        moved.append(stacked)
-        drift.append(slope.exponent[:n])
-        if not real:
-            for found in (columns, rates, moved, drift):
-                found.append(np.conj(found[-1]))
-    modal = np.stack(columns, axis=2)
-    later = times - times[0]
-    growth = np.exp(np.multiply.outer(later, rates))
-    first = np.linalg.inv(modal[0])
-    phi = (modal * growth[:, None, :]) @ first
-    by_modal, by_rate = np.stack(moved, axis=3), np.array(drift).T
-    change = by_modal * growth[None, :, None, :]
-    change = change + modal[None] * (growth * later[:, None])[None, :, None, :] * by_rate[:, None, None, :]
-    slopes = change @ first - phi[None] @ (by_modal[:, :1] @ first)
-    return phi.real, slopes.real, condition_of(modal)

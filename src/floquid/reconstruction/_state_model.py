@@ -73,14 +73,15 @@ class Refinement(Rebuilt):
         Φ and A(t) with their deviations, and the structure of A(t).
     parameters, names, covariance
         The parameters of the structure in the units of its blocks, what each is, as stiffness[0,1] cos 2 (parameters,),
-        and their covariance (parameters, parameters).
+        and their covariance (parameters, parameters). Of a structure that was found, all deviations count what the next
+        wider ones could hide.
     exponents, exponent_std
         The Floquet exponents of A(t), as the response model lists them, and their deviations (modes,) [1/s].
     chi_square, degrees, p_value
         What is left between the structure and the free model, its degrees of freedom, and the probability of as much or
         more under the right structure.
     findings
-        How the structure was found; empty where it was given.
+        How the structure was found, and the test of each next wider one; empty where it was given.
     """
 
     state: StateModel
@@ -107,8 +108,15 @@ class Refinement(Rebuilt):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Steps by which the structure was found, a sentence each."""
+        """Steps by which the structure was found, and tests of the next wider ones, a sentence each."""
         return texts(self.findings)
+
+    @property
+    def conditional_on(self) -> tuple[str, ...]:
+        """Words for what is taken for granted: the structure given, or the absence of what the data do not tell."""
+        if not any(own.code in ("structure_tested", "structure_conditional") for own in self.findings):
+            return (self.structure.words(),)
+        return tuple(f"no {own.numbers['name']}" for own in self.findings if own.code == "structure_conditional")
 
     @property
     def std(self) -> NDArray[np.float64]:

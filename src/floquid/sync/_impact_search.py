@@ -17,7 +17,8 @@ Blow = tuple[int, int, float, bool]
 LONGEST_MEMORY = 64  # samples that the model looks back at most
 TERMS = 160  # coefficients a channel of the model at most: memory times channels
 ROWS_A_TERM = 5  # samples a coefficient that the fit needs
-MOST_ROWS = 10_000  # samples that the fit uses at most, evenly spread: more make it slower, not better
+MOST_ROWS = 10_000  # samples that the fit uses at most: more make it slower, not better
+STRETCH = 256  # samples that follow one another in the evenly spread stretches that it then uses
 
 ASSUMED_NOISE = 1e-5
 """Noise that the fit takes for granted, against the standard deviation of the channel: it keeps a record without noise
@@ -32,6 +33,7 @@ ALONE = 5.0
 SIDED = 0.7
 """Share of the errors around an impact that lies ahead of it forwards and before it backwards: less is chatter."""
 
+AT_ONCE = 512  # samples that are foretold at a time: their windows stay in the processor's memory
 NEARBY = 16  # windows on each side over which the usual prediction error is taken
 
 PASSES = 6
@@ -117,17 +119,16 @@ def _errors(scaled: Floats, memory: int, whole: Mask, free: Mask) -> tuple[Float
     channels, samples = scaled.shape
     # A row is a stretch of the samples in order of time: it is copied as it lies.
     in_time = np.ascontiguousarray(scaled.T).ravel()
-    windows = sliding_window_view(in_time, (memory + 1) * channels)[::channels]
-    chosen = np.flatnonzero(free)
-    chosen = chosen[:: max(1, -(-len(chosen) // MOST_ROWS))]
-    table = windows[chosen]
-    mean = table.mean(axis=0)
-    table -= mean
-    gram = table.T @ table / len(chosen)
+    every = -(-int(free.sum()) // MOST_ROWS)
+    used = free & (np.arange(len(free)) // STRETCH % every == 0)
+    mean, gram = _moments(in_time.reshape(samples, channels), used if used.any() else free)
     filters = np.hstack([_filter(gram, channels, ahead=True), _filter(gram, channels, ahead=False)])
-    errors = np.empty((samples - memory, 2 * channels))
-    for first in range(0, len(errors), 8192):
-        errors[first : first + 8192] = windows[first : first + 8192] @ filters - mean @ filters
+    # Single precision is far below the least error that counts.
+    windows = sliding_window_view(in_time.astype(np.float32), (memory + 1) * channels)[::channels]
+    single, errors = filters.astype(np.float32), np.empty((samples - memory, 2 * channels))
+    for first in range(0, len(errors), AT_ONCE):
+        errors[first : first + AT_ONCE] = windows[first : first + AT_ONCE] @ single
+    errors -= mean @ filters
     ahead, back = np.full((2, samples), np.nan)
     floor = 0.0
     for squares, error in ((ahead[memory:], errors[:, :channels]), (back[:-memory], errors[:, channels:])):
@@ -136,6 +137,32 @@ def _errors(scaled: Floats, memory: int, whole: Mask, free: Mask) -> tuple[Float
         squares[:] = np.where(whole, np.einsum("nc,cd,nd->n", error, inverse, error, optimize=True) / channels, np.nan)
         floor = max(floor, LEAST_ERROR**2 * float(np.trace(inverse)) / channels)
     return ahead, back, floor
+
+
+def _moments(in_time: Floats, free: Mask) -> tuple[Floats, Floats]:
+    r"""The mean and the covariance of the `free` rows, stretches of the samples in time (samples, channels).
+
+    .. math:: G_{i+1,j+1} = G_{i,j} + \sum_{[a,b)} (x_{b+i} x_{b+j}^T - x_{a+i} x_{a+j}^T)
+
+    over the runs [a, b) of free rows: but for their ends, a row later is the same products one lag on.
+    """
+    (samples, channels), chosen = in_time.shape, np.flatnonzero(free)
+    memory, number = samples - len(free), len(chosen)
+    taken = np.concatenate([in_time[chosen], np.ones((number, 1))], axis=1).T
+    gram = np.empty((memory + 1, channels, memory + 1, channels))
+    mean = np.empty((memory + 1, channels))
+    for lag in range(memory + 1):
+        later = in_time.take(chosen + lag, axis=0)
+        products = taken @ later
+        gram[0, :, lag], mean[lag] = products[:-1], products[-1]
+    gram[:, :, 0] = gram[0].transpose(1, 2, 0)
+    edges = np.array(runs_of(free))
+    starts, ends = (in_time[edges[:, side, None] + np.arange(memory)] for side in (0, 1))
+    for lag in range(memory):
+        gained = np.tensordot(ends[:, lag], ends, (0, 0)) - np.tensordot(starts[:, lag], starts, (0, 0))
+        gram[lag + 1, :, 1:] = gram[lag, :, :-1] + gained
+    size, mean = (memory + 1) * channels, mean.ravel() / number
+    return mean, gram.reshape(size, size) / number - np.outer(mean, mean)
 
 
 def _filter(gram: Floats, channels: int, *, ahead: bool) -> Floats:

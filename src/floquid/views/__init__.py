@@ -3,6 +3,7 @@
 Nothing here draws, and no plotting library is loaded.
 """
 
+from floquid.views._driven import driven_lines
 from floquid.views._ellipses import ellipse, exponent_ellipses, multiplier_ellipses
 from floquid.views._expansion import Expansion, expansion, identified_residue
 from floquid.views._families import Family, families, unfolded
@@ -28,6 +29,7 @@ __all__ = [
     "Synchronisation",
     "Synthesis",
     "closed_period",
+    "driven_lines",
     "element_unit",
     "ellipse",
     "envelope",

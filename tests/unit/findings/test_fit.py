@@ -42,7 +42,7 @@ def test_lines_are_counted_by_family(spacings, families, words):
 
 def test_lines_that_do_not_decay_are_named():
     said = str(note("undamped_lines", frequencies=(1.25, 2.5), on=1))
-    assert said.startswith("Lines that do not decay, at 1.25, 2.5 Hz, are a forced response")
+    assert said.startswith("Lines that do not decay, at 1.25, 2.5 Hz, are a steady response")
     assert said.endswith("1 of 2 are at multiples of half the fundamental.")
 
 

@@ -113,7 +113,7 @@ class TestForced:
         assert np.sort(found.undamped.imag) == pytest.approx([np.pi, 2 * np.pi], abs=1e-3)
         assert found.candidates[0].tones == 2
         assert found.model.order == 6
-        assert "forced response" in found.reasons[0]
+        assert "steady response" in found.reasons[0]
 
     def test_a_tone_decides_where_one_spacing_does_not(self):
         record = record_of([-0.02 + 2.5j], width=1, empty=(-1,))

@@ -27,7 +27,7 @@ WRITE = 'identify(Record(values=y, sample_rate=fs, channels=["x", "y"]), period=
         (lambda: identify(RECORD, T=6.28), "Argument `T` of `identify` must be a field of Settings"),
         (lambda: identify(RECORD, T=6.28), "Write `period=T`"),
         (lambda: identify(RECORD, n_modes=2), "Write `order=2*n_modes`"),
-        (lambda: identify(RECORD, colour="red"), "The fields are: period, channels, order"),
+        (lambda: identify(RECORD, colour="red"), "The fields are: period, channels, inputs"),
     ],
 )
 def test_a_slip_is_answered_with_what_to_write(call, says):

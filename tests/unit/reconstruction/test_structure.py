@@ -11,6 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from floquid.errors import IdentificationError, InputError
 from floquid.reconstruction import Block, FirstOrder, SecondOrder, refine
+from floquid.reconstruction._hidden import SHARES, _weights
+from floquid.reconstruction._invariance import _tried
+from floquid.reconstruction._refine import _Fit
 
 N = 3
 COUNTS = {"none": 9, "symmetric": 6, "skew": 3, "diagonal": 3}
@@ -238,7 +241,114 @@ def test_a_constant_system_is_found_to_be_one(oracle):
     known = oracle.known(system, oracle.displacements(2), width=1)
     found = refine(known.drawn(np.random.default_rng(0)), ["c0", "c1"], times=3)
     assert found.structure == SecondOrder(stiffness=Block(symmetry="symmetric"), damping=Block())
-    assert found.reasons == (f"Structure found: {found.structure.words()}.",)
+    assert found.reasons[0] == f"Structure found: {found.structure.words()}."
+    tested = ("stiffness with 1 harmonic", 6), ("stiffness that is not symmetric", 1), ("damping with 1 harmonic", 8)
+    assert tuple((own.numbers["name"], own.numbers["more"]) for own in found.findings[1:]) == tested
+    assert {own.code for own in found.findings[1:]} == {"structure_tested"}
+    assert found.conditional_on == ()
+
+
+# What a structure that is found could hide.
+
+
+def small(oracle, size):
+    """A damping that swings by so much, which is left out at 2e-5 and seen at 1e-4."""
+    system = oracle.System.second_order([[[14.0]], [[3.0]], [[1.0]]], [[[0.3]], [[size]], [[0.5 * size]]])
+    return oracle.known(system, oracle.displacements(1), width=2)
+
+
+def pulls(known, structure="auto", seeds=range(16)):
+    """Errors of A(t) over their deviations, and the structures (seeds,)."""
+    found = [refine(known.drawn(np.random.default_rng(seed)), ["c0"], structure, times=8) for seed in seeds]
+    off = [(own.state.system - known.system.at(own.state.times))[:, 1] / own.state.system_std[:, 1] for own in found]
+    return np.abs(off), [own.structure for own in found]
+
+
+@pytest.mark.parametrize("size", [1e-5, 2e-5, 1e-4])
+def test_deviations_hold_where_a_small_damping_is_left_out(oracle, size):
+    """Given as constant, which it is not, its intervals hold the truth in less than two thirds."""
+    known = small(oracle, size)
+    off, structures = pulls(known)
+    assert np.mean(off < 1.96) > 0.85
+    assert off.max() < 4.5
+    narrow = SecondOrder(stiffness=WAVES, damping=Block())
+    assert sum(own == narrow for own in structures) > 12 if size < 1e-4 else narrow not in structures
+    if size < 1e-4:
+        assert np.mean(pulls(known, narrow)[0] < 1.96) < 0.66
+
+
+def test_little_is_hidden_by_a_structure_that_is_right(oracle):
+    """The deviations lie between those of the structure itself and those of all that is wider, given."""
+    known = small(oracle, 0.0)
+    structure = SecondOrder(stiffness=WAVES, damping=Block())
+    wide = SecondOrder(stiffness=Block(harmonics=2), damping=Block(harmonics=1))
+    model = known.drawn(np.random.default_rng(3))
+    found, given, most = (refine(model, ["c0"], own, times=8) for own in ("auto", structure, wide))
+    assert found.structure == structure
+    assert_allclose(found.parameters, given.parameters, rtol=1e-6)
+    for name in ("system_std", "transition_std"):
+        own, least, largest = (getattr(each.state, name)[1:, 1] for each in (found, given, most))
+        assert (own > least).all()
+        assert own.mean() < largest.mean()
+    assert (found.state.system_std[:, 1, 1] < 0.8 * most.state.system_std[:, 1, 1]).all()
+    assert (found.std > given.std).all()
+    assert (found.exponent_std.real >= given.exponent_std.real).all()
+    assert given.conditional_on == (structure.words(),)
+
+
+@pytest.mark.parametrize("options", [{"free_period": True}, {"hits": 2}])
+def test_gains_and_an_estimated_period_have_their_place_in_what_is_hidden(oracle, options):
+    """With all channels, as with those of the states: same parameters, larger deviations, and errors within them."""
+    sensors = [*oracle.displacements(1), oracle.Sensor((0.6, 0.0)), oracle.Sensor((-1.3, 0.0))]
+    known = oracle.known(oracle.systems["one"], sensors, width=2, **options)
+    model = known.drawn(np.random.default_rng(1))
+    found = refine(model, "all", times=8)
+    given = refine(model, "all", found.structure, times=8)
+    assert_allclose(found.parameters, given.parameters, rtol=1e-9)
+    assert len(found.names) == 6
+    assert (found.std >= given.std).all()
+    assert (found.std[:4] > 1.001 * given.std[:4]).all()
+    sees = {"c0": 1.0, "c1": 0.6, "c2": -1.3}
+    pairs = [name.split(" per ") for name in found.names[4:]]
+    truth = [sees[channel] / sees[state] for channel, state in pairs]
+    assert (np.abs(found.parameters[4:] - truth) < 5.0 * found.std[4:]).all()
+
+
+def test_deviations_are_those_of_the_wider_structure_where_it_is_far_from_none():
+    """Weights of the shares of noise: none of a gain of nothing is far from B = 1, of a large one all is at zero."""
+    for more in (1, 2, 12):
+        left = [float(_weights(gain, more) @ (1.0 - SHARES)) for gain in (0.0, 1.0 * more, 10.0 * more, 1e4 * more)]
+        # The mean of 1 - B of the density B^((n - 1)/2) is 2/(n + 3).
+        assert left[0] == pytest.approx(2.0 / (more + 3), abs=1e-3)
+        assert left == sorted(left)
+        assert left[-1] > 0.999
+
+
+def test_what_a_record_does_not_tell_is_said_to_be_taken_for_granted(oracle):
+    """Of a response without a harmonic beside the mode's own, none tells a small stiffness that swings from none."""
+    known = oracle.known(oracle.System.second_order([[[14.0]]], [[[0.3]]]), oracle.displacements(1), width=0)
+    found = refine(known.drawn(np.random.default_rng(0)), ["c0"], times=3)
+    assert found.structure == SecondOrder(stiffness=Block(symmetry="symmetric"), damping=Block())
+    assert found.conditional_on == ("no stiffness with 1 harmonic", "no damping with 1 harmonic")
+    words = "Stiffness with 1 harmonic cannot be told from none by this record: the deviations are conditional on"
+    assert words in found.reasons[1]
+
+
+def test_a_wider_fit_that_goes_astray_is_made_again_from_the_narrower(oracle):
+    """It leaves no more than the structure within it."""
+    known = oracle.known(oracle.systems["one"], oracle.displacements(1), width=2)
+    model = known.drawn(np.random.default_rng(0))
+    fit = _Fit.made(model, ["c0"], 2, model.estimates)
+    right = fit.at(FOUND["one"], None)
+    wide = replace(FOUND["one"], damping=Block(harmonics=1))
+
+    def astray(structure, near):
+        """A fit from the free model that ends elsewhere."""
+        point, basis = fit.at(structure, near)
+        return (point if near else replace(point, rest=10.0 * point.rest)), basis
+
+    trial = _tried(astray, wide, right)
+    assert trial[0].cost <= right[0].cost < astray(wide, None)[0].cost
 
 
 def test_nothing_found_is_told(oracle):

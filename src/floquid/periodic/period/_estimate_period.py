@@ -16,6 +16,7 @@ from floquid.periodic.least_squares import Block, ModeParameters, RecordBlock, S
 from floquid.periodic.period._fse import model_at
 from floquid.periodic.period._fundamental_candidates import Spacing, spacings_of
 from floquid.periodic.period._harmonic_families import averaged, entries_of, grouped
+from floquid.periodic.period._orbit_lines import OrbitLines, orbit_of
 from floquid.periodic.period._spectral_lines import Lines, beside, find_lines, raw_blocks, with_noise_left
 
 CERTAIN = float(np.log(1e2))
@@ -29,6 +30,9 @@ ROUNDS = 3
 
 AGREE = 6.0
 """Standard deviations within which the fit keeps the fundamental of the lines."""
+
+EXACT = 0.3
+"""The share of a period within which one by modes must be known to be told from the next fraction of an orbit."""
 
 SHOWN = 8
 """Candidates that are reported."""
@@ -78,7 +82,9 @@ class PeriodEstimate(Rebuilt):
     candidates
         Periods considered, the one with the highest odds first.
     model
-        The periodic model fitted with it; None where the record cannot tell it.
+        The periodic model fitted with it; None where the record cannot tell it, or an orbit alone does.
+    orbit
+        The lines that do not decay where they alone tell the period; None elsewhere.
     lines, undamped
         The lines that decay, and those that do not: tones of a forced response (lines,) [1/s].
     """
@@ -91,6 +97,7 @@ class PeriodEstimate(Rebuilt):
     model: PeriodicModel | None
     lines: NDArray[np.complex128]
     undamped: NDArray[np.complex128]
+    orbit: OrbitLines | None = None
 
     def __post_init__(self) -> None:
         for name in ("lines", "undamped"):
@@ -142,8 +149,10 @@ def estimate_period(
 
     The fundamental is the largest ω of which all spacings seen are whole multiples: the half revolution of a shaft
     with two equal halves, as far as the response shows it. One spacing alone is no period, however clear: two modes
-    of a constant system with the same damping look the same. Lines that do not decay are the tones of a forced
-    response, which tell the revolution; where they are multiples of half the fundamental they speak for it.
+    of a constant system with the same damping look the same. Lines that do not decay are a steady response: a limit
+    cycle, or that to a force. Where they are multiples of half the fundamental they speak for it; where the lines that
+    decay tell nothing, their own fundamental is the period, or twice it where they are its odd multiples alone, as of
+    an orbit that is half-wave symmetric, x(t + T) = -x(t).
 
     Parameters
     ----------
@@ -186,15 +195,33 @@ def estimate_period(
         std = float(np.hypot(2.0 * np.pi * found[0].std / found[0].fundamental ** 2, period_std))
         if abs(model.period - 2.0 * np.pi / found[0].fundamental) > AGREE * std:
             told, findings, refined = False, (*findings, warning("period_differs")), None
+    period, period_std = (None, None) if refined is None else (refined[0].period, refined[1])
+    orbit = orbit_of(blocks, lines, 2.0 * np.pi / longest, 2.0 * np.pi / shortest)
+    if orbit is not None:
+        whole = 2.0 * np.pi / orbit.fundamental
+        if period is None or period_std is None:
+            period = whole / (2 if orbit.symmetric else 1)
+            numbers = {"orbit": whole, "harmonics": orbit.harmonics, "symmetric": orbit.symmetric}
+            findings, told = (note("period_of_orbit", period=period, **numbers),), True
+            period_std = period * orbit.std / orbit.fundamental
+        else:
+            halves = max(round(2.0 * whole / period), 1)
+            agree = abs(2.0 * whole / halves - period) < AGREE * period_std < EXACT * period / halves
+            snapped = 2.0 * whole / halves, 2.0 * whole / halves * orbit.std / orbit.fundamental
+            period, period_std = (
+                min((period, period_std), snapped, key=lambda one: one[1]) if agree else (period, period_std)
+            )
+            orbit = None
     return PeriodEstimate(
-        period=None if refined is None else refined[0].period,
-        period_std=None if refined is None else refined[1],
+        period=period,
+        period_std=period_std,
         told=told,
         findings=findings,
         candidates=tuple(_candidate(one) for one in found[:SHOWN]),
         model=None if refined is None else refined[0],
         lines=damped.exponents,
         undamped=tones.exponents,
+        orbit=orbit,
     )
 
 

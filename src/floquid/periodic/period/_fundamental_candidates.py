@@ -99,7 +99,10 @@ def _judged(lines: Lines, tones: Lines, groups: tuple[Group, ...], fundamental: 
     merged = [(group, line) for group in groups for line in group.lines[1:]]
     if not merged:
         return None
-    average = averaged(lines, groups, fundamental, free=True)
+    try:
+        average = averaged(lines, groups, fundamental, free=True)
+    except np.linalg.LinAlgError:
+        return None  # lines that the record cannot tell apart
     omega = average.fundamental
     if not omega > 0.0:
         return None

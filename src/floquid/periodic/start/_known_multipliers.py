@@ -84,16 +84,19 @@ def _drift(n_cycles: int) -> NDArray[np.float64]:
 
 
 def without_known(
-    lifted: Lifted, nu: float, *, speeds: Sequence[NDArray[np.float64]] | None = None
+    lifted: Lifted, nu: float, *, speeds: Sequence[NDArray[np.float64]] | None = None, halves: bool = False
 ) -> tuple[Lifted, Known, NDArray[np.float64] | None]:
     """The `lifted` responses without the forced response in them, that response, and filters that whiten the rest.
 
     Generous poles take the free response with them, so that what is left to the known columns is theirs. There are `nu`
-    periods in a revolution; the forced response follows a wandering speed by the factors `speeds`, an array a hit
+    periods in a revolution; with `halves`, one that repeats after two periods is looked for where that is one: an orbit
+    that is half-wave symmetric. The forced response follows a wandering speed by the factors `speeds`, an array a hit
     (factors, cycles). The filters are of what generous poles leave (channels, taps), None where that is white.
     """
     count = round(nu) if nu >= 1.0 else 1
     roots = [k / count for k in range(count // 2 + 1)]
+    if halves and count == 1 and lifted.responses.lengths.min() >= 2 * FEWEST:
+        roots.append(0.5)
     modal = generous_poles(lifted)
     taps = whitening_filter(lifted, modal)
     if lifted.responses.lengths.min() < FEWEST * count:

@@ -342,10 +342,10 @@ def _gathered(analysis: Analysis, found: Sequence[Draw], seed: int, whole: bool)
         if state is None:
             return None
         estimate, values = getattr(state, name), np.array([getattr(one, name) for one in used])
-        # Of the free A(t) the deviations also count the harmonics that are left out.
+        # The deviations of the free A(t) also count the harmonics left out, those of a found structure what it hides.
         return replace(
             spread(name, unit, estimate, values, getattr(state, f"{name}_std"), np.array(True)),
-            bound=bent or analysis.refinement is None,
+            bound=bent or analysis.refinement is None or bool(analysis.refinement.findings),
         )
 
     return Bootstrap(

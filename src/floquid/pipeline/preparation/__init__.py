@@ -4,6 +4,7 @@ from floquid.pipeline.preparation._own_names import own_names
 from floquid.pipeline.preparation._prepare import (
     Prepared,
     blas_threads,
+    clocked,
     prepare,
     settings_of,
     uneven_speed,
@@ -15,6 +16,7 @@ __all__ = [
     "NO_NEWS",
     "Prepared",
     "blas_threads",
+    "clocked",
     "name_of",
     "prepare",
     "refuse_few",

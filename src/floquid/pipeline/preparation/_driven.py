@@ -41,8 +41,9 @@ def refuse_driven(records: Sequence[Record], named: Sequence[str]) -> None:
             if channel.quantity == "force" and channel.name not in named and _goes_on(values):
                 raise IdentificationError(
                     f"Channel {channel.name!r}{where} is a force that acts during the record: the response is not "
-                    "free, and modes found in it would be wrong. Measured excitation is not supported yet: use a "
-                    "record that begins when the force is off (cut it, or `skip=` the periods in which it acts)."
+                    "free, and modes found in it would be wrong. Name it as an input "
+                    f"(`inputs={channel.name}`), or use a record that begins when the force is off (cut it, or `skip=` "
+                    "the periods in which it acts)."
                 )
 
 

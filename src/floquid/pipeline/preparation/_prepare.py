@@ -135,7 +135,7 @@ def prepare(
     """
     chosen = settings_of(settings, options, of)
     with own_names(of):
-        used = _clocked(records, chosen, of)
+        used = clocked(records, chosen, of)
         faults = faults_of(used, repair=chosen.repair)
         try:
             found = _tied(*_free(used, chosen, of), report, of)
@@ -194,7 +194,7 @@ def uneven_speed(shafts: Sequence[ShaftAngle]) -> tuple[Finding, ...]:
     return tuple(warning("uneven_speed", reasons=shaft.reasons) for shaft in shafts if not shaft.steady)
 
 
-def _clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> tuple[Record, ...]:
+def clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> tuple[Record, ...]:
     """The records with the channels and the clock of the settings."""
     several = (records,) if isinstance(records, Record) else tuple(records) if isinstance(records, Iterable) else ()
     if not several or not all(isinstance(r, Record) for r in several):

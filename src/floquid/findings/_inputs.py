@@ -1,0 +1,39 @@
+"""Words of findings on records with measured inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from floquid.findings._phrases import both
+
+HOLDS = {
+    "zero": "held between its samples",
+    "first": "linear between its samples",
+    "none": "acting at its samples alone",
+}
+"""Words for an input between its samples."""
+
+
+def _inputs(channels: Sequence[str], hold: str) -> str:
+    many = len(channels) > 1
+    return (
+        f"Input{'s' if many else ''} {both(list(channels))}, {HOLDS[hold].replace('its', 'their' if many else 'its')}."
+    )
+
+
+INPUTS: dict[str, str | Callable[..., str]] = {
+    "inputs": _inputs,
+    "steady_beside_inputs": lambda harmonics: (
+        f"A response that repeats with the period was fitted beside the modes: {both([str(j) for j in harmonics])} "
+        "a period."
+    ),
+    "unreached": "The mode at {frequency:.4g} Hz is reached by no input as far as the record shows: it is seen by what "
+    "it rings with from the begin alone.",
+    "inputs_held_out": "The last quarter of the record, left out of a fit, is predicted with an error of {error:.3g} "
+    "times the noise: modes or harmonics are missing, the input is not what drives the system alone, or the system is "
+    "not linear or not periodic with that period.",
+    "inputs_colour": "What is left is not white (squared correlations sum to {squares:.2g}): the noise is coloured or "
+    "drives the system itself, or the input between its samples is not what `hold` says. Deviations are too small or "
+    "too large.",
+}
+"""By code."""

@@ -1,0 +1,23 @@
+"""Responses to measured inputs: modes, the way inputs reach them, and harmonic transfer functions.
+
+`searched` finds the modes of `Samples`, `Uncertainty` has the deviations of such a fit, `model_of` and `transfer_of`
+make a model and transfer functions of both: `floquid.identify_driven` is the chain.
+"""
+
+from floquid.inputs._modes import InputMode as InputMode
+from floquid.inputs._result import Uncertainty as Uncertainty
+from floquid.inputs._result import model_of as model_of
+from floquid.inputs._result import transfer_of as transfer_of
+from floquid.inputs._samples import Hold
+from floquid.inputs._samples import Samples as Samples
+from floquid.inputs._samples import samples_of as samples_of
+from floquid.inputs._search import Limits as Limits
+from floquid.inputs._search import searched as searched
+from floquid.inputs._solver import Linearisation as Linearisation
+from floquid.inputs._solver import linearise as linearise
+from floquid.inputs._solver import slopes_of as slopes_of
+from floquid.inputs._solver import solve as solve
+from floquid.inputs._solver import state_slopes as state_slopes
+from floquid.inputs._transfer import TransferFunctions, transfer_functions
+
+__all__ = ["Hold", "TransferFunctions", "transfer_functions"]

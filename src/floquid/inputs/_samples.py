@@ -1,0 +1,106 @@
+"""Samples of records with measured inputs, one after another, and the known columns beside the modes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Hold: TypeAlias = Literal["zero", "first", "none"]
+"""The input between its samples: held, linear, or acting at the samples alone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Samples:
+    """Outputs and inputs of records of one rate, put one after another, with the angle of the system.
+
+    Parameters
+    ----------
+    values, inputs
+        y (channels, samples) and u (inputs, samples).
+    begins
+        The first sample of each record, and one past the last of all (records + 1,).
+    times
+        The time after phase zero (samples,) [s].
+    step, fundamental
+        The sampling interval [s], and ω [rad/s].
+    hold
+        The input between its samples.
+    known
+        Columns beside the modes: an offset of each record, and what repeats with the period (columns, samples).
+    """
+
+    values: NDArray[np.float64]
+    inputs: NDArray[np.float64]
+    begins: tuple[int, ...]
+    times: NDArray[np.float64]
+    step: float
+    fundamental: float
+    hold: Hold
+    known: NDArray[np.float64]
+    _turned: dict[float, NDArray[np.complex128]] = field(default_factory=dict, repr=False)
+
+    @property
+    def records(self) -> list[slice]:
+        """The samples of each record."""
+        return [slice(a, b) for a, b in pairwise(self.begins)]
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of all records."""
+        return self.values.shape[1]
+
+    @property
+    def input_size(self) -> NDArray[np.float64]:
+        """The rms of each input (inputs,)."""
+        return np.sqrt(np.mean(self.inputs**2, axis=1))
+
+    def turned(self, turns: float) -> NDArray[np.complex128]:
+        """e^{i turns ωt} (samples,)."""
+        found = self._turned.get(turns)
+        if found is None:
+            found = self._turned[turns] = np.exp(1j * turns * self.fundamental * self.times)
+        return found
+
+    def each(self, values: NDArray, of: Callable[[NDArray], NDArray]) -> NDArray:
+        """A function of the samples of each record, put one after another (…, samples)."""
+        return np.concatenate([of(values[..., own]) for own in self.records], axis=-1)
+
+
+def samples_of(
+    values: Sequence[NDArray[np.float64]],
+    inputs: Sequence[NDArray[np.float64]],
+    starts: Sequence[float],
+    *,
+    step: float,
+    fundamental: float,
+    hold: Hold = "zero",
+    turns: Sequence[float] = (),
+) -> Samples:
+    """The samples of records, with an offset of each and the harmonics `turns` of a periodic response beside.
+
+    Outputs and inputs of each record are (channels, samples) and (inputs, samples), `starts` are the times of the first
+    samples after phase zero [s].
+    """
+    begins = (0, *np.cumsum([own.shape[1] for own in values]).tolist())
+    times = np.concatenate([start + step * np.arange(own.shape[1]) for own, start in zip(values, starts, strict=True)])
+    known = [np.zeros((len(values), begins[-1]))]
+    for number, (first, last) in enumerate(pairwise(begins)):
+        known[0][number, first:last] = 1.0
+    for turn in turns:
+        angle = turn * fundamental * times
+        known.append(np.array([np.cos(angle), np.sin(angle)]))
+    return Samples(
+        values=np.concatenate(values, axis=1),
+        inputs=np.concatenate(inputs, axis=1),
+        begins=begins,
+        times=times,
+        step=step,
+        fundamental=fundamental,
+        hold=hold,
+        known=np.concatenate(known),
+    )

@@ -1,0 +1,225 @@
+r"""The least squares of modes with inputs: λ, b and the initial states, what is linear eliminated.
+
+.. math:: \min \sum_c \frac{1}{\sigma_c^2} \sum_k \Big(y_c(t_k) - 2 \Re \sum_r \sum_m c_{r,m,c}\, e^{i m \omega t_k}
+          z_r(t_k) - \sum_{i,n} D_{c,i,n}\, e^{i n \omega t_k} u_i(t_k) - \ldots\Big)^2
+
+c, D and the offsets are linear, and the same columns serve all channels (Golub and Pereyra 1973; Kaufman 1975).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.inputs._modes import InputMode, slopes_of_state, state_of
+from floquid.inputs._samples import Samples
+
+ROUNDING = 1e-12
+"""The share of the largest below which a direction of the columns is rounding."""
+
+LONGEST_STEP = 0.3
+"""The most that an exponent may move in a step, over one period."""
+
+ITERATIONS = 25
+"""Steps at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Linearisation:
+    """The fit at some modes: what is linear, what is left, and the slopes by the parameters.
+
+    Parameters
+    ----------
+    modes, direct
+        The modes, and the harmonics of the direct term of each input, ascending (harmonics,).
+    states
+        The state of each mode.
+    columns
+        The columns that are linear (columns, samples): of each mode, of the direct term, and those known.
+    inverse
+        The inverse of their Gram matrix (columns, columns).
+    coefficients
+        Those of each channel (columns, channels).
+    left
+        The residual (channels, samples).
+    noise
+        Its deviation (channels,).
+    """
+
+    modes: tuple[InputMode, ...]
+    direct: tuple[float, ...]
+    states: tuple[NDArray, ...]
+    columns: NDArray[np.float64]
+    inverse: NDArray[np.float64]
+    coefficients: NDArray[np.float64]
+    left: NDArray[np.float64]
+    noise: NDArray[np.float64]
+
+    @property
+    def log_likelihood(self) -> float:
+        """Twice the logarithm of the likelihood at its own noise, up to a constant."""
+        return -float(self.left.shape[1] * np.sum(np.log(np.mean(self.left**2, axis=1))))
+
+    @property
+    def n_parameters(self) -> int:
+        """Real numbers that the fit chooses."""
+        return int(sum(mode.free.sum() for mode in self.modes)) + self.coefficients.size
+
+    def slices(self) -> list[tuple[slice, NDArray[np.bool_]]]:
+        """Of each mode, the place of its columns, and which of its turns have an imaginary part (turns,)."""
+        found, place = [], 0
+        for mode in self.modes:
+            turning = np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
+            stop = place + len(turning) + int(turning.sum())
+            found.append((slice(place, stop), turning))
+            place = stop
+        return found
+
+    def shape(self, mode: int) -> NDArray[np.complex128]:
+        """2 c of a mode, of a real multiplier at turn zero c (turns, channels)."""
+        own, turning = self.slices()[mode]
+        both = self.coefficients[own]
+        found = both[: len(turning)].astype(complex)
+        found[turning] += 1j * both[len(turning) :]
+        return found
+
+
+def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[float] = ()) -> Linearisation:
+    """The columns of these modes, the coefficients that fit them to the samples, and what is left."""
+    states = tuple(state_of(samples, mode) for mode in modes)
+    parts = [columns_of(samples, mode, own) for mode, own in zip(modes, states, strict=True)]
+    parts += [_modulated(samples.turned(turn), samples.inputs, turn > 0.0) for turn in direct]
+    columns = np.concatenate([*parts, samples.known])
+    size = np.sqrt(np.einsum("kn,kn->k", columns, columns))
+    size = np.where(size > 0.0, size, 1.0)
+    gram = columns @ columns.T / np.outer(size, size)
+    values, vectors = np.linalg.eigh(gram)
+    good = values > ROUNDING * values[-1]
+    root = vectors[:, good] / np.sqrt(values[good]) / size[:, None]
+    inverse = root @ root.T
+    coefficients = inverse @ (columns @ samples.values.T)
+    left = samples.values - coefficients.T @ columns
+    # A second pass takes what rounding left.
+    again = inverse @ (columns @ left.T)
+    coefficients, left = coefficients + again, left - again.T @ columns
+    noise = np.sqrt(np.sum(left**2, axis=1) / max(left.shape[1] - len(columns), 1))
+    floor = ROUNDING * np.abs(samples.values).max(axis=1) + np.finfo(float).tiny
+    return Linearisation(
+        tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, np.maximum(noise, floor)
+    )
+
+
+def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.float64]:
+    """Columns of a mode with this state: real parts at each turn, then the imaginary ones (columns, samples)."""
+    turned = np.array([samples.turned(turn) for turn in mode.turns.tolist()]) * state
+    turning = np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
+    return np.concatenate([turned.real, -turned.imag[turning]])
+
+
+def _modulated(turned: NDArray[np.complex128], inputs: NDArray[np.float64], turning: bool) -> NDArray[np.float64]:
+    both = turned * inputs
+    return np.concatenate([both.real, -both.imag]) if turning else both.real
+
+
+def state_slopes(samples: Samples, at: Linearisation) -> list[NDArray]:
+    """Derivatives of the state of each mode by its parameters (parts, samples), complex parts once."""
+    return [slopes_of_state(samples, mode, own) for mode, own in zip(at.modes, at.states, strict=True)]
+
+
+def carried(samples: Samples, shape: NDArray[np.complex128], turns: Sequence[float]) -> NDArray[np.complex128]:
+    """The shape of a mode in one channel over the samples: amplitudes (turns,) at harmonics (samples,)."""
+    return shape @ np.array([samples.turned(turn) for turn in turns])
+
+
+def slopes_of(samples: Samples, at: Linearisation, channel: int, states: Sequence[NDArray]) -> NDArray[np.float64]:
+    """Derivatives of a channel's response by the free parameters, c and D held (parameters, samples)."""
+    found = []
+    for number, (mode, slopes) in enumerate(zip(at.modes, states, strict=True)):
+        shape = at.shape(number)[:, channel]
+        moved = carried(samples, shape, mode.turns.tolist()) * slopes
+        both = moved.real if mode.real else np.concatenate([moved.real, -moved.imag])
+        found.append(both[mode.free])
+    return np.concatenate(found)
+
+
+def normal_equations(samples: Samples, at: Linearisation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gauss-Newton matrix and gradient of the free parameters, of all channels over their noise."""
+    states = state_slopes(samples, at)
+    matrix: NDArray[np.float64] | float = 0.0
+    gradient: NDArray[np.float64] | float = 0.0
+    for channel in range(len(samples.values)):
+        slopes = slopes_of(samples, at, channel, states)
+        along = slopes @ at.columns.T
+        weight = 1.0 / at.noise[channel] ** 2
+        matrix = matrix + weight * (slopes @ slopes.T - along @ at.inverse @ along.T)
+        gradient = gradient + weight * (slopes @ at.left[channel])
+    return np.asarray(matrix), np.asarray(gradient)
+
+
+def solve(
+    samples: Samples,
+    modes: Sequence[InputMode],
+    direct: Sequence[float] = (),
+    *,
+    iterations: int = ITERATIONS,
+    at_rest: float = 1e-3,
+) -> Linearisation:
+    """The least squares near these modes: Levenberg-Marquardt, until a step gains less than `at_rest`."""
+    now, damping = linearise(samples, [mode.scaled() for mode in modes], direct), 1e-6
+    if not modes:
+        return now
+    period = 2.0 * np.pi / samples.fundamental
+    for _ in range(iterations):
+        matrix, gradient = normal_equations(samples, now)
+        scale = _scale(matrix)
+        system, aim = matrix / np.outer(scale, scale), gradient / scale
+        before, gained = now, 0.0
+        while damping < 1e6:
+            step = np.linalg.solve(system + damping * np.eye(len(scale)), aim) / scale
+            trial = _stepped(samples, now, step, period)
+            gained = trial.log_likelihood - now.log_likelihood
+            if gained >= -1e-9:
+                break
+            damping = max(10.0 * damping, 1e-4)
+        else:
+            return before
+        now, damping = trial, max(0.1 * damping, 1e-12)
+        if gained < at_rest:
+            break
+    return now
+
+
+def _scale(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,)."""
+    own = np.diag(matrix)
+    return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300))
+
+
+def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], period: float) -> Linearisation:
+    """The linearisation a step away, no exponent moving further than `LONGEST_STEP`."""
+    steps, place = [], 0
+    for mode in at.modes:
+        free = mode.free
+        own = np.zeros(len(free))
+        own[free] = step[place : place + int(free.sum())]
+        place += int(free.sum())
+        steps.append(own)
+    longest = max(
+        abs(own[0] + (0j if mode.real else 1j * own[len(own) // 2])) * period
+        for mode, own in zip(at.modes, steps, strict=True)
+    )
+    share = min(1.0, LONGEST_STEP / max(longest, 1e-300))
+    moved = [mode.moved(share * own) for mode, own in zip(at.modes, steps, strict=True)]
+    return linearise(samples, [mode.scaled() for mode in moved], at.direct)
+
+
+def covariance(samples: Samples, at: Linearisation) -> NDArray[np.float64]:
+    """Covariance of the free parameters (parameters, parameters); what the record says nothing of is infinite."""
+    matrix, _ = normal_equations(samples, at)
+    scale = _scale(matrix)
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    inverse = (vectors / np.maximum(values, 1e-14 * values[-1])) @ vectors.T
+    return np.asarray(inverse / np.outer(scale, scale), np.float64)

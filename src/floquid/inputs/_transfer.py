@@ -1,0 +1,122 @@
+"""Harmonic transfer functions of a model with inputs, with deviations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid.core import Channel, PeriodicModel
+
+RESONANT = 1e-12
+"""The distance of a frequency from a pole, over the fundamental, below which there is no steady response."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TransferFunctions(Rebuilt):
+    r"""Harmonic transfer functions G_m of a periodic system (Wereley and Hall 1990).
+
+    .. math:: u(t) = e^{i \Omega t} \;\to\; y(t) = \sum_m G_m(\Omega)\, e^{i (\Omega + m \omega) t}
+
+    Parameters
+    ----------
+    frequencies_hz
+        Ω/2π (frequencies,) [Hz].
+    harmonics
+        The integers m, ascending (harmonics,).
+    values
+        G (harmonics, outputs, inputs, frequencies) [units of the outputs over those of the inputs].
+    std
+        Their deviations, that of the real part as the real part, alike; None if not estimated.
+    outputs, inputs
+        One `Channel` each.
+    """
+
+    frequencies_hz: NDArray[np.float64]
+    harmonics: NDArray[np.int64]
+    values: NDArray[np.complex128]
+    std: NDArray[np.complex128] | None
+    outputs: tuple[Channel, ...]
+    inputs: tuple[Channel, ...]
+
+    def __post_init__(self) -> None:
+        of, put = "TransferFunctions", object.__setattr__
+        put(self, "frequencies_hz", frozen_array(self.frequencies_hz, "frequencies_hz", of, axes=("frequencies",)))
+        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
+        axes = (len(self.harmonics), len(self.outputs), len(self.inputs), len(self.frequencies_hz))
+        for name in ("values", "std"):
+            if getattr(self, name) is not None:
+                put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, dtype=np.complex128))
+
+
+def transfer_functions(
+    model: PeriodicModel, frequencies_hz: ArrayLike, harmonics: ArrayLike = (-1, 0, 1)
+) -> TransferFunctions:
+    r"""The harmonic transfer functions of a model with inputs, without deviations.
+
+    .. math:: G_m(\Omega) = \sum_r \sum_l \frac{c_{r,m-l}\, b_{r,l}}{i (\Omega + l \omega) - \lambda_r} + D_m
+
+    Parameters
+    ----------
+    model
+        A model with inputs.
+    frequencies_hz
+        Ω/2π (frequencies,) [Hz]; negative ones, too.
+    harmonics
+        The integers m (harmonics,).
+
+    Returns
+    -------
+    TransferFunctions
+        G.
+
+    Raises
+    ------
+    InputError
+        The model has no inputs, or a frequency is that of an undamped pole.
+    """
+    of = "inputs.transfer_functions"
+    own = model.inputs
+    if own is None:
+        raise input_error("model", of, "have inputs", "is one of free responses", "Identify it with `inputs=`.")
+    hertz = frozen_array(np.atleast_1d(np.asarray(frequencies_hz, float)), "frequencies_hz", of, axes=("frequencies",))
+    turns = np.unique(np.atleast_1d(np.asarray(harmonics, np.int64)))
+    values = np.zeros((len(turns), len(model.channels), len(own.channels), len(hertz)), complex)
+    for exponent, c, b in zip(model.exponents, model.coefficients[:, :, 0], own.coefficients, strict=True):
+        values += modal_transfer(
+            exponent, model.fundamental, (model.harmonics, c), (own.harmonics, b), turns, 2.0 * np.pi * hertz
+        )
+    for turn, direct in zip(own.direct_harmonics, np.moveaxis(own.direct, 2, 0), strict=True):
+        values[turns == turn] += direct[:, :, None]
+    if not np.isfinite(values).all():
+        remedy = "Ask for frequencies beside it."
+        raise input_error("frequencies_hz", of, "lie off the poles", "has one on an undamped pole", remedy)
+    return TransferFunctions(
+        frequencies_hz=hertz, harmonics=turns, values=values, std=None, outputs=model.channels, inputs=own.channels
+    )
+
+
+def modal_transfer(
+    exponent: complex,
+    fundamental: float,
+    seen: tuple[NDArray[np.int64], NDArray[np.complex128]],
+    reached: tuple[NDArray[np.int64], NDArray[np.complex128]],
+    harmonics: NDArray[np.int64],
+    omega: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """The part of one mode in G at angular frequencies (harmonics, outputs, inputs, frequencies).
+
+    `seen` are the harmonics of the outputs and c (outputs, harmonics), `reached` those of the inputs and b.
+    """
+    (turns, c), (reach, b) = seen, reached
+    found = np.zeros((len(harmonics), len(c), len(b), len(omega)), complex)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        resonance = 1.0 / (1j * (omega + reach[:, None] * fundamental) - exponent)
+    for place, harmonic in enumerate(harmonics.tolist()):
+        for number, turn in enumerate(reach.tolist()):
+            at = np.flatnonzero(turns == harmonic - turn)
+            if len(at):
+                found[place] += np.einsum("o,i,f->oif", c[:, at[0]], b[:, number], resonance[number])
+    return found

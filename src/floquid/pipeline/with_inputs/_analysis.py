@@ -1,0 +1,119 @@
+"""Result of the chain for records with measured inputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import Rebuilt, frozen_array
+from floquid._show import Drawings, Drawn, Told
+from floquid.core import Channel, PeriodicModel, Provenance, Record
+from floquid.findings import Finding, Severity, texts
+from floquid.inputs import TransferFunctions, Uncertainty, transfer_of
+from floquid.pipeline._settings import Settings
+
+HELD_OUT = 1.4
+"""The error of prediction on samples left out, over the noise, from which on a model does not pass."""
+
+POINTS = 400
+"""Frequencies of transfer functions where none are named."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DrivenAnalysis(Told, Drawn, Rebuilt):
+    """Result of `identify` for records with measured inputs.
+
+    Parameters
+    ----------
+    settings
+        The options used.
+    records
+        The records used, inputs among their channels.
+    model
+        The periodic model, with its `inputs`.
+    fit
+        The fit and its joint covariance, from which other deviations are made.
+    noise
+        The deviation of the noise of each output (outputs, 1) [units of the channels].
+    held_out
+        The rms error of prediction over the noise, of each output, on the last quarter of each record by a fit to the
+        rest (outputs,); NaN where that was not asked for.
+    findings
+        What was done, and what a reader must know.
+    """
+
+    settings: Settings
+    records: tuple[Record, ...]
+    model: PeriodicModel
+    fit: Uncertainty
+    noise: NDArray[np.float64]
+    held_out: NDArray[np.float64]
+    findings: tuple[Finding, ...] = ()
+
+    def __repr__(self) -> str:
+        model, checked = self.model, np.isfinite(self.held_out).all()
+        verdict = ("passes" if self.passed else "does not pass") if checked else "not checked"
+        size = f"order={model.order}, period={model.period:.4g} s, {len(model.channels)} outputs"
+        return f"DrivenAnalysis({size}, {len(self.inputs)} inputs: {verdict})"
+
+    def _figures(self) -> Drawings:
+        return {"exponents": (self.model, {}), "transfer": (self.transfer, {})}
+
+    @property
+    def inputs(self) -> tuple[Channel, ...]:
+        """The channels that are inputs."""
+        assert self.model.inputs is not None
+        return self.model.inputs.channels
+
+    @property
+    def passed(self) -> bool:
+        """True where samples that were left out are predicted to the noise, and nothing was found against the model."""
+        failed = any(own.severity is Severity.FAILURE for own in self.findings)
+        return bool((self.held_out < HELD_OUT).all()) and not failed
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings to a reader of the result, a sentence each."""
+        return (*texts(self.findings, Severity.FAILURE), *texts(self.findings, Severity.WARNING))
+
+    @property
+    def provenance(self) -> Provenance:
+        """Sources and steps of the result."""
+        return self.model.provenance
+
+    def transfer(
+        self, frequencies_hz: ArrayLike | None = None, harmonics: ArrayLike = (-2, -1, 0, 1, 2)
+    ) -> TransferFunctions:
+        r"""The harmonic transfer functions with their deviations.
+
+        .. math:: u(t) = e^{i \Omega t} \;\to\; y(t) = \sum_m G_m(\Omega)\, e^{i (\Omega + m \omega) t}
+
+        Parameters
+        ----------
+        frequencies_hz
+            Ω/2π (frequencies,) [Hz]; by default up to twice the highest frequency of a mode, at most half the rate.
+        harmonics
+            The integers m (harmonics,).
+
+        Returns
+        -------
+        TransferFunctions
+            G, with deviations by all that is uncertain in the model, to first order.
+
+        Raises
+        ------
+        InputError
+            A frequency is no number.
+        """
+        of = "DrivenAnalysis.transfer"
+        if frequencies_hz is None:
+            highest = max(2.0 * self.model.frequencies_hz.max(initial=0.0), 1.0 / self.model.period)
+            most = min(highest, 0.5 * min(record.sample_rate for record in self.records))
+            frequencies_hz = np.linspace(most / POINTS, most, POINTS)
+        hertz = frozen_array(
+            np.atleast_1d(np.asarray(frequencies_hz, float)), "frequencies_hz", of, axes=("frequencies",)
+        )
+        turns = np.unique(np.atleast_1d(np.asarray(harmonics, np.int64)))
+        return transfer_of(self.fit, self.model.channels, self.inputs, hertz, turns)

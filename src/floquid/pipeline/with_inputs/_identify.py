@@ -1,0 +1,210 @@
+"""The chain for records with measured inputs: samples → modes and the way inputs reach them → verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import Provenance, Record
+from floquid.errors import IdentificationError
+from floquid.findings import Finding, failure, note, warning
+from floquid.inputs import (
+    Limits,
+    Linearisation,
+    Uncertainty,
+    linearise,
+    model_of,
+    samples_of,
+    searched,
+    slopes_of,
+    solve,
+    state_slopes,
+)
+from floquid.pipeline._settings import Settings
+from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
+from floquid.pipeline.with_inputs._analysis import HELD_OUT, DrivenAnalysis
+from floquid.pipeline.with_inputs._prepare import OF, Parted, parted
+
+KEPT = 0.75
+"""The share of each record that a model is fitted to for the check on the rest."""
+
+HIGHEST = 12
+"""Harmonics of inputs and outputs at most."""
+
+MOST_UNTOLD = 3.0
+"""What deviations of the fit to a part may make of the prediction, over the noise: more is no model to predict with."""
+
+LAGS = 20
+"""Lags of the correlation of what is left."""
+
+COLOURED = 0.1
+"""The sum of squared correlations from which on what is left is no white noise."""
+
+REACHED = 1e-6
+"""The probability at which noise may pass for a way from the inputs to a mode."""
+
+
+def identify_driven(
+    records: Record | Sequence[Record],
+    settings: Settings | None = None,
+    *,
+    report: Callable[[str], None] = lambda _: None,
+    **options: object,
+) -> DrivenAnalysis:
+    r"""Identify a linear time-periodic system from its response to measured inputs.
+
+    .. math:: \dot z_r = \lambda_r z_r + \sum_{i,l} b_{r,i,l}\, e^{i l \omega t} u_i, \qquad
+              y = \sum_r \sum_m c_{r,m}\, e^{i m \omega t} z_r + \sum_{i,n} D_{i,n}\, e^{i n \omega t} u_i + e
+
+    with e white in each output. Candidates for λ come from a subspace method on modulated inputs, one after another
+    from what is left; harmonics, modes and real multipliers are decided by tests; all is finished by maximum
+    likelihood. The state at the begin of each record is free: a decay after a measured blow is the same fit.
+
+    Parameters
+    ----------
+    records
+        One record, or several of the same channels, inputs among them.
+    settings
+        The options, with `inputs` and `hold`; or give them by name.
+    report
+        Is told what is being done, a phrase a stage.
+    **options
+        Fields of `Settings`. Of them `period`, `channels`, `inputs`, `hold`, `harmonics`, `forced`, `validate` and the
+        probabilities of false alarm count here.
+
+    Returns
+    -------
+    DrivenAnalysis
+        The model with its inputs, deviations of all of it, and the verdict.
+
+    Raises
+    ------
+    InputError
+        The records, the inputs or the clock are not possible.
+    IdentificationError
+        The inputs say nothing of the system, or no mode rises above the noise.
+    """
+    chosen = settings_of(settings, options, OF)
+    if not chosen.inputs:
+        remedy = 'Name the channels that drive the system: `inputs=["force"]`. Of free responses use `identify`.'
+        raise input_error("inputs", OF, "name a channel", "is empty", remedy)
+    with own_names(OF):
+        used = clocked(records, chosen, OF)
+        with blas_threads(used):
+            return _identified(used, chosen, report)
+
+
+def _identified(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> DrivenAnalysis:
+    """The chain from the records with their clocks on."""
+    report("parting inputs and outputs")
+    own = parted(records, settings)
+    samples = own.samples
+    phases = 2.0 * np.pi / (samples.fundamental * samples.step)
+    limits = Limits(
+        mode_alarm=settings.mode_false_alarm,
+        harmonic_alarm=settings.harmonic_false_alarm,
+        highest=max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics,
+    )
+    report("searching for modes")
+    found = searched(samples, limits, report)
+    if not found.modes:
+        raise IdentificationError(
+            "Identification ended without a result: no mode that the inputs reach, or that rings at the begin, rises "
+            "above the noise. Drive it harder or for longer, or check which channels are `inputs`."
+        )
+    report("estimating deviations")
+    fit = Uncertainty(samples, found)
+    provenance = Provenance.merge(tuple(record.provenance for record in records))
+    model = model_of(fit, own.outputs, own.inputs, provenance)
+    held_out = np.full(len(own.outputs), np.nan)
+    if settings.validate:
+        report("predicting samples left out")
+        held_out = _held_out(own, found)
+    return DrivenAnalysis(
+        settings=settings,
+        records=own.records,
+        model=model,
+        fit=fit,
+        noise=found.noise[:, None],
+        held_out=held_out,
+        findings=(*_done(own), *_unreached(fit), *_against(found, held_out)),
+    )
+
+
+def _held_out(own: Parted, found: Linearisation) -> NDArray[np.float64]:
+    """The rms error over what is expected, on the last quarter of each record, by a fit to the rest (outputs,).
+
+    Expected are the noise, and what the deviations of that fit make of the prediction.
+    """
+    whole = own.samples
+    kept = [slice(one.start, one.start + int(KEPT * (one.stop - one.start))) for one in whole.records]
+    first = samples_of(
+        [whole.values[:, one] for one in kept],
+        [whole.inputs[:, one] for one in kept],
+        [float(whole.times[one.start]) for one in kept],
+        step=whole.step,
+        fundamental=whole.fundamental,
+        hold=whole.hold,
+        turns=own.turns,
+    )
+    part = Uncertainty(first, solve(first, found.modes, found.direct))
+    whole_at = linearise(whole, part.at.modes, part.at.direct)
+    states = state_slopes(whole, whole_at)
+    beyond = np.ones(whole.n_samples, bool)
+    for one in kept:
+        beyond[one] = False
+    columns, errors = whole_at.columns[:, beyond], []
+    for channel, noise in enumerate(part.at.noise):
+        left = whole.values[channel, beyond] - part.at.coefficients[:, channel] @ columns
+        at = replace(whole_at, coefficients=part.at.coefficients)
+        by_parameters = slopes_of(whole, at, channel, states)[:, beyond]
+        # What the part does not tell of the model is no error of it.
+        expected = noise**2 + np.minimum(part.variance(channel, by_parameters.T, columns.T), MOST_UNTOLD * noise**2)
+        errors.append(float(np.sqrt(np.mean(left**2 / expected))))
+    return np.array(errors)
+
+
+def _done(own: Parted) -> tuple[Finding, ...]:
+    """Findings on what was fitted beside the modes."""
+    names = [channel.name for channel in own.inputs]
+    done = [note("inputs", channels=names, hold=own.samples.hold)]
+    return (*done, *([note("steady_beside_inputs", harmonics=own.turns)] if own.turns else []))
+
+
+def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
+    """Findings on modes that ring from the begin alone: no input reaches them as far as the record shows."""
+    from scipy.special import chdtri
+
+    found = []
+    for number, mode in enumerate(fit.at.modes):
+        place, free = fit.places[number]
+        size, starts = mode.gains.size, len(mode.initial)
+        if mode.real:
+            rows, flat = np.arange(1, 1 + 2 * size), np.concatenate([mode.gains.real.ravel(), mode.gains.imag.ravel()])
+        else:
+            rows = np.concatenate([np.arange(1, 1 + size), np.arange(2 + size + starts, 2 + 2 * size + starts)])
+            flat = np.concatenate([mode.gains.real.ravel(), mode.gains.imag.ravel()])
+        if not free[rows].all():
+            continue  # its scale is that of an input: that one reaches it
+        index = place.start + np.cumsum(free)[rows] - 1
+        spread = fit.parameters[np.ix_(index, index)]
+        if float(flat @ np.linalg.pinv(spread, hermitian=True) @ flat) < chdtri(len(index), REACHED):
+            found.append(warning("unreached", frequency=abs(mode.exponent) / (2.0 * np.pi)))
+    return tuple(found)
+
+
+def _against(found: Linearisation, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
+    """Findings against the model: samples left out that it does not predict, and colour in what it leaves."""
+    against = []
+    if (held_out >= HELD_OUT).any():
+        against.append(failure("inputs_held_out", error=float(np.nanmax(held_out))))
+    spectrum = np.abs(np.fft.rfft(found.left, 2 * found.left.shape[1], axis=1)) ** 2
+    lags = np.fft.irfft(spectrum, axis=1)[:, : LAGS + 1]
+    squares = float(np.max(np.sum((lags[:, 1:] / lags[:, :1]) ** 2, axis=1)))
+    if squares > COLOURED:
+        against.append(warning("inputs_colour", squares=squares))
+    return tuple(against)

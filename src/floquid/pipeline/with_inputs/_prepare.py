@@ -1,0 +1,181 @@
+"""Records with measured inputs as samples: the channels parted, what cannot end well refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import input_error
+from floquid.core import Channel, ConstantPeriod, Record, channels_named
+from floquid.errors import IdentificationError
+from floquid.inputs import Hold, Samples, samples_of
+from floquid.pipeline._settings import Settings
+
+OF = "identify_driven"
+
+PERIODIC = 1e-3
+"""The share of an input's energy off the harmonics of the period below which it is periodic itself."""
+
+COPY = 1e-8
+"""The smallest eigenvalue of the correlations of the inputs below which one is a sum of others."""
+
+FEWEST = 8
+"""Periods that records must hold in all."""
+
+STEADY_LINES = 12
+"""Harmonics of the period at which a response that repeats with it is looked for."""
+
+BESIDE = (1, 2, 3, 4)
+"""Lines on either side of a harmonic by which the level there is judged."""
+
+LOUD = 8.0
+"""The amplitude at a harmonic over that beside it from which on it is fitted."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parted:
+    """Samples of records with inputs, and their channels.
+
+    Parameters
+    ----------
+    records
+        The records as used.
+    samples
+        Outputs and inputs, one record after another.
+    outputs, inputs
+        The channels of each.
+    turns
+        Harmonics of the period that are fitted beside the modes (turns,).
+    """
+
+    records: tuple[Record, ...]
+    samples: Samples
+    outputs: tuple[Channel, ...]
+    inputs: tuple[Channel, ...]
+    turns: tuple[int, ...]
+
+
+def parted(records: Sequence[Record], settings: Settings) -> Parted:
+    """The samples of records with measured inputs.
+
+    Raises
+    ------
+    InputError
+        The records, the inputs or the clock are not possible.
+    IdentificationError
+        The inputs say nothing of the system, or the records are too short.
+    """
+    period = _period(records)
+    rates = {record.sample_rate for record in records}
+    if len(rates) > 1:
+        raise input_error("records", OF, "have one rate with `inputs`", f"have {sorted(rates)}", "Resample them.")
+    for record in records:
+        channels_named(record.channels, settings.inputs, argument="inputs", of=OF)
+        if np.isnan(record.values).any():
+            must, remedy = "miss no sample with `inputs`", "Cut the record at the gap, into two records."
+            raise input_error("records", OF, must, f"miss {int(np.isnan(record.values).sum())}", remedy)
+    names = [channel.name for channel in records[0].channels]
+    wanted = settings.channels or [
+        channel.name for channel in records[0].channels if channel.quantity not in ("pulse", "angle")
+    ]
+    outputs = [name for name in names if name in wanted and name not in settings.inputs]
+    if not outputs:
+        must = "leave a channel that is an output"
+        raise input_error("inputs", OF, must, "names every channel", "Name the channels that drive the system alone.")
+    rows, driven = [names.index(name) for name in outputs], [names.index(name) for name in settings.inputs]
+    inputs = [record.values[driven] for record in records]
+    _refuse(inputs, records, period)
+    values = [record.values[rows] for record in records]
+    rate = records[0].sample_rate
+    starts = []
+    for record in records:
+        assert isinstance(record.clock, ConstantPeriod)
+        starts.append(record.clock.phase(record.start) * period)
+    turns = _steady(values, rate, period) if settings.forced == "auto" else _asked(settings)
+    hold: Hold = settings.hold
+    samples = samples_of(
+        values, inputs, starts, step=1.0 / rate, fundamental=2.0 * np.pi / period, hold=hold, turns=turns
+    )
+    channels = {channel.name: channel for channel in records[0].channels}
+    return Parted(
+        records=tuple(records),
+        samples=samples,
+        outputs=tuple(channels[name] for name in outputs),
+        inputs=tuple(channels[name] for name in settings.inputs),
+        turns=turns,
+    )
+
+
+def _period(records: Sequence[Record]) -> float:
+    """The period of all records, which must be one."""
+    periods = {record.clock.period for record in records if isinstance(record.clock, ConstantPeriod)}
+    if len(periods) != 1 or any(not isinstance(record.clock, ConstantPeriod) for record in records):
+        must, got = "have one constant period with `inputs`", "have none, several or a measured clock"
+        raise input_error("records", OF, must, got, "Give the period: `period=`.")
+    return periods.pop()
+
+
+def _refuse(inputs: Sequence[NDArray[np.float64]], records: Sequence[Record], period: float) -> None:
+    """Refuse inputs that say nothing: none, copies, periodic ones; and records of a few periods."""
+    whole = np.concatenate(inputs, axis=1)
+    centred = whole - whole.mean(axis=1, keepdims=True)
+    size = np.sqrt(np.mean(centred**2, axis=1))
+    if (size == 0.0).any():
+        raise IdentificationError(
+            f"Input {int(np.flatnonzero(size == 0.0)[0]) + 1} never changes: nothing can be learned of what it does. "
+            "Leave it out of `inputs`."
+        )
+    if np.linalg.eigvalsh(np.corrcoef(centred).reshape(len(size), -1))[0] < COPY:
+        raise IdentificationError(
+            "The inputs are copies or sums of one another: what each does cannot be told. Leave one out of `inputs`, "
+            "or drive them with signals that are independent."
+        )
+    periods = sum(record.n_samples for record in records) / (records[0].sample_rate * period)
+    if periods < FEWEST:
+        raise IdentificationError(
+            f"The records hold {periods:.3g} periods, fewer than {FEWEST}: too few for a periodic system with inputs."
+        )
+    off = [_off_harmonics(own, record.sample_rate, period) for own, record in zip(inputs, records, strict=True)]
+    if max(off) < PERIODIC:
+        raise IdentificationError(
+            "The inputs repeat with the period of the system: all of their lines are multiples of its fundamental. The "
+            "response then repeats, too, and nothing but that can be learned: modes come from the transient alone. "
+            "Drive it with lines between the harmonics, at random, or with blows."
+        )
+
+
+def _off_harmonics(values: NDArray[np.float64], rate: float, period: float) -> float:
+    """The share of the energy of the inputs of one record that is off the harmonics of the period."""
+    periods = int(values.shape[1] / (rate * period))
+    if periods < 3:
+        return 1.0
+    part = values[:, : round(periods * rate * period)]
+    lines = np.abs(np.fft.rfft(part - part.mean(axis=1, keepdims=True), axis=1)) ** 2
+    place = np.arange(lines.shape[1]) / periods
+    near = np.abs(place - np.rint(place)) * periods <= 2.5
+    return float(lines[:, ~near].sum() / max(lines.sum(), np.finfo(float).tiny))
+
+
+def _steady(values: Sequence[NDArray[np.float64]], rate: float, period: float) -> tuple[int, ...]:
+    """Harmonics at which a response stands far above what is beside them: an orbit, gravity, an imbalance."""
+    highest = min(STEADY_LINES, int(0.5 * rate * period - 1e-6))
+    found = []
+    for harmonic in range(1, highest + 1):
+        for own in values:
+            periods = own.shape[1] / (rate * period)
+            offsets = np.array([0.0, *(sign * k for k in BESIDE for sign in (1.0, -1.0))]) / periods
+            angles = 2.0 * np.pi * np.multiply.outer(harmonic + offsets, np.arange(own.shape[1])) / (rate * period)
+            lines = np.abs((own - own.mean(axis=1, keepdims=True)) @ np.exp(-1j * angles).T)
+            if (lines[:, 0] > LOUD * np.sqrt(np.mean(lines[:, 1:] ** 2, axis=1))).any():
+                found.append(harmonic)
+                break
+    return tuple(found)
+
+
+def _asked(settings: Settings) -> tuple[int, ...]:
+    """The harmonics of the forced response that the settings name."""
+    asked = settings.forced_harmonics
+    return () if isinstance(asked, str) else asked

@@ -1,0 +1,66 @@
+"""Harmonic transfer functions: the magnitude of each harmonic, with its 95 % band."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from floquid._checks import index
+from floquid.inputs import TransferFunctions
+from floquid.plot._colours import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+from floquid.plot._style import drawing
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib.figure import Figure
+
+COLORS = (BLACK, BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY)
+DASHES = ("-", "--", ":", "-.")
+
+TWICE = 1.96
+"""Deviations of a 95 % band."""
+
+
+def transfer(
+    found: TransferFunctions | Callable[[], TransferFunctions], *, output: int = 0, driven_by: int = 0
+) -> Figure:
+    r"""Magnitudes of the harmonic transfer functions :math:`|G_m(\Omega)|` from one input to one output.
+
+    A curve a harmonic m: the response at Ω + mω to an input at Ω. Bands are 95 % intervals.
+
+    Parameters
+    ----------
+    found
+        Transfer functions, or what makes them (`analysis.transfer`).
+    output, driven_by
+        Which output, and which input, from 0.
+
+    Raises
+    ------
+    InputError
+        There is no such output or input.
+    """
+    own = found() if callable(found) else found
+    row = index(output, "output", "transfer", len(own.outputs))
+    column = index(driven_by, "driven_by", "transfer", len(own.inputs))
+    with drawing(4.2) as figure:
+        axes = figure.add_subplot()
+        for place, harmonic in sorted(enumerate(own.harmonics.tolist()), key=lambda one: (abs(one[1]), one[1])):
+            size = np.abs(own.values[place, row, column])
+            if not size.any():
+                continue
+            number = 2 * abs(harmonic) - (harmonic > 0)
+            color, dash = COLORS[number % len(COLORS)], DASHES[number // len(COLORS) % len(DASHES)]
+            axes.plot(own.frequencies_hz, size, color=color, linestyle=dash, label=f"m = {harmonic}")
+            if own.std is not None:
+                # The deviation of a magnitude is at most that of the larger part, at least that of what is along it.
+                spread = TWICE * np.abs(own.std[place, row, column]) / np.sqrt(2.0)
+                low = np.maximum(size - spread, 1e-3 * size.max())
+                axes.fill_between(own.frequencies_hz, low, size + spread, color=color, alpha=0.2, linewidth=0.0)
+        axes.set_yscale("log")
+        axes.set_xlabel(r"frequency of the input $\Omega/2\pi$ [Hz]")
+        one, other = own.outputs[row], own.inputs[column]
+        axes.set_ylabel(rf"$|G_m|$, {other.name} to {one.name} [{one.unit}/{other.unit}]")
+    return figure

@@ -1,0 +1,87 @@
+r"""The next wider structures to first order about the fit of one that was chosen: what the choice could hide.
+
+With θ the unknowns of a wider structure, δ its best step from the fit, C and C₀ their covariance in the wider and in
+the chosen structure, and χ² the gain of that step with n numbers more,
+
+.. math:: E\,(\theta - \theta_0)(\theta - \theta_0)^T = C_0 + E(1 - B)\,(C - C_0) + E(1 - B)^2\, \delta \delta^T, \qquad
+      p(B) \propto B^{(n-1)/2} e^{-B \chi^2 / 2}, \; 0 < B < 1
+
+B is the share of noise in δ: what is left out is taken to be normal about zero, with a covariance 1/B - 1 times that of
+its estimate, and B to have the density 1/(2√B) before (Strawderman 1971, "Proper Bayes minimax estimators of the
+multivariate normal mean", a = 1/2; decision 0028 has what other choices came to). So little counts where δ is as small
+as noise makes it, and all where it is much larger.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.errors import IdentificationError
+from floquid.findings import Finding, note, warning
+from floquid.reconstruction._invariance import Point, Problem, at, covariance_of
+from floquid.reconstruction._structure import Basis
+
+Array = NDArray[Any]
+
+SHARES = np.linspace(0.0, 1.0, 2001)[1:]
+"""Values of B that are summed over."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hidden:
+    """What a wider structure adds to the second moments about the fit of the chosen one."""
+
+    basis: Basis
+    point: Point
+    """The fit, as one of the wider structure."""
+    moment: Array
+    """Of its unknowns (unknowns, unknowns)."""
+    of_parameters: Array
+    """Of the parameters of the chosen structure (parameters, parameters)."""
+
+
+def hidden_in(problem: Problem, name: str, chosen: Point, basis: Basis) -> tuple[Hidden | None, Finding]:
+    """What the wider structure of a problem adds to the fit of the chosen one, which has this basis; and its test.
+
+    None where the estimates do not determine the wider structure.
+    """
+    from scipy.special import chdtrc
+
+    wide, n, more = problem.basis, len(basis.names), len(problem.basis.names) - len(basis.names)
+    turns = 2.0 * np.pi * np.arange(64) / 64
+    (known, own), (start, every) = basis.in_time(turns), wide.in_time(turns)
+    own, every = own.reshape(n, -1).T, every.reshape(n + more, -1).T
+    inside = np.linalg.lstsq(every, own, rcond=None)[0]
+    first = np.linalg.lstsq(every, own @ chosen.parameters[:n] + (known - start).ravel(), rcond=None)[0]
+    parameters = np.concatenate([first, chosen.parameters[n:]])
+    try:
+        point = at(problem, parameters, chosen.amplitudes, chosen.fundamental, chosen.modes)
+        covariance = covariance_of(point)
+    except (IdentificationError, np.linalg.LinAlgError):
+        return None, warning("structure_conditional", name=name)
+    # The unknowns of the chosen structure in those of the wider one: gains, ω and amplitudes are the same.
+    embedded = np.zeros((point.slopes.shape[1], chosen.slopes.shape[1]))
+    embedded[: n + more, :n], embedded[n + more :, n:] = inside, np.eye(chosen.slopes.shape[1] - n)
+    scale = np.linalg.norm(point.slopes, axis=0)
+    step = np.linalg.lstsq(point.slopes / scale, point.rest, rcond=None)[0] / scale
+    gain = float(np.sum((point.slopes @ step) ** 2))
+    weights = _weights(gain, more)
+    beyond = covariance - embedded @ covariance_of(chosen) @ embedded.T
+    moment = weights @ (1.0 - SHARES) * beyond + weights @ (1.0 - SHARES) ** 2 * np.outer(step, step)
+    seen = np.linalg.lstsq(own, every, rcond=None)[0]
+    count = len(parameters)
+    nearest = np.zeros((len(chosen.parameters), count))
+    nearest[:n, : n + more], nearest[n:, n + more :] = seen, np.eye(count - n - more)
+    finding = note("structure_tested", name=name, gain=gain, more=more, p_value=float(chdtrc(more, gain)))
+    return Hidden(wide, point, moment, nearest @ moment[:count, :count] @ nearest.T), finding
+
+
+def _weights(gain: float, more: int) -> Array:
+    """The probability of each share of noise, after a gain with so many numbers more."""
+    logs = 0.5 * (more - 1.0) * np.log(SHARES) - 0.5 * gain * SHARES
+    weights = np.exp(logs - logs.max())
+    return weights / weights.sum()

@@ -1,0 +1,63 @@
+"""Results with measured inputs beside the modes, a line each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from floquid.findings import Severity, texts
+from floquid.pipeline import DrivenAnalysis
+from floquid.views._words import with_error
+
+
+def driven_lines(analysis: DrivenAnalysis) -> dict[str, str]:
+    """Noise, period, inputs, the way they reach the modes, and the verdict, each in a line.
+
+    Parameters
+    ----------
+    analysis
+        What `identify_driven` found.
+
+    Returns
+    -------
+    dict
+        Name and words of each line.
+    """
+    model, own = analysis.model, analysis.model.inputs
+    assert own is not None
+    lines = {
+        "Noise": "taken for white, "
+        + ", ".join(
+            f"{value:.3g} {channel.unit} in {channel.name}"
+            for value, channel in zip(analysis.noise[:, 0], model.channels, strict=True)
+        ),
+        "Period": f"{model.period:.10g} s, as given",
+        "Inputs": " ".join(texts(analysis.findings, Severity.NOTE)),
+        "Reach": _reach(analysis),
+        "Direct": "" if not own.direct.size else f"at harmonics {own.direct_harmonics[0]}…{own.direct_harmonics[-1]}",
+        "Verdict": _verdict(analysis),
+    }
+    return {name: words for name, words in lines.items() if words}
+
+
+def _reach(analysis: DrivenAnalysis) -> str:
+    """The input and the harmonic that do most to each mode, by the rms of the input."""
+    model, own = analysis.model, analysis.model.inputs
+    assert own is not None
+    size = analysis.fit.samples.input_size
+    words = []
+    for number, mode in enumerate(model.upper_modes, start=1):
+        strength = np.abs(own.coefficients[mode]) * size[:, None]
+        source, harmonic = np.unravel_index(int(np.argmax(strength)), strength.shape)
+        turn = int(own.harmonics[harmonic])
+        words.append(f"mode {number} by {own.channels[source].name}" + (f" at {turn:+d} a period" if turn else ""))
+    return "; ".join(words)
+
+
+def _verdict(analysis: DrivenAnalysis) -> str:
+    """Whether samples that were left out are predicted."""
+    if not np.isfinite(analysis.held_out).all():
+        return "not checked"
+    error = with_error(float(analysis.held_out.max()), np.nan)
+    if analysis.passed:
+        return f"passed: the last quarter, left out of a fit, is predicted to {error} times the expected error at worst"
+    return f"the model does not pass: the last quarter, left out of a fit, is {error} times further off than expected"

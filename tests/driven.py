@@ -1,0 +1,146 @@
+"""Periodic systems with inputs, and their responses by Runge and Kutta's steps: equations of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Matrix = Callable[[float], NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Driven:
+    """x' = A(t) x + B(t) u, y = C(t) x + D u, of a period."""
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    period: float
+    D: float = 0.0
+
+    def maps(self, phases, inner=16):
+        """Of each phase, the transition to the next one and what an input that is held adds to the state."""
+        n, inputs = self.A(0.0).shape[0], self.B(0.0).shape[1]
+        h = self.period / phases / inner
+        found = []
+
+        def rates(t, state):
+            moved = self.A(t) @ state
+            moved[:, n:] += self.B(t)
+            return moved
+
+        for phase in range(phases):
+            state = np.eye(n, n + inputs)
+            for step in range(inner):
+                t = phase * h * inner + step * h
+                k1 = rates(t, state)
+                k2 = rates(t + 0.5 * h, state + 0.5 * h * k1)
+                k3 = rates(t + 0.5 * h, state + 0.5 * h * k2)
+                state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rates(t + h, state + h * k3))
+            found.append((state[:, :n], state[:, n:]))
+        return found
+
+    def response(self, inputs, phases, start=None):
+        """The response (outputs, samples) to inputs that are held (inputs, samples)."""
+        maps, step = self.maps(phases), self.period / phases
+        state = np.zeros(len(self.A(0.0))) if start is None else np.asarray(start, float)
+        found = []
+        for number in range(inputs.shape[1]):
+            found.append(self.C(number * step) @ state + self.D * inputs[:, number].sum())
+            transition, forcing = maps[number % phases]
+            state = transition @ state + forcing @ inputs[:, number]
+        return np.array(found).T
+
+    def exponents(self, phases=40):
+        """The exponents (modes,), on the principal branch."""
+        whole = np.eye(len(self.A(0.0)))
+        for transition, _ in self.maps(phases):
+            whole = transition @ whole
+        return np.log(np.linalg.eigvals(whole).astype(complex)) / self.period
+
+    def transfer(self, hertz, harmonics, order=16, points=128):
+        """G (harmonics, outputs, inputs, frequencies) by the harmonic state space: Toeplitz matrices, one inverse."""
+        omega, count = 2.0 * np.pi / self.period, 2 * order + 1
+        times = self.period * np.arange(points) / points
+
+        def toeplitz(matrix):
+            lines = np.fft.fft(np.array([matrix(t) for t in times]), axis=0) / points
+            return np.block([[lines[(row - column) % points] for column in range(count)] for row in range(count)])
+
+        a, b, c = toeplitz(self.A), toeplitz(self.B), toeplitz(self.C)
+        n, inputs, outputs = len(self.A(0.0)), self.B(0.0).shape[1], len(self.C(0.0))
+        turning = np.kron(np.diag(np.arange(-order, order + 1)), np.eye(n)) * 1j * omega
+        found = []
+        for frequency in hertz:
+            system = 2j * np.pi * frequency * np.eye(n * count) + turning - a
+            whole = c @ np.linalg.solve(system, b[:, order * inputs : (order + 1) * inputs])
+            found.append([whole[(order + m) * outputs : (order + m + 1) * outputs] for m in harmonics])
+        values = np.moveaxis(np.array(found), 0, -1)
+        values[[m == 0 for m in harmonics]] += self.D
+        return values
+
+
+def mathieu(direct=0.0):
+    """Mathieu's equation, a = 2, q = 0.5, five per cent damped, with a force."""
+    return Driven(
+        A=lambda t: np.array([[0.0, 1.0], [-(2.0 - np.cos(2.0 * t)), -0.1 * np.sqrt(2.0)]]),
+        B=lambda _: np.array([[0.0], [1.0]]),
+        C=lambda _: np.array([[1.0, 0.0]]),
+        period=np.pi,
+        D=direct,
+    )
+
+
+def two_masses():
+    """Two masses on springs that vary, a force on each, both seen, one from a frame that turns."""
+
+    def a(t):
+        stiffness = np.array([[1.3 + 0.4 * np.cos(t), -0.3], [-0.3, 5.2 + 0.8 * np.sin(t)]])
+        return np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -np.diag([0.05, 0.12])]])
+
+    return Driven(
+        A=a,
+        B=lambda t: np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.2 * np.cos(t)], [0.0, 1.0]]),
+        C=lambda t: np.array([[1.0, 0.0, 0.0, 0.0], [0.3 * np.cos(t), 1.0, 0.0, 0.0]]),
+        period=2.0 * np.pi,
+    )
+
+
+def flapping(lock=12.0, advance=0.3):
+    """A blade that flaps in forward flight: at these numbers two real negative multipliers, gone within a period."""
+    g = lock / 8.0
+
+    def a(t):
+        spring = 1.0 + g * (4.0 / 3.0 * advance * np.cos(t) + advance**2 * np.sin(2.0 * t))
+        return np.array([[0.0, 1.0], [-spring, -g * (1.0 + 4.0 / 3.0 * advance * np.sin(t))]])
+
+    return Driven(
+        A=a,
+        B=lambda t: np.array([[0.0], [g * (1.0 + 8.0 / 3.0 * advance * np.sin(t) + 2.0 * (advance * np.sin(t)) ** 2)]]),
+        C=lambda _: np.array([[1.0, 0.0]]),
+        period=2.0 * np.pi,
+    )
+
+
+def record_of(system, periods, phases, noise, seed, inputs=None, start=None):
+    """Outputs with white noise of a share of their rms (outputs, samples), and the inputs, white where not given."""
+    generator = np.random.default_rng(seed)
+    if inputs is None:
+        inputs = generator.standard_normal((system.B(0.0).shape[1], periods * phases))
+    values = system.response(inputs, phases, start)
+    values = values + noise * values.std(axis=1, keepdims=True) * generator.standard_normal(values.shape)
+    return values, inputs
+
+
+def pulls(system, model):
+    """Deviations by which the exponents of a model are off the nearest true ones, modulo iω (modes, 2)."""
+    truth, rows = system.exponents(), []
+    for value, own in zip(model.exponents, model.exponent_std, strict=True):
+        gap = truth - value
+        gap = gap.real + 1j * (gap.imag - model.fundamental * np.rint(gap.imag / model.fundamental))
+        off = gap[np.abs(gap).argmin()]
+        rows.append([abs(off.real) / own.real, abs(off.imag) / max(own.imag, 1e-9)])
+    return np.array(rows)

@@ -1,0 +1,151 @@
+"""Modes with inputs: right kind, right order, harmonics by which they are reached, and none that is not there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.driven import flapping, mathieu, pulls, record_of, two_masses
+
+from floquid import Channel, IdentificationError, InputError, Record, identify_driven
+
+NAMES = {"unit": "m"}, {"unit": "N"}
+
+
+def identified(system, periods, phases, noise, seed=0, **options):
+    values, inputs = record_of(
+        system, periods, phases, noise, seed, options.pop("inputs", None), options.pop("start", None)
+    )
+    return identify_driven(
+        record(system, values, inputs, phases), period=system.period, inputs=named(inputs), **options
+    )
+
+
+def named(inputs):
+    return [f"F{number}" for number in range(len(inputs))]
+
+
+def record(system, values, inputs, phases):
+    channels = [Channel(name=f"y{n}", **NAMES[0]) for n in range(len(values))]
+    channels += [Channel(name=name, **NAMES[1]) for name in named(inputs)]
+    return Record(values=np.concatenate([values, inputs]), sample_rate=phases / system.period, channels=channels)
+
+
+def test_a_pair_of_conjugates():
+    system = mathieu()
+    found = identified(system, 60, 20, 0.05)
+    assert found.model.order == 2
+    assert pulls(system, found.model).max() < 4.0
+    assert found.passed
+
+
+def test_two_outputs_two_inputs_and_a_frame_that_turns():
+    system = two_masses()
+    found = identified(system, 60, 24, 0.02)
+    assert found.model.order == 4
+    assert pulls(system, found.model).max() < 4.0
+
+
+def test_two_real_negative_multipliers_that_die_within_a_period():
+    system = flapping()
+    found = identified(system, 120, 24, 0.005)
+    assert found.model.real.sum() == 2
+    assert found.model.order == 2
+    assert (found.model.multipliers.real < 0.0).all()
+    assert pulls(system, found.model)[:, 0].max() < 4.0
+
+
+def test_a_direct_term():
+    system = mathieu(direct=0.7)
+    found = identified(system, 80, 20, 0.01)
+    own = found.model.inputs
+    assert own.direct_harmonics.tolist() == [0]
+    assert own.direct[0, 0, 0] == pytest.approx(0.7, abs=0.01)
+    assert pulls(system, found.model).max() < 4.0
+
+
+def test_a_free_decay_after_a_measured_blow():
+    system = mathieu()
+    blow = np.zeros((1, 40 * 24))
+    blow[0, 5:8] = [3.0, 8.0, 2.0]
+    found = identified(system, 40, 24, 0.01, inputs=blow)
+    assert found.model.order == 2
+    assert pulls(system, found.model).max() < 4.0
+
+
+def test_several_records_of_one_system():
+    system = mathieu()
+    records = []
+    for seed, start in ((1, None), (2, [0.5, -0.2])):
+        values, inputs = record_of(system, 25, 20, 0.03, seed, start=start)
+        records.append(record(system, values, inputs, 20))
+    found = identify_driven(records, period=system.period, inputs=["F0"])
+    assert found.model.order == 2
+    assert found.model.inputs.initial.shape == (2, 2)
+    assert pulls(system, found.model).max() < 4.0
+
+
+def test_an_orbit_beside_the_inputs_is_no_mode():
+    system = mathieu()
+    values, inputs = record_of(system, 60, 20, 0.02, 3)
+    times = np.arange(values.shape[1]) * system.period / 20
+    values = values + 5.0 * values.std() * np.cos(2.0 * times + 0.3)
+    found = identify_driven(record(system, values, inputs, 20), period=system.period, inputs=["F0"])
+    assert found.model.order == 2
+    assert pulls(system, found.model).max() < 4.0
+    assert "steady_beside_inputs" in [own.code for own in found.findings]
+
+
+def test_noise_alone_has_no_mode():
+    system = mathieu()
+    generator = np.random.default_rng(5)
+    values, inputs = generator.standard_normal((2, 1, 1200))
+    with pytest.raises(IdentificationError, match="no mode that the inputs reach"):
+        identify_driven(record(system, values, inputs, 20), period=system.period, inputs=["F0"])
+
+
+def test_an_input_that_repeats_with_the_period_is_refused():
+    system = mathieu()
+    repeated = np.tile(np.random.default_rng(1).standard_normal((1, 20)), 60)
+    with pytest.raises(IdentificationError, match="repeat with the period of the system"):
+        identified(system, 60, 20, 0.01, inputs=repeated)
+
+
+def test_inputs_that_are_copies_are_refused():
+    system = two_masses()
+    one = np.random.default_rng(1).standard_normal((1, 40 * 24))
+    with pytest.raises(IdentificationError, match="copies or sums of one another"):
+        identified(system, 40, 24, 0.01, inputs=np.concatenate([one, 2.0 * one]))
+
+
+def test_an_input_that_never_changes_is_refused():
+    with pytest.raises(IdentificationError, match="never changes"):
+        identified(mathieu(), 40, 20, 0.01, inputs=np.ones((1, 800)), start=[1.0, 0.0])
+
+
+def test_few_periods_are_refused():
+    with pytest.raises(IdentificationError, match="too few"):
+        identified(mathieu(), 5, 20, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"inputs": []}, "`inputs` of `identify_driven`"),
+        ({"inputs": ["G"]}, "`inputs` of `identify_driven`"),
+        ({"inputs": ["F0"], "hold": "second"}, "`hold` of `Settings`"),
+        ({"inputs": ["F0", "y0"]}, "`inputs` of `identify_driven`"),
+    ],
+)
+def test_what_is_not_possible_is_named(options, words):
+    system = mathieu()
+    values, inputs = record_of(system, 20, 20, 0.01, 0)
+    with pytest.raises(InputError, match=words):
+        identify_driven(record(system, values, inputs, 20), period=system.period, **options)
+
+
+def test_missing_samples_are_refused():
+    system = mathieu()
+    values, inputs = record_of(system, 20, 20, 0.01, 0)
+    values[0, 7] = np.nan
+    with pytest.raises(InputError, match="miss no sample"):
+        identify_driven(record(system, values, inputs, 20), period=system.period, inputs=["F0"])

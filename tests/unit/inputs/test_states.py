@@ -1,0 +1,88 @@
+"""The state of a mode between its inputs' samples, against integration; its slopes against differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from floquid.inputs import InputMode, linearise, samples_of, slopes_of, state_slopes
+from floquid.inputs._modes import state_of
+
+STEP, OMEGA = 0.17, 1.3
+
+
+def samples(hold, values=None):
+    generator = np.random.default_rng(2)
+    inputs = generator.standard_normal((2, 60))
+    outputs = generator.standard_normal((2, 60)) if values is None else values
+    return samples_of([outputs], [inputs], [0.4], step=STEP, fundamental=OMEGA, hold=hold, turns=(1,))
+
+
+def mode(*, real=False):
+    generator = np.random.default_rng(7)
+    reach = np.array([0.5, 1.5]) if real else np.array([-1.0, 0.0, 1.0])
+    gains = generator.standard_normal((2, len(reach))) + 1j * generator.standard_normal((2, len(reach)))
+    return InputMode(
+        exponent=-0.3 + (0.0 if real else 0.8j),
+        real=real,
+        reach=reach,
+        gains=gains,
+        turns=reach,
+        initial=np.array([0.7 + (0.0 if real else 0.2j)]),
+    )
+
+
+@pytest.mark.parametrize("hold", ["zero", "first"])
+@pytest.mark.parametrize("real", [False, True])
+def test_the_state_is_that_of_the_equation(hold, real):
+    own, wanted = samples(hold), mode(real=real)
+    state = wanted.initial[0] + 0j
+    found = [state]
+    for number in range(20):
+        begin, now, then = own.times[number], own.inputs[:, number], own.inputs[:, number + 1]
+
+        def rate(t, z, begin=begin, now=now, then=then):
+            share = (t - begin) / STEP if hold == "first" else 0.0
+            u = now + share * (then - now)
+            driven = sum(
+                wanted.gains[i, k] * np.exp(1j * turn * OMEGA * t) * u[i]
+                for i in range(2)
+                for k, turn in enumerate(wanted.reach)
+            )
+            return wanted.exponent * z + (driven.real if real else driven)
+
+        state = solve_ivp(rate, (begin, begin + STEP), [state], rtol=1e-10, atol=1e-12).y[0, -1]
+        found.append(state)
+    assert np.abs(state_of(own, wanted)[:21] - np.array(found)).max() < 1e-8
+
+
+@pytest.mark.parametrize("real", [False, True])
+def test_slopes_are_those_of_the_response(real):
+    own, wanted = samples("zero"), mode(real=real)
+    at = linearise(own, [wanted])
+    slopes = slopes_of(own, at, 1, state_slopes(own, at))
+    free = np.flatnonzero(wanted.free)
+    for row, index in enumerate(free):
+        step = np.zeros(len(wanted.free))
+        step[index] = 1e-5
+        moved = [linearise(own, [wanted.moved(sign * step)]).columns for sign in (1.0, -1.0)]
+        slope = at.coefficients[:, 1] @ (moved[0] - moved[1]) / 2e-5
+        assert np.abs(slopes[row] - slope).max() < 1e-6 * max(np.abs(slope).max(), 1.0), index
+
+
+def test_a_hold_that_is_forgotten_is_another_response():
+    one, other = samples("zero"), samples("none")
+    assert np.abs(state_of(one, mode()) - state_of(other, mode())).max() > 0.01
+
+
+def test_records_begin_anew():
+    generator = np.random.default_rng(0)
+    parts = [generator.standard_normal((2, n)) for n in (40, 30)]
+    both = samples_of(parts, parts, [0.0, 0.9], step=STEP, fundamental=OMEGA)
+    alone = samples_of(parts[1:], parts[1:], [0.9], step=STEP, fundamental=OMEGA)
+    started = replace(mode(), initial=np.array([0.3, -0.4 + 1j]))
+    second = replace(mode(), initial=np.array([-0.4 + 1j]))
+    assert np.allclose(state_of(both, started)[40:], state_of(alone, second))

@@ -1,0 +1,72 @@
+"""Harmonic transfer functions of a fit against the harmonic state space of the equations, which shares no code."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.driven import flapping, mathieu, record_of, two_masses
+from tests.unit.inputs.test_search import record
+
+from floquid import InputError, PeriodicModel, identify_driven
+from floquid.inputs import transfer_functions
+
+HARMONICS = np.arange(-2, 3)
+
+
+def fitted(system, periods, phases, noise, seed=0):
+    values, inputs = record_of(system, periods, phases, noise, seed)
+    names = [f"F{n}" for n in range(len(inputs))]
+    return identify_driven(record(system, values, inputs, phases), period=system.period, inputs=names, validate=False)
+
+
+@pytest.mark.parametrize(
+    ("system", "periods", "phases"), [(mathieu(direct=0.4), 80, 20), (two_masses(), 60, 24), (flapping(), 120, 24)]
+)
+def test_transfer_functions_are_those_of_the_equations(system, periods, phases):
+    found = fitted(system, periods, phases, 0.01)
+    hertz = np.linspace(0.03, 0.9, 20) / system.period * 2.0
+    got, truth = found.transfer(hertz, HARMONICS), system.transfer(hertz, HARMONICS)
+    assert np.abs(got.values - truth).max() < 0.02 * np.abs(truth).max()
+    off = got.values - truth
+    both = np.concatenate([(off.real / got.std.real).ravel(), (off.imag / got.std.imag).ravel()])
+    assert np.sqrt(np.mean(both**2)) < 2.0
+    assert np.mean(np.abs(both) < 1.96) > 0.75
+
+
+def test_those_of_the_model_are_those_of_the_fit():
+    found = fitted(two_masses(), 40, 24, 0.02)
+    hertz = np.array([-0.3, 0.05, 0.2])
+    both = found.transfer(hertz, HARMONICS), transfer_functions(found.model, hertz, HARMONICS)
+    assert both[0].values == pytest.approx(both[1].values, rel=1e-12)
+
+
+def test_a_negative_frequency_is_the_conjugate_of_the_mirrored_harmonic():
+    found = fitted(mathieu(), 60, 20, 0.02)
+    up, down = found.transfer([0.2], [-1, 0, 1]).values, found.transfer([-0.2], [-1, 0, 1]).values
+    assert down == pytest.approx(up[::-1].conj(), rel=1e-10)
+
+
+def test_half_of_the_sidebands_dropped_is_seen():
+    found = fitted(mathieu(), 80, 20, 0.01)
+    own = found.model.inputs
+    less = replace(own, coefficients=np.where(own.harmonics < 0, 0.0, own.coefficients))
+    model = PeriodicModel(
+        exponents=found.model.exponents,
+        coefficients=found.model.coefficients,
+        harmonics=found.model.harmonics,
+        period=found.model.period,
+        channels=found.model.channels,
+        inputs=less,
+    )
+    hertz, truth = np.array([0.1, 0.2, 0.3]), mathieu().transfer(np.array([0.1, 0.2, 0.3]), HARMONICS)
+    assert np.abs(transfer_functions(model, hertz, HARMONICS).values - truth).max() > 0.05 * np.abs(truth).max()
+
+
+def test_a_model_of_free_responses_has_none():
+    model = PeriodicModel(
+        exponents=[-1.0], coefficients=np.ones((1, 1, 1, 1)), harmonics=[0], period=1.0, channels=["a"]
+    )
+    with pytest.raises(InputError, match="have inputs"):
+        transfer_functions(model, [0.1])
