@@ -35,7 +35,6 @@ from floquid.store import save
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be: some need an A(t), or a tachometer
 RESULT = "result.h5"  # the file of an identification: figures beside it are of it
-
 TRANSFER = ("transfer.csv", "figures/transfer.png")  # what a result with measured inputs has beside its summary
 
 FILES = ("record.npz", RESULT, "summary.json", "settings.toml", "report.html")

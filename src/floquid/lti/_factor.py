@@ -27,8 +27,7 @@ orthogonal steps, which cost four times as much."""
 SHORT = 600
 """Samples up to which a record is looked at whole."""
 
-Rows = Callable[[], Iterator[Floats]]
-"""The rows of a matrix W (rows, width), some at a time, as often as it is asked."""
+Rows = Callable[[], Iterator[Floats]]  # the rows of a matrix W (rows, width), some at a time, as often as it is asked
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,8 +31,7 @@ _BLOCK = 1 << 18  # weights held at once (2 MB)
 class Kernel:
     """Weights of the samples about an instant, by its fractional delay."""
 
-    coefficients: Floats
-    """Chebyshev coefficients (degree + 1, taps) of each tap over delays of 0 to 1 sample."""
+    coefficients: Floats  # Chebyshev coefficients (degree + 1, taps) of each tap over delays of 0 to 1 sample
     half_width: int  # samples used on either side of the instant: taps are twice as many
 
     def weights(self, delays: Floats) -> Floats:

@@ -15,7 +15,6 @@ from floquid.sync._impact_search import longest_run
 from floquid.sync._interpolation import ACCURACY, BAND, check_options, half_width, interpolate
 
 FEWEST_PHASES = 8  # the fewest samples a period that are chosen from a bandwidth, where the sampling rate allows them
-
 _FALSE_ALARM = 1e-3  # the chance that a record of white noise alone seems to hold a response
 _LENGTHS = (256, 1024, 4096, 16384)  # samples of the stretches whose spectra are looked at
 _SMALLEST_LINE = 1e-12

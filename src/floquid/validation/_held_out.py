@@ -31,8 +31,7 @@ class HeldOut:
 
     numbers: Integers  # samples predicted (channels, hits, stretches)
     squares: Floats  # Σ e²/σ² (channels, hits, stretches)
-    own: Floats
-    """Σ e r/σ², with r what the model fitted to all cycles leaves: chi-square (channels, hits, stretches)."""
+    own: Floats  # Σ e r/σ², with r what the model fitted to all cycles leaves: chi-square (channels, hits, stretches)
     response: Floats  # Σ y²/σ² (channels, hits, stretches)
 
 

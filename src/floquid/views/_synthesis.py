@@ -47,8 +47,7 @@ class Response:
     record: Record
     clock: ConstantPeriod | ShaftAngle
     model: PeriodicModel
-    noise: Floats
-    """The deviation of the noise, before any whitening filter (channels,) [units of the channels]."""
+    noise: Floats  # the deviation of the noise, before any whitening filter (channels,) [units of the channels]
 
 
 def response_of(analysis: Analysis, hit: int, channels: list[int]) -> Response:

@@ -40,8 +40,7 @@ class ProductModes(NamedTuple):
 
     logarithms: Complexes  # log μ, the imaginary part in (-π, π] (modes,)
     vectors: Complexes  # x_k of unit length (nodes 0 to K, n, modes)
-    growth: Floats
-    """ln ‖F_{k-1} ... F_0 x_0‖ (nodes 0 to K, modes): F_k x_k exp(growth_k) = x_{k+1} exp(growth_{k+1})."""
+    growth: Floats  # ln ‖F_{k-1} ... F_0 x_0‖ (nodes 0 to K, modes): F_k x_k exp(growth_k) = x_{k+1} exp(growth_{k+1}).
 
 
 def schur(factors: Floats) -> PeriodicSchur:

@@ -27,8 +27,7 @@ class Cells(NamedTuple):
     """Points on a lattice, and the cells between them."""
 
     samples: Samples
-    lattice: Integers
-    """The sample at each node of the finest lattice, -1 where none is (nodes of the first, of the second)."""
+    lattice: Integers  # sample at each node of the finest lattice, -1 where none is (nodes of the first, of the second)
 
     cells: Integers  # first corner and width of each, in steps of the lattice (cells, 3)
 

@@ -42,8 +42,7 @@ class RecordBlock(Block):
     """The factors `SPEED`, `SPEED_SQUARED` and `SPEED_RATE`, of unit size (3, samples); None for a steady shaft."""
     ends: tuple[float, float] | None = None
     """Origins of growth and trends, where they are not the first and the last of the times [s]."""
-    taps: Floats | None = None
-    """The filter that the values went through (rows, taps); None where there was none."""
+    taps: Floats | None = None  # the filter that the values went through (rows, taps); None where there was none
     before: RecordBlock | None = None
     """The samples that the filter had before the first, at a wandering speed: there it is applied to the columns."""
 
