@@ -253,8 +253,8 @@ LIFTED = [
     Bad(
         name="a forced response of two periods",
         make=alone(lambda t: np.cos(np.pi * t / PERIOD)),
-        answer="doubted",
-        words="a multiplier of -1 neither grows nor decays",
+        answer="refused",
+        words="an orbit on which nothing is seen to decay",
     ),
     Bad(
         name="growth by e^60",

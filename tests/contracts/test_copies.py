@@ -12,11 +12,12 @@ from typing import get_origin
 
 import numpy as np
 import pytest
+from tests.driven import mathieu, record_of
 
 import floquid
-from floquid import _arrays, floquet, identify, systems
+from floquid import _arrays, floquet, identify, identify_driven, systems
 from floquid._checks import Rebuilt
-from floquid.core import AzimuthSignal, ConstantPeriod, PulseTimes, Record, TachometerSignal
+from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.lti import MaximumLikelihood
 from floquid.pipeline import Settings, bootstrap
 from floquid.views import families, synchronisation
@@ -89,6 +90,14 @@ def of_the_oracle():
     return {"rotor": rotor, "sampled": sampled, "modes": floquet.modes(sampled)}
 
 
+def with_inputs():
+    """A response to a force that goes on."""
+    values, inputs = record_of(mathieu(), 30, 12, 0.02, 0)
+    channels = ["y", Channel(name="F", unit="N")]
+    driven = Record(values=np.concatenate([values, inputs]), sample_rate=12.0 / np.pi, channels=channels)
+    return identify_driven(driven, period=np.pi, inputs=["F"])
+
+
 def others():
     found = analysis("lifted")
     return {
@@ -101,6 +110,7 @@ def others():
         "bootstrap": bootstrap(found, draws=20, workers=1),
         "synchronisation": synchronisation(found),
         "families": tuple(families(found)),
+        "driven": with_inputs(),
         **of_the_oracle(),
     }
 

@@ -40,6 +40,7 @@ _OPTIONS = {
     "floquet.read_openfast": {"paths": "`FILES`"},
     "Settings": _SETTINGS,
     "identify": _SETTINGS,
+    "identify_driven": _SETTINGS,
     "ConstantPeriod": {"period": "The period", "origin": "`--origin`"},
     "describe_file": {"path": "`FILE`", **_alike("rate", "channels")},
     "write": {"path": "`--out`", "record": "The record"},

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import Rebuilt
 from floquid.inputs._samples import Hold, Samples
 
 SERIES = 1e-4
@@ -14,7 +15,7 @@ SERIES = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class InputMode:
+class InputMode(Rebuilt):
     r"""One mode: a pair of conjugates, or a real multiplier, as far as it is no linear parameter.
 
     .. math:: \dot z = \lambda z + \sum_{i,l} b_{i,l}\, e^{i l \omega t} u_i, \qquad

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import Rebuilt
 from floquid.core import Channel, ModelInputs, PeriodicModel, Provenance
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
@@ -20,7 +21,7 @@ Term = tuple[complex, NDArray[np.int64], NDArray[np.complex128], NDArray[np.int6
 
 
 @dataclass(frozen=True, eq=False)
-class Uncertainty:
+class Uncertainty(Rebuilt):
     """Joint covariance of a fit: of its free parameters, and of what is linear in each channel.
 
     An error of coefficients is that of the parameters by slopes, and that of the channel's own noise.
@@ -28,6 +29,10 @@ class Uncertainty:
 
     samples: Samples
     at: Linearisation
+
+    def __post_init__(self) -> None:
+        for one in (self.samples, self.at, *self.at.modes):
+            _sealed(one)
 
     @cached_property
     def parameters(self) -> NDArray[np.float64]:
@@ -67,6 +72,15 @@ class Uncertainty:
         place, free = self.places[number]
         found[:, place] = values[:, free]
         return found
+
+
+def _sealed(one: Samples | Linearisation | InputMode) -> None:
+    """Make the arrays of an object read-only: from here on they are a result."""
+    for field in fields(one):
+        value = getattr(one, field.name)
+        for array in value if isinstance(value, tuple) else (value,):
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False
 
 
 def model_of(

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import Rebuilt
+
 Hold: TypeAlias = Literal["zero", "first", "none"]
 """The input between its samples: held, linear, or acting at the samples alone."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Samples:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples(Rebuilt):
     """Outputs and inputs of records of one rate, put one after another, with the angle of the system.
 
     Parameters
@@ -42,7 +45,6 @@ class Samples:
     fundamental: float
     hold: Hold
     known: NDArray[np.float64]
-    _turned: dict[float, NDArray[np.complex128]] = field(default_factory=dict, repr=False)
 
     @property
     def records(self) -> list[slice]:
@@ -61,10 +63,16 @@ class Samples:
 
     def turned(self, turns: float) -> NDArray[np.complex128]:
         """e^{i turns ωt} (samples,)."""
-        found = self._turned.get(turns)
+        known = self._angles
+        found = known.get(turns)
         if found is None:
-            found = self._turned[turns] = np.exp(1j * turns * self.fundamental * self.times)
+            found = known[turns] = np.exp(1j * turns * self.fundamental * self.times)
         return found
+
+    @cached_property
+    def _angles(self) -> dict[float, NDArray[np.complex128]]:
+        """Those that were asked for."""
+        return {}
 
     def each(self, values: NDArray, of: Callable[[NDArray], NDArray]) -> NDArray:
         """A function of the samples of each record, put one after another (…, samples)."""

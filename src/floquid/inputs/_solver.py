@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import Rebuilt
 from floquid.inputs._modes import InputMode, slopes_of_state, state_of
 from floquid.inputs._samples import Samples
 
@@ -27,8 +28,8 @@ ITERATIONS = 25
 """Steps at most."""
 
 
-@dataclass(frozen=True, slots=True)
-class Linearisation:
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearisation(Rebuilt):
     """The fit at some modes: what is linear, what is left, and the slopes by the parameters.
 
     Parameters

@@ -33,6 +33,9 @@ MOST_ROWS = 0.5
 FASTEST = 1.5
 """The largest decay between two samples of a candidate [nepers]."""
 
+ALIKE = 0.15
+"""The distance of two candidates, over their decay, within which one is enough."""
+
 GROWN = 3.0
 """The largest growth of one over a record [nepers]."""
 
@@ -50,7 +53,13 @@ def candidates(samples: Samples, response: NDArray[np.float64]) -> NDArray[np.co
     omega = samples.fundamental
     poles = poles.real + 1j * np.abs(poles.imag - omega * np.rint(poles.imag / omega))
     longest = samples.step * max(own.stop - own.start for own in samples.records)
-    return poles[(poles.real * samples.step > -FASTEST) & (poles.real * longest < GROWN)]
+    poles = poles[(poles.real * samples.step > -FASTEST) & (poles.real * longest < GROWN)]
+    apart: list[complex] = []
+    for pole in poles.tolist():
+        near = ALIKE * (abs(pole.real) + 1.0 / longest)
+        if all(abs(pole - other) > near for other in apart):
+            apart.append(pole)
+    return np.array(apart, np.complex128)
 
 
 def _poles(

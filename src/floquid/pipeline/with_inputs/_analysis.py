@@ -52,6 +52,10 @@ class DrivenAnalysis(Told, Drawn, Rebuilt):
     held_out: NDArray[np.float64]
     findings: tuple[Finding, ...] = ()
 
+    def __post_init__(self) -> None:
+        self._freeze(noise=("outputs", 1))
+        self._freeze(held_out=("outputs",), finite=False)
+
     def __repr__(self) -> str:
         model, checked = self.model, np.isfinite(self.held_out).all()
         verdict = ("passes" if self.passed else "does not pass") if checked else "not checked"

@@ -1,0 +1,83 @@
+"""`floquid identify --inputs` and `floquid transfer`: files, tables, and what a newcomer mistypes."""
+
+import json
+
+import numpy as np
+import pytest
+from tests.driven import mathieu, record_of
+
+from floquid import Channel, Record
+from floquid.cli import run
+from floquid.readers import write
+
+PERIOD = f"{np.pi:.15g}"
+
+
+@pytest.fixture
+def file(tmp_path):
+    values, inputs = record_of(mathieu(), 40, 20, 0.02, 0)
+    channels = [Channel(name="x", unit="m"), Channel(name="F", unit="N")]
+    path = tmp_path / "shaken.csv"
+    write(Record(values=np.concatenate([values, inputs]), sample_rate=20.0 / np.pi, channels=channels), path)
+    return path
+
+
+def test_a_result_is_printed_and_written(file, tmp_path, capsys):
+    out = tmp_path / "result"
+    assert run(["identify", str(file), "--period", PERIOD, "--inputs", "F", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "Modes: order 2" in said
+    assert "Input F, held between its samples." in said
+    assert "passed" in said
+    assert sorted(p.name for p in out.iterdir() if not p.name.startswith(".")) == [
+        "figures",
+        "settings.toml",
+        "summary.json",
+        "transfer.csv",
+    ]
+    found = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert found["order"] == 2
+    assert found["inputs"]["channels"] == [{"name": "F", "unit": "N"}]
+    table = np.genfromtxt(out / "transfer.csv", delimiter=",", skip_header=1)
+    assert table.shape[1] == 1 + 4 * 5
+    again = ["identify", str(file), "--settings", str(out / "settings.toml"), "--format", "json"]
+    assert run(again) == 0
+    assert json.loads(capsys.readouterr().out)["modes"] == found["modes"]
+
+
+def test_transfer_functions_as_text_json_table_and_picture(file, tmp_path, capsys):
+    command = ["transfer", str(file), "--period", PERIOD, "--inputs", "F", "--at", "0.1,0.2"]
+    assert run(command) == 0
+    said = capsys.readouterr().out
+    assert "F to x [m/N]" in said
+    assert "m = -1" in said
+    assert run([*command, "--harmonics", "0", "--format", "json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["frequencies_hz"] == [0.1, 0.2]
+    assert np.array(found["values"]).shape == (1, 1, 1, 2, 2)
+    truth = mathieu().transfer([0.1, 0.2], [0])
+    value = np.array(found["values"])[0, 0, 0] @ [1.0, 1j]
+    assert value == pytest.approx(truth[0, 0, 0], rel=0.02)
+    for name in ("g.csv", "g.png"):
+        assert run([*command, "--out", str(tmp_path / name)]) == 0
+        assert (tmp_path / name).stat().st_size > 100
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["transfer", "FILE", "--period", PERIOD], "--inputs"),
+        (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--at", "low"], "--at"),
+        (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--harmonics", "half"], "--harmonics"),
+        (["identify", "FILE", "--period", PERIOD, "--inputs", "G"], "--inputs"),
+        (["identify", "FILE", "--period", PERIOD, "--inputs", "F", "--hold", "second"], "--hold"),
+    ],
+)
+def test_slips_are_usage(file, words, message, capsys):
+    assert run([str(file) if word == "FILE" else word for word in words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_force_that_goes_on_names_the_way(file, capsys):
+    assert run(["identify", str(file), "--period", PERIOD]) == 1
+    assert "--inputs F" in capsys.readouterr().err

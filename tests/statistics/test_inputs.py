@@ -1,0 +1,47 @@
+"""Measured inputs by repetition: the order found, errors over their deviations, and intervals of transfer functions."""
+
+import numpy as np
+import pytest
+from tests.driven import flapping, mathieu, pulls, record_of, two_masses
+
+from floquid import Channel, Record, identify_driven
+
+DRAWS = 20
+HERTZ = np.linspace(0.03, 0.4, 12)
+HARMONICS = np.arange(-2, 3)
+
+
+def found(system, periods, phases, noise, seed):
+    values, inputs = record_of(system, periods, phases, noise, seed)
+    names = [f"F{n}" for n in range(len(inputs))]
+    channels = [Channel(name=f"y{n}", unit="m") for n in range(len(values))]
+    channels += [Channel(name=name, unit="N") for name in names]
+    record = Record(values=np.concatenate([values, inputs]), sample_rate=phases / system.period, channels=channels)
+    return identify_driven(record, period=system.period, inputs=names, validate=False)
+
+
+@pytest.mark.parametrize(
+    ("system", "periods", "phases", "noise", "order"),
+    [
+        (mathieu(), 60, 20, 0.05, 2),
+        (two_masses(), 50, 24, 0.02, 4),
+        (flapping(8.0, 0.5), 150, 32, 0.03, 2),
+        (flapping(), 150, 32, 0.01, 2),
+    ],
+    ids=["Mathieu", "two masses", "a blade of high damping", "two real negative multipliers"],
+)
+def test_deviations_hold(system, periods, phases, noise, order):
+    off, errors = [], []
+    truth = system.transfer(HERTZ, HARMONICS)
+    for seed in range(DRAWS):
+        own = found(system, periods, phases, noise, seed)
+        assert own.model.order == order, seed
+        own_pulls = pulls(system, own.model)
+        off.append(own_pulls[:, 0] if own.model.real.any() else own_pulls)
+        got = own.transfer(HERTZ, HARMONICS)
+        gap = got.values - truth
+        errors.append(np.concatenate([(gap.real / got.std.real).ravel(), (gap.imag / got.std.imag).ravel()]))
+    assert 0.7 < np.sqrt(np.mean(np.concatenate([own.ravel() for own in off]) ** 2)) < 1.3
+    assert np.abs(np.concatenate([own.ravel() for own in off])).max() < 5.0
+    assert 0.85 < np.sqrt(np.mean(np.array(errors) ** 2)) < 1.2
+    assert 0.9 < np.mean(np.abs(np.array(errors)) < 1.96) < 0.98
