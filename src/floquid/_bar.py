@@ -13,10 +13,7 @@ _COUNT = re.compile(r"(\d+) of (\d+)")
 
 
 def lines() -> Callable[[str], None]:
-    """Writer of each stage to stderr, once, as a line of its own: the part after its colon is left out.
-
-    A log keeps these, and they say where a command is that runs without a terminal.
-    """
+    """Writer of each stage to stderr, once, as a line of its own: the part after its colon is left out."""
     told: set[str] = set()
 
     def report(words: str) -> None:
@@ -35,10 +32,7 @@ def lines() -> Callable[[str], None]:
 
 @contextmanager
 def bar(wanted: bool, report: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
-    """Listener to each stage: `report`, and, where it is wanted, a bar on stderr; without a terminal, lines.
-
-    A stage that says «… 3 of 8» fills the bar; another makes it run without a measure.
-    """
+    """Listener to each stage: `report`, and, where it is wanted, a bar on stderr; without a terminal, lines."""
     if not wanted:
         yield report
         return

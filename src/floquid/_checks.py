@@ -34,14 +34,19 @@ class Rebuilt(Brief):
         plain = {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in taken.items()}
         return _rebuilt, (type(self), plain)
 
-    def _freeze(self, *, dtype: DTypeLike = np.float64, finite: bool = True, **axes: Sequence[str | int]) -> None:
+    def _freeze(
+        self, *, dtype: DTypeLike = np.float64, finite: bool = True, missing: bool = False, **axes: Sequence[str | int]
+    ) -> None:
         """Make the fields named read-only arrays of these axes (`frozen_array`); one that may be None may stay so."""
-        of, optional = type(self).__name__, {field.name for field in fields(cast("Any", self)) if field.default is None}
+        of, optional = (
+            type(self).__name__,
+            {field.name for field in fields(cast("Any", self)) if "None" in str(field.type)},
+        )
         for name, wanted in axes.items():
             value = getattr(self, name)
             if value is not None or name not in optional:
-                array = frozen_array(cast("Any", value), name, of, dtype=dtype, axes=wanted, finite=finite)
-                object.__setattr__(self, name, array)
+                checks: dict[str, Any] = {"dtype": dtype, "axes": wanted, "finite": finite, "missing": missing}
+                object.__setattr__(self, name, frozen_array(cast("Any", value), name, of, **checks))
 
 
 def _rebuilt(kind: type[Rebuilt], values: dict[str, Any]) -> Rebuilt:
@@ -171,9 +176,8 @@ def frozen_array(
     except (TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise input_error(
-            argument, of, f"be an array of numbers of shape {shape_words}", f"is {describe(value)}", remedy
-        ) from None
+        must = f"be an array of numbers of shape {shape_words}"
+        raise input_error(argument, of, must, f"is {describe(value)}", remedy) from None
     if array.ndim != len(axes) or any(isinstance(a, int) and n != a for a, n in zip(axes, array.shape, strict=True)):
         raise input_error(argument, of, f"have shape {shape_words}", f"has shape {array.shape}", remedy)
     if finite:
@@ -181,17 +185,22 @@ def frozen_array(
         if bad.any():
             where = tuple(int(i) for i in np.argwhere(bad)[0])
             words = "be finite (NaN alone marks a missing sample)" if missing else "be finite"
-            raise input_error(
-                argument,
-                of,
-                words,
-                f"has {int(bad.sum())} entries that are not, the first of them {array[where]} at index {where}",
-                remedy,
-            )
+            got = f"has {int(bad.sum())} entries that are not, the first of them {array[where]} at index {where}"
+            raise input_error(argument, of, words, got, remedy)
     if array.flags.writeable:
         array = array.copy() if np.shares_memory(array, raw) else array
         array.flags.writeable = False
     return array
+
+
+def noise_array(
+    value: ArrayLike, of: str, axes: Sequence[str | int], remedy: str = "Give each channel its noise."
+) -> NDArray[Any]:
+    """The deviations of noise that the public callable `of` was given, positive, as a read-only array of these axes."""
+    spread = frozen_array(value, "noise", of, axes=axes)
+    if not (spread > 0.0).all():
+        raise input_error("noise", of, "be positive", f"has {spread.min():g}", remedy)
+    return spread
 
 
 def timed_matrices(value: object, argument: str, of: str, n: int) -> tuple[NDArray[Any], NDArray[Any]]:

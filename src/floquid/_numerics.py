@@ -6,12 +6,11 @@ from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+
+from floquid._arrays import Complexes, Floats
 
 
-def sandwich(
-    information: NDArray[np.float64], scatter: NDArray[np.float64], *, smallest: float = 1e-14
-) -> NDArray[np.float64]:
+def sandwich(information: Floats, scatter: Floats, *, smallest: float = 1e-14) -> Floats:
     """The covariance I⁻¹ H I⁻¹ of parameters with the information I, whose gradient has the covariance H.
 
     The information is brought to a unit diagonal first: a weak mode beside a strong one is not a null direction.
@@ -23,7 +22,7 @@ def sandwich(
     return inverse @ (scatter / both) @ inverse / both
 
 
-def positive_part(whole: NDArray[np.float64], reduced: NDArray[np.float64]) -> NDArray[np.float64]:
+def positive_part(whole: Floats, reduced: Floats) -> Floats:
     """`reduced` between a hundredth of `whole` and all of it in each direction, so that it stays definite."""
     if not len(whole):
         return whole
@@ -43,9 +42,9 @@ class Quadratic(Protocol):
     @property
     def cost(self) -> float: ...
     @property
-    def gradient(self) -> NDArray[np.float64]: ...
+    def gradient(self) -> Floats: ...
     @property
-    def information(self) -> NDArray[np.float64]: ...
+    def information(self) -> Floats: ...
 
 
 Point = TypeVar("Point", bound=Quadratic)
@@ -53,7 +52,7 @@ Point = TypeVar("Point", bound=Quadratic)
 
 def levenberg_marquardt(
     now: Point,
-    moved: Callable[[Point, NDArray[np.float64]], Point | None],
+    moved: Callable[[Point, Floats], Point | None],
     *,
     steps: int,
     tolerance: float,
@@ -88,10 +87,16 @@ def levenberg_marquardt(
     return now
 
 
-def yule_walker(correlation: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+def yule_walker(correlation: Floats, order: int) -> Floats:
     """The filter (order + 1,) that makes white noise of an autoregression with this autocorrelation, from lag zero."""
     from scipy.linalg import solve_toeplitz
 
     first = correlation[:order].copy()
     first[0] *= 1.0 + 1e-9
     return np.concatenate([[1.0], -solve_toeplitz(first, correlation[1 : order + 1])])
+
+
+def filter_gain(taps: Floats, delays: Floats, rates: Complexes, *, slope: bool = False) -> Complexes:
+    """The gain of filters (channels, taps) at e^{st}, Σ_i a_i e^{-s τ_i}, or its derivative by s (channels, ...)."""
+    weights = -delays * taps if slope else taps
+    return np.asarray(np.tensordot(weights, np.exp(-np.multiply.outer(delays, rates)), axes=1), np.complex128)

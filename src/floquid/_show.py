@@ -104,15 +104,7 @@ class Drawn:
 
 
 class Figures:
-    """The figures of one result, a method each; `dir` lists them.
-
-    Parameters
-    ----------
-    of
-        The name of the type of the result.
-    figures
-        The figures that there are, and what they are drawn of.
-    """
+    """The figures of one result, a method each; `dir` lists them."""
 
     __slots__ = ("_figures", "_of")
 

@@ -24,7 +24,7 @@ OPTIONAL = {
     for name in layer.split("|")
     if name.strip().startswith("(")
 }
-OPEN_TO_ALL = ["errors", "_checks", "_bar", "_show", "_version"]
+OPEN_TO_ALL = ["errors", "_arrays", "_checks", "_bar", "_json", "_show", "_version"]
 
 
 @pytest.fixture

@@ -8,13 +8,14 @@ import pickle
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
+from typing import get_origin
 
 import numpy as np
 import pytest
 from tests.driven import mathieu, record_of
 
 import floquid
-from floquid import floquet, identify, identify_driven, systems
+from floquid import _arrays, floquet, identify, identify_driven, systems
 from floquid._checks import Rebuilt
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.lti import MaximumLikelihood
@@ -205,6 +206,8 @@ def test_every_public_type_with_arrays_is_rebuilt():
     rooms = [importlib.import_module(found.name) for found in pkgutil.iter_modules(floquid.__path__, "floquid.")]
     shown = [getattr(room, name) for room in rooms for name in getattr(room, "__all__", ())]
     kinds = {kind for kind in shown if inspect.isclass(kind) and is_dataclass(kind)}
-    with_arrays = {kind for kind in kinds if any("NDArray" in str(field.type) for field in fields(kind))}
+    arrays = ("NDArray", *(name for name, kind in vars(_arrays).items() if get_origin(kind) is np.ndarray))
+    assert len(arrays) > 5
+    with_arrays = {kind for kind in kinds if any(name in str(f.type) for f in fields(kind) for name in arrays)}
     assert len(with_arrays) > 30
     assert {kind.__name__ for kind in with_arrays if not issubclass(kind, Rebuilt)} == INNER

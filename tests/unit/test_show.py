@@ -7,13 +7,14 @@ import subprocess
 import sys
 from dataclasses import dataclass, fields, is_dataclass, replace
 from inspect import signature
+from typing import get_origin
 
 import numpy as np
 import pytest
 from tests.contracts.test_copies import parts, record
 
 import floquid
-from floquid import floquet, identify, order, plot
+from floquid import _arrays, floquet, identify, order, plot
 from floquid._checks import Rebuilt
 from floquid._show import Brief
 from floquid.core import Channel
@@ -54,7 +55,8 @@ def test_every_public_type_with_arrays_is_brief():
     rooms = [importlib.import_module(found.name) for found in pkgutil.iter_modules(floquid.__path__, "floquid.")]
     shown = {name: getattr(room, name) for room in rooms for name in getattr(room, "__all__", ())}
     kinds = {name: kind for name, kind in shown.items() if inspect.isclass(kind) and is_dataclass(kind)}
-    arrays = {name for name, kind in kinds.items() if any("NDArray" in str(field.type) for field in fields(kind))}
+    words = ("NDArray", *(name for name, kind in vars(_arrays).items() if get_origin(kind) is np.ndarray))
+    arrays = {name for name, kind in kinds.items() if any(word in str(f.type) for f in fields(kind) for word in words)}
     # It is made in the inmost loop of a fit.
     assert {name for name in arrays if not issubclass(kinds[name], Brief)} == {"ModeParameters"}
 

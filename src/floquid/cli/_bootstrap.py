@@ -11,7 +11,6 @@ from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
@@ -181,7 +180,7 @@ def _text(found: Bootstrap) -> str:
         "orders": {str(order): n for order, n in sorted(Counter(found.orders[found.orders > 0].tolist()).items())},
         "ratio_std": found.exponents.sampling_error,
         "holds": found.holds,
-        "reasons": list(found.reasons),
+        "reasons": found.reasons,
         "quantities": {spread.name: _quantity(spread, found) for spread in found.quantities},
     }
     return json_text(content)
@@ -191,25 +190,12 @@ def _quantity(spread: Spread, found: Bootstrap) -> dict[str, Any]:
     low, high = spread.interval()
     return {
         "unit": spread.unit,
-        "estimate": _listed(spread.estimate),
-        "asymptotic_std": None if spread.asymptotic is None else _listed(spread.asymptotic),
-        "std": _listed(spread.std),
-        "bias": _listed(spread.bias),
-        "low": _listed(low),
-        "high": _listed(high),
-        "ratio": None if spread.ratio is None else _listed(spread.ratio),
+        "estimate": spread.estimate,
+        "asymptotic_std": spread.asymptotic,
+        "std": spread.std,
+        "bias": spread.bias,
+        "low": low,
+        "high": high,
+        "ratio": spread.ratio,
         "not_by_chance": _doubtful(spread, found),
     }
-
-
-def _listed(values: NDArray) -> Any:
-    """Nested lists, complex numbers as pairs, and null for what is no number."""
-    if np.iscomplexobj(values):
-        values = np.stack([np.real(values), np.imag(values)], axis=-1)
-    return _without_nan(np.asarray(values, float).tolist())
-
-
-def _without_nan(values: Any) -> Any:
-    if isinstance(values, list):
-        return [_without_nan(value) for value in values]
-    return values if np.isfinite(values) else None

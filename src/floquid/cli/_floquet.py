@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error, positive
 from floquid.cli._floquet_output import AGREE, FILES, Examined, hill_claims, print_examined, save_modes, summary_text
 from floquid.cli._folder import ResultFolder, maybe_folder
@@ -120,7 +120,7 @@ def _examined(file: MatrixFile, tolerance: float, check: bool, report: Callable[
     return Examined(file=file, modes=found, stability=verdict, **checks)
 
 
-def _refuse_disagreement(found: FloquetModes, difference: NDArray[np.float64], verdict: Stability) -> None:
+def _refuse_disagreement(found: FloquetModes, difference: Floats, verdict: Stability) -> None:
     """Refuse a result of which two routes that both claim to be right say something else."""
     relative = difference / np.maximum(np.abs(found.exponents), found.fundamental)
     worst = int(relative.argmax())

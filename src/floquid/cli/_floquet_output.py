@@ -48,7 +48,6 @@ SHARES = (
     "in the mode (participation factors, which no unit changes)"
 )
 AGREE = 1e-6  # of max(|λ|, ω): by how much the two routes may differ, where both claim to be right
-
 _HILL = 1e-10  # of max(|λ|, ω): to what `hill` settles unless told otherwise
 _SHORTER = {"First time derivative of ": "d/dt ", " bending-mode DOF": "", " DOF": ""}
 
@@ -243,7 +242,7 @@ def summary_text(found: Examined) -> str:
         "stability": {
             "verdict": found.stability.verdict.name.lower(),
             "growth": found.stability.growth,
-            "reasons": list(found.stability.reasons),
+            "reasons": found.stability.reasons,
         },
         "check": None
         if found.hill is None
@@ -253,11 +252,11 @@ def summary_text(found: Examined) -> str:
             "n_harmonics": found.hill.n_harmonics,
             "outcome": found.hill.outcome.name.lower(),
         },
-        "defective": [list(group) for group in modes.defective],
+        "defective": modes.defective,
         "azimuths": None if model is None else _azimuths(found),
-        "states": list(found.file.states),
+        "states": found.file.states,
         "source": found.file.source,
-        "warnings": list(found.warnings),
+        "warnings": found.warnings,
     }
     return json_text(content)
 
@@ -269,13 +268,13 @@ def _azimuths(found: Examined) -> dict[str, Any]:
     assert found.halved is not None
     resolution = model.resolution()
     return {
-        "count": int(model.azimuths.size),
+        "count": model.azimuths.size,
         "equally_spaced": resolution.equally_spaced,
         "resolved": resolution.resolved,
         "tail": resolution.tail,
-        "reasons": list(resolution.reasons),
+        "reasons": resolution.reasons,
         "every_other": None if found.halved[1] else found.halved[0],
-        "set_aside": list(model.set_aside),
+        "set_aside": model.set_aside,
     }
 
 
@@ -283,20 +282,16 @@ def _mode(modes: FloquetModes, r: int) -> dict[str, Any]:
     kept = np.flatnonzero(modes.participation[r] >= 1e-12 * modes.participation[r].max())
     kept = np.arange(kept[0], kept[-1] + 1)
     return {
-        "exponent": _pair(modes.exponents[r]),
+        "exponent": modes.exponents[r],
         "exponent_std": None,
-        "principal": _pair(modes.principal()[r]),
+        "principal": modes.principal()[r],
         # One may be beyond what a number holds.
-        "multiplier": _pair(modes.multipliers[r]) if np.isfinite(modes.multipliers[r]) else None,
-        "frequency_hz": float(modes.frequencies_hz[r]),
-        "damping_ratio": float(modes.damping_ratios[r]),
-        "harmonics": modes.harmonics[kept].tolist(),
-        "participation": modes.participation[r, kept].tolist(),
+        "multiplier": modes.multipliers[r] if np.isfinite(modes.multipliers[r]) else None,
+        "frequency_hz": modes.frequencies_hz[r],
+        "damping_ratio": modes.damping_ratios[r],
+        "harmonics": modes.harmonics[kept],
+        "participation": modes.participation[r, kept],
     }
-
-
-def _pair(value: complex) -> list[float]:
-    return [float(value.real), float(value.imag)]
 
 
 def save_modes(found: Examined, path: Path) -> None:

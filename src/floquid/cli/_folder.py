@@ -35,7 +35,6 @@ from floquid.store import save
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be: some need an A(t), or a tachometer
 RESULT = "result.h5"  # the file of an identification: figures beside it are of it
-
 TRANSFER = ("transfer.csv", "figures/transfer.png")  # what a result with measured inputs has beside its summary
 
 FILES = ("record.npz", RESULT, "summary.json", "settings.toml", "report.html")
@@ -108,10 +107,7 @@ def maybe_folder(path: Path | None, names: Sequence[str]) -> Iterator[ResultFold
 
 @contextmanager
 def result_folder(path: Path, names: Sequence[str]) -> Iterator[ResultFolder]:
-    """The folder `path`, made if need be and tried before any long work; without a result it is left as it was.
-
-    `names` are those that files are to have in it. Whatever stands in the way of a result is an InputError.
-    """
+    """The folder `path`, made if need be and tried before any long work; without a result it is left as it was."""
     made: list[Path] = []
     unfinished: Path | None = None
     with ExitStack() as owned:

@@ -9,8 +9,8 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.cli._folder import result_file
 from floquid.cli._options import Debug, Frequency, NewRecordFile, Rate, RecordFile, period_of, split
@@ -60,15 +60,13 @@ def read_records(
         report(f"reading {file.name}")
         record = read(file, period=chosen.period, rate=choices.rate, channels=named, origin=choices.origin)
         if record.clock is None and not signals and not chosen.estimate_period:
-            raise input_error(
-                "--period",
-                of,
-                "be given",
-                f"neither it nor --frequency is, and {file} does not state one",
+            got = f"neither it nor --frequency is, and {file} does not state one"
+            remedy = (
                 "Give the period of the system [s], as in --period 0.02, its frequency [Hz], as in --frequency 50, or "
                 "the channel of a tachometer, as in --tach tach; --estimate-period finds it from the response."
-                f"{_likely(file, choices.rate)}",
+                f"{_likely(file, choices.rate)}"
             )
+            raise input_error("--period", of, "be given", got, remedy)
         records.append(record)
     if chosen.channels:  # a path may stand for all rows of a matrix: from here on each has its name
         choices = choices.with_given(channels=tuple(c.name for c in records[0].channels if c.name not in signals))
@@ -262,7 +260,7 @@ def differences(record: Record, found: Record) -> list[str]:
     return [words for words, kept in pairs.items() if not kept]
 
 
-def _same(one: NDArray[np.float64] | None, other: NDArray[np.float64] | None) -> bool:
+def _same(one: Floats | None, other: Floats | None) -> bool:
     if one is None or other is None:
         return one is other
     return np.array_equal(one, other, equal_nan=True)

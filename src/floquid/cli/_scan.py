@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from floquid._arrays import Floats, Integers
 from floquid._checks import input_error
 from floquid.cli._folder import ResultFolder, maybe_folder
 from floquid.cli._options import (
@@ -233,7 +233,7 @@ def _table(found: OrderScan) -> Table:
     return table
 
 
-def _above_least(values: NDArray[np.float64]) -> list[str]:
+def _above_least(values: Floats) -> list[str]:
     """Each value above the least, which has a star."""
     above = values - values.min()
     return [f"{value:.4g}" if value else "0 *" for value in above]
@@ -246,13 +246,13 @@ def _scan_text(scanned: Scanned, choices: Choices) -> str:
     content = {
         "format": "floquid-scan/1",
         "period": lifted.period,
-        "n_cycles": [int(length) for length in lifted.responses.lengths],
+        "n_cycles": lifted.responses.lengths,
         "n_phases": lifted.n_phases,
-        "noise_whitening": None if lifted.whitening is None else lifted.whitening.tolist(),
+        "noise_whitening": lifted.whitening,
         "channels": [channel.name for channel in lifted.channels],
-        "synchronisation": list(texts(scanned.prepared.findings)),
+        "synchronisation": texts(scanned.prepared.findings),
         "findings": [as_mapping(own) for own in scanned.prepared.findings],
-        "warnings": list(texts(scanned.prepared.faults)),
+        "warnings": texts(scanned.prepared.faults),
         "identifier": choices.identifier or "era",
         "tolerances": {name: getattr(tolerances, name) for name in ("frequency", "damping", "decay", "shape")},
         "orders": [
@@ -260,14 +260,14 @@ def _scan_text(scanned: Scanned, choices: Choices) -> str:
                 "order": order,
                 "reached": model.outcome is Outcome.SUCCESS,
                 "outcome": model.outcome.name,
-                "n_stable": int(found.n_stable[number]),
-                **{name: _number(getattr(criteria, name)[number]) for name in ("cost", "left", "misfit", "aic", "bic")},
+                "n_stable": found.n_stable[number],
+                **{name: getattr(criteria, name)[number] for name in ("cost", "left", "misfit", "aic", "bic")},
                 "poles": _poles(model, found.stable[number]),
             }
             for number, (order, model) in enumerate(zip(found.orders, found.models, strict=True))
         ],
         "indicators": {
-            "singular_values": [_number(value) for value in seen.singular_values[: 2 * max(found.orders)]],
+            "singular_values": seen.singular_values[: 2 * max(found.orders)],
             "noise_edge": seen.noise_edge,
             "n_above": seen.n_above,
             "delays": seen.delays,
@@ -276,19 +276,14 @@ def _scan_text(scanned: Scanned, choices: Choices) -> str:
     return json_text(content)
 
 
-def _poles(model: ModalModel, levels: NDArray[np.int64]) -> list[dict[str, Any]]:
+def _poles(model: ModalModel, levels: Integers) -> list[dict[str, Any]]:
     """Every pole of a model: its multiplier, principal pole [1/s], folded frequency [Hz] and stability."""
     return [
         {
-            "multiplier": [float(mu.real), float(mu.imag)],
-            "pole": [_number(pole.real), _number(pole.imag)],
-            "frequency_hz": float(abs(np.angle(mu)) / (2.0 * np.pi * model.dt)),
+            "multiplier": mu,
+            "pole": pole,
+            "frequency_hz": abs(np.angle(mu)) / (2.0 * np.pi * model.dt),
             "stability": Stability(int(level)).name.lower(),
         }
         for mu, pole, level in zip(model.multipliers, model.poles, levels, strict=True)
     ]
-
-
-def _number(value: float) -> float | None:
-    """A number, or null for what JSON cannot hold."""
-    return float(value) if np.isfinite(value) else None

@@ -57,9 +57,8 @@ def load_choices(file: Path) -> Choices:
     try:
         content: dict[str, Any] = tomllib.loads(file.read_bytes().decode("utf-8-sig"))
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise input_error(
-            "--settings", of, "name a file in TOML", f"{file} is not: {error}", "Mend it, or write it again with --out."
-        ) from None
+        remedy = "Mend it, or write it again with --out."
+        raise input_error("--settings", of, "name a file in TOML", f"{file} is not: {error}", remedy) from None
     known = list(dict.fromkeys([*(f.name for f in fields(Settings)), *READING]))
     for name in content:
         if name not in known:

@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
+from floquid._arrays import Floats
 from floquid._bar import lines
+from floquid._json import for_json
 from floquid.lifting import Lifted
 from floquid.pipeline import Analysis, DrivenAnalysis
 from floquid.reconstruction import Refinement
@@ -82,8 +83,8 @@ def new_table(left: Sequence[str], right: Sequence[str], after: Sequence[str] = 
 
 
 def json_text(content: Any) -> str:
-    """Output for a program."""
-    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+    """Output for a program: complex numbers are [real, imaginary], what is not finite is null."""
+    return json.dumps(for_json(content), indent=1, allow_nan=False) + "\n"
 
 
 def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
@@ -233,10 +234,7 @@ def modes_table(analysis: Analysis | DrivenAnalysis, *, derived: bool = False) -
 
 
 def print_state(console: Console, analysis: Analysis) -> None:
-    """Rows of A(t): the smallest and the largest value of each element over the period, and its largest deviation.
-
-    In second-order form they are those of the accelerations; the others say that displacements have velocities.
-    """
+    """Rows of A(t): the smallest and the largest value of each element over the period, and its largest deviation."""
     state = analysis.state
     assert state is not None
     second = analysis.settings.form == "second-order"
@@ -307,7 +305,7 @@ def _parameters_table(found: Refinement) -> Table:
     return table
 
 
-def _alike(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> list[str]:
+def _alike(lows: Floats, highs: Floats) -> list[str]:
     """Ranges, all to the third digit of the largest value; one number where both ends read the same."""
     largest = float(max(np.abs(lows).max(), np.abs(highs).max()))
     form = ".2e" if not 1e-6 < largest < 1e6 else f".{max(0, 2 - int(np.floor(np.log10(largest))))}f"

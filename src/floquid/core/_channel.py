@@ -40,6 +40,8 @@ _NAMES: dict[Quantity, str] = {
 class Channel(Brief):
     """One measured quantity.
 
+    Raises InputError where the name is empty, the quantity is unknown, or the unit is not a unit of that quantity.
+
     Parameters
     ----------
     name
@@ -52,11 +54,6 @@ class Channel(Brief):
         `quantity` nor a name that says it, what is measured is "other".
     location, direction
         Free words for people.
-
-    Raises
-    ------
-    InputError
-        The name is empty, the quantity is unknown, or the unit is not a unit of that quantity.
     """
 
     name: str
@@ -79,17 +76,12 @@ class Channel(Brief):
             open_to = possible if unit in _UNITS else get_args(Quantity)
             object.__setattr__(self, "quantity", _by_name(self.name, open_to) or possible[0])
         elif self.quantity not in get_args(Quantity):
-            raise input_error(
-                "quantity", "Channel", f"be one of {', '.join(get_args(Quantity))}", f"is {self.quantity!r}"
-            )
+            must = f"be one of {', '.join(get_args(Quantity))}"
+            raise input_error("quantity", "Channel", must, f"is {self.quantity!r}")
         elif unit in _UNITS and self.quantity not in (*possible, "pulse", "other"):
-            raise input_error(
-                "unit",
-                "Channel",
-                f"be a unit of {self.quantity}",
-                f"is {unit!r}, a unit of {' or '.join(possible)} (channel {self.name!r})",
-                f'Correct the unit, or pass quantity="{possible[0]}".',
-            )
+            must = f"be a unit of {self.quantity}"
+            got = f"is {unit!r}, a unit of {' or '.join(possible)} (channel {self.name!r})"
+            raise input_error("unit", "Channel", must, got, f'Correct the unit, or pass quantity="{possible[0]}".')
 
     @property
     def label(self) -> str:
@@ -107,17 +99,14 @@ def _by_name(name: str, possible: Sequence[str]) -> str | None:
 def channels_named(channels: Sequence[Channel], names: Sequence[str], *, argument: str, of: str) -> list[int]:
     """The indices of the channels called `names`, in that order.
 
+    Raises InputError where a name is unknown, or given twice.
+
     Parameters
     ----------
     channels, names
         The channels to choose from, and the names wanted, each at most once.
     argument, of
         What the names are called in the caller's signature, and the caller, for the message.
-
-    Raises
-    ------
-    InputError
-        A name is unknown, or given twice.
     """
     known = [channel.name for channel in channels]
     listing = "The channels are: " + ", ".join(known) + "."

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_error, integer, positive
 
 _TURNS = {"ppr": "pulses_per_revolution=ppr", "name": 'channel="tach"', "signal": 'channel="tach"'}
@@ -18,6 +18,9 @@ _PERIOD = {"T": "period=T", "f": "period=1/f", "omega": "period=2*np.pi/omega", 
 class ConstantPeriod:
     """A period that does not change: the phase at time t is (t - origin)/period, in periods.
 
+    Raises InputError where `period` is not a positive finite number, or `origin` is not finite or so far off that
+    phases are rounded away.
+
     Parameters
     ----------
     period
@@ -25,11 +28,6 @@ class ConstantPeriod:
         the period of A(t) and C(t), not of the shaft.
     origin
         The time of phase zero [s], on the record's own time axis (`Record.start`).
-
-    Raises
-    ------
-    InputError
-        `period` is not a positive finite number, or `origin` is not finite or so far off that phases are rounded away.
     """
 
     period: float
@@ -39,13 +37,9 @@ class ConstantPeriod:
         object.__setattr__(self, "period", positive(self.period, "period", "ConstantPeriod", unit="s"))
         object.__setattr__(self, "origin", finite(self.origin, "origin", "ConstantPeriod", unit="s"))
         if np.spacing(abs(self.origin)) > 1e-3 * self.period:
-            raise input_error(
-                "origin",
-                "ConstantPeriod",
-                "be near enough to zero for phases to be told",
-                f"is {self.origin:g} s, with a period of {self.period:g} s",
-                "Count time from a nearer start.",
-            )
+            must = "be near enough to zero for phases to be told"
+            got = f"is {self.origin:g} s, with a period of {self.period:g} s"
+            raise input_error("origin", "ConstantPeriod", must, got, "Count time from a nearer start.")
 
     @property
     def fundamental(self) -> float:
@@ -63,6 +57,8 @@ class ConstantPeriod:
 class TachometerSignal:
     """A channel of pulses: the shaft turns by a revolution in `pulses_per_revolution` of them.
 
+    Raises InputError where the name is empty, or a number is not possible.
+
     Parameters
     ----------
     channel
@@ -72,11 +68,6 @@ class TachometerSignal:
     periods_per_revolution
         Periods of the system in a revolution of the shaft: 2 for a two-fold symmetric shaft seen from the ground, 1/2
         where everything repeats itself after two revolutions.
-
-    Raises
-    ------
-    InputError
-        The name is empty, or a number is not possible.
     """
 
     channel: str
@@ -94,17 +85,14 @@ class TachometerSignal:
 class AzimuthSignal:
     """A channel that holds the angle of the shaft, in degrees or radians, whole or wrapped.
 
+    Raises InputError where the name is empty, or the number is not possible.
+
     Parameters
     ----------
     channel
         The name of the channel.
     periods_per_revolution
         Periods of the system in a revolution of the shaft.
-
-    Raises
-    ------
-    InputError
-        The name is empty, or the number is not possible.
     """
 
     channel: str
@@ -120,6 +108,8 @@ class AzimuthSignal:
 class PulseTimes(Rebuilt):
     """The times of pulses, told by another instrument.
 
+    Raises InputError where the times do not ascend, or a number is not possible.
+
     Parameters
     ----------
     times
@@ -128,14 +118,9 @@ class PulseTimes(Rebuilt):
         Pulses in a revolution.
     periods_per_revolution
         Periods of the system in a revolution of the shaft.
-
-    Raises
-    ------
-    InputError
-        The times do not ascend, or a number is not possible.
     """
 
-    times: NDArray[np.float64]
+    times: Floats
     pulses_per_revolution: int = 1
     periods_per_revolution: float = 1.0
 
@@ -163,7 +148,6 @@ def _check_periods(clock: TachometerSignal | AzimuthSignal | PulseTimes) -> None
     value = positive(clock.periods_per_revolution, name, of)
     whole = max(value, 1.0 / value)
     if abs(whole - round(whole)) > 1e-9 * whole:
-        raise input_error(
-            name, of, "be a whole number or one over a whole number", f"is {value:g}", "Pass 1, 2, 3 … or 1/2, 1/3 …"
-        )
+        must = "be a whole number or one over a whole number"
+        raise input_error(name, of, must, f"is {value:g}", "Pass 1, 2, 3 … or 1/2, 1/3 …")
     object.__setattr__(clock, name, float(round(whole)) if value >= 1.0 else 1.0 / round(whole))

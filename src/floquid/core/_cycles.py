@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, finite, frozen_array, input_error
 from floquid.core._channel import Channel
 from floquid.core._provenance import Provenance
@@ -17,6 +17,8 @@ from floquid.core._record import as_channels
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cycles(Rebuilt):
     """Samples at P equally spaced phases of each of N periods.
+
+    Raises InputError where a shape or a value is not possible.
 
     Parameters
     ----------
@@ -28,15 +30,10 @@ class Cycles(Rebuilt):
         The phase of `values[:, 0, :]`, in periods, in [0, 1), and the whole periods before it since phase zero.
     channels, provenance
         One `Channel` a row of `values`, and where the cycles come from.
-
-    Raises
-    ------
-    InputError
-        A shape or a value is not possible.
     """
 
-    values: NDArray[np.float64]
-    periods: NDArray[np.float64]
+    values: Floats
+    periods: Floats
     first_phase: float
     channels: tuple[Channel, ...]
     provenance: Provenance = field(default_factory=Provenance)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from floquid._checks import Rebuilt, finite, frozen_array, input_error, positive
+from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid._checks import Rebuilt, finite, input_error, positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -23,6 +24,8 @@ class Estimates(Rebuilt):
     so that a model of many channels is never one dense matrix (decision 0014). Of a conjugate pair the mode of positive
     imaginary part alone is here, and of a real multiplier the harmonics that turn forwards: the others are their mirror
     images.
+
+    Raises InputError where a shape or a value is not possible.
 
     Parameters
     ----------
@@ -47,83 +50,63 @@ class Estimates(Rebuilt):
         known at these coefficients alone.
     bend
         f (terms, channels, hits), the relative slope of the filter that the responses went through; None for none.
-
-    Raises
-    ------
-    InputError
-        A shape or a value is not possible.
     """
 
-    exponents: NDArray[np.complex128]
-    real: NDArray[np.bool_]
+    exponents: Complexes
+    real: Mask
     fundamental: float
-    modes: NDArray[np.int64]
-    harmonics: NDArray[np.int64]
-    coefficients: NDArray[np.complex128]
-    covariance: NDArray[np.float64]
-    slopes: NDArray[np.complex128]
-    spread: NDArray[np.float64]
-    blocks: NDArray[np.int64]
-    scales: NDArray[np.complex128]
-    drift: NDArray[np.float64] | None = None
-    bend: NDArray[np.complex128] | None = None
+    modes: Integers
+    harmonics: Integers
+    coefficients: Complexes
+    covariance: Floats
+    slopes: Complexes
+    spread: Floats
+    blocks: Integers
+    scales: Complexes
+    drift: Floats | None = None
+    bend: Complexes | None = None
 
     def __post_init__(self) -> None:
         of, put = "Estimates", object.__setattr__
-        lam = frozen_array(self.exponents, "exponents", of, axes=("modes",), dtype=np.complex128)
-        modes = frozen_array(self.modes, "modes", of, axes=("terms",), dtype=np.int64)
-        values = frozen_array(
-            self.coefficients, "coefficients", of, axes=(len(modes), "channels", "hits"), dtype=np.complex128
-        )
-        n, parts = len(modes), 2 * len(lam) + 1
-        put(self, "exponents", lam)
-        put(self, "modes", modes)
-        put(self, "coefficients", values)
+        self._freeze(dtype=np.complex128, exponents=("modes",))
+        self._freeze(dtype=np.int64, modes=("terms",))
+        lam, modes, n, parts = self.exponents, self.modes, len(self.modes), 2 * len(self.exponents) + 1
+        self._freeze(dtype=np.complex128, coefficients=(n, "channels", "hits"))
         put(self, "fundamental", positive(self.fundamental, "fundamental", of, unit="rad/s"))
         real = np.array(self.real, bool)
         real.flags.writeable = False
         put(self, "real", real)
-        shapes = {
-            "harmonics": ((n,), np.int64),
-            "covariance": ((parts, parts), np.float64),
-            "slopes": ((*values.shape, parts), np.complex128),
-            "spread": (("blocks", 2 * n, 2 * n), np.float64),
-            "blocks": (values.shape[1:], np.int64),
-            "scales": (values.shape, np.complex128),
-            "drift": ((len(self.spread), 2 * n, 2 * n), np.float64),
-            "bend": (values.shape, np.complex128),
-        }
-        for name, (axes, dtype) in shapes.items():
-            if getattr(self, name) is None and name in ("drift", "bend"):
-                continue
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, dtype=dtype))
+        shape, square = self.coefficients.shape, (2 * n, 2 * n)
+        self._freeze(dtype=np.int64, harmonics=(n,), blocks=shape[1:])
+        self._freeze(covariance=(parts, parts), spread=("blocks", *square), drift=(len(self.spread), *square))
+        self._freeze(dtype=np.complex128, slopes=(*shape, parts), scales=shape, bend=shape)
         if real.shape != lam.shape or (n and (modes.min() < 0 or modes.max() >= len(lam))):
             raise input_error("modes", of, "name modes of `exponents`", f"are {np.unique(modes).tolist()}")
         if self.blocks.size and (self.blocks.min() < 0 or self.blocks.max() >= len(self.spread)):
             raise input_error("blocks", of, "name blocks of `spread`", f"are {np.unique(self.blocks).tolist()}")
 
     @property
-    def rates(self) -> NDArray[np.complex128]:
+    def rates(self) -> Complexes:
         """λ + imω of each term (terms,) [1/s]."""
         return self.exponents[self.modes] + 1j * self.fundamental * self.harmonics
 
     @property
-    def half_turns(self) -> NDArray[np.int64]:
+    def half_turns(self) -> Integers:
         """κ = 2 Im λ/ω of real multipliers, zero for pairs (modes,)."""
         return np.where(self.real, np.rint(2.0 * self.exponents.imag / self.fundamental), 0).astype(np.int64)
 
     @property
-    def turning(self) -> NDArray[np.bool_]:
+    def turning(self) -> Mask:
         """Mask of the terms that turn (terms,): all but that of a real multiplier that has a real coefficient."""
         return ~(self.real[self.modes] & (2 * self.harmonics + self.half_turns[self.modes] == 0))
 
     @property
-    def multiplicity(self) -> NDArray[np.float64]:
+    def multiplicity(self) -> Floats:
         """Count of a term in the response, its mirror image included: 2, or 1 where it does not turn (terms,)."""
         return np.where(self.turning, 2.0, 1.0)
 
     @property
-    def rate_slopes(self) -> NDArray[np.complex128]:
+    def rate_slopes(self) -> Complexes:
         """Derivatives of the rate of each term with respect to the parameters (terms, 2 modes + 1)."""
         count = len(self.exponents)
         own = (self.modes[:, None] == np.arange(count)).astype(float)
@@ -131,7 +114,7 @@ class Estimates(Rebuilt):
         parts = [own, 1j * own * ~self.real, 1j * turns[:, None]]
         return np.concatenate(parts, axis=1, dtype=np.complex128)
 
-    def std(self) -> NDArray[np.complex128]:
+    def std(self) -> Complexes:
         """Deviations of the coefficients (terms, channels, hits): real part of the real, imaginary of the imaginary."""
         n = len(self.modes)
         own = np.diagonal(self.spread, axis1=1, axis2=2)[self.blocks]
@@ -144,13 +127,13 @@ class Estimates(Rebuilt):
         imag += np.einsum("kchp,kchp->kch", s.imag @ self.covariance, s.imag)
         return np.sqrt(np.maximum(real, 0.0)) + 1j * np.sqrt(np.maximum(imag, 0.0))
 
-    def noise_covariance(self, channel: int, hit: int) -> NDArray[np.float64]:
+    def noise_covariance(self, channel: int, hit: int) -> Floats:
         """Covariance of the coefficients of a row, `channel` and `hit`, when p is known (2 terms, 2 terms)."""
         g = self.scales[:, channel, hit]
         turn = np.block([[np.diag(g.real), -np.diag(g.imag)], [np.diag(g.imag), np.diag(g.real)]])
         return turn @ self.spread[self.blocks[channel, hit]] @ turn.T
 
-    def slopes_at(self, coefficients: NDArray[np.complex128], channel: int, hit: int) -> NDArray[np.complex128]:
+    def slopes_at(self, coefficients: Complexes, channel: int, hit: int) -> Complexes:
         r"""The slopes S of one row for other coefficients than those estimated (terms, 2 modes + 1).
 
         .. math:: S = -g\, W \Big(\frac{\partial s}{\partial p}\, g^{-1} B\Big) - f\, \frac{\partial s}{\partial p} B
@@ -172,11 +155,11 @@ class Estimates(Rebuilt):
     def variance(
         self,
         *,
-        by_coefficients: NDArray[np.complex128],
-        by_rates: NDArray[np.complex128] | None = None,
-        by_exponents: NDArray[np.complex128] | None = None,
-        by_fundamental: NDArray[np.float64] | None = None,
-    ) -> NDArray[np.float64]:
+        by_coefficients: Complexes,
+        by_rates: Complexes | None = None,
+        by_exponents: Complexes | None = None,
+        by_fundamental: Floats | None = None,
+    ) -> Floats:
         r"""The variance of real quantities f, to first order (quantities,).
 
         .. math:: \delta f = \Re \Big(\sum_k \frac{\partial f}{\partial B_k} \delta B_k +

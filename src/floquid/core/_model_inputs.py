@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array
+from floquid._arrays import Complexes, Integers
+from floquid._checks import Rebuilt
 from floquid.core._channel import Channel
 from floquid.core._record import as_channels
 
@@ -20,7 +19,8 @@ class ModelInputs(Rebuilt):
     .. math:: \dot z_r = \lambda_r z_r + \sum_{i,l} b_{r,i,l}\, e^{i l \omega t} u_i, \qquad
               y_c = \sum_r \sum_m c_{r,c,m}\, e^{i m \omega t} z_r + \sum_{i,n} D_{c,i,n}\, e^{i n \omega t} u_i
 
-    The scale of each z is free: of b and z at the first samples the part that is largest is 1.
+    The scale of each z is free: of b and z at the first samples the part that is largest is 1. Raises InputError where
+    a shape is not possible.
 
     Parameters
     ----------
@@ -37,36 +37,21 @@ class ModelInputs(Rebuilt):
         ascending (direct harmonics,); empty without a direct term.
     initial
         z at the first sample of each record (modes, records).
-
-    Raises
-    ------
-    InputError
-        A shape is not possible.
     """
 
     channels: tuple[Channel, ...]
-    coefficients: NDArray[np.complex128]
-    harmonics: NDArray[np.int64]
-    coefficient_std: NDArray[np.complex128] | None = None
-    direct: NDArray[np.complex128]
-    direct_harmonics: NDArray[np.int64]
-    initial: NDArray[np.complex128]
+    coefficients: Complexes
+    harmonics: Integers
+    coefficient_std: Complexes | None = None
+    direct: Complexes
+    direct_harmonics: Integers
+    initial: Complexes
 
     def __post_init__(self) -> None:
-        of, put = "ModelInputs", object.__setattr__
-        named: Sequence[Channel] = as_channels(self.channels, of)
-        put(self, "channels", named)
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
-        own = frozen_array(self.direct_harmonics, "direct_harmonics", of, axes=("direct harmonics",), dtype=np.int64)
-        put(self, "direct_harmonics", own)
-        axes = ("modes", len(named), len(self.harmonics))
-        put(self, "coefficients", frozen_array(self.coefficients, "coefficients", of, axes=axes, dtype=np.complex128))
-        if self.coefficient_std is not None:
-            std = frozen_array(
-                self.coefficient_std, "coefficient_std", of, axes=self.coefficients.shape, dtype=np.complex128
-            )
-            put(self, "coefficient_std", std)
-        axes = ("outputs", len(named), len(own))
-        put(self, "direct", frozen_array(self.direct, "direct", of, axes=axes, dtype=np.complex128))
-        axes = (len(self.coefficients), "records")
-        put(self, "initial", frozen_array(self.initial, "initial", of, axes=axes, dtype=np.complex128))
+        object.__setattr__(self, "channels", as_channels(self.channels, "ModelInputs"))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",), direct_harmonics=("direct harmonics",))
+        number = len(self.channels)
+        self._freeze(dtype=np.complex128, coefficients=("modes", number, len(self.harmonics)))
+        self._freeze(dtype=np.complex128, coefficient_std=self.coefficients.shape)
+        self._freeze(dtype=np.complex128, direct=("outputs", number, len(self.direct_harmonics)))
+        self._freeze(dtype=np.complex128, initial=(len(self.coefficients), "records"))

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid._show import Drawings, Drawn
 from floquid.core._channel import Channel
@@ -16,8 +17,7 @@ from floquid.core._model_inputs import ModelInputs
 from floquid.core._provenance import Provenance
 from floquid.core._record import as_channels
 
-SAME = 1e-9
-"""Share of the fundamental within which two exponents are one."""
+SAME = 1e-9  # share of the fundamental within which two exponents are one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,6 +28,8 @@ class PeriodicModel(Drawn, Rebuilt):
 
     (Allen 2009, eqs. 11-12), with t = 0 at phase zero of the clock: the instant of phase zero at or before the first
     sample used of each hit. Modes come with their conjugates, one by one, so the response is real.
+
+    Raises InputError where a shape or a value is not possible.
 
     Parameters
     ----------
@@ -57,20 +59,15 @@ class PeriodicModel(Drawn, Rebuilt):
     inputs
         How measured inputs drive the modes and the outputs; None of a model of free responses. With inputs, the
         coefficients are those of a unit state of each mode, as one hit.
-
-    Raises
-    ------
-    InputError
-        A shape or a value is not possible.
     """
 
-    exponents: NDArray[np.complex128]
-    coefficients: NDArray[np.complex128]
-    harmonics: NDArray[np.int64]
+    exponents: Complexes
+    coefficients: Complexes
+    harmonics: Integers
     period: float
     channels: tuple[Channel, ...]
-    covariance: NDArray[np.float64] | None = None
-    coefficient_std: NDArray[np.complex128] | None = None
+    covariance: Floats | None = None
+    coefficient_std: Complexes | None = None
     estimates: Estimates | None = None
     unselected: Estimates | None = None
     provenance: Provenance = field(default_factory=Provenance)
@@ -127,13 +124,9 @@ class PeriodicModel(Drawn, Rebuilt):
         """Refuse estimates of another model."""
         off = np.abs(np.subtract.outer(estimates.exponents, self.exponents)).min(axis=1, initial=np.inf)
         if (off > 1e-9 * self.fundamental).any() or estimates.blocks.shape != self.coefficients.shape[1:3]:
-            raise input_error(
-                "estimates",
-                "PeriodicModel",
-                "belong to the model",
-                "their exponents or channels are others",
-                "Pass `estimates=None`: the model then has no joint covariance.",
-            )
+            must = "belong to the model"
+            remedy = "Pass `estimates=None`: the model then has no joint covariance."
+            raise input_error("estimates", "PeriodicModel", must, "their exponents or channels are others", remedy)
 
     def __repr__(self) -> str:
         _, channels, hits, harmonics = self.coefficients.shape
@@ -149,13 +142,13 @@ class PeriodicModel(Drawn, Rebuilt):
         return len(self.exponents)
 
     @property
-    def unpaired(self) -> NDArray[np.bool_]:
+    def unpaired(self) -> Mask:
         """Mask of the modes that are no half of a conjugate pair of the model (modes,)."""
         near = np.abs(np.subtract.outer(self.exponents, self.exponents.conj())) < SAME * self.fundamental
         return np.diag(near) | ~near.any(axis=1)
 
     @property
-    def real(self) -> NDArray[np.bool_]:
+    def real(self) -> Mask:
         """Mask of the modes of a real multiplier, listed once (modes,): 2 Im λ is a whole number of fundamentals."""
         turns = 2.0 * self.exponents.imag / self.fundamental
         return self.unpaired & (np.abs(turns - np.rint(turns)) < SAME)
@@ -176,12 +169,12 @@ class PeriodicModel(Drawn, Rebuilt):
         return 2.0 * np.pi / self.period
 
     @property
-    def multipliers(self) -> NDArray[np.complex128]:
+    def multipliers(self) -> Complexes:
         """The Floquet multipliers μ = e^{λT} (modes,)."""
         return np.exp(self.exponents * self.period)
 
     @property
-    def exponent_std(self) -> NDArray[np.complex128] | None:
+    def exponent_std(self) -> Complexes | None:
         """Standard deviations of the exponents (modes,) [1/s]: real part of the real, imaginary of the imaginary."""
         if self.covariance is None:
             return None
@@ -189,18 +182,18 @@ class PeriodicModel(Drawn, Rebuilt):
         return std[: self.order] + 1j * std[self.order :]
 
     @property
-    def frequencies_hz(self) -> NDArray[np.float64]:
+    def frequencies_hz(self) -> Floats:
         """The physical frequencies |λ|/2π (modes,) [Hz]."""
         return np.abs(self.exponents) / (2.0 * np.pi)
 
     @property
-    def damping_ratios(self) -> NDArray[np.float64]:
+    def damping_ratios(self) -> Floats:
         """The damping ratios -Re λ/|λ| (modes,), negative for a growing mode."""
         size = np.abs(self.exponents)
         return np.divide(-self.exponents.real, size, out=np.zeros_like(size), where=size > 0)
 
     @property
-    def multiplier_std(self) -> NDArray[np.complex128] | None:
+    def multiplier_std(self) -> Complexes | None:
         r"""Deviations of the multipliers (modes,): real part of the real, imaginary of the imaginary.
 
         .. math:: \delta\mu = \mu\, (T\, \delta\lambda + \lambda\, \delta T)
@@ -226,7 +219,7 @@ class PeriodicModel(Drawn, Rebuilt):
         return std[np.argmin(np.minimum(*map(np.abs, both)), axis=1)]
 
     @property
-    def frequency_std_hz(self) -> NDArray[np.float64] | None:
+    def frequency_std_hz(self) -> Floats | None:
         """Standard deviations of the physical frequencies (modes,) [Hz]."""
         if self.covariance is None:
             return None
@@ -234,7 +227,7 @@ class PeriodicModel(Drawn, Rebuilt):
         return self._std_of(self.exponents.real / size, self.exponents.imag / size)
 
     @property
-    def damping_ratio_std(self) -> NDArray[np.float64] | None:
+    def damping_ratio_std(self) -> Floats | None:
         r"""Standard deviations of the damping ratios (modes,); δζ = -(Im λ)² δRe λ/|λ|³ + Re λ Im λ δIm λ/|λ|³."""
         if self.covariance is None:
             return None
@@ -242,7 +235,7 @@ class PeriodicModel(Drawn, Rebuilt):
         real, imag = self.exponents.real / size, self.exponents.imag / size
         return self._std_of(-(imag**2) / size, real * imag / size)
 
-    def _std_of(self, by_real: NDArray[np.float64], by_imag: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _std_of(self, by_real: Floats, by_imag: Floats) -> Floats:
         """The deviations of quantities of one mode each, by their slopes (modes,)."""
         assert self.covariance is not None
         whole, n = self.covariance, self.order
@@ -250,22 +243,22 @@ class PeriodicModel(Drawn, Rebuilt):
         variance = by_real**2 * real + by_imag**2 * imag + 2.0 * by_real * by_imag * both
         return np.sqrt(np.maximum(variance, 0.0))
 
-    def principal(self) -> NDArray[np.complex128]:
+    def principal(self) -> Complexes:
         """The exponents moved by whole multiples of iω to the strip -ω/2 < Im λ ≤ ω/2 (modes,) [1/s] (eq. 4)."""
         turns = self.exponents.imag / self.fundamental
         return self.exponents - 1j * self.fundamental * np.ceil(turns - 0.5 - 1e-12)
 
-    def shapes(self, times: ArrayLike) -> NDArray[np.complex128]:
+    def shapes(self, times: ArrayLike) -> Complexes:
         """The periodic shapes Σ_m B e^{imωt} at `times` [s] (modes, channels, hits, times) (eq. 11)."""
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         return self.coefficients @ np.exp(1j * self.fundamental * np.multiply.outer(self.harmonics, t))
 
-    def response(self, times: ArrayLike) -> NDArray[np.float64]:
+    def response(self, times: ArrayLike) -> Floats:
         """The free response at `times` [s] after phase zero (channels, hits, times) (eq. 12)."""
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         return np.einsum("rchn,rn->chn", self.shapes(t), np.exp(np.multiply.outer(self.exponents, t))).real
 
-    def shape_std(self, times: ArrayLike, modes: Sequence[int] | None = None) -> NDArray[np.complex128] | None:
+    def shape_std(self, times: ArrayLike, modes: Sequence[int] | None = None) -> Complexes | None:
         """Deviations of the periodic shapes at `times` [s] (modes, channels, hits, times), None if not estimated.
 
         That of the real part as the real part, that of the imaginary part as the imaginary part. The harmonics that
@@ -292,12 +285,12 @@ class PeriodicModel(Drawn, Rebuilt):
                 std[partner[0]] = std[mode]
         return std[wanted]
 
-    def modes_of(self, estimates: Estimates) -> NDArray[np.int64]:
+    def modes_of(self, estimates: Estimates) -> Integers:
         """The mode of the model that each mode of `estimates` is, by their exponents (modes of `estimates`,)."""
         off = np.abs(np.subtract.outer(estimates.exponents, self.exponents))
         return np.argmin(off, axis=1).astype(np.int64)
 
-    def kept_terms(self, estimates: Estimates) -> NDArray[np.bool_]:
+    def kept_terms(self, estimates: Estimates) -> Mask:
         """Mask over the terms of `estimates`: those whose coefficients the model keeps (terms,)."""
         kept = (self.coefficients != 0).any(axis=(1, 2))
         modes, there = self.modes_of(estimates)[estimates.modes], np.isin(estimates.harmonics, self.harmonics)
@@ -305,9 +298,7 @@ class PeriodicModel(Drawn, Rebuilt):
         return there & kept[modes, place]
 
 
-def _real_imag_std(
-    own: Estimates, straight: NDArray[np.complex128], mirrored: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
+def _real_imag_std(own: Estimates, straight: Complexes, mirrored: Complexes) -> Complexes:
     """Deviations of Σ B·straight + B̄·mirrored (channels, hits, quantities), by (quantities, terms)."""
     std = np.zeros((*own.blocks.shape, len(straight)), complex)
     # Row by row: their noises are independent, and slopes by all rows at once would be nearly all zero.

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_error, positive
 from floquid.core._channel import Channel, channels_named
 from floquid.core._clock import Clock
@@ -29,6 +30,8 @@ _SLIPS = {
 class Record(Rebuilt):
     """Samples of several channels at a constant rate: sample n is at `start` + n/`sample_rate` [s].
 
+    Raises InputError where a shape, a rate, a name or a value is not possible.
+
     Parameters
     ----------
     values
@@ -46,19 +49,14 @@ class Record(Rebuilt):
         there is none or it is not known. It is part of `values` until `identify` subtracts it.
     provenance
         Where the record comes from.
-
-    Raises
-    ------
-    InputError
-        A shape, a rate, a name or a value is not possible.
     """
 
-    values: NDArray[np.float64]
+    values: Floats
     sample_rate: float
     channels: tuple[Channel, ...]
     clock: Clock | None = None
     start: float = 0.0
-    orbit: NDArray[np.float64] | None = None
+    orbit: Floats | None = None
     provenance: Provenance = field(default_factory=Provenance)
 
     def __init__(
@@ -131,17 +129,14 @@ class Record(Rebuilt):
         return self.n_samples / self.sample_rate
 
     @property
-    def times(self) -> NDArray[np.float64]:
+    def times(self) -> Floats:
         """The time of each sample (samples,) [s]."""
         return self.start + np.arange(self.n_samples) / self.sample_rate
 
     def select(self, names: Sequence[str]) -> Record:
         """The record of the channels called `names`, in that order.
 
-        Raises
-        ------
-        InputError
-            A name is unknown or given twice.
+        Raises InputError where a name is unknown or given twice.
         """
         rows = channels_named(self.channels, names, argument="names", of="Record.select")
         values = self.values[rows]

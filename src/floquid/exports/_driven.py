@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._json import for_json
 from floquid.exports._summary import mode_entries
 from floquid.findings import as_mapping
 from floquid.inputs import TransferFunctions
@@ -17,21 +17,12 @@ def driven_summary(analysis: DrivenAnalysis) -> dict[str, Any]:
     """The content of `summary.json` of a result with inputs: plain numbers, lists and texts.
 
     `modes` are as in `summary`; `inputs` has, of each mode, its `coefficients` b over the inputs' `harmonics` with
-    deviations, and the `direct` term; a complex number is [real, imaginary].
-
-    Parameters
-    ----------
-    analysis
-        What `identify_driven` found.
-
-    Returns
-    -------
-    dict
-        Ready for `json.dump`.
+    deviations, and the `direct` term; a complex number is [real, imaginary]. It is ready for `json.dump`. `analysis` is
+    what `identify_driven` found.
     """
     model, own = analysis.model, analysis.model.inputs
     assert own is not None
-    return {
+    content = {
         "format": "floquid-summary-driven/1",
         "period": model.period,
         "order": model.order,
@@ -40,57 +31,40 @@ def driven_summary(analysis: DrivenAnalysis) -> dict[str, Any]:
         "inputs": {
             "channels": [{"name": channel.name, "unit": channel.unit} for channel in own.channels],
             "hold": analysis.settings.hold,
-            "harmonics": own.harmonics.tolist(),
-            "coefficients": _pairs(own.coefficients),
-            "coefficients_std": None if own.coefficient_std is None else _pairs(own.coefficient_std),
-            "direct_harmonics": own.direct_harmonics.tolist(),
-            "direct": _pairs(own.direct),
-            "initial": _pairs(own.initial),
+            "harmonics": own.harmonics,
+            "coefficients": own.coefficients,
+            "coefficients_std": own.coefficient_std,
+            "direct_harmonics": own.direct_harmonics,
+            "direct": own.direct,
+            "initial": own.initial,
         },
-        "noise": analysis.noise[:, 0].tolist(),
-        "held_out_error": [float(value) if np.isfinite(value) else None for value in analysis.held_out],
+        "noise": analysis.noise[:, 0],
+        "held_out_error": analysis.held_out,
         "passed": analysis.passed,
-        "warnings": list(analysis.warnings),
+        "warnings": analysis.warnings,
         "findings": [as_mapping(finding) for finding in analysis.findings],
     }
+    return for_json(content)
 
 
 def transfer_entries(found: TransferFunctions) -> dict[str, Any]:
-    """Transfer functions in plain numbers and lists, values (harmonics, outputs, inputs, frequencies) as [re, im].
-
-    Parameters
-    ----------
-    found
-        The transfer functions.
-
-    Returns
-    -------
-    dict
-        Ready for `json.dump`.
-    """
-    return {
+    """The transfer functions `found` for `json.dump`; values are (harmonics, outputs, inputs, frequencies, 2)."""
+    content = {
         "format": "floquid-transfer/1",
-        "frequencies_hz": found.frequencies_hz.tolist(),
-        "harmonics": found.harmonics.tolist(),
+        "frequencies_hz": found.frequencies_hz,
+        "harmonics": found.harmonics,
         "outputs": [{"name": channel.name, "unit": channel.unit} for channel in found.outputs],
         "inputs": [{"name": channel.name, "unit": channel.unit} for channel in found.inputs],
-        "values": _pairs(found.values),
-        "std": None if found.std is None else _pairs(found.std),
+        "values": found.values,
+        "std": found.std,
     }
+    return for_json(content)
 
 
 def transfer_rows(found: TransferFunctions) -> str:
-    """Transfer functions as a table of comma-separated values: a row a frequency, real and imaginary parts.
+    """The transfer functions `found` as a table of comma-separated values, with a line of names and units.
 
-    Parameters
-    ----------
-    found
-        The transfer functions.
-
-    Returns
-    -------
-    str
-        The table, with a line of names and units.
+    A row is a frequency; of each function there are the real and the imaginary part.
     """
     heads, columns = ["frequency [Hz]"], [found.frequencies_hz]
     for place, harmonic in enumerate(found.harmonics.tolist()):
@@ -107,7 +81,3 @@ def transfer_rows(found: TransferFunctions) -> str:
     lines = [",".join(f'"{head}"' for head in heads)]
     lines += [",".join(f"{value:.9g}" for value in row) for row in np.transpose(columns)]
     return "\n".join(lines) + "\n"
-
-
-def _pairs(values: NDArray[np.complex128]) -> list[Any]:
-    return np.stack([values.real, values.imag], axis=-1).tolist()

@@ -12,8 +12,9 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import describe, input_error
 from floquid._version import __version__
 from floquid.core import PeriodicModel
@@ -28,10 +29,7 @@ MODE_FORMATS = (".uff", ".unv", ".mat", ".csv", ".json")
 
 
 def export_modes(
-    result: Analysis | PeriodicModel,
-    path: str | PathLike[str],
-    *,
-    coordinates: Mapping[str, ArrayLike] | None = None,
+    result: Analysis | PeriodicModel, path: str | PathLike[str], *, coordinates: Mapping[str, ArrayLike] | None = None
 ) -> None:
     r"""Write the modes of a result to a file of another program, in the format of its suffix.
 
@@ -47,6 +45,8 @@ def export_modes(
       heading, or in a column.
     - `.json`: of an analysis the content of `summary.json`, of a model its modes alone.
 
+    Raises InputError where an argument is something else, the suffix is unknown, or the file cannot be written there.
+
     Parameters
     ----------
     result
@@ -56,11 +56,6 @@ def export_modes(
     coordinates
         Where the nodes of a universal file are: x, y, z by the location of channels, or by their names where they have
         none. Others are at the origin.
-
-    Raises
-    ------
-    InputError
-        An argument is something else, the suffix is unknown, or the file cannot be written there.
     """
     of = "export_modes"
     if not isinstance(result, (Analysis, PeriodicModel)):
@@ -135,7 +130,7 @@ def _coefficient(model: PeriodicModel, mode: int, row: int, hit: int, place: int
     return (rate / (2.0 * np.pi), value.real, value.imag, *deviation)
 
 
-def _mode_columns(model: PeriodicModel) -> dict[str, NDArray[np.float64] | None]:
+def _mode_columns(model: PeriodicModel) -> dict[str, Floats | None]:
     """The numbers of the modes (modes,) by their headings, None for what was not estimated."""
     exponents, std, multipliers = model.exponents, model.exponent_std, model.multipliers
     return {
@@ -165,8 +160,7 @@ def _harmless(word: str) -> str:
 _PLAIN = str.maketrans({"µ": "u", "μ": "u", "ε": "e", "°": "deg", "²": "^2", "³": "^3", "·": "."})
 """Units in ASCII: GNU Octave reads texts of other letters byte by byte, and cuts them."""
 
-_TEXT = 116
-"""Bytes at the head of the file that are free text."""
+_TEXT = 116  # bytes at the head of the file that are free text
 
 
 def mat_bytes(model: PeriodicModel, state: StateModel | None) -> bytes:

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes
 from floquid._checks import frozen_array, input_error
 from floquid._version import __version__
 from floquid.core import Channel, PeriodicModel
@@ -134,13 +135,7 @@ def _nodes(channels: Sequence[Channel], places: Sequence[Dof], coordinates: Mapp
 
 
 def _shape(
-    model: PeriodicModel,
-    mode: int,
-    index: int,
-    hit: int,
-    rows: Sequence[int],
-    places: Sequence[Dof],
-    number: int,
+    model: PeriodicModel, mode: int, index: int, hit: int, rows: Sequence[int], places: Sequence[Dof], number: int
 ) -> Iterator[str]:
     """A dataset 55: the coefficients of one harmonic of one mode in one hit, of channels that are alike."""
     exponent, harmonic = complex(model.exponents[mode]), int(model.harmonics[index])
@@ -149,7 +144,7 @@ def _shape(
     channel = model.channels[rows[0]]
     turning = any(places[row].component > 2 for row in rows)
     width = 6 if turning else 3
-    values: dict[int, NDArray[np.complex128]] = {}
+    values: dict[int, Complexes] = {}
     for row in rows:
         place = places[row]
         own = values.setdefault(place.node, np.zeros(width, complex))

@@ -41,20 +41,8 @@ def to_xarray(thing: Record | PeriodicModel) -> xr.Dataset:
 
     Along `channel` there are the names, and `unit`, `quantity`, `location` and `direction`.
 
-    Parameters
-    ----------
-    thing
-        The record or the model.
-
-    Returns
-    -------
-    xarray.Dataset
-        The arrays; complex numbers stay complex.
-
-    Raises
-    ------
-    InputError
-        xarray is not installed, or it is another thing.
+    Complex numbers stay complex. The `thing` is the record or the model. Raises InputError where xarray is not
+    installed, or it is another thing.
     """
     if isinstance(thing, Record):
         return record_to_xarray(thing)

@@ -3,7 +3,6 @@
 Exponents are on the principal branch, -ω/2 < Im λ ≤ ω/2 with ω = 2π/period, unless a function says otherwise.
 """
 
-from floquid.floquet._deprecated import lyapunov as lyapunov
 from floquid.floquet.control import (
     DiscretePeriodicSystem,
     HarmonicSystem,

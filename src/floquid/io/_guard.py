@@ -33,8 +33,7 @@ A result whose record is resampled takes 6e-8 s a byte, records 1e-9 to 6e-9, on
 times that.
 """
 
-RESERVED = 4 << 30
-"""Bytes of addresses that libraries take beyond the memory that they use: pyarrow 2 GB."""
+RESERVED = 4 << 30  # bytes of addresses that libraries take beyond the memory that they use: pyarrow 2 GB
 
 _LENGTH = struct.Struct("<Q")
 _THERE = b"floquid reads"
@@ -52,10 +51,7 @@ class Guard:
     def call(self, path: Path, function: Callable[..., Any], *args: Any, **options: Any) -> Any:
         """Result of `function`, given `args` and `options`, for the file at `path`; an error of its own is raised here.
 
-        Raises
-        ------
-        DamagedError
-            The child ended, or took longer than a file of that size can need.
+        Raises DamagedError where the child ended, or took longer than a file of that size can need.
 
         Where no child can be had, as in a program that is not run by a Python of its own, it is done here.
         """
@@ -185,13 +181,7 @@ def _send(stream: BinaryIO, message: object) -> None:
 
 
 def _received(stream: BinaryIO) -> Any:
-    """Read a message.
-
-    Raises
-    ------
-    EOFError
-        The other side has ended.
-    """
+    """Read a message; EOFError where the other side has ended."""
     count = _LENGTH.unpack(_exactly(stream, _LENGTH.size))[0]
     lengths = [_LENGTH.unpack(_exactly(stream, _LENGTH.size))[0] for _ in range(count)]
     body, *buffers = (_exactly(stream, length) for length in lengths)

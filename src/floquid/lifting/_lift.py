@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, input_error
+from floquid._numerics import filter_gain
 from floquid.core import Channel, Cycles, Provenance
 from floquid.lti import TimeResponses, white_noise_std
 
@@ -18,11 +20,8 @@ ROUNDING = 1e-10
 SHORT = 24
 """Cycles below which a hit's own noise is not estimated while there are longer hits."""
 
-SINGLE = 2.0**-24
-"""The same for samples that were stored in single precision."""
-
-CONSTANT = 1e-13
-"""The range of a channel over its largest value below which it is rounding."""
+SINGLE = 2.0**-24  # the same for samples that were stored in single precision
+CONSTANT = 1e-13  # the range of a channel over its largest value below which it is rounding
 
 SMALLEST, LARGEST = 1e-75, 1e75
 """Bounds on a channel's largest value: sums of fourth powers of what lies beyond leave the range of floating point."""
@@ -60,8 +59,8 @@ class Lifted(Rebuilt):
     n_phases: int
     first_phase: float
     provenance: Provenance
-    floor: float | NDArray[np.float64] = ROUNDING
-    whitening: NDArray[np.float64] | None = None
+    floor: float | Floats = ROUNDING
+    whitening: Floats | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.floor, np.ndarray):
@@ -84,16 +83,16 @@ class Lifted(Rebuilt):
         return self.responses.dt
 
     @property
-    def noise(self) -> NDArray[np.float64]:
+    def noise(self) -> Floats:
         """The standard deviation of the noise (channels, hits) [units of the channels]."""
         return self.responses.noise[:: self.n_phases]
 
     @property
-    def phase_times(self) -> NDArray[np.float64]:
+    def phase_times(self) -> Floats:
         """The time of each phase after phase zero (phases,) [s]."""
         return (self.first_phase + np.arange(self.n_phases) / self.n_phases) * self.period
 
-    def gain(self, rates: NDArray[np.complexfloating], *, slope: bool = False) -> NDArray[np.complex128]:
+    def gain(self, rates: NDArray[np.complexfloating], *, slope: bool = False) -> Complexes:
         r"""Gain of the whitening filter at e^{st}, or its derivative with respect to s.
 
         .. math:: g_c(s) = \sum_i a_{c,i}\, e^{-s\, i\, T/P}
@@ -103,30 +102,29 @@ class Lifted(Rebuilt):
         if self.whitening is None:
             return np.full((self.n_channels, *rates.shape), 0j if slope else 1.0 + 0j)
         delays = np.arange(self.whitening.shape[1]) * self.period / self.n_phases
-        taps = -delays * self.whitening if slope else self.whitening
-        turned = np.exp(-np.multiply.outer(delays, rates))
-        return np.asarray(np.tensordot(taps, turned, axes=1), np.complex128)
+        return filter_gain(self.whitening, delays, np.asarray(rates, np.complex128), slope=slope)
 
     def by_channel(self, outputs: NDArray) -> NDArray:
         """An array over outputs (..., outputs, hits) as (..., channels, phases, hits)."""
         shape = (*outputs.shape[:-2], self.n_channels, self.n_phases, outputs.shape[-1])
         return outputs.reshape(shape)
 
-    def with_noise(self, noise: NDArray[np.float64]) -> Lifted:
+    def with_noise(self, noise: Floats) -> Lifted:
         """The same responses with another noise (channels, hits)."""
         at_least = self.floor * largest_values(self.responses.values, self.n_channels)
         spread, now = np.repeat(np.maximum(noise, at_least), self.n_phases, axis=0), self.responses
         return replace(self, responses=TimeResponses(values=now.values, dt=now.dt, noise=spread, lengths=now.lengths))
 
 
-def lift(
-    cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING, noise: NDArray[np.float64] | None = None
-) -> Lifted:
+def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING, noise: Floats | None = None) -> Lifted:
     r"""The lifted responses of one or several hits, with the noise of each channel and hit, estimated if not given.
 
     .. math:: y^L[m] = [y_0^T, \dots, y_{P-1}^T]^T[m] = \sum_r R^{Ld}_r e^{\lambda_r m T}
 
     (Allen 2009, eqs. 7-8; outputs are ordered by channel, then phase). One hit of one channel is a view.
+
+    They are (channels · phases, hits, cycles). Raises InputError where hits are not alike, samples are missing, or a
+    channel is constant or too large or small for its square.
 
     Parameters
     ----------
@@ -137,16 +135,6 @@ def lift(
         precision raise it to 2⁻²⁴.
     noise
         The deviation of the noise (channels, hits) [units of the channels]; None estimates it.
-
-    Returns
-    -------
-    Lifted
-        The responses (channels · phases, hits, cycles).
-
-    Raises
-    ------
-    InputError
-        Hits are not alike, samples are missing, or a channel is constant or too large or small for its square.
     """
     hits = (cycles,) if isinstance(cycles, Cycles) else tuple(cycles)
     if not hits:
@@ -173,7 +161,7 @@ def lift(
     return lifted.with_noise(_noise_of(hits) if noise is None else noise)
 
 
-def _noise_of(hits: Sequence[Cycles]) -> NDArray[np.float64]:
+def _noise_of(hits: Sequence[Cycles]) -> Floats:
     """The noise of each channel and hit, before anything is known of the response (channels, hits)."""
     noise = np.array([[white_noise_std(block) for block in hit.values] for hit in hits]).T
     long = np.array([hit.n_cycles for hit in hits]) >= SHORT
@@ -207,9 +195,8 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
     )
     if not alike:
         must, remedy = "be alike in channels, phases, first phase and period", "`segment([hit1, hit2])`"
-        raise input_error(
-            "cycles", "lift", must, f"hit {number} differs from hit 1", f"Cut all records together: {remedy}."
-        )
+        got = f"hit {number} differs from hit 1"
+        raise input_error("cycles", "lift", must, got, f"Cut all records together: {remedy}.")
     if np.isnan(hit.values).any():
         raise input_error("cycles", "lift", "have no missing samples", f"hit {number} has NaN", "Cut the gap out.")
     refuse_values(hit.channels, hit.values, f"hit {number}", argument="cycles", of="lift")
@@ -217,7 +204,7 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
 
 def refuse_values(
     channels: Sequence[Channel],
-    values: Iterable[NDArray[np.float64]],
+    values: Iterable[Floats],
     where: str,
     *,
     argument: str = "records",
@@ -243,19 +230,18 @@ def refuse_values(
             raise input_error(argument, of, must, f"{name} reaches {largest:.3g}", remedy)
         if highest - lowest <= CONSTANT * largest:
             remedy = "Leave it out with `channels=`, or check its sensor."
-            raise input_error(
-                argument, of, "have channels that vary", f"{name} is constant ({there.flat[0]:g})", remedy
-            )
+            must = "have channels that vary"
+            raise input_error(argument, of, must, f"{name} is constant ({there.flat[0]:g})", remedy)
 
 
-def largest_values(values: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
+def largest_values(values: Floats, n_channels: int) -> Floats:
     """The largest size in each channel and hit (`n_channels`, hits), from lifted `values` (outputs, hits, cycles)."""
     outputs, inputs, _ = values.shape
     largest = np.maximum(values.max(axis=2), -values.min(axis=2))
     return largest.reshape(n_channels, outputs // n_channels, inputs).max(axis=1)
 
 
-def floor_of(values: Iterable[NDArray[np.float64]], floor: float) -> float:
+def floor_of(values: Iterable[Floats], floor: float) -> float:
     """The share of the largest value that the noise is at least: `floor`, or 2⁻²⁴ if more and all in single precision.
 
     The parts of `values` are looked at one by one, to hold no copy of all; NaN marks a missing sample.

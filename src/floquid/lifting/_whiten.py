@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._numerics import yule_walker
 from floquid.core import Cycles
 from floquid.lifting._lift import Lifted, largest_values, lift
@@ -20,23 +20,14 @@ from floquid.lti import ModalModel
 LAGS = 16
 """The lags looked at. Shorter than a period: poles that were fitted leave correlations a period apart."""
 
-ORDERS = (1, 2, 4, 8)
-"""The lengths of filters tried."""
-
-COLOURED = 8.0
-"""The standard deviations from white noise at which a filter is worth its trouble."""
-
-LEAST = 0.01
-"""The sum of squared correlations below which hardly anything is gained."""
-
-FEWEST = 24
-"""Periods below which noise is not told from what was not fitted."""
-
-FLOOR = 2.0
-"""Times the noise floor: what is left below it is rounding."""
+ORDERS = (1, 2, 4, 8)  # the lengths of filters tried
+COLOURED = 8.0  # the standard deviations from white noise at which a filter is worth its trouble
+LEAST = 0.01  # the sum of squared correlations below which hardly anything is gained
+FEWEST = 24  # periods below which noise is not told from what was not fitted
+FLOOR = 2.0  # times the noise floor: what is left below it is rounding
 
 
-def whitening_filter(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64] | None:
+def whitening_filter(lifted: Lifted, modal: ModalModel) -> Floats | None:
     """The shortest filter of each channel that whitens, along the record, what `modal` leaves of `lifted`.
 
     By the Yule-Walker equations for the residual of all hits together. The order is that at which every channel is
@@ -50,7 +41,7 @@ def whitening_filter(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64] |
     return filters_of(correlations, numbers)
 
 
-def filters_of(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def filters_of(correlations: Floats, numbers: Floats) -> Floats | None:
     """The shortest autoregressive filters that make noise of these autocorrelations white, as `whitening_filter`.
 
     `correlations` (channels, lags) are those of each channel's noise, from lag zero on, each the mean of `numbers`
@@ -72,7 +63,7 @@ def filters_of(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) 
     return taps
 
 
-def whitened(lifted: Lifted, taps: NDArray[np.float64]) -> Lifted:
+def whitened(lifted: Lifted, taps: Floats) -> Lifted:
     """The responses `lifted` after filters `taps` (channels, taps) along the record, with an estimate of their noise.
 
     The first samples, before which a filter has no past, are left out: one period.
@@ -105,7 +96,7 @@ def whitened(lifted: Lifted, taps: NDArray[np.float64]) -> Lifted:
     return replace(found, first_phase=lifted.first_phase + order / lifted.n_phases, whitening=taps)
 
 
-def _left(values: NDArray[np.float64], shapes: NDArray[np.float64], powers: NDArray[np.float64]) -> NDArray[np.float64]:
+def _left(values: Floats, shapes: Floats, powers: Floats) -> Floats:
     """Residual of one channel (phases, cycles), in the order of time; some phases at a time."""
     left = np.empty(values.shape[::-1])
     for first in range(0, len(values), 64):
@@ -114,11 +105,8 @@ def _left(values: NDArray[np.float64], shapes: NDArray[np.float64], powers: NDAr
     return left.ravel()
 
 
-def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The autocorrelation of what is left (channels, lags), and the numbers that it is the mean of (channels,).
-
-    Of a channel whose residual is rounding, that of white noise.
-    """
+def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[Floats, Floats]:
+    """The autocorrelation of what is left (channels, lags), and the numbers that it is the mean of (channels,)."""
     data, phases = lifted.responses, lifted.n_phases
     # Of a conjugate pair one is enough: 2 Re(R μ^n) is a real product of real and imaginary parts.
     upper = modal.multipliers.imag >= 0.0
@@ -149,13 +137,13 @@ def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[NDArray
     return sums / sums[:, :1], numbers
 
 
-def _colours(correlations: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+def _colours(correlations: Floats, numbers: Floats) -> Floats:
     """Distance of correlations from those of white noise, in deviations of Box and Pierce's sum (channels,)."""
     lags = max(correlations.shape[1] - 1, 1)
     return (numbers * np.sum(correlations[:, 1:] ** 2, axis=1) - lags) / np.sqrt(2.0 * lags)
 
 
-def _filtered(correlation: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:
+def _filtered(correlation: Floats, taps: Floats) -> Floats:
     """The autocorrelation after a filter, at the lags where all that it needs is known."""
     both = np.concatenate([correlation[:0:-1], correlation])
     square = np.correlate(taps, taps, mode="full")

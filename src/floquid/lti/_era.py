@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import integer
 from floquid.lti._exponentials import model_of
 from floquid.lti._factor import BLOCK, Factor, energetic_length, energies, factors
@@ -16,14 +16,11 @@ from floquid.lti._identifier import AbstractIdentifier, Report, given_order, rea
 from floquid.lti._poles import PoleSet
 from floquid.lti._types import ModalModel, TimeResponses
 
-ROUNDING = 16.0 * np.finfo(float).eps
-"""The share of the largest eigenvalue below which an eigenvalue is rounding."""
-
-DENSE = 512
-"""The window up to which all eigenvalues are computed; beyond, Lanczos finds the leading ones."""
+ROUNDING = 16.0 * np.finfo(float).eps  # the share of the largest eigenvalue below which an eigenvalue is rounding
+DENSE = 512  # the window up to which all eigenvalues are computed; beyond, Lanczos finds the leading ones
 
 
-def hankel_covariance(factors: Sequence[Factor], window: int) -> NDArray[np.float64]:
+def hankel_covariance(factors: Sequence[Factor], window: int) -> Floats:
     r"""Σ_n f[n:n+L] f[n:n+L]ᵀ (L, L) over all columns f of blocks that are at least L long, n = 0 … samples - L.
 
     Its first row is a correlation; along each diagonal the next entry gains one product at the far end and loses one
@@ -47,7 +44,7 @@ def hankel_covariance(factors: Sequence[Factor], window: int) -> NDArray[np.floa
     return upper + upper.T + np.diag(np.diag(total))
 
 
-def _correlation(values: NDArray[np.float64], shifts: int, window: int) -> NDArray[np.float64]:
+def _correlation(values: Floats, shifts: int, window: int) -> Floats:
     """Σ_{n < shifts} f[n] f[n + l] (window,), over all columns."""
     samples, rank = values.shape
     if samples * window <= 2**16:
@@ -67,9 +64,9 @@ def _correlation(values: NDArray[np.float64], shifts: int, window: int) -> NDArr
 class Realisation:
     """The leading values (k,), descending, and vectors (M, k) of a Hankel covariance; and its shift (M, M)."""
 
-    values: NDArray[np.float64]
-    vectors: NDArray[np.float64]
-    shifted: NDArray[np.float64]
+    values: Floats
+    vectors: Floats
+    shifted: Floats
 
     @staticmethod
     def of(blocks: Sequence[Factor], window: int | None, most: int) -> Realisation:
@@ -85,11 +82,8 @@ class Realisation:
         """The number of eigenvalues above rounding."""
         return int((self.values > ROUNDING * self.values[0]).sum()) if self.values[0] > 0 else 0
 
-    def multipliers(self, order: int) -> NDArray[np.complex128]:
-        r"""The eigenvalues (order,) of Λ⁻¹ Vᵀ H₀ᵀH₁ V = Σ⁻¹ Uᵀ H₁ V, similar to the A of the balanced realisation.
-
-        At most `rank` of them.
-        """
+    def multipliers(self, order: int) -> Complexes:
+        """The eigenvalues (order,) of Λ⁻¹ Vᵀ H₀ᵀH₁ V = Σ⁻¹ Uᵀ H₁ V, similar to the A of the balanced realisation."""
         order = min(order, self.rank)
         lead, scale = self.vectors[:, :order], np.sqrt(self.values[:order])
         inner = (lead.T @ self.shifted @ lead) / np.outer(scale, scale)
@@ -97,7 +91,7 @@ class Realisation:
         return found[np.abs(found) > ROUNDING]
 
 
-def leading(matrix: NDArray[np.float64], most: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def leading(matrix: Floats, most: int) -> tuple[Floats, Floats]:
     """The `most` largest eigenvalues, descending, and eigenvectors of a symmetric matrix."""
     size = len(matrix)
     if size <= DENSE or 3 * most > size:

@@ -17,16 +17,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import frozen_array, input_error
 from floquid._numerics import levenberg_marquardt, positive_part, sandwich
 from floquid.lti._factor import BLOCK, Factor
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
-LARGEST_GROWTH = 345.0
-"""The logarithm of the growth over a record beyond which squares leave the range of floating point."""
+LARGEST_GROWTH = 345.0  # logarithm of the growth over a record beyond which squares leave the range of floating point
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,16 +35,16 @@ class Fit:
 
     poles: PoleSet
     cost: float
-    gradient: NDArray[np.float64]
-    gauss_newton: NDArray[np.float64]
-    information: NDArray[np.float64]
+    gradient: Floats
+    gauss_newton: Floats
+    information: Floats
 
-    def covariance(self) -> NDArray[np.float64]:
+    def covariance(self) -> Floats:
         """The covariance of the real parameters (order, order), for noise of unit variance."""
         return sandwich(self.information, self.gauss_newton)
 
 
-def powers(s: NDArray[np.complex128], samples: int) -> NDArray[np.complex128]:
+def powers(s: Complexes, samples: int) -> Complexes:
     """The columns e^{sk} (samples, poles), each scaled to a largest entry of one (a growing mode must not overflow).
 
     What has decayed below 1e-60 is zero: products of denormal numbers cost a hundred times a product of others.
@@ -59,7 +59,7 @@ def powers(s: NDArray[np.complex128], samples: int) -> NDArray[np.complex128]:
     return columns
 
 
-def real_powers(poles: PoleSet, samples: int) -> NDArray[np.float64]:
+def real_powers(poles: PoleSet, samples: int) -> Floats:
     """Real columns of the same space (samples, order): of a pair Re and Im of its own, the upper one."""
     columns, starts = powers(poles.s, samples), poles.starts()
     out = np.empty((samples, poles.order))
@@ -69,14 +69,14 @@ def real_powers(poles: PoleSet, samples: int) -> NDArray[np.float64]:
     return out
 
 
-def real_basis(poles: PoleSet, columns: NDArray[np.complex128]) -> NDArray[np.float64]:
+def real_basis(poles: PoleSet, columns: Complexes) -> Floats:
     """The same space with real columns (samples, order): Re and Im of a pair, the column of a real pole."""
     first, _ = poles.columns()
     imaginary = np.arange(poles.order) > first
     return np.where(imaginary, columns[:, first].imag, columns[:, first].real)
 
 
-def complex_residues(poles: PoleSet, real: NDArray[np.float64]) -> NDArray[np.complex128]:
+def complex_residues(poles: PoleSet, real: Floats) -> Complexes:
     """Residues of the complex columns (order, …) from those of the real ones (order, …)."""
     out = np.zeros(real.shape, complex)
     for start, kind in zip(poles.starts(), poles.kind, strict=True):
@@ -88,14 +88,14 @@ def complex_residues(poles: PoleSet, real: NDArray[np.float64]) -> NDArray[np.co
     return out
 
 
-def _remainder(block: Factor, q: NDArray[np.float64], projected: NDArray[np.float64]) -> float:
+def _remainder(block: Factor, q: Floats, projected: Floats) -> float:
     """||(I - QQᵀ) F||²: by subtraction, unless so little is left that rounding would show."""
     whole = block.energy
     left = whole - float(np.sum(projected**2))
     return left if left > 1e-6 * whole else float(np.sum((block.values - q @ projected) ** 2))
 
 
-def _decomposed(poles: PoleSet, samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _decomposed(poles: PoleSet, samples: int) -> tuple[Floats, Floats, Floats]:
     """Q and R of the real columns, and their slopes less what the columns take of them (samples, order)."""
     columns = real_powers(poles, samples)
     q, r = np.linalg.qr(columns)
@@ -154,10 +154,9 @@ def of_dependent_noise(found: Fit, factors: Sequence[Factor]) -> Fit:
 class Slopes:
     """Columns that each real parameter moves, and the residues that are its coefficients there (order,) each."""
 
-    columns: tuple[NDArray[np.int64], NDArray[np.int64]]
-    residues: tuple[NDArray[np.int64], NDArray[np.int64]]
-    sign: NDArray[np.float64]
-    """Of the coefficient on the second column: 1, -1, or 0 where there is none."""
+    columns: tuple[Integers, Integers]
+    residues: tuple[Integers, Integers]
+    sign: Floats  # of the coefficient on the second column: 1, -1, or 0 where there is none
 
     @staticmethod
     def of(poles: PoleSet) -> Slopes:
@@ -167,20 +166,20 @@ class Slopes:
         sign = np.where(pair, np.where(this > first, -1.0, 1.0), 0.0)
         return Slopes((first, second), (this, np.where(pair, first + second - this, this)), sign)
 
-    def gradient(self, seen: NDArray[np.float64], residues: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gradient(self, seen: Floats, residues: Floats) -> Floats:
         """Σ_j of the slopes' products with the data (order,), from those of the columns (order, responses)."""
         (first, second), (on_first, on_second) = self.columns, self.residues
         one = np.einsum("pj,pj->p", seen[first], residues[on_first])
         return one + self.sign * np.einsum("pj,pj->p", seen[second], residues[on_second])
 
-    def moved(self, curvature: NDArray[np.float64]) -> NDArray[np.float64]:
+    def moved(self, curvature: Floats) -> Floats:
         """The products of the columns that each two parameters move (2, order, 2, order), from those of all columns."""
         both = np.concatenate(self.columns)
         signs = np.concatenate([np.ones(len(self.sign)), self.sign])
         n = len(curvature)
         return (curvature[both][:, both] * signs[:, None] * signs).reshape(2, n, 2, n)
 
-    def matrix(self, moved: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
+    def matrix(self, moved: Floats, moments: Floats) -> Floats:
         """Σ_j of the slopes' products with one another (order, order), from `moved` and the residues' moments."""
         both, n = np.concatenate(self.residues), len(moments)
         return (moved * moments[both][:, both].reshape(2, n, 2, n)).sum(axis=(0, 2))
@@ -194,10 +193,7 @@ def polish(
     tolerance: float = 1e-4,
     enough: float = -np.inf,
 ) -> Fit:
-    """The maximum-likelihood poles near those of the start: steps to the least projected cost.
-
-    They end as in `levenberg_marquardt`. A fit that is given as the start must be one of these factors.
-    """
+    """The maximum-likelihood poles near those of the start: steps to the least projected cost."""
     return levenberg_marquardt(
         start if isinstance(start, Fit) else fit(start, factors),
         lambda now, step: fit(now.poles.moved(step), factors),
@@ -211,7 +207,7 @@ def fit_residues(
     multipliers: ArrayLike,
     data: TimeResponses,
     *,
-    covariance: NDArray[np.float64] | None = None,
+    covariance: Floats | None = None,
     outcome: Outcome = Outcome.SUCCESS,
     stats: Mapping[str, float] | None = None,
 ) -> ModalModel:
@@ -221,6 +217,8 @@ def fit_residues(
               R = E^+ y, \quad E_{kr} = \mu_r^k
 
     This is the last step of most identifiers, and all that an algorithm of poles alone needs to become one.
+
+    Raises InputError where a multiplier is zero or not finite, or there are as many as samples.
 
     Parameters
     ----------
@@ -234,11 +232,6 @@ def fit_residues(
         How the identification ended.
     stats
         Numbers about the fit.
-
-    Raises
-    ------
-    InputError
-        A multiplier is zero or not finite, or there are as many as samples.
     """
     given = frozen_array(multipliers, "multipliers", "fit_residues", axes=("modes",), dtype=np.complex128)
     if (given == 0).any():
@@ -254,7 +247,7 @@ def model_of(
     poles: PoleSet,
     data: TimeResponses,
     *,
-    covariance: NDArray[np.float64] | None = None,
+    covariance: Floats | None = None,
     outcome: Outcome = Outcome.SUCCESS,
     stats: Mapping[str, float] | None = None,
 ) -> ModalModel:
@@ -278,7 +271,7 @@ def model_of(
     )
 
 
-def from_sample_zero(poles: PoleSet, samples: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def from_sample_zero(poles: PoleSet, samples: int) -> tuple[Complexes, Complexes]:
     """Factor that takes residues of the columns of `powers` to sample zero, where they belong; and its inverse.
 
     A pole of noise that would have to start from less than can be computed with has no residue: zero for both.
@@ -290,9 +283,7 @@ def from_sample_zero(poles: PoleSet, samples: int) -> tuple[NDArray[np.complex12
     return scale, np.divide(1.0, scale, out=np.zeros_like(scale), where=scale != 0)
 
 
-def _of_input(
-    poles: PoleSet, data: TimeResponses, number: int
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]:
+def _of_input(poles: PoleSet, data: TimeResponses, number: int) -> tuple[Complexes, Complexes, Complexes, Floats]:
     """Residues (n, outputs), their spread and slope (n, n), and the residual's deviation (outputs,), of one input."""
     samples = int(data.lengths[number])
     columns = powers(poles.full(), samples)
@@ -315,9 +306,7 @@ def _of_input(
     return residues, inner @ inner.conj().T, slope, np.sqrt(left / max(samples - poles.order, 1))
 
 
-def _energy_left(
-    block: NDArray[np.float64], q: NDArray[np.float64], projected: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _energy_left(block: Floats, q: Floats, projected: Floats) -> Floats:
     """||y - y q qᵀ||² (outputs,): by subtraction, unless so little is left that rounding would show."""
     whole = np.einsum("ok,ok->o", block, block)
     left = whole - np.einsum("on,on->o", projected, projected)

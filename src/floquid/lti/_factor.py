@@ -11,19 +11,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers
 from floquid._checks import integer
 from floquid.lti._types import TimeResponses
 
-BLOCK = 2**20
-"""The most numbers that are scaled at once."""
-
-LARGEST = 2**22
-"""The most numbers that a factor may hold; beyond, it is made of leading directions."""
-
-LEADING = 192
-"""Number of leading directions then."""
+BLOCK = 2**20  # the most numbers that are scaled at once
+LARGEST = 2**22  # the most numbers that a factor may hold; beyond, it is made of leading directions
+LEADING = 192  # number of leading directions then
 
 SAFE = 1e-4
 """The share of the noise that rounding in a squared matrix may reach before the triangular factor is made by
@@ -32,21 +27,20 @@ orthogonal steps, which cost four times as much."""
 SHORT = 600
 """Samples up to which a record is looked at whole."""
 
-Rows = Callable[[], Iterator[NDArray[np.float64]]]
-"""The rows of a matrix W (rows, width), some at a time, as often as it is asked."""
+Rows = Callable[[], Iterator[Floats]]  # the rows of a matrix W (rows, width), some at a time, as often as it is asked
 
 
 @dataclass(frozen=True, slots=True)
 class Factor:
     """One block of responses of equal length: `values` F (samples, rank) with F Fᵀ = Y Yᵀ, from `columns` responses."""
 
-    values: NDArray[np.float64]
+    values: Floats
     columns: int
     energy: float
     triangular: bool = False
 
     @staticmethod
-    def of(values: NDArray[np.float64], columns: int, *, triangular: bool = False) -> Factor:
+    def of(values: Floats, columns: int, *, triangular: bool = False) -> Factor:
         """The block with its energy ||F||²."""
         return Factor(values, columns, float(np.einsum("ij,ij->", values, values)), triangular)
 
@@ -61,7 +55,7 @@ class Factor:
         return replace(part, energy=part.energy + left_out * samples / len(self.values))
 
 
-def scaled_blocks(data: TimeResponses, inputs: NDArray[np.int64], samples: int) -> Iterator[NDArray[np.float64]]:
+def scaled_blocks(data: TimeResponses, inputs: Integers, samples: int) -> Iterator[Floats]:
     """The first `samples` of these inputs over their noise (outputs, samples), some outputs at a time."""
     step = max(1, BLOCK // samples)
     for i in inputs:
@@ -70,7 +64,7 @@ def scaled_blocks(data: TimeResponses, inputs: NDArray[np.int64], samples: int) 
             yield data.values[part, i, :samples] / data.noise[part, i, None]
 
 
-def weighted_blocks(data: TimeResponses) -> Iterator[NDArray[np.float64]]:
+def weighted_blocks(data: TimeResponses) -> Iterator[Floats]:
     """The responses in `data` over their noise, the inputs side by side (outputs, Σ lengths), part by part."""
     step = max(1, BLOCK // int(data.lengths.sum()))
     for start in range(0, data.n_outputs, step):
@@ -80,7 +74,7 @@ def weighted_blocks(data: TimeResponses) -> Iterator[NDArray[np.float64]]:
         )
 
 
-def energies(data: TimeResponses) -> NDArray[np.float64]:
+def energies(data: TimeResponses) -> Floats:
     """The sum of squares over the noise at each sample (samples,)."""
     total = np.zeros(data.values.shape[2])
     for i, length in enumerate(data.lengths):
@@ -89,12 +83,8 @@ def energies(data: TimeResponses) -> NDArray[np.float64]:
     return total
 
 
-def energetic_length(energy: NDArray[np.float64], data: TimeResponses) -> int:
-    """The samples to look at first: all of a short record; of a long one, those before the energy meets its floor.
-
-    The floor is the least mean energy over a twentieth of the record. A mode that goes on below it is found later, from
-    the poles.
-    """
+def energetic_length(energy: Floats, data: TimeResponses) -> int:
+    """The samples to look at first: all of a short record; of a long one, those before the energy meets its floor."""
     whole = len(energy)
     if whole <= SHORT:
         return whole
@@ -106,7 +96,7 @@ def energetic_length(energy: NDArray[np.float64], data: TimeResponses) -> int:
     return min(whole, max(SHORT, int(np.ceil(1.5 * width * (loud[-1] + 1))))) if len(loud) else whole
 
 
-def product_noise(noise: NDArray[np.float64]) -> NDArray[np.float64]:
+def product_noise(noise: Floats) -> Floats:
     """The product of one number an output and one an input nearest to `noise` (outputs, inputs), in logarithms."""
     logs = np.log(noise)
     return np.exp(logs.mean(axis=1, keepdims=True) + logs.mean(axis=0) - logs.mean())
@@ -118,15 +108,15 @@ def factors(data: TimeResponses, samples: int | None = None) -> tuple[Factor, ..
     return tuple(_factor(data, np.flatnonzero(ends == end), int(end)) for end in np.unique(ends)[::-1])
 
 
-def factor(responses: NDArray[np.float64]) -> Factor:
+def factor(responses: Floats) -> Factor:
     """The factor of responses Y (samples, columns) of unit noise."""
     return factors(TimeResponses(values=responses.T[:, None], dt=1.0))[0]
 
 
-def _factor(data: TimeResponses, inputs: NDArray[np.int64], samples: int) -> Factor:
+def _factor(data: TimeResponses, inputs: Integers, samples: int) -> Factor:
     columns = data.n_outputs * len(inputs)
 
-    def rows() -> Iterator[NDArray[np.float64]]:
+    def rows() -> Iterator[Floats]:
         return scaled_blocks(data, inputs, samples)
 
     if min(columns, samples) * samples > LARGEST:
@@ -142,7 +132,7 @@ def _factor(data: TimeResponses, inputs: NDArray[np.int64], samples: int) -> Fac
     return Factor.of(_triangular(rows, samples, columns), columns, triangular=True)
 
 
-def _triangular(rows: Rows, width: int, count: int) -> NDArray[np.float64]:
+def _triangular(rows: Rows, width: int, count: int) -> Floats:
     """Triangular F (width, width) with F Fᵀ = WᵀW, of `count` rows of unit noise that are more than `width`."""
     gram = np.zeros((width, width))
     for block in rows():
@@ -158,7 +148,7 @@ def _triangular(rows: Rows, width: int, count: int) -> NDArray[np.float64]:
     return np.ascontiguousarray(right.T)
 
 
-def _leading(rows: Rows, width: int, rank: int) -> tuple[NDArray[np.float64], float]:
+def _leading(rows: Rows, width: int, rank: int) -> tuple[Floats, float]:
     """The leading part of F (width, rank), the weakest first, and ||W||², of rows that cannot be held twice.
 
     N. Halko, P. G. Martinsson and J. A. Tropp, "Finding structure with randomness", SIAM Review 53(2), 2011, algorithm
@@ -196,6 +186,10 @@ def compress(data: TimeResponses, most: int | None = None, *, rank_one: bool = F
     a randomised range finder (Halko, Martinsson and Tropp 2011, algorithm 4.4, one power iteration). A mode can be
     significant and yet lead no direction of its own, when its energy is spread over outputs that are mostly noise.
 
+    They are (responses, inputs, samples) in units of the noise of one output. `noise` is √(outputs/responses) for all,
+    so that the energy of white noise stays what it is; it is exactly white if there are no more outputs than samples.
+    Raises InputError where `most` is not a positive integer.
+
     Parameters
     ----------
     data
@@ -205,24 +199,13 @@ def compress(data: TimeResponses, most: int | None = None, *, rank_one: bool = F
     rank_one
         Keep residues of several inputs of rank one: the weights are then the product of one number an output and one
         an input that is nearest to the noise. Other weights turn the shape of a mode a little with each input.
-
-    Returns
-    -------
-    TimeResponses
-        (responses, inputs, samples) in units of the noise of one output. `noise` is √(outputs/responses) for all, so
-        that the energy of white noise stays what it is; it is exactly white if there are no more outputs than samples.
-
-    Raises
-    ------
-    InputError
-        `most` is not a positive integer.
     """
     if most is not None:
         integer(most, "most", "compress", at_least=1)
     if rank_one:
         data = TimeResponses(values=data.values, dt=data.dt, noise=product_noise(data.noise), lengths=data.lengths)
 
-    def blocks() -> Iterator[NDArray[np.float64]]:
+    def blocks() -> Iterator[Floats]:
         return weighted_blocks(data)
 
     width = int(data.lengths.sum())

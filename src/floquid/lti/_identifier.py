@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 from floquid._checks import input_error, integer
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
-Report = Callable[[str], None]
-"""A function that is told of each stage."""
+Report = Callable[[str], None]  # a function that is told of each stage
 
 
 def silent(_: str) -> None:
@@ -40,6 +39,9 @@ class AbstractIdentifier(ABC):
     def extract(self, state: Any, order: int | None = None, *, report: Report = silent) -> ModalModel:
         """The model of one order.
 
+        Its `outcome` says how it ended. Raises InputError where `order` is not a positive integer below the number of
+        samples, or None where the algorithm cannot decide.
+
         Parameters
         ----------
         state
@@ -48,16 +50,6 @@ class AbstractIdentifier(ABC):
             The number of poles, conjugates one by one; None lets an algorithm that decides do so.
         report
             Is told of each stage.
-
-        Returns
-        -------
-        ModalModel
-            The model; its `outcome` says how it ended.
-
-        Raises
-        ------
-        InputError
-            `order` is not a positive integer below the number of samples, or None where the algorithm cannot decide.
         """
 
     def refine(self, state: Any, model: ModalModel) -> ModalModel:

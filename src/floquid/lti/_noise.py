@@ -5,19 +5,16 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.lti._era import hankel_covariance
 from floquid.lti._factor import factor
 
-ENOUGH = 64
-"""Outputs that tell the noise which all of them share, to a percent."""
-
-QUARTILE = 0.25
-"""The eigenvalue looked at: right as long as the poles are well under three quarters of the window."""
+ENOUGH = 64  # outputs that tell the noise which all of them share, to a percent
+QUARTILE = 0.25  # the eigenvalue looked at: right as long as the poles are well under three quarters of the window
 
 
-def white_noise_std(responses: NDArray[np.float64]) -> float:
+def white_noise_std(responses: Floats) -> float:
     r"""The standard deviation of the white noise on `responses` (outputs, samples) that share it, in their units.
 
     .. math:: \hat\sigma^2 = \operatorname{quartile}(\operatorname{eig} H H^T) / (c\, n)
@@ -36,7 +33,7 @@ def white_noise_std(responses: NDArray[np.float64]) -> float:
     return float(np.sqrt(max(value, 0.0) / _expected_quartile(outputs, samples, window)))
 
 
-def _quartile(responses: NDArray[np.float64], window: int) -> float:
+def _quartile(responses: Floats, window: int) -> float:
     """The lower quartile of the eigenvalues of the Hankel covariance, a column."""
     outputs, samples = responses.shape
     values = np.linalg.eigvalsh(hankel_covariance([factor(responses.T)], window))

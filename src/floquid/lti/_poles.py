@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from floquid._arrays import Complexes, Floats, Integers, Mask
 
 PAIR, POSITIVE, NEGATIVE = 0, 1, -1
 
@@ -20,8 +21,8 @@ class PoleSet:
     A pair stands for s and its conjugate; a positive multiplier has Im s = 0, a negative one Im s = π.
     """
 
-    s: NDArray[np.complex128]
-    kind: NDArray[np.int64]
+    s: Complexes
+    kind: Integers
 
     @staticmethod
     def empty() -> PoleSet:
@@ -29,7 +30,7 @@ class PoleSet:
         return PoleSet(np.zeros(0, complex), np.zeros(0, np.int64))
 
     @staticmethod
-    def from_multipliers(multipliers: NDArray[np.complex128], *, tolerance: float = 1e-9) -> PoleSet:
+    def from_multipliers(multipliers: Complexes, *, tolerance: float = 1e-9) -> PoleSet:
         """The upper half of a conjugate-symmetric set of multipliers; within `tolerance` of the axis one is real."""
         upper = multipliers[(multipliers.imag >= -tolerance * np.abs(multipliers)) & (np.abs(multipliers) > 0)]
         real = np.abs(upper.imag) <= tolerance * np.abs(upper)
@@ -38,7 +39,7 @@ class PoleSet:
         return PoleSet.of(s, kind)
 
     @staticmethod
-    def of(s: NDArray[np.complex128], kind: NDArray[np.int64]) -> PoleSet:
+    def of(s: Complexes, kind: Integers) -> PoleSet:
         """The set brought to 0 ≤ Im s ≤ π (a pair reflected is the same pair), exact for the real kinds."""
         imag = np.abs(np.mod(s.imag + np.pi, 2.0 * np.pi) - np.pi)
         imag = np.where(kind == POSITIVE, 0.0, np.where(kind == NEGATIVE, np.pi, imag))
@@ -53,25 +54,25 @@ class PoleSet:
         return len(self.kind) + int((self.kind == PAIR).sum())
 
     @property
-    def sizes(self) -> NDArray[np.int64]:
+    def sizes(self) -> Integers:
         """The number of complex poles behind each entry (k,)."""
         return np.where(self.kind == PAIR, 2, 1)
 
-    def full(self) -> NDArray[np.complex128]:
+    def full(self) -> Complexes:
         """All logarithms (order,)."""
         return self.with_conjugates(self.s)
 
-    def with_conjugates(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def with_conjugates(self, values: Complexes) -> Complexes:
         """Numbers of the entries (k,) as numbers of the poles (order,): a pair's is followed by its conjugate."""
         parts = [[v, v.conjugate()] if k == PAIR else [v] for v, k in zip(values, self.kind, strict=True)]
         return np.concatenate(parts or [np.zeros(0)]).astype(complex)
 
-    def multipliers(self) -> NDArray[np.complex128]:
+    def multipliers(self) -> Complexes:
         """All multipliers (order,), conjugates next to each other; those of real kinds exactly real."""
         mu = np.exp(self.full())
         return np.where(np.repeat(self.kind, self.sizes) == PAIR, mu, np.real(mu))
 
-    def parameter_map(self) -> NDArray[np.complex128]:
+    def parameter_map(self) -> Complexes:
         """The derivative of `full()` with respect to the real parameters (order, order): Re s, Im s of a pair; Re s."""
         pair, single = np.array([[1.0, 1.0j], [1.0, -1.0j]]), np.array([[1.0 + 0.0j]])
         out = np.zeros((self.order, self.order), complex)
@@ -82,21 +83,21 @@ class PoleSet:
             at += len(block)
         return out
 
-    def covariance_of_all(self, own: NDArray[np.float64]) -> NDArray[np.float64]:
+    def covariance_of_all(self, own: Floats) -> Floats:
         """The covariance of Re s, then Im s, of all poles (2 order, 2 order), from that of the real parameters."""
         map_ = self.parameter_map()
         stacked = np.concatenate([map_.real, map_.imag])
         return stacked @ own @ stacked.T
 
-    def moved(self, step: NDArray[np.float64]) -> PoleSet:
+    def moved(self, step: Floats) -> PoleSet:
         """The set after a step in its real parameters (order,)."""
         return PoleSet.of(self.s + (self.parameter_map() @ step)[self.starts()], self.kind)
 
-    def starts(self) -> NDArray[np.int64]:
+    def starts(self) -> Integers:
         """The position of each entry in `full()` (k,)."""
         return np.cumsum(self.sizes) - self.sizes
 
-    def columns(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def columns(self) -> tuple[Integers, Integers]:
         """For each position in `full()`, those of the first and of the last pole of its entry (order,) each."""
         starts = self.starts()
         return np.repeat(starts, self.sizes), np.repeat(starts + self.sizes - 1, self.sizes)
@@ -105,7 +106,7 @@ class PoleSet:
         """The set less one entry."""
         return PoleSet(np.delete(self.s, index), np.delete(self.kind, index))
 
-    def keep(self, mask: NDArray[np.bool_]) -> PoleSet:
+    def keep(self, mask: Mask) -> PoleSet:
         """The entries where `mask` holds."""
         return PoleSet(self.s[mask], self.kind[mask])
 
@@ -122,14 +123,14 @@ class PoleSet:
         distance = np.minimum(np.abs(self.s - self.s[entry]), np.abs(self.s - self.s[entry].conj()))
         return bool((np.delete(distance, entry) < near).any())
 
-    def normalised(self, shares: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.int64]]:
+    def normalised(self, shares: Complexes) -> tuple[Complexes, Integers]:
         """Participations in the inputs (k, inputs), the largest of each 1 and those of real poles real; and where."""
         largest = np.argmax(np.abs(shares), axis=1)
         shares = shares / shares[np.arange(len(shares)), largest][:, None]
         return np.where(self.kind[:, None] == PAIR, shares, shares.real), largest
 
 
-def moved_pole(s: complex, kind: int, step: NDArray[np.float64]) -> complex:
+def moved_pole(s: complex, kind: int, step: Floats) -> complex:
     """One pole after a step in its real parameters, brought back to 0 ≤ Im s ≤ π."""
     change = complex(step[0], step[1] if kind == PAIR else 0.0)
     return complex(PoleSet.of(np.array([s + change]), np.array([kind])).s[0])

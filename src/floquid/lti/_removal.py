@@ -6,17 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PoleSet
 
-AFRESH = 8
-"""Removals after which the matrices are made anew: rounding adds up where columns are almost dependent."""
-
-ROUNDING = 1e-14
-"""The share of a pair's squared spread below which its determinant is rounding."""
+AFRESH = 8  # removals after which the matrices are made anew: rounding adds up where columns are almost dependent
+ROUNDING = 1e-14  # the share of a pair's squared spread below which its determinant is rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +25,8 @@ class Removal:
     """
 
     poles: PoleSet
-    spread: tuple[NDArray[np.float64], ...]
-    moments: tuple[NDArray[np.float64], ...]
+    spread: tuple[Floats, ...]
+    moments: tuple[Floats, ...]
 
     @staticmethod
     def of(poles: PoleSet, factors: Sequence[Factor]) -> Removal:
@@ -46,7 +43,7 @@ class Removal:
             moments.append(residues @ residues.T)
         return Removal(poles, tuple(spread), tuple(moments))
 
-    def rises(self) -> NDArray[np.float64]:
+    def rises(self) -> Floats:
         """The rise for each entry (k,)."""
         rises = np.zeros(len(self.poles))
         first, pairs = self.poles.starts(), self.poles.sizes == 2
@@ -76,7 +73,7 @@ class Removal:
         return Removal(self.poles.without(entry), tuple(spreads), tuple(moments))
 
 
-def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse(matrix: Floats) -> Floats:
     """The inverse of a symmetric matrix of one or two rows; where those are one to rounding, the pseudo-inverse."""
     trace = float(np.trace(matrix))
     if len(matrix) == 1 or trace == 0.0:
@@ -90,7 +87,7 @@ def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 def prune_linear(poles: PoleSet, factors: Sequence[Factor], limit: tuple[float, float]) -> PoleSet:
     """Take away, one by one, what the residues of the others can do without: the rise is below that of its size."""
 
-    def needless(now: PoleSet, rises: NDArray[np.float64]) -> int | None:
+    def needless(now: PoleSet, rises: Floats) -> int | None:
         excess = rises - np.where(now.sizes == 1, *limit)
         worst = int(np.argmin(excess))
         return None if excess[worst] > 0 else worst
@@ -103,7 +100,7 @@ def strongest(poles: PoleSet, factors: Sequence[Factor], order: int) -> PoleSet:
     return _taken(poles, factors, lambda now, rises: weakest(now, rises, order))
 
 
-def weakest(now: PoleSet, rises: NDArray[np.float64], order: int) -> int | None:
+def weakest(now: PoleSet, rises: Floats, order: int) -> int | None:
     """The entry of least rise a pole while there are more than `order`; where one is too many, a real one if any."""
     if now.order <= order:
         return None
@@ -111,9 +108,7 @@ def weakest(now: PoleSet, rises: NDArray[np.float64], order: int) -> int | None:
     return int(np.argmin(np.where(fits | ~fits.any(), rises / now.sizes, np.inf)))
 
 
-def _taken(
-    poles: PoleSet, factors: Sequence[Factor], choice: Callable[[PoleSet, NDArray[np.float64]], int | None]
-) -> PoleSet:
+def _taken(poles: PoleSet, factors: Sequence[Factor], choice: Callable[[PoleSet, Floats], int | None]) -> PoleSet:
     """Take away the entry chosen by the rises as long as there is one."""
     now, done = Removal.of(poles, factors), 0
     while len(now.poles):

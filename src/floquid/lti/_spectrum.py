@@ -16,42 +16,37 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.lti._poles import NEGATIVE, PAIR
 from floquid.lti._types import Composites, ModalModel, TimeResponses
 
-NO_OVERFLOW = 300.0
-"""The growth over a record, in nepers, up to which powers of a multiplier are formed as they stand."""
-
-ON_A_LINE = 2e-4
-"""|Nδ| below which the finite sum and its slope are taken from their series."""
-
-CHUNK = 2**22
-"""The most numbers that are transformed at once."""
+NO_OVERFLOW = 300.0  # the growth over a record, in nepers, up to which powers of a multiplier are formed as they stand
+ON_A_LINE = 2e-4  # |Nδ| below which the finite sum and its slope are taken from their series
+CHUNK = 2**22  # the most numbers that are transformed at once
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
     """The inputs of one length: their numbers, N, weighted lines (lines, outputs, inputs), noise (outputs, inputs)."""
 
-    inputs: NDArray[np.int64]
+    inputs: Integers
     samples: int
-    values: NDArray[np.complex128]
-    noise: NDArray[np.float64]
+    values: Complexes
+    noise: Floats
 
     @property
-    def angles(self) -> NDArray[np.float64]:
+    def angles(self) -> Floats:
         """θ of the lines (lines,) [rad/sample]."""
         return 2.0 * np.pi * np.arange(len(self.values)) / self.samples
 
     @property
-    def weights(self) -> NDArray[np.float64]:
+    def weights(self) -> Floats:
         """√2 on all lines but the ends (lines,)."""
         return line_weights(self.samples)
 
 
-def line_weights(samples: int) -> NDArray[np.float64]:
+def line_weights(samples: int) -> Floats:
     """Weight of a line (lines,): √2 stands for its mirror image too, which the ends do not have."""
     weights = np.full(samples // 2 + 1, np.sqrt(2.0))
     weights[0] = 1.0
@@ -71,9 +66,7 @@ def spectra(data: TimeResponses) -> tuple[Block, ...]:
     return tuple(blocks)
 
 
-def finite_sum(
-    s: complex, angles: NDArray[np.float64], samples: int
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def finite_sum(s: complex, angles: Floats, samples: int) -> tuple[Complexes, Complexes]:
     """Σ_k μ^k z^-k and Σ_k k μ^k z^-k at the lines (lines,); of a growing mode, both over μ^(N-1)."""
     delta = s - 1j * angles
     delta = delta.real + 1j * (np.mod(delta.imag + np.pi, 2.0 * np.pi) - np.pi)
@@ -96,13 +89,8 @@ def finite_sum(
     return total * shrink, slope * shrink
 
 
-def mode_columns(
-    s: complex, kind: int, angles: NDArray[np.float64], samples: int, weights: NDArray[np.float64]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """The weighted lines of a mode's real columns (lines, 1 or 2), and those of k times the columns.
-
-    A pair has the columns Re μ^k and Im μ^k, conjugate included; a real multiplier has μ^k.
-    """
+def mode_columns(s: complex, kind: int, angles: Floats, samples: int, weights: Floats) -> tuple[Complexes, Complexes]:
+    """The weighted lines of a mode's real columns, Re and Im μ^k (lines, 1 or 2), and those of k times the columns."""
     scale = weights / np.sqrt(samples)
     if kind != PAIR:
         total, slope = finite_sum(complex(s.real, np.pi if kind == NEGATIVE else 0.0), angles, samples)

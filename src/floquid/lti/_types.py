@@ -8,12 +8,12 @@ from enum import Enum
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
 
-PRODUCTS = "outer products"
-"""Among the `stats` of a model whose residues were fitted as such."""
+PRODUCTS = "outer products"  # among the `stats` of a model whose residues were fitted as such
 
 
 class Outcome(Enum):
@@ -30,6 +30,8 @@ class Outcome(Enum):
 class TimeResponses(Rebuilt):
     """Free responses of one LTI system, sampled together.
 
+    Raises InputError where a shape is not possible, a value is not finite, or a standard deviation is not positive.
+
     Parameters
     ----------
     values
@@ -41,17 +43,12 @@ class TimeResponses(Rebuilt):
         The standard deviation of the white noise on each response (outputs, inputs); 1 where not given.
     lengths
         The number of samples of each input (inputs,); all of them where not given.
-
-    Raises
-    ------
-    InputError
-        A shape is not possible, a value is not finite, or a standard deviation is not positive.
     """
 
-    values: NDArray[np.float64]
+    values: Floats
     dt: float
-    noise: NDArray[np.float64]
-    lengths: NDArray[np.int64]
+    noise: Floats
+    lengths: Integers
 
     def __init__(
         self, *, values: ArrayLike, dt: float, noise: ArrayLike | None = None, lengths: ArrayLike | None = None
@@ -63,9 +60,8 @@ class TimeResponses(Rebuilt):
             raise input_error("values", of, "hold at least one output, input and sample", f"has shape {array.shape}")
         std = frozen_array(np.ones((outputs, inputs)) if noise is None else noise, "noise", of, axes=(outputs, inputs))
         if not (std > 0).all():
-            raise input_error(
-                "noise", of, "be positive", f"has {std.min():g}", "Leave out responses that are constant."
-            )
+            got = f"has {std.min():g}"
+            raise input_error("noise", of, "be positive", got, "Leave out responses that are constant.")
         ends = np.full(inputs, samples) if lengths is None else lengths
         ends = frozen_array(ends, "lengths", of, axes=(inputs,), dtype=np.int64)
         if (ends < 1).any() or (ends > samples).any():
@@ -99,10 +95,10 @@ class Composites(Rebuilt):
         The composites of the data, of the model and of what the model leaves (lines,) [-].
     """
 
-    angles: NDArray[np.float64]
-    data: NDArray[np.float64]
-    model: NDArray[np.float64]
-    difference: NDArray[np.float64]
+    angles: Floats
+    data: Floats
+    model: Floats
+    difference: Floats
 
     def __post_init__(self) -> None:
         self._freeze(angles=("lines",))
@@ -143,13 +139,13 @@ class ModalModel(Rebuilt):
         The composites of the data, of the model and of their difference, where the algorithm works with them.
     """
 
-    multipliers: NDArray[np.complex128]
-    residues: NDArray[np.complex128]
+    multipliers: Complexes
+    residues: Complexes
     dt: float
-    covariance: NDArray[np.float64] | None = None
-    residue_spread: NDArray[np.complex128] | None = None
-    residue_slope: NDArray[np.complex128] | None = None
-    residual_std: NDArray[np.float64] | None = None
+    covariance: Floats | None = None
+    residue_spread: Complexes | None = None
+    residue_slope: Complexes | None = None
+    residual_std: Floats | None = None
     outcome: Outcome = Outcome.SUCCESS
     stats: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     composites: Composites | None = None
@@ -176,6 +172,6 @@ class ModalModel(Rebuilt):
         return len(self.multipliers)
 
     @property
-    def poles(self) -> NDArray[np.complex128]:
+    def poles(self) -> Complexes:
         """The principal poles ln μ / dt (modes,) [1/s], -π/dt < Im ≤ π/dt."""
         return np.asarray(np.log(self.multipliers) / self.dt, dtype=np.complex128)

@@ -15,8 +15,7 @@ from floquid.lti import AbstractIdentifier, Evidence, MaximumLikelihood, ModalMo
 WHITE = 8.0
 """The standard deviations by which the colour of a residual may differ from that of white noise."""
 
-APART = 5.0
-"""The standard deviations that two modes must be apart, and that modes may not move by when one more is there."""
+APART = 5.0  # standard deviations that two modes must be apart, and that modes may not move by when one more is there
 
 DETERMINED = 2e-3 * 2.0 * np.pi
 """The standard deviation of a decay or an angle above which a mode may stand for several [rad/sample]."""

@@ -5,20 +5,15 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error, integer
 from floquid.lti import ModalModel, TimeResponses, composites, compress
 from floquid.order._types import Indicators
 
-SMOOTHING = 5
-"""Number of adjacent lines that are looked at together."""
-
-FEW = 64
-"""Rows below which delays are added, half of the samples allowing: fewer responses than poles cannot tell them."""
-
-CHUNK = 2**20
-"""The most numbers that are decomposed at once."""
+SMOOTHING = 5  # number of adjacent lines that are looked at together
+FEW = 64  # rows below which delays are added, half of the samples allowing: fewer responses than poles cannot tell them
+CHUNK = 2**20  # the most numbers that are decomposed at once
 
 DRAWS, MARGIN = 16, 4.0
 """Draws of noise for the edge where delays repeat it, and how many of their deviations it lies above their mean."""
@@ -47,6 +42,9 @@ def indicators(data: TimeResponses, model: ModalModel | None = None, *, smoothin
     in a thousand (Johnstone 2001). Fewer than 64 rows are given delays as rows of their own, and the edge is
     drawn from noise of the same size.
 
+    Raises InputError where `smoothing` is not an odd positive number below the number of lines, or the model is not one
+    of the data.
+
     Parameters
     ----------
     data
@@ -55,11 +53,6 @@ def indicators(data: TimeResponses, model: ModalModel | None = None, *, smoothin
         A model of them, for the composite of what it leaves.
     smoothing
         The number of adjacent lines, odd; 5, as far as there are so many, when not given.
-
-    Raises
-    ------
-    InputError
-        `smoothing` is not an odd positive number below the number of lines, or the model is not one of the data.
     """
     of, lines = "indicators", data.values.shape[2] // 2 + 1
     if smoothing is not None and (integer(smoothing, "smoothing", of, at_least=1) % 2 == 0 or smoothing > lines):
@@ -107,7 +100,7 @@ def indicators_of(
     )
 
 
-def _cmif(principal: TimeResponses, smoothing: int, n_outputs: int) -> NDArray[np.float64]:
+def _cmif(principal: TimeResponses, smoothing: int, n_outputs: int) -> Floats:
     """Singular values of adjacent lines together (lines, curves), over the edge of noise."""
     responses, inputs, samples = principal.values.shape
     spectra = np.empty((responses, inputs, samples), complex)
@@ -124,7 +117,7 @@ def _cmif(principal: TimeResponses, smoothing: int, n_outputs: int) -> NDArray[n
     return np.concatenate(curves) / (np.sqrt(n_outputs) + np.sqrt(columns))
 
 
-def _singular_values(values: NDArray[np.float64], delays: int) -> NDArray[np.float64]:
+def _singular_values(values: Floats, delays: int) -> Floats:
     """Of the responses (rows, samples) with their delays below one another, descending."""
     shifts = values.shape[1] - delays + 1
     rows = np.concatenate([values[:, d : d + shifts] for d in range(delays)])

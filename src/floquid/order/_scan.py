@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import input_error, integer
 from floquid.lti import (
     ERA,
@@ -22,8 +22,7 @@ from floquid.lti import (
 from floquid.order._indicators import both_compressed, indicators_of
 from floquid.order._types import Criteria, OrderScan, Stability, Tolerances
 
-MOST = 40
-"""The highest order of a scan whose orders are not given."""
+MOST = 40  # the highest order of a scan whose orders are not given
 
 FAR = 10.0
 """The misfit, in tolerances, beyond which two poles are just as far: one that is lost pushes no other off its match."""
@@ -54,6 +53,8 @@ def scan(
     That poles agree between orders is evidence only for an identifier that finds each order afresh, as `ERA` does.
     `MaximumLikelihood` and `AMI` add poles to those they have: there, poles of noise stay too.
 
+    Raises InputError where an order is not possible, or `identifier` is none.
+
     Parameters
     ----------
     data
@@ -67,11 +68,6 @@ def scan(
         When poles of neighbouring orders count as one.
     report
         Is told of each stage.
-
-    Raises
-    ------
-    InputError
-        An order is not possible, or `identifier` is none.
     """
     chosen = ERA() if identifier is None else identifier
     if not isinstance(chosen, AbstractIdentifier):
@@ -128,7 +124,7 @@ def _rank_one(identifier: AbstractIdentifier) -> bool:
     return bool(getattr(identifier, "rank_one", False)) or (wrapped is not None and _rank_one(wrapped))
 
 
-def _compared(models: Sequence[ModalModel], tolerances: Tolerances) -> tuple[NDArray[np.int64], ...]:
+def _compared(models: Sequence[ModalModel], tolerances: Tolerances) -> tuple[Integers, ...]:
     """The stability of each model's poles against the last model before it that reached its order."""
     levels, lower = [], None
     for model in models:
@@ -173,7 +169,7 @@ def criteria(models: Sequence[ModalModel], principal: TimeResponses, data: TimeR
     )
 
 
-def _left(multipliers: NDArray[np.complex128], principal: TimeResponses) -> float:
+def _left(multipliers: Complexes, principal: TimeResponses) -> float:
     """The sum of squares that the best residues of these multipliers leave."""
     left = 0.0
     for i, length in enumerate(principal.lengths):
@@ -188,14 +184,14 @@ def _left(multipliers: NDArray[np.complex128], principal: TimeResponses) -> floa
     return left
 
 
-def mac(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> NDArray[np.float64]:
+def mac(a: Complexes, b: Complexes) -> Floats:
     """|aᴴb|²/(aᴴa · bᴴb) for each row of `a` (m, entries) and of `b` (n, entries): (m, n); 0 where one is zero."""
     lengths = np.outer(np.sum(np.abs(a) ** 2, axis=1), np.sum(np.abs(b) ** 2, axis=1))
     cross = np.abs(a.conj() @ b.T) ** 2
     return np.divide(cross, lengths, out=np.zeros_like(cross), where=lengths > 0)
 
 
-def paired(misfit: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def paired(misfit: Floats) -> tuple[Integers, Integers]:
     """The rows and columns that belong together: the assignment of the least total misfit."""
     from scipy.optimize import linear_sum_assignment
 
@@ -204,12 +200,8 @@ def paired(misfit: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.i
 
 
 def stability(
-    model: ModalModel,
-    lower: ModalModel,
-    *,
-    noise: NDArray[np.float64] | None = None,
-    tolerances: Tolerances = DEFAULT,
-) -> NDArray[np.int64]:
+    model: ModalModel, lower: ModalModel, *, noise: Floats | None = None, tolerances: Tolerances = DEFAULT
+) -> Integers:
     r"""The `Stability` of each pole (modes,): how far it agrees with one of a lower order.
 
     .. math:: |\theta_a - \theta_b|_{2\pi} \le 2\pi f, \qquad |d_a - d_b| \le \max(\epsilon\, d, d_0), \qquad
@@ -222,6 +214,8 @@ def stability(
     Gates on the shape itself that are common elsewhere, such as the modal phase collinearity or the mean phase
     deviation, are not used: the shapes of lifted responses are fully complex, and every true mode would be rejected.
 
+    Raises InputError where the models are not of the same responses.
+
     Parameters
     ----------
     model
@@ -232,11 +226,6 @@ def stability(
         The standard deviation of the noise on each response (outputs, inputs); alike where not given.
     tolerances
         When two poles count as one.
-
-    Raises
-    ------
-    InputError
-        The models are not of the same responses.
     """
     if model.residues.shape[1:] != lower.residues.shape[1:]:
         must, got = "be of the same responses", f"has {lower.residues.shape[1:]} instead of {model.residues.shape[1:]}"
@@ -258,9 +247,7 @@ def stability(
     return levels
 
 
-def _misfits(
-    here: NDArray[np.complex128], there: NDArray[np.complex128], tolerances: Tolerances
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _misfits(here: Complexes, there: Complexes, tolerances: Tolerances) -> tuple[Floats, Floats]:
     """The differences of the angles and of the decays in tolerances (m, n); infinite between unlike kinds."""
     tiny = np.finfo(float).tiny
     a, b = (np.asarray(np.log(np.where(np.abs(mu) < tiny, tiny, mu)), dtype=np.complex128) for mu in (here, there))

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid._show import Drawings, Drawn, Told
 from floquid.lti import ModalModel
@@ -26,6 +26,8 @@ class Stability(IntEnum):
 class Tolerances:
     """When poles of neighbouring orders count as one.
 
+    Raises InputError where a tolerance is not between 0 and 1.
+
     Parameters
     ----------
     frequency
@@ -38,11 +40,6 @@ class Tolerances:
         The difference of decays that counts as none [neper/sample], for modes with hardly any damping.
     shape
         The least MAC of the noise-weighted residues.
-
-    Raises
-    ------
-    InputError
-        A tolerance is not between 0 and 1.
     """
 
     frequency: float = 0.002
@@ -73,11 +70,11 @@ class Criteria(Rebuilt):
         The numbers fitted less the parameters of the fit (orders,); the cost of a right model is about as large.
     """
 
-    cost: NDArray[np.float64]
-    left: NDArray[np.float64]
-    aic: NDArray[np.float64]
-    bic: NDArray[np.float64]
-    degrees: NDArray[np.int64]
+    cost: Floats
+    left: Floats
+    aic: Floats
+    bic: Floats
+    degrees: Integers
 
     def __post_init__(self) -> None:
         self._freeze(cost=("orders",))
@@ -86,7 +83,7 @@ class Criteria(Rebuilt):
         self._freeze(dtype=np.int64, degrees=orders)
 
     @property
-    def misfit(self) -> NDArray[np.float64]:
+    def misfit(self) -> Floats:
         """The cost over its degrees of freedom (orders,) [-]: 1 where white noise alone is left; NaN without any."""
         return np.divide(self.cost, self.degrees, out=np.full(len(self.cost), np.nan), where=self.degrees > 0)
 
@@ -118,13 +115,13 @@ class Indicators(Rebuilt):
         The number of delays; with 1, the squares are the eigenvalues of the Gram matrix of the responses.
     """
 
-    angles: NDArray[np.float64]
+    angles: Floats
     dt: float
-    cmif: NDArray[np.float64]
+    cmif: Floats
     smoothing: int
-    composite: NDArray[np.float64]
-    residual: NDArray[np.float64] | None = None
-    singular_values: NDArray[np.float64]
+    composite: Floats
+    residual: Floats | None = None
+    singular_values: Floats
     noise_edge: float
     delays: int
 
@@ -167,7 +164,7 @@ class OrderScan(Told, Drawn, Rebuilt):
 
     orders: tuple[int, ...]
     models: tuple[ModalModel, ...]
-    stable: tuple[NDArray[np.int64], ...]
+    stable: tuple[Integers, ...]
     criteria: Criteria
     indicators: Indicators
     tolerances: Tolerances
@@ -188,6 +185,6 @@ class OrderScan(Told, Drawn, Rebuilt):
         return {"stabilisation": (self, {}), "indicators": (self.indicators, {})}
 
     @property
-    def n_stable(self) -> NDArray[np.int64]:
+    def n_stable(self) -> Integers:
         """The number of poles of each order that agree in frequency, damping and shape (orders,)."""
         return np.array([int((flags == Stability.SHAPE).sum()) for flags in self.stable], dtype=np.int64)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error, integer
 from floquid._show import Brief
 from floquid.core import PeriodicModel, Record
@@ -26,11 +26,7 @@ WINDOW = 3  # the largest |m| among which the four dominant coefficients are loo
 
 
 def dominant(model: PeriodicModel, count: int) -> PeriodicModel:
-    """The model with the largest coefficients of each residue alone (Allen 2009, section 3.2).
-
-    Each mode, channel and hit has its own choice. Modes must come in conjugate pairs: a coefficient of one is kept when
-    its mirror image is kept in the other. The others, and their deviations, are zero.
-    """
+    """The model with the largest coefficients of each residue alone (Allen 2009, section 3.2)."""
     of = "dominant"
     if integer(count, "count", of, at_least=1) > len(model.harmonics):
         raise input_error("count", of, f"be at most the {len(model.harmonics)} harmonics", f"is {count}")
@@ -195,7 +191,7 @@ def uncut(analysis: Analysis) -> PeriodicModel:
     return assemble(analysis.modal, analysis.lifted, harmonics=(analysis.lifted.n_phases - 1) // 2)
 
 
-def system_error(rotor: JeffcottRotor, model: PeriodicModel, states: tuple[str, str]) -> NDArray[np.float64]:
+def system_error(rotor: JeffcottRotor, model: PeriodicModel, states: tuple[str, str]) -> Floats:
     """The error of A(t) in those states at fifty instants (times, 4, 4)."""
     found = reconstruct(model, states, harmonics="model")
     truth = rotor.system if states == MASS else rotor.turntable_system
@@ -224,10 +220,7 @@ def _errors(rotor: JeffcottRotor, exact: PeriodicModel, analysis: Analysis, boun
 
 
 def paired(model: PeriodicModel, exact: PeriodicModel, bound: PeriodicModel) -> list[tuple[complex, complex, complex]]:
-    """Estimate, truth and deviation of each upper principal exponent, in the paper's order: ascending Im λ.
-
-    The deviations are those of `bound`.
-    """
+    """Estimate, truth and deviation of each upper principal exponent, in the paper's order: ascending Im λ."""
     principal = exact.principal()
     upper = np.flatnonzero(principal.imag > 0)
     upper = upper[np.argsort(principal.imag[upper])]

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid import plot
+from floquid._arrays import Floats
 from floquid.lti import WHITE, composites
 from floquid.paper._experiment import CUTS, MASS, TURNTABLE, Reproduction, uncut
 from floquid.pipeline import Analysis
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
 FIRST, SHOWN = 0, 22  # the indices of the 1st and the 23rd lifted response
 
-STANDS_OUT = 4.0
-"""Least ratio of a peak to its surroundings. White noise does so on one line in a hundred thousand."""
+STANDS_OUT = 4.0  # least ratio of a peak to its surroundings. White noise does so on one line in a hundred thousand.
 
 TOP, NEAR, AROUND = 0.004, 0.012, 0.06
 """A peak is the largest line within the first of these of a frequency; its surroundings are the lines between the
@@ -239,7 +238,7 @@ def _system(done: Reproduction) -> PaperFigure:
     )
 
 
-def _lines(analysis: Analysis, row: int, phase: int | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lines(analysis: Analysis, row: int, phase: int | None) -> tuple[Floats, Floats]:
     """Frequencies [rad/s] and magnitudes of a channel's periods, or of its lifted response at a phase (lines,)."""
     cycles = analysis.cycles[0]
     values = cycles.values[row].T.ravel() if phase is None else cycles.values[row, phase]
@@ -254,7 +253,7 @@ def _strongest(analysis: Analysis, row: int, phase: int | None) -> float:
     return float(frequencies[np.argmax(magnitudes)])
 
 
-def prominent(analysis: Analysis, row: int, phase: int | None, candidates: NDArray[np.float64]) -> dict[float, float]:
+def prominent(analysis: Analysis, row: int, phase: int | None, candidates: Floats) -> dict[float, float]:
     """Those of the candidates [rad/s] that stand out, with their heights over the median of their surroundings."""
     frequencies, magnitudes = _lines(analysis, row, phase)
     found = {}

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import PeriodicModel
 from floquid.paper._experiment import MASS, WINDOW, Reproduction, cut_errors, paired, uncut
 from floquid.paper._numbers import Estimate, Number
@@ -254,7 +254,7 @@ def _coefficients(done: Reproduction) -> Iterator[Number]:
     yield _row("3.2", "instants", what, "50", (instants, instants), form="g")
 
 
-def _features(stiffness: NDArray[np.float64]) -> dict[str, float]:
+def _features(stiffness: Floats) -> dict[str, float]:
     """Rows of section 3.2 on K(t), from its values over a period (times, 2, 2)."""
     count = len(stiffness)
     k11, k12 = stiffness[:, 0, 0], stiffness[:, 0, 1]

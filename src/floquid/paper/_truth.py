@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid import floquet
+from floquid._arrays import Complexes
 from floquid.core import PeriodicModel, Provenance
 from floquid.systems import JeffcottRotor
 
@@ -50,7 +50,7 @@ def exact_model(rotor: JeffcottRotor, impulse_deg: float = 45.0) -> PeriodicMode
     )
 
 
-def _physical(rotor: JeffcottRotor, exponents: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _physical(rotor: JeffcottRotor, exponents: Complexes) -> Complexes:
     """Each exponent moved by whole fundamentals to where |Im λ| is nearest to the frequencies of the still shaft."""
     middle = float(np.mean(frozen_range(rotor)))
     fundamental = 2.0 * np.pi / rotor.period

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import describe, finite, frozen_array, input_error, integer, positive
+from floquid._arrays import Complexes, Floats
+from floquid._checks import describe, finite, input_error, integer, noise_array, positive
 from floquid.core import Channel, PeriodicModel, Provenance
 from floquid.io import load_package
 from floquid.lifting import Lifted
@@ -20,11 +21,8 @@ from floquid.periodic.expansion import assemble
 if TYPE_CHECKING:
     from control import StateSpace
 
-EQUAL = 1e-8
-"""Relative distance within which multipliers are one: several hits on one mode give it several states."""
-
-ROUNDING = 1e-12
-"""Share of the largest below which a residue or a coefficient is rounding."""
+EQUAL = 1e-8  # relative distance within which multipliers are one: several hits on one mode give it several states
+ROUNDING = 1e-12  # share of the largest below which a residue or a coefficient is rounding
 
 
 def to_control(model: PeriodicModel, n_phases: int, *, first_phase: float = 0.0) -> StateSpace:
@@ -37,6 +35,10 @@ def to_control(model: PeriodicModel, n_phases: int, *, first_phase: float = 0.0)
     poles are the multipliers. All matrices are real: a real multiplier has one state, a pair of conjugates has two, its
     real and imaginary part, once for each of the hits that are independent in it.
 
+    Outputs are `X[0]`, `X[1]`, ..., by channel, then phase (a full stop in a name is a middle dot, which python-control
+    allows), inputs are `hit1`, ..., and dt is the period [s]. Raises InputError where python-control is not installed,
+    or an argument is not possible.
+
     Parameters
     ----------
     model
@@ -46,17 +48,6 @@ def to_control(model: PeriodicModel, n_phases: int, *, first_phase: float = 0.0)
         beyond P/2 fundamentals.
     first_phase
         The phase of the first of them, in periods.
-
-    Returns
-    -------
-    control.StateSpace
-        The system. Outputs are `X[0]`, `X[1]`, ..., by channel, then phase (a full stop in a name is a middle dot,
-        which python-control allows), inputs are `hit1`, ..., and dt is the period [s].
-
-    Raises
-    ------
-    InputError
-        python-control is not installed, or an argument is not possible.
     """
     of = "periodic.to_control"
     if not isinstance(model, PeriodicModel):
@@ -100,6 +91,11 @@ def from_control(
     The inverse of `to_control`: modes are the eigenvalues of A, those of several equal ones put together, and their
     residues :math:`R_r = C v_r w_r^T B/\mu_r` are expanded over the phases by `assemble`.
 
+    It has no deviations, and the harmonics that are more than rounding. Raises InputError where the system is of
+    continuous time or of a step that is no period, has a pole at zero or repeated poles with fewer eigenvectors, or its
+    D is not that of a free response; the outputs are no whole number of phases a channel, or too few phases for the
+    harmonics.
+
     Parameters
     ----------
     system
@@ -115,18 +111,6 @@ def from_control(
     tolerance
         The share of a channel's largest value to which D, C A⁻¹ B and the model must agree on the first period: small
         where the system is exact, and as large as the noise where it was realised from responses with noise.
-
-    Returns
-    -------
-    PeriodicModel
-        The model, without deviations, of the harmonics that are more than rounding.
-
-    Raises
-    ------
-    InputError
-        The system is of continuous time or of a step that is no period, has a pole at zero or repeated poles with
-        fewer eigenvectors, or its D is not that of a free response; the outputs are no whole number of phases a
-        channel, or too few phases for the harmonics.
     """
     of = "periodic.from_control"
     made = load_package("control", of).StateSpace
@@ -139,7 +123,7 @@ def from_control(
     if not D.size:
         raise input_error("system", of, "have an output and an input", f"has D of shape {D.shape}")
     sizes = np.abs(D).reshape(len(named), -1).max(axis=1)
-    spread = np.where(sizes > 0, sizes, 1.0) if noise is None else _noise(noise, len(named), of)
+    spread = np.where(sizes > 0, sizes, 1.0) if noise is None else noise_array(noise, of, (len(named),), remedy="")
     scale = np.repeat(np.where(sizes > 0, sizes, 1.0), len(order) // len(named))[:, None]
     multipliers, residues = _modes(np.asarray(system.A, float), np.asarray(system.B, float), C, scale, of)
     allowed = positive(tolerance, "tolerance", of)
@@ -168,18 +152,16 @@ class _Block:
     start: NDArray[np.floating]
 
 
-def _by_multiplier(model: PeriodicModel, times: NDArray[np.float64]) -> list[tuple[complex, NDArray[np.complex128]]]:
+def _by_multiplier(model: PeriodicModel, times: Floats) -> list[tuple[complex, Complexes]]:
     """Distinct multipliers that are real or above the real axis, and their residues (outputs, hits)."""
     lifted = model.shapes(times) * np.exp(np.multiply.outer(model.exponents, times))[:, None, None, :]
     residues = np.moveaxis(lifted, 3, 2).reshape(model.order, -1, model.n_hits)
     return _together(model.multipliers, residues)
 
 
-def _together(
-    multipliers: NDArray[np.complex128], residues: NDArray[np.complex128]
-) -> list[tuple[complex, NDArray[np.complex128]]]:
+def _together(multipliers: Complexes, residues: Complexes) -> list[tuple[complex, Complexes]]:
     """Equal multipliers as one, whose residue is the sum; of conjugates the one above the real axis alone."""
-    found: list[tuple[complex, NDArray[np.complex128]]] = []
+    found: list[tuple[complex, Complexes]] = []
     for mu, residue in zip(multipliers, residues, strict=True):
         real = abs(mu.imag) <= EQUAL * abs(mu)
         if mu.imag < 0 and not real:
@@ -194,7 +176,7 @@ def _together(
     return found
 
 
-def _real_block(multiplier: complex, residue: NDArray[np.complex128]) -> _Block:
+def _real_block(multiplier: complex, residue: Complexes) -> _Block:
     """A real system whose free response is that of one multiplier and its conjugate, as small as can be."""
     left, size, right = np.linalg.svd(residue.real if multiplier.imag == 0.0 else residue, full_matrices=False)
     rank = int(np.sum(size > ROUNDING * size.max(initial=0.0)))
@@ -226,13 +208,6 @@ def _period(system: Any, of: str) -> float:
     return positive(float(dt), "system", of, unit="s")
 
 
-def _noise(noise: ArrayLike, n_channels: int, of: str) -> NDArray[np.float64]:
-    spread = frozen_array(noise, "noise", of, axes=(n_channels,))
-    if not (spread > 0).all():
-        raise input_error("noise", of, "be positive", f"has {spread.min():g}")
-    return spread
-
-
 def _order_of_outputs(labels: list[str], names: list[str], of: str) -> list[int]:
     """The outputs by channel, then phase: by their labels if these say so, or else as they are."""
     if not names or len(labels) % len(names):
@@ -245,9 +220,7 @@ def _order_of_outputs(labels: list[str], names: list[str], of: str) -> list[int]
     return [said[key] for key in wanted] if set(said) == set(wanted) else list(range(len(labels)))
 
 
-def _modes(
-    A: NDArray[np.float64], B: NDArray[np.float64], C: NDArray[np.float64], scale: NDArray[np.float64], of: str
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def _modes(A: Floats, B: Floats, C: Floats, scale: Floats, of: str) -> tuple[Complexes, Complexes]:
     """The multipliers (modes,), conjugates beside each other, and their residues (modes, outputs, hits)."""
     values, vectors = (np.asarray(part, np.complex128) for part in np.linalg.eig(A))
     try:
@@ -260,13 +233,9 @@ def _modes(
     off = np.abs((C @ A @ B - np.einsum("r,roi->oi", values, seconds)) / scale).max(initial=0.0)
     off = max(off, np.abs((C @ B - seconds.sum(axis=0)) / scale).max(initial=0.0))
     if not off <= 1e-9 * max(largest, np.abs(C @ A @ B / scale).max(initial=0.0)):
-        raise input_error(
-            "system",
-            of,
-            "have as many eigenvectors of A as states",
-            "has repeated poles with fewer, or too near to one another",
-            "No periodic model of separate modes has such a response: reduce it with `control.model_reduction`.",
-        )
+        must = "have as many eigenvectors of A as states"
+        remedy = "No periodic model of separate modes has such a response: reduce it with `control.model_reduction`."
+        raise input_error("system", of, must, "has repeated poles with fewer, or too near to one another", remedy)
     seen = np.abs(seconds / scale).max(axis=(1, 2), initial=0.0) > ROUNDING * largest
     if (np.abs(values[seen]) <= np.finfo(float).eps * np.abs(values).max(initial=0.0)).any():
         got = "has a pole at zero in its response"
@@ -279,9 +248,7 @@ def _modes(
     return np.array([mu for mu, _ in both]), np.array([r for _, r in both])
 
 
-def _check_first_period(
-    D: NDArray[np.float64], residues: NDArray[np.complex128], scale: NDArray[np.float64], tolerance: float, of: str
-) -> None:
+def _check_first_period(D: Floats, residues: Complexes, scale: Floats, tolerance: float, of: str) -> None:
     off = float(np.abs((D - residues.sum(axis=0)) / scale).max())
     if off > tolerance:
         raise input_error(
@@ -293,7 +260,7 @@ def _check_first_period(
         )
 
 
-def _without_rounding(model: PeriodicModel, noise: NDArray[np.float64]) -> PeriodicModel:
+def _without_rounding(model: PeriodicModel, noise: Floats) -> PeriodicModel:
     """The model without coefficients that are rounding beside the largest of their mode."""
     size = np.abs(model.coefficients / noise[:, None, None]).max(axis=(1, 2))
     kept = size > ROUNDING * size.max(axis=1, keepdims=True)
@@ -309,21 +276,12 @@ def _without_rounding(model: PeriodicModel, noise: NDArray[np.float64]) -> Perio
 
 
 def _check_harmonics(
-    model: PeriodicModel,
-    lifted: Lifted,
-    residues: NDArray[np.complex128],
-    scale: NDArray[np.float64],
-    tolerance: float,
-    of: str,
+    model: PeriodicModel, lifted: Lifted, residues: Complexes, scale: Floats, tolerance: float, of: str
 ) -> None:
     """Refuse a model that lost a part of the response with the harmonics that these phases do not tell."""
     found = model.response(lifted.phase_times).transpose(0, 2, 1).reshape(len(scale), -1)
     off = float(np.abs((found - residues.sum(axis=0).real) / scale).max())
     if off > tolerance:
-        raise input_error(
-            "system",
-            of,
-            "have phases enough for the harmonics of its modes",
-            f"has {lifted.n_phases} a period, which leave out {off:.2g} of the largest value",
-            "Sample more phases a period; of responses with noise pass a larger `tolerance`.",
-        )
+        got = f"has {lifted.n_phases} a period, which leave out {off:.2g} of the largest value"
+        remedy = "Sample more phases a period; of responses with noise pass a larger `tolerance`."
+        raise input_error("system", of, "have phases enough for the harmonics of its modes", got, remedy)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid._arrays import Floats
+from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, texts, warning
@@ -40,17 +40,10 @@ from floquid.periodic.search import (
 from floquid.periodic.start import Known
 from floquid.sync import ShaftAngle
 
-HIGHEST = 64
-"""The highest harmonic of the revolution that a forced response is looked for at."""
-
-MOST_ENTRIES = 24
-"""Modes, a pair counted once, that are looked for at most."""
-
-QUIET = 1e-4
-"""The noise over the largest value below which it is rounding, or what modes make of something else."""
-
-SURELY = 10.0
-"""A peak so far above the limit is no noise."""
+HIGHEST = 64  # the highest harmonic of the revolution that a forced response is looked for at
+MOST_ENTRIES = 24  # modes, a pair counted once, that are looked for at most
+QUIET = 1e-4  # the noise over the largest value below which it is rounding, or what modes make of something else
+SURELY = 10.0  # a peak so far above the limit is no noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,17 +77,17 @@ class Fit(Rebuilt):
 
     model: PeriodicModel
     forced: ForcedResponse | None
-    noise: NDArray[np.float64]
+    noise: Floats
     free: tuple[Record, ...]
     period_std: float | None
     own_period: tuple[float, float] | None
     constrained: bool = True
     misfit: float | None = None
-    whitening: NDArray[np.float64] | None = None
+    whitening: Floats | None = None
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "noise", frozen_array(self.noise, "noise", "Fit", axes=("channels", "hits")))
+        self._freeze(noise=("channels", "hits"))
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -135,7 +128,8 @@ def fit(
     neither time nor angle alone makes the response one of an LTI system. All modes are fitted together, residues held
     to contiguous bands of harmonics (Allen 2009, eq. 12). Bands, modes that are parted, joined or left out, and further
     lines in the spectrum of the residual (section 2.2.3, the FSE view) are decided by scores of one linearisation.
-    Missing samples (NaN) take no part. Where the speed wanders, F is let follow it to second order.
+    Missing samples (NaN) take no part. Where the speed wanders, F is let follow it to second order. Returns model,
+    forced response and noise.
 
     Parameters
     ----------
@@ -168,11 +162,6 @@ def fit(
         The probabilities that noise passes for a mode, and for a harmonic of any mode.
     report
         Is told of each stage.
-
-    Returns
-    -------
-    Fit
-        Model, forced response and noise.
 
     Raises
     ------
@@ -289,7 +278,7 @@ def _result(
     records: Sequence[Record],
     clocks: Sequence[ConstantPeriod | ShaftAngle],
     samples: _Samples,
-    taps: NDArray[np.float64] | None,
+    taps: Floats | None,
     *,
     free_period: bool,
     noise_floor: float,
@@ -354,13 +343,8 @@ def _most(records: Sequence[Record], period: float) -> int:
     """The highest harmonic of the period below half of the lowest sampling rate."""
     least = min(record.sample_rate for record in records) * period
     if least < 2.0:
-        raise input_error(
-            "period",
-            "fit",
-            "be two sampling intervals or more",
-            f"it is {least:.3g} of them",
-            "Check the period and the sampling rate.",
-        )
+        remedy = "Check the period and the sampling rate."
+        raise input_error("period", "fit", "be two sampling intervals or more", f"it is {least:.3g} of them", remedy)
     return max(int(np.ceil(0.5 * least - 1e-6)) - 1, 0)
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Mask
 from floquid._checks import input_error
 from floquid.core import Channel, ConstantPeriod, Record
 from floquid.errors import IdentificationError
@@ -33,14 +34,9 @@ from floquid.periodic.search import SearchResult
 from floquid.periodic.start import Known
 from floquid.sync import ShaftAngle
 
-USUAL = (1, 2)
-"""Harmonics of the revolution that are always looked at where the forced response is to be found."""
-
-SLOW = 1.0
-"""The decay or growth over the record, in nepers, below which a real multiplier may be taken for a steady response."""
-
-KEPT = 1e-6
-"""The probability at which noise may pass for a harmonic of the forced response."""
+USUAL = (1, 2)  # harmonics of the revolution that are always looked at where the forced response is to be found
+SLOW = 1.0  # nepers over the record below which a real multiplier may be taken for a steady response
+KEPT = 1e-6  # the probability at which noise may pass for a harmonic of the forced response
 
 
 def forced_turns(
@@ -155,7 +151,7 @@ def forced_of(found: SearchResult, nu: float, channels: tuple[Channel, ...], *, 
     turning = sorted(np.flatnonzero(plain & (entries.offsets > 0)), key=lambda e: entries.offsets[e])
     nothing = np.zeros(values.shape[1:])
 
-    def alone(which: NDArray[np.bool_], scale: NDArray[np.float64] | float = 1.0) -> tuple[NDArray, NDArray]:
+    def alone(which: Mask, scale: Floats | float = 1.0) -> tuple[NDArray, NDArray]:
         own = np.flatnonzero(which)
         return (values[own[0]].real / scale, std[own[0]].real / scale) if len(own) else (nothing, nothing)
 

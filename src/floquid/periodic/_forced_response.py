@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from floquid._checks import Rebuilt, frozen_array, positive
+from floquid._arrays import Complexes, Floats, Integers
+from floquid._checks import Rebuilt, positive
 from floquid.core import Channel
 
 
@@ -41,37 +42,31 @@ class ForcedResponse(Rebuilt):
         Whether F was let follow the speed: then F is that at the mean speed.
     """
 
-    harmonics: NDArray[np.int64]
-    coefficients: NDArray[np.complex128]
-    coefficient_std: NDArray[np.complex128] | None
-    offset: NDArray[np.float64]
-    offset_std: NDArray[np.float64] | None
-    drift: NDArray[np.float64]
-    drift_std: NDArray[np.float64] | None
+    harmonics: Integers
+    coefficients: Complexes
+    coefficient_std: Complexes | None
+    offset: Floats
+    offset_std: Floats | None
+    drift: Floats
+    drift_std: Floats | None
     revolution: float
     channels: tuple[Channel, ...]
     speed_dependent: bool = False
 
     def __post_init__(self) -> None:
-        of, put = "ForcedResponse", object.__setattr__
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
-        shape = (len(self.channels), "hits", len(self.harmonics))
-        put(self, "coefficients", frozen_array(self.coefficients, "coefficients", of, axes=shape, dtype=np.complex128))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",))
+        self._freeze(dtype=np.complex128, coefficients=(len(self.channels), "hits", len(self.harmonics)))
         shape, rows = self.coefficients.shape, self.coefficients.shape[:2]
-        if self.coefficient_std is not None:
-            std = frozen_array(self.coefficient_std, "coefficient_std", of, axes=shape, dtype=np.complex128)
-            put(self, "coefficient_std", std)
-        for name in ("offset", "offset_std", "drift", "drift_std"):
-            if getattr(self, name) is not None or not name.endswith("std"):
-                put(self, name, frozen_array(getattr(self, name), name, of, axes=rows))
-        put(self, "revolution", positive(self.revolution, "revolution", of, unit="s"))
+        self._freeze(dtype=np.complex128, coefficient_std=shape)
+        self._freeze(offset=rows, offset_std=rows, drift=rows, drift_std=rows)
+        object.__setattr__(self, "revolution", positive(self.revolution, "revolution", "ForcedResponse", unit="s"))
 
     @property
-    def amplitudes(self) -> NDArray[np.float64]:
+    def amplitudes(self) -> Floats:
         """2|F|, the amplitude of each harmonic (channels, hits, harmonics) [units of the channels]."""
         return 2.0 * np.abs(self.coefficients)
 
-    def response(self, angles: ArrayLike) -> NDArray[np.float64]:
+    def response(self, angles: ArrayLike) -> Floats:
         """The periodic part, offset included, at angles of the shaft [rad] (channels, hits, angles)."""
         turned = np.exp(1j * np.multiply.outer(self.harmonics, np.atleast_1d(np.asarray(angles, float))))
         return self.offset[:, :, None] + 2.0 * (self.coefficients @ turned).real

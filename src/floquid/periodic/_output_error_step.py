@@ -6,23 +6,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import frozen_array, input_error
 from floquid.core import ConstantPeriod, Estimates, PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.lifting import Lifted
+from floquid.periodic._forced_part import forced_base
 from floquid.periodic._forced_response import ForcedResponse
+from floquid.periodic._refit import noise_of_records
 from floquid.periodic.least_squares import (
-    SPEED,
-    SPEED_RATE,
-    SPEED_SQUARED,
-    TREND,
     Block,
     LiftedBlock,
     ModeParameters,
     estimates_of,
-    forced_entries,
     linearise,
     parts_of,
     record_blocks,
@@ -42,7 +40,7 @@ def estimate_at(
     records: Sequence[Record] = (),
     clocks: Sequence[ConstantPeriod | ShaftAngle] = (),
     noise: ArrayLike | None = None,
-    whitening: NDArray[np.float64] | None = None,
+    whitening: Floats | None = None,
     forced: ForcedResponse | None = None,
 ) -> Estimates:
     r"""The estimates of a model, the record linearised anew at given exponents.
@@ -52,7 +50,8 @@ def estimate_at(
     with p the exponents (and the period, where it was estimated), B the coefficients that are best at p₀, S their
     slopes, and g and I the gradient and the information of the projected cost: one Gauss-Newton step (Golub and Pereyra
     1973, with Kaufman's matrix). What is fitted to these estimates with their covariance as weight is one output-error
-    step, by which a two-step fit loses no efficiency (Söderström and Stoica 1989).
+    step, by which a two-step fit loses no efficiency (Söderström and Stoica 1989). They have the same modes and terms
+    as those of the model.
 
     Parameters
     ----------
@@ -72,11 +71,6 @@ def estimate_at(
     forced
         With records: the forced response that was taken off them, whose deviations are shared.
 
-    Returns
-    -------
-    Estimates
-        With the same modes and terms as those of the model.
-
     Raises
     ------
     InputError
@@ -89,7 +83,7 @@ def estimate_at(
         must, got = "have the joint covariance of its coefficients (`estimates`)", "has none"
         raise input_error("model", OF, must, got, "Identify with maximum likelihood and `constrained=True`.")
     start = frozen_array(exponents, "exponents", OF, axes=(len(known.exponents),), dtype=np.complex128)
-    entries = _entries(known, start)
+    entries = replace(ModeParameters.of_terms(known, start), free_period=bool(known.covariance[-1, -1] > 0.0))
     if lifted is not None:
         blocks: Sequence[Block] = LiftedBlock.all_of(lifted)
     else:
@@ -106,33 +100,11 @@ def estimate_at(
     return stepped(here, step).picked(modes=np.arange(len(start)))
 
 
-def _entries(known: Estimates, start: NDArray[np.complex128]) -> ModeParameters:
-    """The modes at these exponents, with the terms that they have as bands."""
-    bands = [
-        (known.harmonics[known.modes == r].min(), known.harmonics[known.modes == r].max()) for r in range(len(start))
-    ]
-    made = ModeParameters.made(
-        np.where(known.real, start.real, start),
-        bands,
-        known.fundamental,
-        real=known.real,
-        offsets=0.5 * known.half_turns,
-    )
-    return replace(made, free_period=bool(known.covariance[-1, -1] > 0.0))
-
-
 def _record_blocks(
-    records: Sequence[Record],
-    clocks: Sequence[ConstantPeriod | ShaftAngle],
-    noise: ArrayLike | None,
-    known: Estimates,
+    records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], noise: ArrayLike | None, known: Estimates
 ) -> list[Block]:
     """Blocks of samples with their noise."""
-    if noise is None:
-        raise input_error("noise", OF, "be given with records", "is None", "Pass the noise that the analysis found.")
-    spread = frozen_array(noise, "noise", OF, axes=known.blocks.shape)
-    if not (spread > 0.0).all():
-        raise input_error("noise", OF, "be positive", f"has {spread.min():g}", "Give each channel its noise.")
+    spread = noise_of_records(noise, known.blocks.shape, OF)
     blocks, _, _ = record_blocks(records, clocks, 1.0)
     if any(block.rows.max() >= len(spread) or block.hit >= spread.shape[1] for block in blocks):
         raise _others(known)
@@ -147,12 +119,7 @@ def _others(known: Estimates) -> Exception:
 def _forced(forced: ForcedResponse | None, fundamental: float) -> ModeParameters:
     """Parts of a forced response that were fitted beside the modes."""
     if forced is None:
-        return forced_entries([], fundamental)
+        return forced_base(None, fundamental, wanders=False)
     turns = (forced.harmonics / (forced.revolution * fundamental / (2.0 * np.pi))).tolist()
     offset = [0.0] if forced.offset.any() else []
-    made = forced_entries([*offset, *turns], fundamental)
-    if forced.drift.any():
-        made = made.joined(forced_entries([0.0], fundamental, factor=TREND))
-    for factor in (SPEED, SPEED_SQUARED, SPEED_RATE) if forced.speed_dependent else ():
-        made = made.joined(forced_entries(turns, fundamental, factor=factor))
-    return made
+    return forced_base(([*offset, *turns], bool(forced.drift.any())), fundamental, wanders=forced.speed_dependent)

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import frozen_array, input_error
+from floquid._arrays import Complexes, Floats
+from floquid._checks import input_error, noise_array
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.lifting import Lifted
 from floquid.periodic._fit_records import _most
@@ -31,8 +32,7 @@ from floquid.sync import ShaftAngle
 
 Clocks = Sequence[ConstantPeriod | ShaftAngle]
 
-FEWEST = 2
-"""Samples below which a channel has none."""
+FEWEST = 2  # samples below which a channel has none
 
 
 def refit(
@@ -42,7 +42,7 @@ def refit(
     *,
     lifted: Lifted | None = None,
     noise: ArrayLike | None = None,
-    whitening: NDArray[np.float64] | None = None,
+    whitening: Floats | None = None,
     at_rest: float = AT_REST,
     free_period: bool = False,
     wider: bool = False,
@@ -54,7 +54,7 @@ def refit(
 
     (Allen 2009, eqs. 11-12, the spacing enforced), started at the exponents of the model; θ is ωt, or the angle of the
     shaft. Of records that are whole samples a period, with whole cycles left out, it costs as little as of lifted
-    responses: no sample's exponentials are formed.
+    responses: no sample's exponentials are formed. Exponents, coefficients and deviations are those of these samples.
 
     Parameters
     ----------
@@ -76,11 +76,6 @@ def refit(
         Whether the period is fitted too, where constant periods tie the records to the phase.
     wider
         Whether the fit with several harmonics more on each side of every band is made too (`unselected`).
-
-    Returns
-    -------
-    PeriodicModel
-        With exponents, coefficients and deviations of these samples.
 
     Raises
     ------
@@ -124,28 +119,11 @@ def own_period(
 ) -> tuple[float, float] | None:
     r"""(own period - T)/T as the harmonics of the response have it, and its standard deviation.
 
-    One Gauss-Newton step of the fit with the fundamental as a parameter: a linear estimate.
+    One Gauss-Newton step of the fit with the fundamental as a parameter: a linear estimate. The `model` says T, too;
+    `records`, `clocks` (by a constant period) and `noise` (channels, hits) [units of the channels] are as of `refit`.
 
-    Parameters
-    ----------
-    model
-        The model; it says the period T.
-    records
-        The free response, one record a hit. NaN marks samples that are left out.
-    clocks
-        What ties each record to the phase, by a constant period.
-    noise
-        The deviation of the noise (channels, hits) [units of the channels].
-
-    Returns
-    -------
-    tuple of float or None
-        The relative difference and its deviation; None where the response does not tell it.
-
-    Raises
-    ------
-    InputError
-        Records, clocks, noise and model do not belong together.
+    None where the response does not tell it. Raises InputError where records, clocks, noise and model do not belong
+    together.
     """
     blocks = _noisy(model, records, clocks, noise, "own_period")
     now = _evaluated(model, blocks, replace(ModeParameters.of(model), free_period=True))
@@ -158,29 +136,13 @@ def own_period(
     return -step / model.fundamental, float(np.sqrt(covariance[-1, -1])) / model.fundamental
 
 
-def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> tuple[NDArray[np.float64], ...]:
+def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> tuple[Floats, ...]:
     r"""Residual of records, at the samples that are there.
 
     .. math:: e_{c,h}(t_k) = y_{c,h}(t_k) - \sum_{r,m} B_{r,c,h,m}\, e^{\lambda_r t_k + i m \theta(t_k)}
 
-    Parameters
-    ----------
-    model
-        The model; it says the period, too.
-    records
-        The free response, one record a hit. NaN marks samples that are left out.
-    clocks
-        What ties each record to the phase.
-
-    Returns
-    -------
-    tuple of numpy.ndarray
-        One a record (channels, samples) [units of the channels]; NaN where no sample is.
-
-    Raises
-    ------
-    InputError
-        Records, clocks and model do not belong together.
+    One array a record (channels, samples) [units of the channels]; NaN where no sample is. `model`, `records` and
+    `clocks` are as of `refit`. Raises InputError where records, clocks and model do not belong together.
     """
     _check(model, records, clocks, "unexplained")
     entries = ModeParameters.of(model)
@@ -197,7 +159,7 @@ def _evaluated(model: PeriodicModel, blocks: Sequence[Block], entries: ModeParam
     return linearise(blocks, entries, tuple(reals_of(_scaled(model, entries, block)) for block in blocks))
 
 
-def _scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> NDArray[np.complex128]:
+def _scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> Complexes:
     """The coefficients of a model on the scaled columns of a block, after its filter (columns, rows)."""
     columns = entries.columns()
     place = np.searchsorted(model.harmonics, columns.harmonics)
@@ -211,19 +173,7 @@ def _scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> NDAr
 def instants(record: Record, clock: ConstantPeriod | ShaftAngle, fundamental: float) -> tuple[NDArray, NDArray]:
     """Times after phase zero (samples,) [s], and the phase angle of the system at each (samples,) [rad].
 
-    Parameters
-    ----------
-    record
-        The record.
-    clock
-        What ties it to the phase.
-    fundamental
-        ω [rad/s], of a clock of constant period.
-
-    Returns
-    -------
-    tuple of numpy.ndarray
-        Times and angles.
+    They are those of a `record` that a `clock` ties to the phase; `fundamental` is ω [rad/s], of a constant period.
     """
     bare = Record(values=np.zeros((1, record.n_samples)), sample_rate=record.sample_rate, channels=["-"])
     (block,), _, _ = record_blocks([replace(bare, start=record.start)], [clock], 1.0)
@@ -265,12 +215,15 @@ def _noisy(
 ) -> list[Block]:
     """The blocks with their noise."""
     _check(model, records, clocks, of)
+    spread = noise_of_records(noise, model.coefficients.shape[1:3], of)
+    return [block.with_noise(spread[block.rows, block.hit]) for block in _blocks(model, records, clocks, cut=cut)]
+
+
+def noise_of_records(noise: ArrayLike | None, shape: tuple[int, ...], of: str) -> Floats:
+    """The noise (channels, hits) that has to be given with records."""
     if noise is None:
         raise input_error("noise", of, "be given with records", "is None", "Pass the noise that the analysis found.")
-    spread = frozen_array(noise, "noise", of, axes=model.coefficients.shape[1:3])
-    if not (spread > 0.0).all():
-        raise input_error("noise", of, "be positive", f"has {spread.min():g}", "Give each channel its noise.")
-    return [block.with_noise(spread[block.rows, block.hit]) for block in _blocks(model, records, clocks, cut=cut)]
+    return noise_array(noise, of, shape)
 
 
 def _check(model: PeriodicModel, records: Sequence[Record], clocks: Clocks, of: str) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid.core import ConstantPeriod, Record
 from floquid.periodic._refit import seen
 from floquid.periodic.least_squares import ModeParameters, complex_of, linearise
@@ -16,10 +17,12 @@ STILL = 1e-6
 
 def line_amplitudes(
     record: Record, clock: ConstantPeriod | ShaftAngle, period: float, exponents: ArrayLike, turns: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     r"""The amplitude of each exponential in each channel, alone, and the sum of squares that it takes off.
 
     .. math:: \min_B \sum_k \big(y(t_k) - 2 \Re B\, e^{\lambda t_k + i q \theta(t_k)}\big)^2
+
+    Returns 2|B| [units of the channels] and the sums [units squared] (channels, columns).
 
     Parameters
     ----------
@@ -31,11 +34,6 @@ def line_amplitudes(
         T [s].
     exponents, turns
         λ [1/s] and q, turns a period (columns,). What grows is counted from the end of the record.
-
-    Returns
-    -------
-    tuple of numpy.ndarray
-        2|B| [units of the channels] and the sums [units squared] (channels, columns).
     """
     columns = _entries(exponents, turns, period).columns()
     n = len(columns.modes)
@@ -57,20 +55,13 @@ def line_amplitudes(
 
 def without_lines(
     record: Record, clock: ConstantPeriod | ShaftAngle, period: float, exponents: ArrayLike, turns: ArrayLike
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""A record less exponentials that are fitted to it together.
 
     .. math:: y(t_k) - 2 \Re \sum_j B_j\, e^{\lambda_j t_k + i q_j \theta(t_k)}
 
-    Parameters
-    ----------
-    record, clock, period, exponents, turns
-        As of `line_amplitudes`.
-
-    Returns
-    -------
-    numpy.ndarray
-        What is left (channels, samples) [units of the channels].
+    Returns what is left (channels, samples) [units of the channels]. `record`, `clock`, `period`, `exponents` and
+    `turns` are as of `line_amplitudes`.
     """
     entries, left = _entries(exponents, turns, period), np.array(record.values)
     for block in seen(period, [record], [clock]):

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Mask
 from floquid._checks import frozen_array, input_error
 from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, stability, upper_modes
@@ -77,7 +78,7 @@ def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = 
     return figure
 
 
-def _columns(modes: FloquetModes | PeriodicModel, beyond: float) -> NDArray[np.complex128]:
+def _columns(modes: FloquetModes | PeriodicModel, beyond: float) -> Complexes:
     """The copies of all exponents up to so many fundamentals beyond the highest of them."""
     turn = modes.fundamental
     reach = np.abs(modes.exponents.imag).max(initial=0.0) + beyond * turn
@@ -86,7 +87,7 @@ def _columns(modes: FloquetModes | PeriodicModel, beyond: float) -> NDArray[np.c
     return copies[np.abs(copies.imag) <= reach]
 
 
-def _draw_strip(axes: Axes, modes: FloquetModes | PeriodicModel, copies: NDArray[np.complex128]) -> None:
+def _draw_strip(axes: Axes, modes: FloquetModes | PeriodicModel, copies: Complexes) -> None:
     """The line of stability, the edges of the principal strip, and the copies of the exponents."""
     axes.axvline(0.0, color=BLACK, linewidth=0.9)
     for edge in (-0.5, 0.5):
@@ -123,7 +124,7 @@ def _draw_exponents(axes: Axes, modes: FloquetModes) -> None:
         _number(axes, values[upper])
 
 
-def _kinds(modes: FloquetModes) -> tuple[tuple[NDArray[np.bool_], dict[str, Any], str], ...]:
+def _kinds(modes: FloquetModes) -> tuple[tuple[Mask, dict[str, Any], str], ...]:
     """Groups of modes that decay, grow, or do neither as far as can be told, with their marks."""
     real, margins = modes.exponents.real, stability(modes).margins
     return (
@@ -133,7 +134,7 @@ def _kinds(modes: FloquetModes) -> tuple[tuple[NDArray[np.bool_], dict[str, Any]
     )
 
 
-def _scale_exponents(axes: Axes, values: NDArray[np.complex128], turn: float, *, vast: bool) -> None:
+def _scale_exponents(axes: Axes, values: Complexes, turn: float, *, vast: bool) -> None:
     """Limits that hold the line of stability, and logarithmic scales of vastly different sizes."""
     sizes = np.abs(values.real)
     largest = float(sizes.max())
@@ -151,7 +152,7 @@ def _scale_exponents(axes: Axes, values: NDArray[np.complex128], turn: float, *,
         _few_decades(axes.yaxis, 10.0 ** np.ceil(np.log10(turn)), float(np.abs(values.imag).max()))
 
 
-def _limit_decay(axes: Axes, values: NDArray[np.complex128], turn: float, *, share: float, ticks: int) -> None:
+def _limit_decay(axes: Axes, values: Complexes, turn: float, *, share: float, ticks: int) -> None:
     """Limits that hold the exponents and the line of stability, with that share of their distance to each side."""
     from matplotlib.ticker import MaxNLocator
 
@@ -196,7 +197,7 @@ def _draw_multipliers(axes: Axes, modes: FloquetModes) -> None:
         axes.grid(visible=False)
 
 
-def _number(axes: Axes, values: NDArray[np.complex128]) -> None:
+def _number(axes: Axes, values: Complexes) -> None:
     """The numbers of the modes beside their marks, where least is in their way; those of one place stand together."""
     assert axes.figure is not None
     shown = axes.transData.transform(np.column_stack([values.real, values.imag])) * 72.0 / axes.figure.dpi  # [pt]
@@ -266,7 +267,7 @@ def _identified(model: PeriodicModel, truth: ArrayLike | None, of: str) -> Figur
     return figure
 
 
-def _truth_of(model: PeriodicModel, truth: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _truth_of(model: PeriodicModel, truth: Complexes) -> Complexes:
     """The true exponent of each mode, moved by whole multiples of iω to its branch (modes,); NaN where there is none.
 
     Paired so that the differences together are least; of a pair, one may be given.
@@ -284,12 +285,12 @@ def _truth_of(model: PeriodicModel, truth: NDArray[np.complex128]) -> NDArray[np
     return found
 
 
-def _moved(values: NDArray[np.complex128], turn: float) -> NDArray[np.complex128]:
+def _moved(values: Complexes, turn: float) -> Complexes:
     """Differences of exponents, moved by whole multiples of iω next to zero."""
     return values - 1j * turn * np.round(values.imag / turn)
 
 
-def _draw_identified(axes: Axes, model: PeriodicModel, values: NDArray[np.complex128]) -> None:
+def _draw_identified(axes: Axes, model: PeriodicModel, values: Complexes) -> None:
     """Points of each mode (modes,), those that grow apart."""
     growing = np.array([grows(model, mode) for mode in range(model.order)], bool)
     axes.plot(values.real[~growing], values.imag[~growing], **_DECAYS, label="identified")
@@ -297,7 +298,7 @@ def _draw_identified(axes: Axes, model: PeriodicModel, values: NDArray[np.comple
         axes.plot(values.real[growing], values.imag[growing], **_GROWS, label="identified, grows")
 
 
-def _draw_plane(axes: Axes, model: PeriodicModel, upper: list[int], truth: NDArray[np.complex128] | None) -> None:
+def _draw_plane(axes: Axes, model: PeriodicModel, upper: list[int], truth: Complexes | None) -> None:
     """The exponents, their copies, and the edges of the principal strip."""
     values = model.exponents
     _draw_strip(axes, model, _columns(model, 1.2))
@@ -310,12 +311,7 @@ def _draw_plane(axes: Axes, model: PeriodicModel, upper: list[int], truth: NDArr
 
 
 def _draw_close(
-    axes: Axes,
-    model: PeriodicModel,
-    mode: int,
-    number: int,
-    edge: NDArray[np.complex128],
-    truth: NDArray[np.complex128] | None,
+    axes: Axes, model: PeriodicModel, mode: int, number: int, edge: Complexes, truth: Complexes | None
 ) -> None:
     """One exponent close up: its region, and the truth where it is known, off the estimate."""
     from matplotlib.ticker import MaxNLocator

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import index, input_error, integer
 from floquid.core import Cycles, channels_named
 from floquid.pipeline import Analysis
@@ -108,7 +108,7 @@ def _marks(cycles: Cycles, phase: int, periods_per_revolution: int | None) -> st
     return "shaft at " + " or ".join(f"{first + step * number:.4g}°" for number in range(periods_per_revolution))
 
 
-def _make_room(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+def _make_room(axes: Axes, times: Floats, values: Floats) -> None:
     """Set the limits of the axes so that the record passes below the inset."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     pad = 0.05 * (high - low)
@@ -202,7 +202,7 @@ def _draw_left(axes: Axes, found: Synthesis, points: int) -> None:
     axes.set_ylim(-reach, reach)
 
 
-def _steps(found: Synthesis) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _steps(found: Synthesis) -> tuple[Floats, Floats]:
     """The ends of equal stretches [s] and the rms of what is left in each; NaN where nothing was sampled."""
     count = max(1, min(STRETCHES, len(found.times) // 50))
     place = np.arange(len(found.times)) * count // len(found.times)

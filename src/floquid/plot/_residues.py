@@ -106,22 +106,9 @@ def coefficients(
     for those that the model keeps. The broken line is one standard deviation of a coefficient, where it is known; what
     lies at it is noise. Below, the real and the imaginary part of the residue, as `residues` draws them.
 
-    The coefficients above, the parts of the residue below. Raises InputError where there is no such mode, channel or
-    hit.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found, or several analyses of the same channels by name.
-    mode
-        Which mode of the model, from 0; of several analyses, that of the first, and the modes of the others that are
-        nearest to it.
-    channel
-        The name of the channel; the first when not given.
-    hit
-        Which of the hits, from 0.
-    periods_per_revolution
-        Draw against the angle of the shaft, which turns once in this many periods; not given, against the phase.
+    The coefficients above, the parts of the residue below. `channel` is the name of the channel, the first when not
+    given; `analysis`, `mode`, `hit` and `periods_per_revolution` are as of `residues`. Raises InputError where there is
+    no such mode, channel or hit.
     """
     of = "coefficients"
     named = several(analysis, Analysis, "analysis", of)

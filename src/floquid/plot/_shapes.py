@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import frozen_array, index, input_error
 from floquid.core import PeriodicModel, channels_named
 from floquid.floquet import FloquetModes, multiplier_is_real, stability, state_participation, upper_modes
@@ -112,7 +113,7 @@ def periodic_shapes(
     return figure
 
 
-def _damping(modes: FloquetModes) -> NDArray[np.float64]:
+def _damping(modes: FloquetModes) -> Floats:
     """The damping ratios (modes,), one for a mode that neither swings nor grows as far as can be told."""
     margins = stability(modes).margins
     rests = (np.abs(modes.exponents.imag) <= margins) & (modes.exponents.real <= margins)
@@ -188,7 +189,7 @@ def _whole_turns(axes: Axes) -> None:
     )
 
 
-def _draw_harmonics(axes: Axes, harmonics: NDArray[np.int64], shares: NDArray[np.float64]) -> None:
+def _draw_harmonics(axes: Axes, harmonics: Integers, shares: Floats) -> None:
     """The part of each harmonic in the mean square of a shape."""
     from matplotlib.ticker import MaxNLocator
 
@@ -310,7 +311,7 @@ def _draw_identified(
         panels[1].set_ylabel("phase [deg]")
 
 
-def _polar(value: NDArray[np.complex128], std: NDArray[np.complex128] | None) -> tuple[Any, Any]:
+def _polar(value: Complexes, std: Complexes | None) -> tuple[Any, Any]:
     """Size and phase; their errors are those of a circle with the larger of the two deviations."""
     size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
     angle = angle - 360.0 * np.round(angle.mean() / 360.0)
@@ -322,7 +323,7 @@ def _polar(value: NDArray[np.complex128], std: NDArray[np.complex128] | None) ->
     return parts, (spread, np.degrees(np.divide(spread, size, out=np.full_like(size, np.nan), where=seen)))
 
 
-def _by_unit(model: PeriodicModel) -> NDArray[np.float64]:
+def _by_unit(model: PeriodicModel) -> Floats:
     """One over the largest coefficient of each unit (channels, hits): units cannot be added as they are."""
     largest = np.abs(model.coefficients).max(axis=(0, 2, 3), initial=0.0)
     units = np.array([channel.unit for channel in model.channels])

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import index, input_error, integer, positive
 from floquid.core import channels_named
 from floquid.pipeline import Analysis
@@ -121,7 +121,7 @@ def _draw_record(
     analysis: Analysis,
     rows: Sequence[int],
     hit: int,
-    marks: NDArray[np.float64],
+    marks: Floats,
     *,
     turn: float,
     end: float,
@@ -186,9 +186,7 @@ def _draw_lifted(
     axes.set_xlim(0.0, 0.5 * turn / analysis.lifted.period)
 
 
-def _draw_levels(
-    axes: Axes, levels: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]], *, named: bool = True
-) -> None:
+def _draw_levels(axes: Axes, levels: Sequence[tuple[Floats, Floats]], *, named: bool = True) -> None:
     """The mean magnitude of each channel's noise, dotted. Single lines fall far below it, and the axis ends before."""
     for color, curve in zip(COLORS, levels, strict=False):
         axes.plot(*curve, color=color, linestyle=":", linewidth=1.4)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error, integer
 from floquid.lti import Outcome
 from floquid.order import OrderScan, Stability
@@ -137,7 +137,7 @@ def _sources(
     return found
 
 
-def _poles(scan: OrderScan, analysis: Analysis | None) -> list[NDArray[np.float64]]:
+def _poles(scan: OrderScan, analysis: Analysis | None) -> list[Floats]:
     """The frequency of each pole of each order above the real axis [rad/s], with an analysis on its branch."""
     angles = [np.angle(model.multipliers) for model in scan.models]
     found = [own / scan.indicators.dt for own in angles]
@@ -146,7 +146,7 @@ def _poles(scan: OrderScan, analysis: Analysis | None) -> list[NDArray[np.float6
     return [np.where(angle >= 0, own, np.nan) for angle, own in zip(angles, found, strict=True)]
 
 
-def _draw_poles(axes: Axes, poles: list[NDArray[np.float64]], scan: OrderScan, turn: float, end: float) -> None:
+def _draw_poles(axes: Axes, poles: list[Floats], scan: OrderScan, turn: float, end: float) -> None:
     """The poles up to `end` [rad/s], a form for each level of stability, at `turn` times frequencies in Hz."""
     found: dict[Stability, list[tuple[float, int]]] = {level: [] for level in Stability}
     for order, model, levels, own in zip(scan.orders, scan.models, scan.stable, poles, strict=True):

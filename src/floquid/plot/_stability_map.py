@@ -29,12 +29,7 @@ def stability_map(found: StabilityMap) -> Figure:
 
     Bands and regions say by colour and hatching how the system is unstable.
 
-    Raises InputError where `found` is not a StabilityMap.
-
-    Parameters
-    ----------
-    found
-        What `floquet.stability_map` found.
+    `found` is what `floquet.stability_map` found. Raises InputError where `found` is not a StabilityMap.
     """
     if not isinstance(found, StabilityMap):
         must, remedy = "be a StabilityMap", "Pass floquet.stability_map(...)."

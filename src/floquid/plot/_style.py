@@ -24,8 +24,7 @@ LONGEST = 38  # the longest text that fits beside or above the axes, in characte
 PLAIN_FROM, PLAIN_TO = 5e-3, 1e4  # values of this size are written out
 SIZE = 9.0  # of all text [pt]
 
-ACROSS, HANDLE = 100, 9
-"""Characters that a row of a legend holds, and those that a handle and the gaps about it take."""
+ACROSS, HANDLE = 100, 9  # characters that a row of a legend holds, and those that a handle and the gaps about it take
 
 INTERVAL = 1.96  # the standard deviations to each side within which 95 % of estimates lie
 
@@ -85,10 +84,7 @@ def style() -> Iterator[None]:
 
 @contextmanager
 def drawing(height: float, *, legend: bool = True) -> Iterator[Figure]:
-    """An empty figure of that height [in] to draw in, belonging to no window and no global list.
-
-    In the end it gets the legend of all its axes, each entry once, above them, in as few rows as its width allows.
-    """
+    """An empty figure of that height [in] to draw in, belonging to no window and no global list."""
     from matplotlib.figure import Figure
 
     with style():
@@ -145,10 +141,7 @@ def entitled(name: str, words: str) -> str:
 
 
 def plain(text: str) -> str:
-    """`text` as it is: a dollar in a channel's name starts no formula, and of a long name the middle is left out.
-
-    matplotlib leaves out of a legend what begins with an underscore; a space of no width stands before it.
-    """
+    """`text` without formulae by a dollar, cut in the middle where long, its underscore kept in matplotlib's legend."""
     hidden = "\u200b" if text.startswith("_") else ""
     return hidden + shortened(text, LONGEST).replace("$", r"\$")
 

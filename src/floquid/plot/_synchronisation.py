@@ -40,14 +40,7 @@ def synchronisation(analysis: Analysis, *, hit: int = 0) -> Figure:
     model: harmonic m of a mode turns m times as far as the slip; where all lines of a mode turn together it is the
     exponent that is off, and not the period.
 
-    Raises InputError where there is no such hit.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    hit
-        Which of the hits, from 0.
+    `analysis` is what `identify` found, `hit` counts from 0. Raises InputError where there is no such hit.
     """
     found = synchronisation_of(analysis, hit)
     with drawing(5.2) as figure:

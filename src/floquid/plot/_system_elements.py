@@ -114,9 +114,8 @@ def _default(n: int) -> list[tuple[int, int]]:
 def _element(entry: tuple[int, int], n: int, of: str) -> tuple[int, int]:
     valid = isinstance(entry, Sequence) and len(entry) == 2 and all(isinstance(k, (int, np.integer)) for k in entry)
     if not valid or not all(1 <= k <= n for k in entry):
-        raise input_error(
-            "elements", of, f"hold (row, column) pairs from 1 to {n}", f"has {entry!r}", "Counting starts at 1: A(1,1)."
-        )
+        must = f"hold (row, column) pairs from 1 to {n}"
+        raise input_error("elements", of, must, f"has {entry!r}", "Counting starts at 1: A(1,1).")
     return int(entry[0]), int(entry[1])
 
 
@@ -124,8 +123,6 @@ def _period(state: StateModel, of: str) -> float:
     """The period over which the instants are equally spaced."""
     steps = np.diff(state.times)
     if not len(steps) or np.ptp(steps) > 1e-6 * abs(steps[0]):
-        raise input_error(
-            "period", of, "be given when the instants are not equally spaced over a period", "is None",
-            "Pass period=model.period.",
-        )  # fmt: skip
+        must = "be given when the instants are not equally spaced over a period"
+        raise input_error("period", of, must, "is None", "Pass period=model.period.")
     return float(steps.mean() * len(state.times))

@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 
 COLORS = (BLACK, BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY)
 DASHES = ("-", "--", ":", "-.")
-
-TWICE = 1.96
-"""Deviations of a 95 % band."""
+TWICE = 1.96  # deviations of a 95 % band
 
 
 def transfer(
@@ -28,19 +26,9 @@ def transfer(
 ) -> Figure:
     r"""Magnitudes of the harmonic transfer functions :math:`|G_m(\Omega)|` from one input to one output.
 
-    A curve a harmonic m: the response at Ω + mω to an input at Ω. Bands are 95 % intervals.
-
-    Parameters
-    ----------
-    found
-        Transfer functions, or what makes them (`analysis.transfer`).
-    output, driven_by
-        Which output, and which input, from 0.
-
-    Raises
-    ------
-    InputError
-        There is no such output or input.
+    A curve a harmonic m: the response at Ω + mω to an input at Ω. Bands are 95 % intervals. `found` are transfer
+    functions, or what makes them (`analysis.transfer`); `output` and `driven_by` are which output and which input, from
+    0. Raises InputError where there is no such one.
     """
     own = found() if callable(found) else found
     row = index(output, "output", "transfer", len(own.outputs))

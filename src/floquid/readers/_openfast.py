@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import Channel
 from floquid.io import Source
 from floquid.tables import Table, TimeColumn, make_channels, number_in, rate_of_step, rows_of
@@ -52,11 +52,8 @@ def _plain_unit(text: str) -> str:
     return _UNITS.get(unit, unit)
 
 
-_MOST_WORDS = 60
-"""Lines above the names, at most."""
-
-_NO_E = re.compile(r"(\d)([-+]\d{3})\b")
-"""An exponent of three digits as Fortran prints it: 1.0-101."""
+_MOST_WORDS = 60  # lines above the names, at most
+_NO_E = re.compile(r"(\d)([-+]\d{3})\b")  # an exponent of three digits as Fortran prints it: 1.0-101
 
 _FORTRAN = re.compile(r"(?<=[\d.])[Dd](?=[-+\d])")
 
@@ -98,11 +95,9 @@ def _head(source: Source) -> _Head:
         names = line.split()
         if names and names[0].lower() == "time":
             return _with_units(source, names, at)
-    raise source.error(
-        "have a line of names that begins with `Time`, as OpenFAST writes it",
-        f"has none among its first {_MOST_WORDS} lines",
-        "Name a text table of another program .csv, with a header row.",
-    )
+    must = "have a line of names that begins with `Time`, as OpenFAST writes it"
+    got = f"has none among its first {_MOST_WORDS} lines"
+    raise source.error(must, got, "Name a text table of another program .csv, with a header row.")
 
 
 def _with_units(source: Source, names: Sequence[str], at: int) -> _Head:
@@ -110,9 +105,8 @@ def _with_units(source: Source, names: Sequence[str], at: int) -> _Head:
     has_units = bool(units) and units[0].startswith("(")
     if has_units and len(units) != len(names):
         got = f"has {len(names)} names and {len(units)} units (lines {at} and {at + 1})"
-        raise source.error(
-            "have a unit for each name", got, "Names and units have no blanks in them: mend those lines."
-        )
+        must = "have a unit for each name"
+        raise source.error(must, got, "Names and units have no blanks in them: mend those lines.")
     if len(names) < 2:
         raise source.error("have a column for each channel", f"has the time alone (line {at})", "Export the channels.")
     for name in names:
@@ -122,7 +116,7 @@ def _with_units(source: Source, names: Sequence[str], at: int) -> _Head:
     return _Head(names=tuple(names), units=plain, first=at + 1 + has_units)
 
 
-def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[Floats, Floats]:
     """The samples of the channels asked for (channels, samples), and the times (samples,)."""
     body = (line for line in islice(_lines(source.path), head.first - 1, None) if line.strip())
     first = next(body, None)
@@ -140,7 +134,7 @@ def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[NDArray[
     return values, table[:, 0].copy()
 
 
-def _by_cell(source: Source, head: _Head) -> NDArray[np.float64]:
+def _by_cell(source: Source, head: _Head) -> Floats:
     found = []
     remedy = "Mend that cell, or run OpenFAST again; stars are a number too long for its `OutFmt`."
     for number, line in enumerate(islice(_lines(source.path), head.first - 1, None), head.first):
@@ -148,11 +142,9 @@ def _by_cell(source: Source, head: _Head) -> NDArray[np.float64]:
         if not cells:
             continue
         if len(cells) != len(head.names):
-            raise source.error(
-                f"have {len(head.names)} numbers in every row, as it has names",
-                f"has {len(cells)} in line {number}",
-                "Mend that line, or leave it out: a run that was stopped may end in half a line.",
-            )
+            must = f"have {len(head.names)} numbers in every row, as it has names"
+            remedy = "Mend that line, or leave it out: a run that was stopped may end in half a line."
+            raise source.error(must, f"has {len(cells)} in line {number}", remedy)
         columns = zip(cells, shown, head.names, strict=True)
         found.append([number_in(source, cell, number, name, shown=own, remedy=remedy) for cell, own, name in columns])
     return np.array(found)
@@ -166,17 +158,14 @@ _AGAIN = "Run OpenFAST again, or copy the file again."
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _BinaryHead:
-    """All that is before the samples, which begin at byte `start`.
-
-    `first`, `second` are the first time and the step [s], or the scale and offset of the times.
-    """
+    """All before the samples at `start`; `first`, `second`: first time and step [s], or scale and offset of times."""
 
     kind: int
     n_samples: int
     first: float
     second: float
-    scales: NDArray[np.float64]
-    offsets: NDArray[np.float64]
+    scales: Floats
+    offsets: Floats
     names: tuple[str, ...]
     units: tuple[str, ...]
     start: int
@@ -280,16 +269,13 @@ def _times(source: Source, stream: BinaryIO, head: _BinaryHead) -> TimeColumn | 
     return TimeColumn(values=times, scale=1.0, label=head.names[0] or "Time")
 
 
-def _values(source: Source, stream: BinaryIO, head: _BinaryHead, rows: Sequence[int]) -> NDArray[np.float64]:
+def _values(source: Source, stream: BinaryIO, head: _BinaryHead, rows: Sequence[int]) -> Floats:
     """The samples of the channels asked for (channels, samples)."""
     bad = [row for row in rows if not (np.isfinite([head.scales[row], head.offsets[row]]).all() and head.scales[row])]
     if bad:
         got = f"has {head.scales[bad[0]]} and {head.offsets[bad[0]]} for {head.names[bad[0] + 1]!r}"
-        raise source.error(
-            "have a scale that is not zero, and an offset, for each channel",
-            got,
-            f"{_AGAIN} Or leave it out with `channels=`.",
-        )
+        must = "have a scale that is not zero, and an offset, for each channel"
+        raise source.error(must, got, f"{_AGAIN} Or leave it out with `channels=`.")
     n_channels = len(head.scales)
     dtype = np.dtype("<f8" if head.kind == _UNPACKED else "<i2")
     scales, offsets = head.scales[rows, None], head.offsets[rows, None]

@@ -118,6 +118,9 @@ def read(
     A time column is repaired, not trusted: the rate is fitted to the whole column and snapped to a nominal value where
     the evidence is clear, gaps of whole steps become missing samples, and `provenance` says so.
 
+    Raises InputError where the file is missing, damaged, of an unknown format or not what it must be; it says no rate
+    and none is given; an argument is not possible. The message names the file, the place in it and the way out.
+
     Parameters
     ----------
     path
@@ -132,17 +135,6 @@ def read(
         The names of the channels to read, in that order, or the paths of their variables; None reads all.
     origin
         The time of phase zero [s].
-
-    Returns
-    -------
-    Record
-        The record, with its provenance.
-
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, of an unknown format or not what it must be; it says no rate and none is given;
-        an argument is not possible. The message names the file, the place in it and the way out.
     """
     source, kind, table = load_table(path, of="read", channels=channels, ignore_time=rate is not None)
     n_channels, n_samples = table.values.shape
@@ -159,18 +151,9 @@ def write(record: Record, path: str | PathLike[str]) -> None:
     The format is chosen by the suffix: .npz, .csv, .mat, .h5, .hdf5, .uff, .unv or .parquet. The file
     appears whole or not at all: an existing one is replaced at the end, in one step.
 
-    Parameters
-    ----------
-    record
-        The record.
-    path
-        The file, in a folder that exists.
-
-    Raises
-    ------
-    InputError
-        `record` is not a record of at least two samples, a name holds a control character, the suffix is not
-        of a format that is written, or the folder does not exist or cannot be written to.
+    The folder of `path` exists. Raises InputError where `record` is not a record of at least two samples, a name holds
+    a control character, the suffix is not of a format that is written, or the folder does not exist or cannot be
+    written to.
     """
     if not isinstance(record, Record):
         raise input_error("record", "write", "be a Record", f"is {describe(record)}", "Pass Record(values=..., ...).")
@@ -184,9 +167,8 @@ def write(record: Record, path: str | PathLike[str]) -> None:
     for channel in record.channels:
         for text in (channel.name, channel.unit, channel.location, channel.direction):
             if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text):
-                raise input_error(
-                    "record", "write", "have channels described in plain words", f"has {text!r}", "Rename that channel."
-                )
+                must = "have channels described in plain words"
+                raise input_error("record", "write", must, f"has {text!r}", "Rename that channel.")
     with atomic_path(file, of="write") as temporary:
         kind.save(record, temporary)
 
@@ -206,8 +188,7 @@ def load_table(
     except DamagedError as error:
         raise source.error(f"be a whole {kind.name}", f"is damaged: {error}", "Copy it again.") from None
     except (OSError, MemoryError) as error:
-        raise source.error(
-            "be readable to its end", f"is not ({error or type(error).__name__})", "Copy it again."
-        ) from error
+        must = "be readable to its end"
+        raise source.error(must, f"is not ({error or type(error).__name__})", "Copy it again.") from error
     check_table(table, source)
     return source, kind, table

@@ -9,8 +9,8 @@ from os import PathLike
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import positive
 from floquid.core import Channel, Quantity
 from floquid.errors import InputError
@@ -27,8 +27,7 @@ _CLOCK_NAME = re.compile(
 )
 """A word in the name of a channel that may be a clock."""
 
-_TURNS = {"deg": 360.0, "rad": 6.283185307179586}
-"""A revolution in the units of an angle."""
+_TURNS = {"deg": 360.0, "rad": 6.283185307179586}  # a revolution in the units of an angle
 
 _SPEEDS = ("rpm", "RPM", "Hz", "rad/s", "deg/s")
 
@@ -129,6 +128,10 @@ def describe_file(
 ) -> FileSummary:
     """Summary of a file: channels, units, rate, candidates for the clock.
 
+    It is what `floquid info` prints. A file whose time axis cannot be settled is described all the same, without a
+    rate, and a note says why. Raises InputError where the file cannot be read, or is not what its format must be; an
+    argument is not possible.
+
     Parameters
     ----------
     path
@@ -137,17 +140,6 @@ def describe_file(
         The sampling rate [Hz], overriding what the file says.
     channels
         The channels to describe, in that order; None describes all.
-
-    Returns
-    -------
-    FileSummary
-        What `floquid info` prints. A file whose time axis cannot be settled is described all the same, without a
-        rate, and a note says why.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is not what its format must be; an argument is not possible.
     """
     if rate is not None:
         rate = positive(rate, "rate", "describe_file", unit="Hz", remedy="Pass the number of samples a second.")
@@ -181,7 +173,7 @@ def describe_file(
     )
 
 
-def _summary(channel: Channel, row: NDArray[np.float64]) -> ChannelSummary:
+def _summary(channel: Channel, row: Floats) -> ChannelSummary:
     there = row[np.isfinite(row)]
     return ChannelSummary(
         name=channel.name,
@@ -194,7 +186,7 @@ def _summary(channel: Channel, row: NDArray[np.float64]) -> ChannelSummary:
     )
 
 
-def _std(there: NDArray[np.float64]) -> float:
+def _std(there: Floats) -> float:
     """The standard deviation, also of numbers whose squares overflow, as damage makes them."""
     scale = float(np.abs(there).max())
     with np.errstate(over="ignore"):
@@ -202,7 +194,7 @@ def _std(there: NDArray[np.float64]) -> float:
 
 
 def _candidates(
-    period: float | None, channels: tuple[Channel, ...], values: NDArray[np.float64], axis: TimeAxis | None
+    period: float | None, channels: tuple[Channel, ...], values: Floats, axis: TimeAxis | None
 ) -> tuple[ClockCandidate, ...]:
     found = []
     if period is not None:
@@ -229,7 +221,7 @@ def _candidates(
     return tuple(found)
 
 
-def _wraps(channel: Channel, row: NDArray[np.float64]) -> str:
+def _wraps(channel: Channel, row: Floats) -> str:
     """True where an angle runs round and jumps back by a turn, as an encoder's does."""
     turn = _TURNS.get(channel.unit)
     there = row[np.isfinite(row)]
@@ -243,7 +235,7 @@ def _wraps(channel: Channel, row: NDArray[np.float64]) -> str:
     return f"it runs round and jumps back by a turn of {turn:.6g} {channel.unit}, {int(wraps.sum())} times"
 
 
-def _pulses(row: NDArray[np.float64], axis: TimeAxis | None) -> str:
+def _pulses(row: Floats, axis: TimeAxis | None) -> str:
     """True where a signal has two levels and changes between them regularly, as a pulse once per revolution does."""
     there = np.flatnonzero(np.isfinite(row))
     if there.size < 8:

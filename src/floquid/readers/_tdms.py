@@ -45,10 +45,7 @@ class _Signal:
 
 
 def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a TDMS file.
-
-    Where one group holds numbers its channels have their own names; where several do, all are called `group/channel`.
-    """
+    """The table in a TDMS file."""
     nptdms = load_package("nptdms", source.of, extra="tdms")
     nptdms.log.log_manager.set_level(logging.CRITICAL)
     again = source.taken_apart("TDMS file", _AGAIN)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import printable
 from floquid.core import Channel
 from floquid.io import DamagedError, Source
@@ -73,7 +74,7 @@ def _check_whole(source: Source) -> None:
             stream.seek(start + size + size % 2)
 
 
-def _scaled(samples: NDArray[Any]) -> NDArray[np.float64]:
+def _scaled(samples: NDArray[Any]) -> Floats:
     """Samples over full scale, which is what their type holds (scipy shifts those of 24 bits into 32); or as is."""
     values = samples.astype(np.float64, order="C")
     if samples.dtype.kind == "u":

@@ -30,10 +30,7 @@ HEIGHT = 320
 
 
 def new_figure(x: str, y: str, *, name: str, height: int = HEIGHT, **options: Any) -> Figure:
-    """An empty figure as wide as the page lets it be, with its axes labelled.
-
-    Wheels scroll the page and do not zoom before the reader asks for it.
-    """
+    """An empty figure as wide as the page lets it be, with its axes labelled."""
     from bokeh.models import CustomJSTickFormatter
     from bokeh.plotting import figure
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.reporting._case import Case
 from floquid.reporting._look import BLACK, GREY, HEIGHT, VERMILION, Figure, hover, legend_above, new_figure
 from floquid.views import exponent_ellipses, multiplier_ellipses
@@ -38,11 +38,8 @@ def mode_source(case: Case) -> ColumnDataSource:
     return ColumnDataSource(data, name="modes", selected=Selection(indices=[0] if at else []))
 
 
-def _labels(x: NDArray[np.float64], y: NDArray[np.float64], wide: float = 0.0, high: float = 0.0) -> list[str]:
-    """The numbers of the modes for their marks; those of marks whose numbers would meet stand at the first of them.
-
-    The axes span the marks, or `wide` and `high`.
-    """
+def _labels(x: Floats, y: Floats, wide: float = 0.0, high: float = 0.0) -> list[str]:
+    """The numbers of the modes for their marks; those of marks whose numbers would meet stand at the first of them."""
     across, up = (max(max(v, default=0.0) - min(v, default=0.0), least) for v, least in ((x, wide), (y, high)))
     held: dict[int, list[str]] = {}
     for k in range(len(x)):
@@ -65,7 +62,7 @@ def _modes(made: Figure, source: ColumnDataSource, x: str, y: str) -> None:
     hover(made, [*tips, ("ζ", "@damping{%.4g} %")], [marks])
 
 
-def _ellipses(made: Figure, curves: NDArray[np.complex128] | None, turn: float = 1.0) -> None:
+def _ellipses(made: Figure, curves: Complexes | None, turn: float = 1.0) -> None:
     """The ellipses of 95 %, which show as one looks closer."""
     if curves is None:
         return
@@ -74,7 +71,7 @@ def _ellipses(made: Figure, curves: NDArray[np.complex128] | None, turn: float =
     )
 
 
-def _upper(curves: NDArray[np.complex128] | None, case: Case) -> NDArray[np.complex128] | None:
+def _upper(curves: Complexes | None, case: Case) -> Complexes | None:
     """The curves of the modes shown, mirrored where they lie below the real axis: there the conjugate is drawn."""
     if curves is None:
         return None

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Mask
 from floquid.lti import WHITE, composites
 from floquid.reporting._case import POINTS, Case
 from floquid.reporting._chosen_figures import BAND, Chosen
@@ -188,7 +188,7 @@ def speed_figure(shaft: ShaftAngle) -> Figure:
     return made
 
 
-def _shown(found: list[Synchronisation], told: list[NDArray[np.bool_]]) -> float:
+def _shown(found: list[Synchronisation], told: list[Mask]) -> float:
     """Limit of the axis: stretches where the response has nearly died would flatten the rest."""
     slip = np.abs(np.concatenate([one.slip[own] for one, own in zip(found, told, strict=True)]))
     width = BAND * np.concatenate([one.slip_std[own] for one, own in zip(found, told, strict=True)])

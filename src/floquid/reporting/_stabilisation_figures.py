@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.order import OrderScan, Stability
 from floquid.reporting._case import POINTS, Case
 from floquid.reporting._look import (
@@ -81,7 +81,7 @@ def _draw_cmif(made: Figure, scan: OrderScan, turn: float) -> None:
 
 
 def _draw_poles(
-    made: Figure, case: Case, source: ColumnDataSource, frequencies: tuple[NDArray[np.float64], ...], column: str
+    made: Figure, case: Case, source: ColumnDataSource, frequencies: tuple[Floats, ...], column: str
 ) -> None:
     """The poles by how far they agree with those of the order before; one that is clicked chooses its mode."""
     from bokeh.models import ColumnDataSource, CustomJS, Range1d, TapTool
@@ -159,7 +159,7 @@ def _mode_lines(made: Figure, source: ColumnDataSource, column: str, top: float)
     )  # fmt: skip
 
 
-def _poles(case: Case, stability: Stability, frequencies: tuple[NDArray[np.float64], ...]) -> dict[str, Any]:
+def _poles(case: Case, stability: Stability, frequencies: tuple[Floats, ...]) -> dict[str, Any]:
     """The poles of one level at `frequencies` [rad/s], each with the mode that it belongs to."""
     scan, whole = case.scan, case.analysis.model
     assert scan is not None

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import PeriodicModel
 from floquid.reconstruction import StateModel
 from floquid.reporting._chosen_figures import BAND
@@ -13,15 +13,11 @@ from floquid.views import closed_period, element_unit
 
 MOST = 12  # elements shown; `summary.json` holds all
 
-Truth = tuple[NDArray[np.float64], NDArray[np.float64]]
+Truth = tuple[Floats, Floats]
 
 
 def elements_shown(state: StateModel, *, second_order: bool) -> list[tuple[int, int]]:
-    """The elements that are no identity: all of them where they are few, or else those that vary most.
-
-    In second-order form the upper half of A says that displacements have velocities. An element varies by half its
-    range over its deviation.
-    """
+    """The elements that are no identity: all of them where they are few, or else those that vary most."""
     n = len(state.states)
     rows = range(n // 2 if second_order else 0, n)
     places = [(i, j) for i in rows for j in range(n)]

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from floquid.io import atomic_path
 from floquid.pipeline import AbstractDraws, Draw
 
-EVERY = 5.0
-"""Seconds between two writings."""
+EVERY = 5.0  # seconds between two writings
 
 _ARRAYS = ("exponents", "coefficients", "system", "transition")
 
@@ -53,18 +52,7 @@ class DrawFile(AbstractDraws):
             self.write(draws)
 
     def write(self, draws: Sequence[Draw]) -> None:
-        """Write the draws.
-
-        Parameters
-        ----------
-        draws
-            All that are done.
-
-        Raises
-        ------
-        InputError
-            The file cannot be written.
-        """
+        """Write all `draws` that are done. Raises InputError where the file cannot be written."""
         used = [one for one in draws if one.exponents is not None]
         content: dict[str, Any] = {
             "key": np.array(self.key),

@@ -42,8 +42,7 @@ SENTENCES = {
 }
 """Sentences that files up to version 2 have instead of findings, and their severity."""
 
-EARLIER = {"constrained": "held"}
-"""Names that files up to version 2 have for fields."""
+EARLIER = {"constrained": "held"}  # names that files up to version 2 have for fields
 
 TEXTS = (
     "name", "quantity", "unit", "location", "direction", "sources", "steps", "reasons", "doubts", "names", "states",

@@ -33,20 +33,8 @@ def load(path: str | PathLike[str]) -> Analysis:
 
     The free response is cut into periods and lifted again, which gives the same numbers; nothing is identified again.
 
-    Parameters
-    ----------
-    path
-        The file, by custom `result.h5`.
-
-    Returns
-    -------
-    Analysis
-        Equal to the one saved, field by field.
-
-    Raises
-    ------
-    InputError
-        There is no such file, it is no result file, it is of a later version of floquid, or it is damaged.
+    It is equal to the one saved, field by field. The `path` is by custom `result.h5`. Raises InputError where there is
+    no such file, it is no result file, it is of a later version of floquid, or it is damaged.
     """
     file = readable_file(path, of="load")
     try:

@@ -29,22 +29,12 @@ def save(analysis: Analysis, path: str | PathLike[str]) -> None:
     its own name when it is whole: whatever happens, `path` holds the old file or the new one. The same analysis gives
     the same bytes.
 
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    path
-        The file to write, by custom `result.h5`; it may exist.
-
-    Raises
-    ------
-    InputError
-        `analysis` is something else, or the file cannot be written there.
+    `analysis` is what `identify` found; the file `path`, by custom `result.h5`, may exist. Raises InputError where
+    `analysis` is something else, or the file cannot be written there.
     """
     if not isinstance(analysis, Analysis):
-        raise input_error(
-            "analysis", "save", "be an Analysis", f"is {describe(analysis)}", "Pass what `identify` gave."
-        )
+        must = "be an Analysis"
+        raise input_error("analysis", "save", must, f"is {describe(analysis)}", "Pass what `identify` gave.")
     with atomic_path(path, of="save") as temporary:
         # In memory first: when a disk is full or goes away, HDF5 itself does not end with an error but with a crash.
         content = BytesIO()

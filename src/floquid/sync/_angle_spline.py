@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array
+from floquid._arrays import Floats, Integers, Mask
+from floquid._checks import Rebuilt
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -17,27 +17,20 @@ if TYPE_CHECKING:
 LADDER = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048)
 """Numbers of pieces of the cubic spline that are tried, beside one straight line."""
 
-DOUBT = 0.01
-"""A speed that is steady is called unsteady with this probability at most."""
-
-OUTLYING = 6.0
-"""Robust standard deviations beyond which a pulse is left out."""
+DOUBT = 0.01  # a speed that is steady is called unsteady with this probability at most
+OUTLYING = 6.0  # robust standard deviations beyond which a pulse is left out
 
 HARMLESS = 1e-3
 """The share of the angle between pulses below which none is left out: what is left of exact pulses is the spline's own
 error, which is small in most places and not in others."""
 
-SAMPLED = 0.3
-"""The deviation of an edge that is known to a sample, in samples."""
+SAMPLED = 0.3  # the deviation of an edge that is known to a sample, in samples
 
 LAGS, CHANCE = 8, 1e-4
 """Lags at which what is left is searched for correlation, and the probability at which a random error may show it:
 beyond, it is motion that the spline does not follow, and the angle is as far off as the pulses are."""
 
-BLOCK = 4096
-"""Instants whose deviations are found together."""
-
-Values = NDArray[np.float64]
+BLOCK = 4096  # instants whose deviations are found together
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,32 +51,30 @@ class AngleSpline(Rebuilt):
     first: float
     last: float
     slope: float
-    knots: Values
-    coefficients: Values
+    knots: Floats
+    coefficients: Floats
     degree: int
-    covariance: Values
+    covariance: Floats
 
     def __post_init__(self) -> None:
-        of, put, n = "AngleSpline", object.__setattr__, len(self.coefficients)
-        put(self, "knots", frozen_array(self.knots, "knots", of, axes=(n + self.degree + 1,)))
-        put(self, "coefficients", frozen_array(self.coefficients, "coefficients", of, axes=("coefficients",)))
-        put(self, "covariance", frozen_array(self.covariance, "covariance", of, axes=(n, n)))
+        n = len(self.coefficients)
+        self._freeze(knots=(n + self.degree + 1,), coefficients=("coefficients",), covariance=(n, n))
 
-    def angle(self, times: Values) -> Values:
+    def angle(self, times: Floats) -> Floats:
         """The angle at `times` [rad]."""
         x, inside, spline = self._evaluate(times)
         return self.slope * (times - self.first) + spline(inside) + (x - inside) * spline(inside, 1)
 
-    def speed(self, times: Values) -> Values:
+    def speed(self, times: Floats) -> Floats:
         """The speed at `times` [rad/s]."""
         _, inside, spline = self._evaluate(times)
         return self.slope + spline(inside, 1) / (self.last - self.first)
 
-    def angle_std(self, times: Values) -> Values:
+    def angle_std(self, times: Floats) -> Floats:
         """The standard deviation of the angle at `times` [rad]."""
         return self._deviation(times, derivative=False)
 
-    def speed_std(self, times: Values) -> Values:
+    def speed_std(self, times: Floats) -> Floats:
         """The standard deviation of the speed at `times` [rad/s]."""
         return self._deviation(times, derivative=True) / (self.last - self.first)
 
@@ -97,13 +88,13 @@ class AngleSpline(Rebuilt):
             float(np.sqrt(max(ends @ self.covariance @ ends, 0.0))) / span,
         )
 
-    def _evaluate(self, times: Values) -> tuple[Values, Values, BSpline]:
+    def _evaluate(self, times: Floats) -> tuple[Floats, Floats, BSpline]:
         from scipy.interpolate import BSpline
 
         x = (times - self.first) / (self.last - self.first)
         return x, np.clip(x, 0.0, 1.0), BSpline(self.knots, self.coefficients, self.degree)
 
-    def _deviation(self, times: Values, *, derivative: bool) -> Values:
+    def _deviation(self, times: Floats, *, derivative: bool) -> Floats:
         from scipy.interpolate import BSpline
 
         x, inside, _ = self._evaluate(times)
@@ -127,10 +118,10 @@ class AngleFit:
     """
 
     spline: AngleSpline
-    offsets: Values
-    offsets_std: Values
-    kept: NDArray[np.bool_]
-    residuals: Values
+    offsets: Floats
+    offsets_std: Floats
+    kept: Mask
+    residuals: Floats
     std: float
 
 
@@ -138,17 +129,17 @@ class AngleFit:
 class _Rung:
     """A fit with one number of pieces, and what its deviations are made of."""
 
-    knots: Values
+    knots: Floats
     degree: int
-    coefficients: Values
-    offsets: Values
+    coefficients: Floats
+    offsets: Floats
     squares: float
     n_parameters: int
-    factor: tuple[Values, bool]
-    weights: Values
-    inverse_counts: Values
+    factor: tuple[Floats, bool]
+    weights: Floats
+    inverse_counts: Floats
 
-    def deviations(self) -> tuple[Values, Values]:
+    def deviations(self) -> tuple[Floats, Floats]:
         """For noise of unit variance: the coefficients' covariance, and the offsets' deviations from their mean."""
         from scipy.linalg import cho_solve
 
@@ -163,7 +154,7 @@ class _Rung:
 
 
 def fit_angle(
-    times: Values, angles: Values, lines: NDArray[np.int64], n_lines: int, most: int, *, step: float = 0.0
+    times: Floats, angles: Floats, lines: Integers, n_lines: int, most: int, *, step: float = 0.0
 ) -> AngleFit:
     """Fit `angles` [rad] at `times` [s] of pulses of `lines` (pulses,) by a spline of at most `most` pieces.
 
@@ -214,7 +205,7 @@ def fit_angle(
     )
 
 
-def _moving(residuals: Values, n_parameters: int) -> bool:
+def _moving(residuals: Floats, n_parameters: int) -> bool:
     """True where residuals (pulses,) are correlated: Ljung and Box's sum over some lags, less what the fit makes."""
     from scipy.special import chdtrc
 
@@ -227,13 +218,13 @@ def _moving(residuals: Values, n_parameters: int) -> bool:
     return bool(chdtrc(LAGS, max(score - 0.5 * n_parameters**2 / n, 0.0)) < CHANCE)
 
 
-def _residuals(rung: _Rung, x: Values, wave: Values, lines: NDArray[np.int64]) -> Values:
+def _residuals(rung: _Rung, x: Floats, wave: Floats, lines: Integers) -> Floats:
     from scipy.interpolate import BSpline
 
     return wave - BSpline(rung.knots, rung.coefficients, rung.degree)(x) - rung.offsets[lines]
 
 
-def _climb(x: Values, wave: Values, lines: NDArray[np.int64], n_lines: int, most: int, floor: float) -> _Rung:
+def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, floor: float) -> _Rung:
     """The straight line, or where it is significantly worse the spline that Akaike's corrected criterion prefers."""
     from scipy.special import fdtrc
 
@@ -260,7 +251,7 @@ def _criterion(rung: _Rung, n: int, least: float) -> float:
     return n * float(np.log(max(rung.squares, least))) + 2.0 * p + 2.0 * p * (p + 1) / max(n - p - 1, 1)
 
 
-def _solve(x: Values, wave: Values, lines: NDArray[np.int64], n_lines: int, knots: Values, degree: int) -> _Rung:
+def _solve(x: Floats, wave: Floats, lines: Integers, n_lines: int, knots: Floats, degree: int) -> _Rung:
     r"""Least squares of B c + Z g, the offsets g eliminated first: their normal matrix D = ZᵀZ is diagonal.
 
     .. math:: (B^T B - W D W^T) c = (B^T - W Z^T) y, \qquad W = B^T Z D^{-1}

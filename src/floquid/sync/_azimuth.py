@@ -5,42 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Indices, Integers
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Channel, Record, channels_named
 from floquid.findings import Finding, note
 
 OF = "shaft_angle"
 
-TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "mrad": 2e3 * np.pi, "urad": 2e6 * np.pi}
-"""A revolution in each unit."""
-
-AGREES = 0.05
-"""Largest difference of a wrap from a revolution, as a share of it."""
-
-AMISS = 0.1
-"""Revolutions by which a sample may be off its neighbours before it is left out: one averaged over a wrap."""
-
-ONE_WAY = 0.8
-"""Of the path from block to block, what the shaft must get on by: noise goes to and fro a little."""
-
-NEAR = 101
-"""Steps of which the median is the local one."""
+TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "mrad": 2e3 * np.pi, "urad": 2e6 * np.pi}  # a revolution in each unit
+AGREES = 0.05  # largest difference of a wrap from a revolution, as a share of it
+AMISS = 0.1  # revolutions by which a sample may be off its neighbours before it is left out: one averaged over a wrap
+ONE_WAY = 0.8  # of the path from block to block, what the shaft must get on by: noise goes to and fro a little
+NEAR = 101  # steps of which the median is the local one
 
 A_REVOLUTION = 16
 """The angle is averaged over blocks of a sixteenth of a revolution: resolution and noise of neighbours go together."""
-
-Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
     """Instants [s] at which the angle [rad] is known up to the offset of a line, and what was done to get them."""
 
-    times: Values
-    angles: Values
-    lines: NDArray[np.int64]
+    times: Floats
+    angles: Floats
+    lines: Integers
     n_lines: int = 1
     missing: int = 0
     doubled: int = 0
@@ -89,9 +78,8 @@ def of_azimuth(record: Record, clock: AzimuthSignal) -> Evidence:
     if angles[-1] - angles[0] < ONE_WAY * path:
         must = "be of a shaft that turns one way throughout"
         got = f"{channel.name!r} gets on by {angles[-1] - angles[0]:.3g} revolutions on a path of {path:.3g}"
-        raise input_error(
-            "record", OF, must, got, "Cut the record to a part in which the shaft turns, or check the channel."
-        )
+        remedy = "Cut the record to a part in which the shaft turns, or check the channel."
+        raise input_error("record", OF, must, got, remedy)
     return Evidence(
         times=record.start + places[tight].mean(axis=1) / record.sample_rate,
         angles=2.0 * np.pi * angles,
@@ -104,7 +92,7 @@ def of_azimuth(record: Record, clock: AzimuthSignal) -> Evidence:
     )
 
 
-def _unwrapped(turns: Values, good: NDArray[np.intp]) -> tuple[Values, Values]:
+def _unwrapped(turns: Floats, good: Indices) -> tuple[Floats, Floats]:
     """The angle [revolutions] at the samples `good`, and what each step is off from the local one (steps,)."""
     from scipy.ndimage import median_filter
 
@@ -119,12 +107,12 @@ def _unwrapped(turns: Values, good: NDArray[np.intp]) -> tuple[Values, Values]:
     return turns[good[0]] + np.concatenate([[0.0], np.cumsum(local + off)]), off
 
 
-def _nearest(turns: Values) -> Values:
+def _nearest(turns: Floats) -> Floats:
     """The angle less whole turns, in [-1/2, 1/2]."""
     return turns - np.round(turns)
 
 
-def _revolution(values: Values, channel: Channel) -> float:
+def _revolution(values: Floats, channel: Channel) -> float:
     """A revolution in the channel's unit, agreed with the size of its wraps."""
     if channel.unit not in (*TURNS, "-"):
         must = "have an azimuth in deg or rad"
@@ -133,13 +121,9 @@ def _revolution(values: Values, channel: Channel) -> float:
     if channel.unit != "-":
         turn = TURNS[channel.unit]
         if size is not None and abs(size / turn - max(round(size / turn), 1)) > AGREES:
-            raise input_error(
-                "record",
-                OF,
-                f"have an azimuth that wraps at {turn:.6g} {channel.unit}",
-                f"{channel.name!r} wraps at {size:.4g}",
-                "Correct the channel's unit, or scale the channel so that a revolution is 360 deg.",
-            )
+            must = f"have an azimuth that wraps at {turn:.6g} {channel.unit}"
+            remedy = "Correct the channel's unit, or scale the channel so that a revolution is 360 deg."
+            raise input_error("record", OF, must, f"{channel.name!r} wraps at {size:.4g}", remedy)
         return turn
     if size is None:
         finite = values[np.isfinite(values)]
@@ -151,16 +135,12 @@ def _revolution(values: Values, channel: Channel) -> float:
     for turn in (TURNS["deg"], TURNS["rad"]):
         if abs(size / turn - 1.0) < AGREES:
             return turn
-    raise input_error(
-        "record",
-        OF,
-        "have an azimuth that wraps at 360 deg or 2π rad",
-        f"{channel.name!r}, without a unit, wraps at {size:.4g}",
-        "Scale the channel so that a revolution is 360 and give it the unit deg.",
-    )
+    must = "have an azimuth that wraps at 360 deg or 2π rad"
+    remedy = "Scale the channel so that a revolution is 360 and give it the unit deg."
+    raise input_error("record", OF, must, f"{channel.name!r}, without a unit, wraps at {size:.4g}", remedy)
 
 
-def _wrap(values: Values) -> float | None:
+def _wrap(values: Floats) -> float | None:
     """The size of a wrap: of the jumps between two steps like the others. None where there are none."""
     finite = values[np.isfinite(values)]
     span = float(np.ptp(np.quantile(finite, [0.001, 0.999])))

@@ -5,42 +5,32 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Indices, Integers
 from floquid.sync._impact_search import longest_run
 
-SPAN = 11
-"""The fewest intervals of which the median is the local one: every second pulse but one may be wrong."""
-
-STEADY = 0.25
-"""Largest difference of a revolution of an undisturbed stretch from those about it, in line spacings."""
+SPAN = 11  # the fewest intervals of which the median is the local one: every second pulse but one may be wrong
+STEADY = 0.25  # largest difference of a revolution of an undisturbed stretch from those about it, in line spacings
 
 DOUBT = 0.25
 """Line spacings by which the speeds on the two sides of a gap may differ about the number of pulses lost in it."""
-
-Times = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
 class Counted:
     """The pulses that are kept, and the number of each."""
 
-    kept: NDArray[np.intp]
-    """The indices of the pulses kept (kept,)."""
-    numbers: Numbers
-    """Line spacings from line 0 of the first revolution to each (kept,)."""
-    missing: int
-    """Pulses that should have come between the first and the last."""
-    doubled: int
-    """Pulses left out, one too many in its place."""
+    kept: Indices  # the indices of the pulses kept (kept,)
+    numbers: Integers  # line spacings from line 0 of the first revolution to each (kept,)
+    missing: int  # pulses that should have come between the first and the last
+    doubled: int  # pulses left out, one too many in its place
     absent: tuple[int, ...]
     """Lines that never gave a pulse: a missing tooth. Line 0 is then the first after the longest such gap."""
     doubtful: tuple[tuple[float, float], ...]
     """Gaps (first, last time) [s] in which the number of pulses lost is a guess."""
 
 
-def count(times: Times, lines: int) -> Counted:
+def count(times: Floats, lines: int) -> Counted:
     """Number the pulses at `times` (pulses,) [s] of a shaft with so many lines a revolution."""
     kept = np.arange(len(times))
     numbers = np.arange(len(times))
@@ -65,7 +55,7 @@ def count(times: Times, lines: int) -> Counted:
     )
 
 
-def _spacing(times: Times, numbers: Numbers, lines: int) -> Times:
+def _spacing(times: Floats, numbers: Integers, lines: int) -> Floats:
     """The running median of the time from a line to the next (intervals,) [s], each taken over a revolution."""
     from scipy.ndimage import median_filter
 
@@ -76,12 +66,8 @@ def _spacing(times: Times, numbers: Numbers, lines: int) -> Times:
     return np.interp(0.5 * (times[1:] + times[:-1]), centre, smooth)
 
 
-def _pattern(times: Times, spacing: Times, lines: int) -> tuple[int, Times] | None:
-    """First line, and the spacings of the lines from there on (lines,), of mean one: None when they are even.
-
-    They are seen in the longest stretch in which each revolution of `lines` pulses takes as long as those about it,
-    whatever the lines' own spacing: no pulse is missing there, and none is doubled.
-    """
+def _pattern(times: Floats, spacing: Floats, lines: int) -> tuple[int, Floats] | None:
+    """First line, and the spacings of the lines from there on (lines,), of mean one: None when they are even."""
     if lines == 1 or len(times) < 3 * lines:
         return None
     whole = (times[lines:] - times[:-lines]) / (lines * spacing[: len(times) - lines])
@@ -95,7 +81,7 @@ def _pattern(times: Times, spacing: Times, lines: int) -> tuple[int, Times] | No
     return begin, shares / shares.mean()
 
 
-def _track(times: Times, spacing: Times, pattern: tuple[int, Times] | None) -> tuple[NDArray[np.intp], Numbers]:
+def _track(times: Floats, spacing: Floats, pattern: tuple[int, Floats] | None) -> tuple[Indices, Integers]:
     """The pulses kept and their numbers, from interval to interval in units of the local spacing."""
     steps = np.diff(times) / spacing
     start, shares = pattern if pattern is not None else (0, np.ones(1))
@@ -110,7 +96,7 @@ def _track(times: Times, spacing: Times, pattern: tuple[int, Times] | None) -> t
     return kept, numbers - numbers[0]
 
 
-def _walk(position: Times, shares: Times) -> tuple[NDArray[np.intp], Numbers]:
+def _walk(position: Floats, shares: Floats) -> tuple[Indices, Integers]:
     """Number the pulses at ascending positions from the first on; of two for one line, keep the better."""
     lines = len(shares)
     marks = np.concatenate([[0.0], np.cumsum(shares)])  # where lines are, from the first one on
@@ -148,7 +134,7 @@ def _walk(position: Times, shares: Times) -> tuple[NDArray[np.intp], Numbers]:
     return np.array(kept), np.array(numbers)
 
 
-def _from_the_gap(numbers: Numbers, lines: int) -> tuple[Numbers, tuple[int, ...]]:
+def _from_the_gap(numbers: Integers, lines: int) -> tuple[Integers, tuple[int, ...]]:
     """Numbers such that line 0 is the first after the longest run of lines that never gave a pulse."""
     seen = np.bincount(numbers % lines, minlength=lines) > 0
     if seen.all() or numbers[-1] - numbers[0] < 2 * lines:
@@ -164,7 +150,7 @@ def _from_the_gap(numbers: Numbers, lines: int) -> tuple[Numbers, tuple[int, ...
     return shifted, tuple(int(line) for line in np.sort((np.flatnonzero(~seen) - zero) % lines))
 
 
-def _doubtful(times: Times, numbers: Numbers, lines: int) -> tuple[tuple[float, float], ...]:
+def _doubtful(times: Floats, numbers: Integers, lines: int) -> tuple[tuple[float, float], ...]:
     """Gaps before and after which the speeds differ by too much for the pulses lost in them to be counted."""
     steps = np.diff(numbers)
     doubts = []

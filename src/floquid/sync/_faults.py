@@ -5,29 +5,18 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import AzimuthSignal, Record, TachometerSignal
 from floquid.findings import Finding, failure, note, warning
 from floquid.sync._impact_search import runs_of
 
-FLAT = 3
-"""Equal samples in a row that make a flat top."""
-
-STUCK = 10
-"""Equal samples in a row that make a dropout."""
-
-BITS = (8, 10, 12, 14, 16, 18, 20, 24, 32)
-"""Widths of integers that are looked for."""
-
-FULL = 0.95
-"""The share of its range that a channel must span to have wrapped round."""
-
-SMOOTHER = 0.25
-"""Share of the power of second differences that taking the jumps out may leave."""
-
-WHOLE = 1e-3
-"""Largest difference of counts from whole numbers: a factor of calibration rounds them."""
+FLAT = 3  # equal samples in a row that make a flat top
+STUCK = 10  # equal samples in a row that make a dropout
+BITS = (8, 10, 12, 14, 16, 18, 20, 24, 32)  # widths of integers that are looked for
+FULL = 0.95  # the share of its range that a channel must span to have wrapped round
+SMOOTHER = 0.25  # share of the power of second differences that taking the jumps out may leave
+WHOLE = 1e-3  # largest difference of counts from whole numbers: a factor of calibration rounds them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,13 +176,10 @@ def gaps(record: Record) -> tuple[Gap, ...]:
     )
 
 
-def measuring(record: Record, *, standing: bool = False) -> list[tuple[int, NDArray[np.float64], float]]:
-    """Row, samples and quantum of the channels that measure something that moves smoothly.
-
-    With `standing`, only those of which two samples in turn are equal.
-    """
+def measuring(record: Record, *, standing: bool = False) -> list[tuple[int, Floats, float]]:
+    """Row, samples and quantum of channels of smooth motion; with `standing`, those with two equal samples in turn."""
     clock = record.clock.channel if isinstance(record.clock, TachometerSignal | AzimuthSignal) else None
-    judged: list[tuple[int, NDArray[np.float64], float]] = []
+    judged: list[tuple[int, Floats, float]] = []
     for row, (channel, values) in enumerate(zip(record.channels, record.values, strict=True)):
         if channel.quantity in ("pulse", "angle") or channel.name == clock:
             continue
@@ -205,7 +191,7 @@ def measuring(record: Record, *, standing: bool = False) -> list[tuple[int, NDAr
     return judged
 
 
-def _two_levels(values: NDArray[np.float64], lowest: float, highest: float) -> bool:
+def _two_levels(values: Floats, lowest: float, highest: float) -> bool:
     """True where a channel switches between two levels: nine samples of ten within a tenth of the range of either."""
     margin = 0.1 * (highest - lowest)
     low, high = (values <= lowest + margin).sum(), (values >= highest - margin).sum()
@@ -213,7 +199,7 @@ def _two_levels(values: NDArray[np.float64], lowest: float, highest: float) -> b
     return bool(low + high > 0.9 * np.isfinite(values).sum() and min(low, high) > 0 and switches >= 3)
 
 
-def _cut(values: NDArray[np.float64], first: int, stop: int, quantum: float) -> bool:
+def _cut(values: Floats, first: int, stop: int, quantum: float) -> bool:
     """True where no smooth crest explains the flat top."""
     length = stop - first
     beside = [values[n] for n in (first - length, stop - 1 + length) if 0 <= n < len(values)]
@@ -264,7 +250,7 @@ def wrapped(record: Record) -> tuple[Wrapping, ...]:
     return tuple(found)
 
 
-def _jumps(counts: NDArray[np.float64], whole: float) -> int:
+def _jumps(counts: Floats, whole: float) -> int:
     """Number of jumps of counts by the whole range; 0 where they do not leave it, or are no smoother without."""
     lowest, highest = float(counts.min()), float(counts.max())
     signed = -0.5 * whole <= lowest and highest < 0.5 * whole

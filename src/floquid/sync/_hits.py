@@ -13,14 +13,9 @@ from floquid.core import AzimuthSignal, Record, TachometerSignal, channels_named
 from floquid.findings import Finding, note
 from floquid.sync._impact_search import by_force, by_response
 
-LEAST = 0.05
-"""The weakest impact that counts, as a share of the strongest one."""
-
-APART = 0.01
-"""Impacts closer than this share of the record are one impact."""
-
-SHORTEST = 0.1
-"""Pieces shorter than this share of the longest one are left out."""
+LEAST = 0.05  # the weakest impact that counts, as a share of the strongest one
+APART = 0.01  # Impacts closer than this share of the record are one impact
+SHORTEST = 0.1  # pieces shorter than this share of the longest one are left out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +74,9 @@ def find_impacts(
     of a long one drown in noise: then split with a `skip`. A hard knock of loose parts is an impact; longer chatter,
     which both predictions miss on both of its sides, is not counted.
 
+    Raises InputError where a channel is unknown, a number is out of its range, or the response is too short or has too
+    many missing samples.
+
     Parameters
     ----------
     record
@@ -92,12 +90,6 @@ def find_impacts(
         The weakest impact that counts, in (0, 1): its amplitude as a share of the strongest one's.
     apart
         Impacts closer than this are one impact [s]: by default 1 % of the record.
-
-    Raises
-    ------
-    InputError
-        A channel is unknown, a number is out of its range, or the response is too short or has too many missing
-        samples.
     """
     of = "find_impacts"
     share = positive(least, "least", of, remedy="It is a share of the strongest impact: 0.05 is 5 %.")
@@ -135,6 +127,9 @@ def split_hits(
     views of the record's (of one copy, where a force channel lies in the midst of the others). What is left out is
     said in the provenance.
 
+    Raises InputError where an instant is outside the record or the instants do not ascend, a channel is unknown, a
+    number is out of its range, or nothing is left.
+
     Parameters
     ----------
     record
@@ -149,12 +144,6 @@ def split_hits(
     skip, shortest
         Left out after each impact [s], such as first cycles that are not linear; and the length below which pieces are
         left out [s], by default a tenth of the longest.
-
-    Raises
-    ------
-    InputError
-        An instant is outside the record or the instants do not ascend, a channel is unknown, a number is out of its
-        range, or nothing is left.
     """
     of = "split_hits"
     pause = finite(skip, "skip", of, unit="s")

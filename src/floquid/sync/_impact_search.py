@@ -8,36 +8,24 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Mask
 from floquid._checks import input_error
 
 Blow = tuple[int, int, float, bool]
 
-LONGEST_MEMORY = 64
-"""Samples that the model looks back at most."""
-
-TERMS = 160
-"""Coefficients a channel of the model at most: memory times channels."""
-
-ROWS_A_TERM = 5
-"""Samples a coefficient that the fit needs."""
-
-MOST_ROWS = 10_000
-"""Samples that the fit uses at most: more make it slower, not better."""
-
-STRETCH = 256
-"""Samples that follow one another in the evenly spread stretches that it then uses."""
+LONGEST_MEMORY = 64  # samples that the model looks back at most
+TERMS = 160  # coefficients a channel of the model at most: memory times channels
+ROWS_A_TERM = 5  # samples a coefficient that the fit needs
+MOST_ROWS = 10_000  # samples that the fit uses at most: more make it slower, not better
+STRETCH = 256  # samples that follow one another in the evenly spread stretches that it then uses
 
 ASSUMED_NOISE = 1e-5
 """Noise that the fit takes for granted, against the standard deviation of the channel: it keeps a record without noise
 from a fit that is exact and unstable."""
 
-LEAST_ERROR = 1e-4
-"""Prediction error that is never an impact, against the standard deviation of the channel."""
-
-LIMIT = 5.0
-"""The root of an impact's prediction error in a window exceeds the usual by this many times the usual scatter."""
+LEAST_ERROR = 1e-4  # prediction error that is never an impact, against the standard deviation of the channel
+LIMIT = 5.0  # root of an impact's prediction error in a window exceeds the usual by this many times the usual scatter
 
 ALONE = 5.0
 """A single sample stands out when the root of its error over all channels is this many deviations above the usual."""
@@ -45,20 +33,14 @@ ALONE = 5.0
 SIDED = 0.7
 """Share of the errors around an impact that lies ahead of it forwards and before it backwards: less is chatter."""
 
-AT_ONCE = 512
-"""Samples that are foretold at a time: their windows stay in the processor's memory."""
-
-NEARBY = 16
-"""Windows on each side over which the usual prediction error is taken."""
+AT_ONCE = 512  # samples that are foretold at a time: their windows stay in the processor's memory
+NEARBY = 16  # windows on each side over which the usual prediction error is taken
 
 PASSES = 6
 
 
-def by_force(force: NDArray[np.float64], *, least: float, apart: int) -> list[Blow]:
-    """Blows of a force (samples,): away from its resting level, by two thresholds.
-
-    The resting level is the median and the noise the median deviation, which a few short blows do not move.
-    """
+def by_force(force: Floats, *, least: float, apart: int) -> list[Blow]:
+    """Blows of a force (samples,): away from its resting level, by two thresholds."""
     away = np.abs(force - np.nanmedian(force)) if np.isfinite(force).any() else np.zeros(len(force))
     noise, largest = 1.4826 * float(np.nanmedian(away)), float(np.nanmax(away, initial=0.0))
     high = max(least * largest, 8.0 * noise)
@@ -76,13 +58,13 @@ def by_force(force: NDArray[np.float64], *, least: float, apart: int) -> list[Bl
     return blows
 
 
-def by_response(values: NDArray[np.float64], rows: list[int], *, least: float, apart: int) -> list[Blow]:
+def by_response(values: Floats, rows: list[int], *, least: float, apart: int) -> list[Blow]:
     """Blows that the rows of `values` (channels, samples) show by the errors of two predictions."""
     # The channels about their means, in units of their standard deviations.
     scaled = values[rows]
     scaled -= np.nanmean(scaled, axis=1, keepdims=True)
     scaled /= np.nanstd(scaled, axis=1, keepdims=True)
-    complete: NDArray[np.bool_] = np.asarray(~np.isnan(scaled).any(axis=0))
+    complete: Mask = np.asarray(~np.isnan(scaled).any(axis=0))
     memory, whole = _memory(complete, len(rows))
     np.nan_to_num(scaled, copy=False)
     window = max(4, memory // 2)
@@ -102,18 +84,18 @@ def by_response(values: NDArray[np.float64], rows: list[int], *, least: float, a
     return _blows(excess, limit, errors[:2], alone, memory + window, least=least, apart=apart)
 
 
-def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs_of(mask: Mask) -> list[tuple[int, int]]:
     """First and one past the last index of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
-def longest_run(mask: NDArray[np.bool_]) -> tuple[int, int]:
+def longest_run(mask: Mask) -> tuple[int, int]:
     """The first of the longest runs of True; (0, 0) where there is none."""
     return max(runs_of(mask), key=lambda run: run[1] - run[0], default=(0, 0))
 
 
-def _memory(complete: NDArray[np.bool_], channels: int) -> tuple[int, NDArray[np.bool_]]:
+def _memory(complete: Mask, channels: int) -> tuple[int, Mask]:
     """Memory of the model, and the mask of rows (samples - memory,) of the fit that miss no sample."""
     memory = max(1, min(LONGEST_MEMORY, TERMS // channels, len(complete) // (ROWS_A_TERM * channels + 1)))
     counted = np.concatenate([[0], np.cumsum(~complete)])
@@ -123,18 +105,13 @@ def _memory(complete: NDArray[np.bool_], channels: int) -> tuple[int, NDArray[np
             return memory, whole
         memory //= 2
     need = 2 * (ROWS_A_TERM * channels + 1)
-    raise input_error(
-        "record",
-        "find_impacts",
-        f"have {need} samples or more with few missing, to find impacts in {channels} response channels",
-        f"has {len(complete)}, of which {int((~complete).sum())} miss a channel",
-        "Leave channels with gaps out by `channels`, or give the instants of the impacts.",
-    )
+    must = f"have {need} samples or more with few missing, to find impacts in {channels} response channels"
+    got = f"has {len(complete)}, of which {int((~complete).sum())} miss a channel"
+    remedy = "Leave channels with gaps out by `channels`, or give the instants of the impacts."
+    raise input_error("record", "find_impacts", must, got, remedy)
 
 
-def _errors(
-    scaled: NDArray[np.float64], memory: int, whole: NDArray[np.bool_], free: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def _errors(scaled: Floats, memory: int, whole: Mask, free: Mask) -> tuple[Floats, Floats, float]:
     """Squares of the errors of the predictions forwards and backwards (samples,), and the least that counts.
 
     They are in units of their own mean square over `free` rows and of channels; NaN where there is no prediction.
@@ -162,7 +139,7 @@ def _errors(
     return ahead, back, floor
 
 
-def _moments(in_time: NDArray[np.float64], free: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _moments(in_time: Floats, free: Mask) -> tuple[Floats, Floats]:
     r"""The mean and the covariance of the `free` rows, stretches of the samples in time (samples, channels).
 
     .. math:: G_{i+1,j+1} = G_{i,j} + \sum_{[a,b)} (x_{b+i} x_{b+j}^T - x_{a+i} x_{a+j}^T)
@@ -188,7 +165,7 @@ def _moments(in_time: NDArray[np.float64], free: NDArray[np.bool_]) -> tuple[NDA
     return mean, gram.reshape(size, size) / number - np.outer(mean, mean)
 
 
-def _filter(gram: NDArray[np.float64], channels: int, *, ahead: bool) -> NDArray[np.float64]:
+def _filter(gram: Floats, channels: int, *, ahead: bool) -> Floats:
     """Filter that makes the prediction error of a row's last (or first) sample out of the row, in order of time."""
     size = len(gram)
     target = slice(size - channels, size) if ahead else slice(0, channels)
@@ -200,13 +177,8 @@ def _filter(gram: NDArray[np.float64], channels: int, *, ahead: bool) -> NDArray
     return filters
 
 
-def _excess(
-    ahead: NDArray[np.float64], back: NDArray[np.float64], floor: float, window: int, channels: int
-) -> tuple[NDArray[np.float64], float]:
-    """The mean square error ahead of each instant and back before it, against what is usual (samples + 1,).
-
-    And what only an impact exceeds.
-    """
+def _excess(ahead: Floats, back: Floats, floor: float, window: int, channels: int) -> tuple[Floats, float]:
+    """The mean square error ahead of each instant and back before it, over the usual; what only an impact exceeds."""
     instants = np.arange(len(ahead) + 1)
     later, earlier = np.minimum(instants + window, len(ahead)), np.maximum(instants - window, 0)
     total, number = np.zeros((2, len(instants)))
@@ -229,7 +201,7 @@ def _excess(
     return excess, _limit(excess[::window], channels * window)
 
 
-def _limit(excess: NDArray[np.float64], terms: int) -> float:
+def _limit(excess: Floats, terms: int) -> float:
     """Threshold that only an impact exceeds, given the excess in every window and the number of squares in half of one.
 
     The scatter is that of white noise, or what the record shows where it is larger (chatter, a system not quite
@@ -241,14 +213,7 @@ def _limit(excess: NDArray[np.float64], terms: int) -> float:
 
 
 def _blows(
-    excess: NDArray[np.float64],
-    limit: float,
-    squares: tuple[NDArray[np.float64], NDArray[np.float64]],
-    alone: float,
-    reach: int,
-    *,
-    least: float,
-    apart: int,
+    excess: Floats, limit: float, squares: tuple[Floats, Floats], alone: float, reach: int, *, least: float, apart: int
 ) -> list[Blow]:
     """Stretches above the limit as blows, those closer than `apart` as one."""
     spans: list[tuple[int, int]] = []
@@ -269,9 +234,7 @@ def _blows(
     return [(a, b, size / strongest, double) for a, b, size, double in placed if size >= least * strongest]
 
 
-def _place(
-    ahead: NDArray[np.float64], back: NDArray[np.float64], low: int, high: int, alone: float
-) -> tuple[int, int, float]:
+def _place(ahead: Floats, back: Floats, low: int, high: int, alone: float) -> tuple[int, int, float]:
     """First sample of a blow, first after it that is free again, and how far its errors lie on their own sides.
 
     What is foretold forwards fails after the blow alone and backwards before it alone: the instant between the two is

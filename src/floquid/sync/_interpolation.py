@@ -10,15 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats, Indices
 from floquid._checks import finite, frozen_array, input_error, positive
 
-BAND = 0.8
-"""End of the pass band, as a share of the cut-off frequency, by default."""
-
-ACCURACY = 1e-6
-"""The error of interpolation, as a share of each line's amplitude, unless told."""
+BAND = 0.8  # end of the pass band, as a share of the cut-off frequency, by default
+ACCURACY = 1e-6  # the error of interpolation, as a share of each line's amplitude, unless told
 
 _MARGIN = 8.0
 # Ripple of the pass band, images and the ripple that the unit gain at zero moves add up to 5.2 times the ripple that
@@ -26,25 +24,22 @@ _MARGIN = 8.0
 # 1e-10 the formulas themselves fall short.
 _DEGREE = 20
 # Over one sampling interval a tap turns by less than 3 rad: Chebyshev coefficients fall below 1e-16 by here.
-_BLOCK = 1 << 18
-# Weights held at once (2 MB).
+_BLOCK = 1 << 18  # weights held at once (2 MB)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Kernel:
     """Weights of the samples about an instant, by its fractional delay."""
 
-    coefficients: NDArray[np.float64]
-    """Chebyshev coefficients (degree + 1, taps) of each tap over delays of 0 to 1 sample."""
-    half_width: int
-    """Samples used on either side of the instant: taps are twice as many."""
+    coefficients: Floats  # Chebyshev coefficients (degree + 1, taps) of each tap over delays of 0 to 1 sample
+    half_width: int  # samples used on either side of the instant: taps are twice as many
 
-    def weights(self, delays: NDArray[np.float64]) -> NDArray[np.float64]:
+    def weights(self, delays: Floats) -> Floats:
         """The weights (delays, taps) at `delays` [samples] in [0, 1] past the last sample before the instant."""
         return chebyshev.chebvander(2.0 * delays - 1.0, len(self.coefficients) - 1) @ self.coefficients
 
     @property
-    def offsets(self) -> NDArray[np.intp]:
+    def offsets(self) -> Indices:
         """Position of each tap (taps,) [samples] from the last sample before the instant."""
         return np.arange(1 - self.half_width, self.half_width + 1)
 
@@ -57,13 +52,8 @@ def design(sample_rate: float, cutoff: float, band: float, accuracy: float, of: 
     share = positive(cutoff, "cutoff", of, unit="Hz") / rate
     check_options(band, accuracy, of)
     if not 1e-4 <= share <= 0.5 * (1.0 + 1e-12):
-        raise input_error(
-            "cutoff",
-            of,
-            f"lie between 1e-4 of the sampling rate and half of it ({0.5 * rate:.6g} Hz)",
-            f"is {cutoff:.6g} Hz",
-            "Pass half the lower of the old rate and the new.",
-        )
+        must = f"lie between 1e-4 of the sampling rate and half of it ({0.5 * rate:.6g} Hz)"
+        raise input_error("cutoff", of, must, f"is {cutoff:.6g} Hz", "Pass half the lower of the old rate and the new.")
     n_taps, beta = _kaiser(20.0 * np.log10(_MARGIN / accuracy), 4.0 * (1.0 - band) * share)
     half = int(np.ceil(0.5 * (n_taps - 1)))
 
@@ -77,10 +67,7 @@ def design(sample_rate: float, cutoff: float, band: float, accuracy: float, of: 
 
 
 def _kaiser(attenuation: float, width: float) -> tuple[int, float]:
-    """Taps and β of Kaiser's window, of an attenuation [dB] and a transition over the Nyquist frequency (Kaiser 1974).
-
-    As `scipy.signal.kaiserord`, which takes a second to load.
-    """
+    """Taps and β of Kaiser's window (Kaiser 1974), as `scipy.signal.kaiserord`, which takes a second to load."""
     beta = 0.1102 * (attenuation - 8.7) if attenuation > 50.0 else 0.5842 * (attenuation - 21.0) ** 0.4
     if attenuation <= 50.0:
         beta += 0.07886 * (attenuation - 21.0)
@@ -105,10 +92,7 @@ def half_width(sample_rate: float, *, cutoff: float, band: float = BAND, accurac
     sum of ripple and images stay below the accuracy.) `sample_rate` is f_s [Hz]; `cutoff`, `band` and `accuracy` are
     those of `interpolate`.
 
-    Raises
-    ------
-    InputError
-        A parameter is not possible.
+    Raises InputError where a parameter is not possible.
     """
     return design(sample_rate, cutoff, band, accuracy, "half_width").half_width
 
@@ -121,12 +105,14 @@ def interpolation_error(
     band: float = BAND,
     accuracy: float = ACCURACY,
     growth: float = 0.0,
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""The largest error of `interpolate` over the fractional delay, of a response of unit amplitude (frequencies,).
 
     .. math:: \max_{0 \le d \le 1} \Bigl| \sum_n h(d - n)\, e^{(\sigma + 2\pi i f)(n - d)/f_s} - 1 \Bigr|
 
     Below band·cutoff it is at most the accuracy times :math:`e^{4|\sigma|h}`, h being the half-width [s].
+
+    Raises InputError where a parameter is not possible.
 
     Parameters
     ----------
@@ -136,11 +122,6 @@ def interpolation_error(
         As for `interpolate`.
     growth
         The rate σ [1/s] at which the response grows, or decays where it is negative.
-
-    Raises
-    ------
-    InputError
-        A parameter is not possible.
     """
     of = "interpolation_error"
     lines = frozen_array(frequencies, "frequencies", of, axes=("frequencies",))
@@ -160,7 +141,7 @@ def interpolate(
     cutoff: float,
     band: float = BAND,
     accuracy: float = ACCURACY,
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""Band-limited interpolation at any instants, by a sinc under a Kaiser window.
 
     .. math:: \hat y(t) = \sum_{|t - t_n| < h} \frac{2 f_c}{f_s}\operatorname{sinc}\bigl(2 f_c (t - t_n)\bigr)
@@ -173,6 +154,10 @@ def interpolate(
 
     and what lies beyond (2 - band)·cutoff is stopped to the accuracy. White noise of variance v comes out with a
     variance of about 2·cutoff/sample_rate·v.
+
+    Returns the channels at the instants (channels, times): NaN where the samples of `half_width` on either side are not
+    all in the record, and, channel by channel, where one of them is missing. Raises InputError where a parameter is not
+    possible.
 
     Parameters
     ----------
@@ -187,17 +172,6 @@ def interpolate(
     band, accuracy
         The pass band as a share of the cut-off (a narrower one needs fewer samples about each instant), and the error
         as a share of each line's amplitude.
-
-    Returns
-    -------
-    ndarray
-        The channels at the instants (channels, times). NaN where the samples of `half_width` on either side are not all
-        in the record, and, channel by channel, where one of them is missing.
-
-    Raises
-    ------
-    InputError
-        A parameter is not possible.
     """
     of = "interpolate"
     array = frozen_array(values, "values", of, axes=("channels", "samples"), missing=True)
@@ -217,9 +191,7 @@ def interpolate(
     return result
 
 
-def _weighted(
-    values: NDArray[np.float64], kernel: Kernel, before: NDArray[np.intp], delays: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _weighted(values: Floats, kernel: Kernel, before: Indices, delays: Floats) -> Floats:
     """The channels (channels, times) at ascending instants: a product with a sparse matrix, which hands NaN on."""
     from scipy.sparse import csr_array
 

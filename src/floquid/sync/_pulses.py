@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Indices
 from floquid._checks import input_error
 from floquid.core import Record, TachometerSignal, channels_named
 
@@ -18,23 +18,13 @@ RISE, FALL = 0.45, 0.25
 ENDS = (2, 1, 4)
 """Samples of base and of top that the sum over an edge takes in beyond the rise: filters ring, and noise adds up."""
 
-NEAR = 16
-"""The most samples beside an edge from which the levels there are taken: bases drift, and teeth differ in height."""
-
-CLEAR = 15.0
-"""Heights of pulses must be so many standard deviations of the base: the threshold is then six above it."""
-
-SEPARATE = 10.0
-"""Two levels are told from one by how far apart they are, in standard deviations of the lower."""
-
-MOSTLY = 0.6
-"""Fraction of the time beyond which a high level is the base of pulses that go down."""
-
-Samples = NDArray[np.float64]
-Indices = NDArray[np.intp]
+NEAR = 16  # most samples beside an edge from which the levels there are taken: bases drift, and teeth differ in height
+CLEAR = 15.0  # heights of pulses must be so many standard deviations of the base: the threshold is then six above it
+SEPARATE = 10.0  # two levels are told from one by how far apart they are, in standard deviations of the lower
+MOSTLY = 0.6  # fraction of the time beyond which a high level is the base of pulses that go down
 
 
-def pulse_times(record: Record, channel: str) -> NDArray[np.float64]:
+def pulse_times(record: Record, channel: str) -> Floats:
     r"""The times of the pulses of a channel, on the time axis of the record, ascending (pulses,) [s].
 
     .. math:: t = t_b - \Delta t \sum_{k=a}^{b} \frac{v_k - v_\mathrm{base}}{v_\mathrm{top} - v_\mathrm{base}}
@@ -49,18 +39,9 @@ def pulse_times(record: Record, channel: str) -> NDArray[np.float64]:
     pulse is left out whose edge (of a narrow one: any part) is cut by the record's ends or lacks samples. The base may
     drift by a twentieth of the height.
 
-    Parameters
-    ----------
-    record
-        The record.
-    channel
-        The name of the channel of pulses. Where the record's clock is a `TachometerSignal` of this channel, the
-        evenness is judged from one revolution to the next.
-
-    Raises
-    ------
-    InputError
-        There is no such channel, it holds fewer than two pulses, or they do not stand out of its noise.
+    Where the clock of the `record` is a `TachometerSignal` of this `channel`, the evenness is judged from one
+    revolution to the next. Raises InputError where there is no such channel, it holds fewer than two pulses, or they do
+    not stand out of its noise.
     """
     (row,) = channels_named(record.channels, [channel], argument="channel", of=OF)
     values = record.values[row]
@@ -87,7 +68,7 @@ class _Shape:
     rise: int
 
 
-def _excursions(heights: Samples) -> tuple[Indices, Indices]:
+def _excursions(heights: Floats) -> tuple[Indices, Indices]:
     """First sample of each pulse, and the first after it: between the thresholds, and in gaps, the state is kept."""
     state = np.zeros(len(heights), dtype=np.int8)
     state[heights > RISE] = 1
@@ -98,7 +79,7 @@ def _excursions(heights: Samples) -> tuple[Indices, Indices]:
     return turns[::2], turns[1::2]
 
 
-def _positions(heights: Samples, begins: Indices, ends: Indices, levels: Levels, lines: int) -> Samples:
+def _positions(heights: Floats, begins: Indices, ends: Indices, levels: Levels, lines: int) -> Floats:
     """Position of each pulse that is seen whole [samples]."""
     if len(begins) < 2:
         whole = (begins > 0) & (ends < len(heights))
@@ -117,7 +98,7 @@ def _positions(heights: Samples, begins: Indices, ends: Indices, levels: Levels,
     return min(estimates, key=lambda positions: _unevenness(positions, lines))
 
 
-def _rise(heights: Samples, begins: Indices, noise: float) -> int:
+def _rise(heights: Floats, begins: Indices, noise: float) -> int:
     """The samples that a typical leading edge has between base and top."""
     margin = max(0.1, 3.0 * noise)
     low, high = np.flatnonzero(heights < margin), np.flatnonzero(heights > 1.0 - margin)
@@ -128,14 +109,14 @@ def _rise(heights: Samples, begins: Indices, noise: float) -> int:
     return int(np.median(high[after[seen]] - low[before[seen]] - 1))
 
 
-def _windows(heights: Samples, starts: Indices, size: int) -> Samples:
+def _windows(heights: Floats, starts: Indices, size: int) -> Floats:
     """`size` samples from each start on (pulses, size); NaN beyond the record."""
     index = starts[:, None] + np.arange(size)
     inside = (index >= 0) & (index < len(heights))
     return np.where(inside, heights[np.clip(index, 0, len(heights) - 1)], np.nan)
 
 
-def _level(samples: Samples, default: float) -> Samples:
+def _level(samples: Floats, default: float) -> Floats:
     """The median of each row (pulses, 1), or the default where most of the row is missing."""
     few = np.isnan(samples).mean(axis=1) > 0.5 if samples.shape[1] >= 4 else np.ones(len(samples), dtype=bool)
     level = np.full(len(samples), default)
@@ -144,7 +125,7 @@ def _level(samples: Samples, default: float) -> Samples:
     return level[:, None]
 
 
-def _edges(heights: Samples, begins: Indices, shape: _Shape, half: int) -> Samples:
+def _edges(heights: Floats, begins: Indices, shape: _Shape, half: int) -> Floats:
     """Leading edges by the area method, each between its own base and its own top."""
     before = int(np.clip(shape.gap - 2 * half, 0, NEAR))
     after = int(np.clip(shape.width - 2 * half, 0, NEAR))
@@ -156,7 +137,7 @@ def _edges(heights: Samples, begins: Indices, shape: _Shape, half: int) -> Sampl
     return positions[np.isfinite(positions)]
 
 
-def _middles(heights: Samples, begins: Indices, ends: Indices, shape: _Shape) -> list[Samples]:
+def _middles(heights: Floats, begins: Indices, ends: Indices, shape: _Shape) -> list[Floats]:
     """Middles of narrow pulses: by the areas of their halves, and their centroids."""
     apart = shape.gap + shape.width
     half = max(min(int(np.ceil(0.5 * (shape.width + shape.rise))) + ENDS[0], int(0.5 * apart)), 1)
@@ -176,11 +157,11 @@ def _middles(heights: Samples, begins: Indices, ends: Indices, shape: _Shape) ->
     right = centroid >= middle
     before = np.where(right, window[:, : half + 1].sum(axis=1), window[:, :half].sum(axis=1))
     after = window.sum(axis=1) - before
-    halves: Samples = np.where(right, middle + 0.5, middle - 0.5) + 0.5 * (after - before)
+    halves: Floats = np.where(right, middle + 0.5, middle - 0.5) + 0.5 * (after - before)
     return [halves, np.asarray(centroid, dtype=np.float64)]
 
 
-def _unevenness(positions: Samples, lines: int) -> float:
+def _unevenness(positions: Floats, lines: int) -> float:
     """The median size of the second differences from one revolution to the next."""
     bends = positions[2 * lines :] - 2.0 * positions[lines:-lines] + positions[: -2 * lines]
     return float(np.median(np.abs(bends))) if len(bends) >= 4 else 0.0
@@ -196,7 +177,7 @@ class Levels:
     noise: float
 
 
-def find_levels(values: Samples, channel: str) -> Levels:
+def find_levels(values: Floats, channel: str) -> Levels:
     """The levels of the samples (samples,) of a channel."""
     finite = values[np.isfinite(values)]
     if len(finite) == 0 or np.ptp(finite) == 0.0:
@@ -227,7 +208,7 @@ def find_levels(values: Samples, channel: str) -> Levels:
     return Levels(base=base, height=height, polarity=polarity, noise=noise / height)
 
 
-def _two_levels(values: Samples) -> tuple[float, float, float]:
+def _two_levels(values: Floats) -> tuple[float, float, float]:
     """The medians of two groups of values, and what splits them: half-way between the two."""
     low, high = float(values.min()), float(values.max())
     for _ in range(50):
@@ -242,11 +223,11 @@ def _two_levels(values: Samples) -> tuple[float, float, float]:
     return low, high, 0.5 * (low + high)
 
 
-def _deviation(values: Samples, level: float) -> float:
+def _deviation(values: Floats, level: float) -> float:
     return 1.4826 * float(np.median(np.abs(values - level)))
 
 
-def _typical_height(above: Samples, noise: float) -> float:
+def _typical_height(above: Floats, noise: float) -> float:
     """Height of pulses, a few higher spikes and many lower ones left aside: of the highest, then the typical top."""
     largest = float(np.nanmax(above))
     high = np.nan_to_num(above, nan=-np.inf) > max(8.0 * noise, 0.05 * largest, 0.0)

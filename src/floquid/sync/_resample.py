@@ -7,20 +7,16 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Indices
 from floquid._checks import input_error, integer
 from floquid.core import ConstantPeriod, Cycles, Record
 from floquid.sync._impact_search import longest_run
 from floquid.sync._interpolation import ACCURACY, BAND, check_options, half_width, interpolate
 
-FEWEST_PHASES = 8
-"""The fewest samples a period that are chosen from a bandwidth, where the sampling rate allows them."""
-
-_FALSE_ALARM = 1e-3
-# The chance that a record of white noise alone seems to hold a response.
-_LENGTHS = (256, 1024, 4096, 16384)
-# Samples of the stretches whose spectra are looked at.
+FEWEST_PHASES = 8  # the fewest samples a period that are chosen from a bandwidth, where the sampling rate allows them
+_FALSE_ALARM = 1e-3  # the chance that a record of white noise alone seems to hold a response
+_LENGTHS = (256, 1024, 4096, 16384)  # samples of the stretches whose spectra are looked at
 _SMALLEST_LINE = 1e-12
 # Power, as a share of the strongest line's, below which a line is leakage or rounding and not a response.
 
@@ -34,11 +30,11 @@ class Shaft(Protocol):
         """Periods of the system in a revolution of the shaft."""
         ...
 
-    def angle(self, times: NDArray[np.float64], /) -> NDArray[np.float64]:
+    def angle(self, times: Floats, /) -> Floats:
         """The angle of the shaft (times,) [rad] at `times` [s]."""
         ...
 
-    def time_at(self, angle: NDArray[np.float64], /) -> NDArray[np.float64]:
+    def time_at(self, angle: Floats, /) -> Floats:
         """The time [s] at which the shaft comes by `angle` (angles,) [rad]."""
         ...
 
@@ -62,6 +58,9 @@ def resample(
     its samples on either side; with missing samples, the longest run of such cycles. The provenance says what was done
     and warns of a response beyond the pass band.
 
+    Raises InputError where the channels differ, there is not one clock a record, a period is shorter than two samples
+    or longer than its record, or no whole cycle has all the samples it needs.
+
     Parameters
     ----------
     records
@@ -74,12 +73,6 @@ def resample(
         more than the records' own samples a period.
     band, accuracy
         The pass band as a share of the cut-off f_c, and the error as a share of each line's amplitude.
-
-    Raises
-    ------
-    InputError
-        The channels differ, there is not one clock a record, a period is shorter than two samples or longer than its
-        record, or no whole cycle has all the samples it needs.
     """
     several = (records,) if isinstance(records, Record) else tuple(records)
     ties = (clocks,) if isinstance(clocks, (ConstantPeriod, Shaft)) else tuple(clocks)
@@ -105,8 +98,7 @@ class _Cut:
 
     clock: ConstantPeriod | Shaft
     first: int
-    bounds: NDArray[np.float64]
-    """Start of each cycle, and end of the last (cycles + 1,) [s]."""
+    bounds: Floats  # start of each cycle, and end of the last (cycles + 1,) [s]
 
     @classmethod
     def of(cls, record: Record, clock: ConstantPeriod | Shaft) -> _Cut:
@@ -118,13 +110,9 @@ class _Cut:
             low, high = np.asarray(clock.angle(ends)) * clock.periods_per_revolution / (2.0 * np.pi)
         first, last = int(np.ceil(low)), int(np.floor(high))
         if last <= first:
-            raise input_error(
-                "clocks",
-                "resample",
-                "have at least one whole period within each record",
-                f"one record of {record.duration:.6g} s holds {max(high - low, 0.0):.3g} periods",
-                "Check the unit of the period, or use a longer record.",
-            )
+            must = "have at least one whole period within each record"
+            got = f"one record of {record.duration:.6g} s holds {max(high - low, 0.0):.3g} periods"
+            raise input_error("clocks", "resample", must, got, "Check the unit of the period, or use a longer record.")
         # Of more periods than samples, which are refused below, not all bounds are made: there may be any number.
         bounds = instants(clock, np.arange(first, min(last, first + record.n_samples) + 1.0))
         if not (np.diff(bounds) > 0).all():
@@ -156,14 +144,14 @@ class _Cut:
         """The longest period [s]."""
         return float(np.diff(self.bounds).max())
 
-    def lengths(self, kept: slice) -> NDArray[np.float64]:
+    def lengths(self, kept: slice) -> Floats:
         """The length of each kept cycle (cycles,) [s]."""
         if isinstance(self.clock, ConstantPeriod):
             return np.full(kept.stop - kept.start, self.clock.period)
         return np.diff(self.bounds)[kept]
 
 
-def instants(clock: ConstantPeriod | Shaft, turns: NDArray[np.float64]) -> NDArray[np.float64]:
+def instants(clock: ConstantPeriod | Shaft, turns: Floats) -> Floats:
     """The times [s] at which the system has gone through `turns` periods since its phase zero."""
     if isinstance(clock, ConstantPeriod):
         return clock.origin + turns * clock.period
@@ -186,13 +174,10 @@ def _resampled(record: Record, cut: _Cut, phases: int, reach: float, band: float
     kept = slice(*longest_run(np.asarray(np.isfinite(values).all(axis=(0, 2)))))
     half = half_width(record.sample_rate, cutoff=cutoff, band=band, accuracy=accuracy)
     if kept.stop == kept.start:
-        raise input_error(
-            "records",
-            "resample",
-            f"hold a whole cycle with {half} samples on either side of each instant, none of them missing",
-            f"none of the {cut.n_cycles} cycles of one record has them",
-            "Use a longer record, a lower `accuracy` or a lower `band`.",
-        )
+        must = f"hold a whole cycle with {half} samples on either side of each instant, none of them missing"
+        got = f"none of the {cut.n_cycles} cycles of one record has them"
+        remedy = "Use a longer record, a lower `accuracy` or a lower `band`."
+        raise input_error("records", "resample", must, got, remedy)
     taken = values[:, kept]
     if taken.size < values.size:
         taken = taken.copy()  # what was left out is not held on to
@@ -229,24 +214,16 @@ def _check_alike(records: tuple[Record, ...], clocks: tuple[ConstantPeriod | Sha
         raise input_error("clocks", "resample", f"hold one for each of {len(records)} records", f"holds {len(clocks)}")
     for clock in clocks:
         if not isinstance(clock, (ConstantPeriod, Shaft)):
-            raise input_error(
-                "clocks",
-                "resample",
-                "be a ConstantPeriod or a shaft angle",
-                f"one is a {type(clock).__name__}",
-                "Find the shaft angle from the pulses or the azimuth channel first.",
-            )
+            must = "be a ConstantPeriod or a shaft angle"
+            remedy = "Find the shaft angle from the pulses or the azimuth channel first."
+            raise input_error("clocks", "resample", must, f"one is a {type(clock).__name__}", remedy)
     first = [(channel.name, channel.unit) for channel in records[0].channels]
     for number, record in enumerate(records[1:], start=2):
         other = [(channel.name, channel.unit) for channel in record.channels]
         if other != first:
-            raise input_error(
-                "records",
-                "resample",
-                "have the same channels, in the same units",
-                f"number 1 has {_words(first)} and number {number} has {_words(other)}",
-                "Choose common channels with `channels=`, in one order.",
-            )
+            got = f"number 1 has {_words(first)} and number {number} has {_words(other)}"
+            remedy = "Choose common channels with `channels=`, in one order."
+            raise input_error("records", "resample", "have the same channels, in the same units", got, remedy)
 
 
 def _words(channels: list[tuple[str, str]]) -> str:
@@ -280,13 +257,13 @@ def bandwidth(record: Record) -> float:
     )
 
 
-def _stretches(gaps: NDArray[np.intp], length: int) -> NDArray[np.intp]:
+def _stretches(gaps: Indices, length: int) -> Indices:
     """First samples of half overlapping stretches without a missing one; `gaps` counts those before each sample."""
     starts = np.arange(0, max(len(gaps) - length, 0), length // 2)
     return starts[gaps[starts + length] == gaps[starts]]
 
 
-def _highest_line(stretches: NDArray[np.float64], sample_rate: float, chance: float) -> float:
+def _highest_line(stretches: Floats, sample_rate: float, chance: float) -> float:
     """The highest line of any of the stretches (stretches, samples), or of all, above the white noise; 0 if none is."""
     # Not `scipy.signal`, `scipy.stats` and `scipy.ndimage`: those take longer to load than all else here takes.
     from scipy.special import chdtri
@@ -314,7 +291,7 @@ def _highest_line(stretches: NDArray[np.float64], sample_rate: float, chance: fl
     return float(frequencies[above][-1]) + 0.5 * sample_rate / length if above.any() else 0.0
 
 
-def _highest_near(power: NDArray[np.float64]) -> NDArray[np.float64]:
+def _highest_near(power: Floats) -> Floats:
     """The highest of each line and the five on either side, along the last axis."""
     padded = np.pad(power, [(0, 0)] * (power.ndim - 1) + [(5, 5)], mode="edge")
     return np.lib.stride_tricks.sliding_window_view(padded, 11, axis=-1).max(axis=-1)

@@ -19,13 +19,9 @@ def segment(records: Record | Sequence[Record]) -> tuple[Cycles, ...]:
 
     .. math:: \Delta t = T/P, \qquad t_{k + mP} = t_0 + (k + mP)\,\Delta t
 
-    (Allen 2009, before eq. 7.) The values are a view of the record. Records after the first lose the samples before
-    the first one's phase; a part of a period at the end is left out, and the provenance says so.
-
-    Parameters
-    ----------
-    records
-        One record, or one a hit on the same system: the same channels, rate and period.
+    (Allen 2009, before eq. 7.) The values are a view of the record. Records after the first lose the samples before the
+    first one's phase; a part of a period at the end is left out, and the provenance says so. `records` is one record,
+    or one a hit on the same system: the same channels, rate and period.
 
     Raises
     ------
@@ -60,22 +56,14 @@ def samples_per_period(record: Record) -> int:
     period = _clock(record).period
     exact = period * record.sample_rate
     if exact < 0.5:
-        raise input_error(
-            "period",
-            "segment",
-            f"be at least one sampling interval ({1.0 / record.sample_rate:.6g} s)",
-            f"{period:.6g} s is {exact:.4g} samples",
-            "Check the units of the period and of the sampling rate.",
-        )
+        must = f"be at least one sampling interval ({1.0 / record.sample_rate:.6g} s)"
+        got = f"{period:.6g} s is {exact:.4g} samples"
+        raise input_error("period", "segment", must, got, "Check the units of the period and of the sampling rate.")
     cycles = record.n_samples / exact
     if cycles < 1.0:
-        raise input_error(
-            "period",
-            "segment",
-            f"be shorter than the record ({record.duration:.6g} s)",
-            f"is {period:.6g} s",
-            "Check the unit of the period, or use a longer record.",
-        )
+        must = f"be shorter than the record ({record.duration:.6g} s)"
+        got = f"is {period:.6g} s"
+        raise input_error("period", "segment", must, got, "Check the unit of the period, or use a longer record.")
     phases = round(exact)
     if abs(exact - phases) * cycles > LARGEST_DRIFT:
         error = input_error(
@@ -94,15 +82,11 @@ def samples_per_period(record: Record) -> int:
 def rejoin(cycles: Cycles) -> Record:
     """The record of the cycles, end to end: the exact inverse of `segment` for whole periods.
 
-    Raises
-    ------
-    InputError
-        The cycles differ in length.
+    Raises InputError where the cycles differ in length.
     """
     if np.ptp(cycles.periods) > 1e-12 * cycles.period:
-        raise input_error(
-            "cycles", "rejoin", "have one period", f"has periods differing by {np.ptp(cycles.periods):g} s"
-        )
+        must = "have one period"
+        raise input_error("cycles", "rejoin", must, f"has periods differing by {np.ptp(cycles.periods):g} s")
     values = cycles.values.transpose(0, 2, 1).reshape(cycles.n_channels, -1)
     return Record(
         values=values,
@@ -116,13 +100,8 @@ def rejoin(cycles: Cycles) -> Record:
 
 def _clock(record: Record) -> ConstantPeriod:
     if record.clock is None:
-        raise input_error(
-            "records",
-            "segment",
-            "have a clock",
-            "the record has none",
-            "Give the period: `period=`, or `read(path, period=...)`.",
-        )
+        remedy = "Give the period: `period=`, or `read(path, period=...)`."
+        raise input_error("records", "segment", "have a clock", "the record has none", remedy)
     if not isinstance(record.clock, ConstantPeriod):
         must = "have a clock of constant period"
         remedy = "Resample the record to a whole number of samples a period first."
@@ -142,13 +121,9 @@ def _check_alike(first: Record, record: Record, number: int) -> None:
     }
     for what, (one, other) in facts.items():
         if one != other:
-            raise input_error(
-                "records",
-                "segment",
-                f"have the same {what}",
-                f"number 1 has {one} and number {number} has {other}",
-                "Choose common channels with `channels=`, in one order.",
-            )
+            must = f"have the same {what}"
+            got = f"number 1 has {one} and number {number} has {other}"
+            raise input_error("records", "segment", must, got, "Choose common channels with `channels=`, in one order.")
     for what, (one, other, unit) in numbers.items():
         if abs(one - other) > 1e-9 * one:
             error = input_error(
@@ -188,13 +163,8 @@ def _cut(record: Record, phases: int, phase: float) -> Cycles:
         raise NotSynchronousError(str(error), "phases")
     n_cycles = (record.n_samples - skip) // phases
     if n_cycles < 1:
-        raise input_error(
-            "records",
-            "segment",
-            "hold at least one whole period",
-            f"one has {record.n_samples} samples, {skip} of them before the first phase, at {phases} samples a period",
-            "Use a longer record.",
-        )
+        got = f"one has {record.n_samples} samples, {skip} of them before the first phase, at {phases} samples a period"
+        raise input_error("records", "segment", "hold at least one whole period", got, "Use a longer record.")
     used = record.values[:, skip : skip + n_cycles * phases]
     left = record.n_samples - n_cycles * phases
     step = f"cut into {n_cycles} periods of {phases} samples" + (f"; {left} samples left out" if left else "")

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats, Integers, Mask
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import AzimuthSignal, PulseTimes, Record, TachometerSignal
 from floquid.findings import Finding, note, texts, warning
@@ -18,15 +19,10 @@ from floquid.sync._count import count
 from floquid.sync._pulses import pulse_times
 from floquid.sync._steadiness import ROUGH, alike, gaps, outside, repairs, uneven, verdict
 
-APART = 2.0
-"""Revolutions between knots at least: less, and uneven lines would be taken for a change of speed."""
-
-GRID = 2000
-"""Instants at which the speed is looked at, at least."""
+APART = 2.0  # revolutions between knots at least: less, and uneven lines would be taken for a change of speed
+GRID = 2000  # instants at which the speed is looked at, at least
 
 TURN = 2.0 * np.pi
-
-Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,14 +58,14 @@ class ShaftAngle(Rebuilt):
 
     spline: AngleSpline
     periods_per_revolution: float
-    times: Values
-    residuals: Values
-    lines: NDArray[np.int64]
-    kept: NDArray[np.bool_]
+    times: Floats
+    residuals: Floats
+    lines: Integers
+    kept: Mask
     jitter: float
     jitter_unit: Literal["s", "rad"]
-    geometry: Values | None
-    geometry_std: Values | None
+    geometry: Floats | None
+    geometry_std: Floats | None
     n_pulses: int
     missing: int
     doubled: int
@@ -117,33 +113,30 @@ class ShaftAngle(Rebuilt):
         speed, std = self.spline.mean_speed()
         return self.period * std / speed
 
-    def angle(self, times: ArrayLike) -> Values:
+    def angle(self, times: ArrayLike) -> Floats:
         """The angle [rad] at `times` [s], unwrapped: zero at a pulse of line 0, or where the azimuth is."""
         return self._at(self.spline.angle, times, "angle")
 
-    def angle_std(self, times: ArrayLike) -> Values:
+    def angle_std(self, times: ArrayLike) -> Floats:
         """The standard deviation of the angle [rad] at `times` [s]."""
         return self._at(self.spline.angle_std, times, "angle_std")
 
-    def speed(self, times: ArrayLike) -> Values:
+    def speed(self, times: ArrayLike) -> Floats:
         """The speed [rad/s] at `times` [s]."""
         return self._at(self.spline.speed, times, "speed")
 
-    def speed_std(self, times: ArrayLike) -> Values:
+    def speed_std(self, times: ArrayLike) -> Floats:
         """The standard deviation of the speed [rad/s] at `times` [s]."""
         return self._at(self.spline.speed_std, times, "speed_std")
 
-    def time_at(self, angle: ArrayLike) -> Values:
+    def time_at(self, angle: ArrayLike) -> Floats:
         """When the shaft comes to `angle` [rad]: the time [s] of each, by Newton's method.
 
-        Raises
-        ------
-        InputError
-            An angle is not finite.
+        Raises InputError where an angle is not finite.
         """
         return self._at(self._times_at, angle, "time_at", argument="angle")
 
-    def _times_at(self, angles: Values) -> Values:
+    def _times_at(self, angles: Floats) -> Floats:
         grid = np.linspace(self.first, self.last, max(GRID, 8 * len(self.spline.knots)))
         known = self.spline.angle(grid)
         times = np.interp(angles, known, grid)
@@ -155,7 +148,7 @@ class ShaftAngle(Rebuilt):
         return times
 
     @staticmethod
-    def _at(function: Callable[[Values], Values], values: ArrayLike, method: str, argument: str = "times") -> Values:
+    def _at(function: Callable[[Floats], Floats], values: ArrayLike, method: str, argument: str = "times") -> Floats:
         shape = np.shape(values)
         flat = frozen_array(np.ravel(values), argument, f"ShaftAngle.{method}", axes=(argument,))
         return function(flat).reshape(shape)
@@ -170,16 +163,9 @@ def shaft_angle(record: Record) -> ShaftAngle:
     Akaike's corrected criterion prefers; a straight line, unless it is worse with a significance of 1 %. Pulses beyond
     six robust deviations are left out.
 
-    Parameters
-    ----------
-    record
-        A record whose clock is a `TachometerSignal`, an `AzimuthSignal` or `PulseTimes`.
-
-    Raises
-    ------
-    InputError
-        The clock is another, its channel is not in the record or holds no pulses or no angle, fewer than three pulses
-        are left, or the shaft stands still or turns back on the way.
+    The clock of the `record` is a `TachometerSignal`, an `AzimuthSignal` or `PulseTimes`. Raises InputError where the
+    clock is another, its channel is not in the record or holds no pulses or no angle, fewer than three pulses are left,
+    or the shaft stands still or turns back on the way.
     """
     clock = record.clock
     if not isinstance(clock, TachometerSignal | AzimuthSignal | PulseTimes):
@@ -243,13 +229,9 @@ def _of_pulses(record: Record, clock: TachometerSignal | PulseTimes) -> Evidence
     of_record = isinstance(clock, TachometerSignal)
     times = pulse_times(record, clock.channel) if of_record else clock.times
     if len(times) < 3:
-        raise input_error(
-            "record",
-            OF,
-            "have three pulses or more, for the speed and how well it is known",
-            f"has {len(times)}, at {times[0]:.6g} and {times[-1]:.6g} s",
-            "Use a longer record, or pass ConstantPeriod(period=..., origin=...) from these two.",
-        )
+        must = "have three pulses or more, for the speed and how well it is known"
+        remedy = "Use a longer record, or pass ConstantPeriod(period=..., origin=...) from these two."
+        raise input_error("record", OF, must, f"has {len(times)}, at {times[0]:.6g} and {times[-1]:.6g} s", remedy)
     found = count(times, lines)
     said = [warning("pulses_guessed", first=first, last=last) for first, last in found.doubtful]
     seen = len(np.unique(found.numbers % lines))

@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.findings import Finding, note, warning
 
 STEADY, USABLE = 0.01, 0.05
 """Wander of the speed, of its mean: below the one a periodic model holds, beyond the other it does not."""
 
-BEYOND = 1.5
-"""Revolutions outside the pulses that pass without a word: a record begins and ends between two pulses."""
-
-GAP = 3.0
-"""Revolutions without a pulse that are told of: what the speed did there is not in the deviation of the angle."""
-
-ALIKE = 0.4
-"""Correlation of neighbours in what is left over that is told of."""
-
-ROUGH = 0.01
-"""Scatter of pulses, in revolutions, that is too much for a good sensor on a shaft of steady speed."""
+BEYOND = 1.5  # revolutions outside the pulses that pass without a word: a record begins and ends between two pulses
+GAP = 3.0  # revolutions without a pulse that are told of: what the speed did there is not in the deviation of the angle
+ALIKE = 0.4  # correlation of neighbours in what is left over that is told of
+ROUGH = 0.01  # scatter of pulses, in revolutions, that is too much for a good sensor on a shaft of steady speed
 
 
 def verdict(wander: float, run: float, mean_speed: float) -> tuple[bool, Finding]:
@@ -46,7 +39,7 @@ def repairs(
     return said + [note(code, number=number, what=what) for code, number in wrong.items() if number]
 
 
-def uneven(offsets: NDArray[np.float64], offsets_std: NDArray[np.float64]) -> list[Finding]:
+def uneven(offsets: Floats, offsets_std: Floats) -> list[Finding]:
     """Finding on lines that are unevenly spaced beyond what chance explains."""
     known = np.isfinite(offsets) & (offsets_std > 0.0)
     n = int(known.sum())
@@ -60,7 +53,7 @@ def uneven(offsets: NDArray[np.float64], offsets_std: NDArray[np.float64]) -> li
     return [note("uneven_lines", lines=n, degrees=worst, percent=100.0 * worst / (360.0 / len(offsets)))]
 
 
-def gaps(times: NDArray[np.float64], mean_speed: float) -> list[Finding]:
+def gaps(times: Floats, mean_speed: float) -> list[Finding]:
     """Finding on stretches without evidence."""
     turns = np.diff(times) * mean_speed / (2.0 * np.pi)
     wide = np.flatnonzero(turns > max(GAP, 3.0 * float(np.median(turns))))
@@ -71,7 +64,7 @@ def gaps(times: NDArray[np.float64], mean_speed: float) -> list[Finding]:
     return [warning("angle_bridged", first=first, last=last, revolutions=turns[worst], more=len(wide) - 1)]
 
 
-def alike(residuals: NDArray[np.float64]) -> list[Finding]:
+def alike(residuals: Floats) -> list[Finding]:
     """Finding on residuals that follow one another: a random error differs from pulse to pulse."""
     power = float(residuals @ residuals)
     correlation = float(residuals[1:] @ residuals[:-1]) / power if power > 0.0 else 0.0

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from floquid import floquet
+from floquid._arrays import Complexes, Floats
 from floquid._checks import finite, input_error, integer, positive
 from floquid.core import Channel, ConstantPeriod, Provenance, Record
 from floquid.floquet import transition
 
 DampingForm = Literal["identity", "support"]
 
-LONGEST = 10**10
-"""Samples of each channel beyond which a record is a slip of the keyboard."""
+LONGEST = 10**10  # samples of each channel beyond which a record is a slip of the keyboard
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +37,9 @@ class JeffcottRotor:
 
     All is without dimension: time in 1/ω_n, ω_n = (k_Fx/m)^½; stiffness in k_Fx. The defaults are the paper's.
 
+    Raises InputError where a stiffness or the speed is not positive, the damping is negative, or the form of damping is
+    unknown.
+
     Parameters
     ----------
     rotor_x, rotor_y
@@ -49,11 +52,6 @@ class JeffcottRotor:
         The speed of the shaft, Ω/ω_n.
     damping_form
         "identity" for C = c_f I; "support" for C = c_f K_F, as the paper prints it.
-
-    Raises
-    ------
-    InputError
-        A stiffness or the speed is not positive, the damping is negative, or the form of damping is unknown.
     """
 
     rotor_x: float = 1.0
@@ -87,11 +85,11 @@ class JeffcottRotor:
             for axis in ("X", "Y")
         )
 
-    def stiffness(self, t: ArrayLike) -> NDArray[np.float64]:
+    def stiffness(self, t: ArrayLike) -> Floats:
         """The stiffness K(t) of the two sets of springs in series (..., 2, 2) (eq. 22)."""
         return self._stiffness_at(self.speed * np.asarray(t, dtype=np.float64))
 
-    def system(self, t: ArrayLike) -> NDArray[np.float64]:
+    def system(self, t: ArrayLike) -> Floats:
         """The state matrix A(t) = [[0, I], [-K, -C]] in the states [X, Y, X', Y'] (..., 4, 4)."""
         stiffness = self.stiffness(t)
         a = np.zeros((*stiffness.shape[:-2], 4, 4))
@@ -100,7 +98,7 @@ class JeffcottRotor:
         a[..., 2:, 2:] = -self._damping_matrix()
         return a
 
-    def outputs(self, t: ArrayLike) -> NDArray[np.float64]:
+    def outputs(self, t: ArrayLike) -> Floats:
         """The output matrix C(t) = [[I, 0], [M, 0]] of [X, Y, X_tt, Y_tt] (..., 4, 4).
 
         The turntable is massless, so the forces on it balance: u_tt = M u with M = (K_R' + K_F)^-1 K_R'.
@@ -111,7 +109,7 @@ class JeffcottRotor:
         c[..., 2:, :2] = m
         return c
 
-    def turntable_system(self, t: ArrayLike) -> NDArray[np.float64]:
+    def turntable_system(self, t: ArrayLike) -> Floats:
         """The state matrix A_tt = (S' + S A) S^-1 in the states [X_tt, Y_tt, X_tt', Y_tt'] (..., 4, 4).
 
         S = [[M, 0], [M', M]] takes the states of the mass to those of the turntable, u_tt = M u, at the times `t` [s].
@@ -124,11 +122,11 @@ class JeffcottRotor:
         s_rate[..., 2:, :2] = second
         return (s_rate + s @ self.system(t)) @ np.linalg.inv(s)
 
-    def frozen_frequencies(self, angle: ArrayLike) -> NDArray[np.float64]:
+    def frozen_frequencies(self, angle: ArrayLike) -> Floats:
         """The undamped natural frequencies with the shaft held at `angle` [rad], ascending (..., 2)."""
         return np.sqrt(np.linalg.eigvalsh(self._stiffness_at(np.asarray(angle, dtype=np.float64))))
 
-    def exponents(self) -> NDArray[np.complex128]:
+    def exponents(self) -> Complexes:
         """The four Floquet exponents on the principal branch, from the equations (modes,)."""
         return floquet.exponents(self.system, self.period)
 
@@ -150,6 +148,9 @@ class JeffcottRotor:
         period. The defaults are the paper's experiment (Allen 2009, section 3; its sampling interval of 0.126 is
         2π/50, rounded).
 
+        Raises InputError where a number is out of its range, or the response of an unstable rotor leaves the range of
+        floating point.
+
         Parameters
         ----------
         n_periods, samples_per_period
@@ -163,23 +164,13 @@ class JeffcottRotor:
             The direction α of the impulse on the mass, from X towards Y [deg].
         first_phase
             The phase φ of the period at which the impulse is given and the record begins, in [0, 1).
-
-        Raises
-        ------
-        InputError
-            A number is out of its range, or the response of an unstable rotor leaves the range of floating point.
         """
         of = "JeffcottRotor.simulate"
         periods = integer(n_periods, "n_periods", of, at_least=1)
         samples = integer(samples_per_period, "samples_per_period", of, at_least=1)
         if periods * samples > LONGEST:
-            raise input_error(
-                "n_periods",
-                of,
-                f"make at most {LONGEST:.0e} samples",
-                f"is {periods} of {samples} samples",
-                "Ask for less.",
-            )
+            must = f"make at most {LONGEST:.0e} samples"
+            raise input_error("n_periods", of, must, f"is {periods} of {samples} samples", "Ask for less.")
         level = _not_negative(noise, "noise", of, remedy="It is a fraction: 0.02 is 2 %.")
         generator = np.random.default_rng(integer(seed, "seed", of, at_least=0))
         direction = np.deg2rad(finite(impulse_deg, "impulse_deg", of, unit="deg"))
@@ -197,13 +188,9 @@ class JeffcottRotor:
             start=start,
         )
         if not np.isfinite(values).all():
-            raise input_error(
-                "n_periods",
-                of,
-                "end before the response overflows",
-                f"is {periods}, and this rotor is unstable",
-                "Take fewer periods or another speed.",
-            )
+            must = "end before the response overflows"
+            got = f"is {periods}, and this rotor is unstable"
+            raise input_error("n_periods", of, must, got, "Take fewer periods or another speed.")
         if level > 0.0:
             largest = np.abs(values).max(axis=1, keepdims=True)
             if not level * largest.max() < 1e300:
@@ -223,12 +210,12 @@ class JeffcottRotor:
             provenance=Provenance(sources=(words,)),
         )
 
-    def _damping_matrix(self) -> NDArray[np.float64]:
+    def _damping_matrix(self) -> Floats:
         if self.damping_form == "support":
             return self.damping * np.diag([self.support_x, self.support_y])
         return self.damping * np.eye(2)
 
-    def _rotor(self, angle: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _rotor(self, angle: Floats) -> tuple[Floats, Floats]:
         """K_R' and its derivative by twice the angle (..., 2, 2), from the half sum and difference of stiffnesses."""
         mean, half = 0.5 * (self.rotor_x + self.rotor_y), 0.5 * (self.rotor_x - self.rotor_y)
         c, s = half * np.cos(2.0 * angle), half * np.sin(2.0 * angle)
@@ -236,13 +223,13 @@ class JeffcottRotor:
         turned = np.stack([np.stack([-s, c], axis=-1), np.stack([c, s], axis=-1)], axis=-2)
         return mean * np.eye(2) + varying, turned
 
-    def _stiffness_at(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _stiffness_at(self, angle: Floats) -> Floats:
         rotor, _ = self._rotor(angle)
         support = np.diag([self.support_x, self.support_y])
         series = support @ np.linalg.solve(rotor + support, rotor)
         return 0.5 * (series + np.swapaxes(series, -1, -2))
 
-    def _turntable(self, t: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _turntable(self, t: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """M of u_tt = M u, and its first two derivatives in time (..., 2, 2).
 
         With N = (K_R' + K_F)^-1, M = I - N K_F and N' = -N K_R'' N, the primes of the rest being derivatives.
@@ -266,15 +253,15 @@ def _not_negative(value: object, argument: str, of: str, *, remedy: str = "") ->
 
 
 def free_response(
-    system: Callable[[ArrayLike], NDArray[np.float64]],
-    outputs: Callable[[ArrayLike], NDArray[np.float64]],
-    initial: NDArray[np.float64],
+    system: Callable[[ArrayLike], Floats],
+    outputs: Callable[[ArrayLike], Floats],
+    initial: Floats,
     *,
     period: float,
     n_periods: int,
     samples_per_period: int,
     start: float,
-) -> NDArray[np.float64]:
+) -> Floats:
     """The outputs y(t₀ + kT + τ) = C(τ) Φ(τ, t₀) Φ(t₀ + T, t₀)^k x(t₀) (channels, samples).
 
     A(t) is integrated over one period only, so that the error after k periods is k times that of one: about 1e-13 k of

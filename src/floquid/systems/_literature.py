@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array
+from floquid._arrays import Complexes, Floats
+from floquid._checks import Rebuilt
 from floquid.floquet import AbstractPeriodicMatrix, FunctionMatrix, PiecewiseMatrix
 
-Entries: TypeAlias = Callable[[NDArray[np.float64]], list[list[object]]]
+Entries: TypeAlias = Callable[[Floats], list[list[object]]]
 """Times (times,) -> the rows of A there, each entry a number or (times,)."""
 
 
@@ -37,12 +37,11 @@ class ReferenceSystem(Rebuilt):
     name: str
     source: str
     system: AbstractPeriodicMatrix
-    exponents: NDArray[np.complex128]
+    exponents: Complexes
     error: float = 0.0
 
     def __post_init__(self) -> None:
-        values = frozen_array(self.exponents, "exponents", "ReferenceSystem", dtype=np.complex128, axes=("modes",))
-        object.__setattr__(self, "exponents", values)
+        self._freeze(dtype=np.complex128, exponents=("modes",))
 
 
 def literature() -> tuple[ReferenceSystem, ...]:
@@ -122,29 +121,29 @@ def literature() -> tuple[ReferenceSystem, ...]:
     )
 
 
-def zhou_hagiwara(t: NDArray[np.float64]) -> list[list[object]]:
+def zhou_hagiwara(t: Floats) -> list[list[object]]:
     """The rows of A(t) of Zhou and Hagiwara."""
     s2, c2, s4 = np.sin(2 * t) ** 2, np.cos(2 * t) ** 2, np.sin(4 * t)
     return [[-1 - s2, 2 - 0.5 * s4], [-2 - 0.5 * s4, -1 - c2]]
 
 
-def vinograd(t: NDArray[np.float64]) -> list[list[object]]:
+def vinograd(t: Floats) -> list[list[object]]:
     """The rows of A(t) of Vinograd, whose frozen eigenvalues are -1 and -10 at every instant."""
     s, c = np.sin(6 * t), np.cos(6 * t)
     return [[-1 - 9 * c**2 + 12 * s * c, 12 * c**2 + 9 * s * c], [-12 * s**2 + 9 * s * c, -1 - 9 * s**2 - 12 * s * c]]
 
 
-def colaneri(t: NDArray[np.float64]) -> list[list[object]]:
+def colaneri(t: Floats) -> list[list[object]]:
     """The rows of A(t) of Colaneri, whose multipliers are 1 and e^{-48π}."""
     return [[0.0, 1.0], [-10 * np.cos(t), -24 - 10 * np.sin(t)]]
 
 
-def triangular(t: NDArray[np.float64]) -> list[list[object]]:
+def triangular(t: Floats) -> list[list[object]]:
     """The rows of A(t) of Bittanti and Colaneri."""
     return [[-1 + np.sin(t), 0.0], [1 - np.cos(t), -3.0]]
 
 
-def lossy_mathieu(t: NDArray[np.float64]) -> list[list[object]]:
+def lossy_mathieu(t: Floats) -> list[list[object]]:
     """The rows of A(t) of x'' + 0.1x' + 0.5(1 - 0.4 cos 2t)x = 0."""
     return [[0.0, 1.0], [-0.5 * (1 - 0.4 * np.cos(2 * t)), -0.1]]
 
@@ -162,7 +161,7 @@ def near_degenerate(b: float) -> Entries:
 def flapping(gamma: float, mu: float) -> Entries:
     """The rows of A(ψ) of a blade that flaps, by Lock number γ and advance ratio μ."""
 
-    def rows(t: NDArray[np.float64]) -> list[list[object]]:
+    def rows(t: Floats) -> list[list[object]]:
         damping = gamma / 8 * (1 + 4 / 3 * mu * np.sin(t))
         stiffness = 1 + gamma / 8 * (4 / 3 * mu * np.cos(t) + mu**2 * np.sin(2 * t))
         return [[0.0, 1.0], [-stiffness, -damping]]
@@ -179,7 +178,7 @@ def meissner(zeta: float) -> PiecewiseMatrix:
 def stacked(rows: Entries, period: float) -> FunctionMatrix:
     """A(t) from its rows."""
 
-    def system(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def system(times: Floats) -> Floats:
         entries = [
             [np.broadcast_to(np.asarray(entry, np.float64), times.shape) for entry in row] for row in rows(times)
         ]

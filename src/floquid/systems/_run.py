@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import finite, input_error, integer, positive
 from floquid._show import Brief
 from floquid.core import Channel, Provenance, Record, TachometerSignal
@@ -30,6 +31,8 @@ class Run(Brief):
 
     with an impulse at the first sample, and the rotor on the orbit of its imbalance before it.
 
+    Raises InputError where a number is out of its range.
+
     Parameters
     ----------
     rotor
@@ -52,11 +55,6 @@ class Run(Brief):
         The width of the tachometer's pulse, and its rise [deg].
     seed
         Seed of the noise and of the wander's phases.
-
-    Raises
-    ------
-    InputError
-        A number is out of its range.
     """
 
     rotor: JeffcottRotor = field(default_factory=JeffcottRotor)
@@ -88,11 +86,11 @@ class Run(Brief):
         return self.samples_per_period / self.rotor.period
 
     @property
-    def times(self) -> NDArray[np.float64]:
+    def times(self) -> Floats:
         """The time of each sample (samples,) [s]."""
         return np.arange(int(self.n_periods * self.samples_per_period)) / self.sample_rate
 
-    def angle(self, times: ArrayLike) -> NDArray[np.float64]:
+    def angle(self, times: ArrayLike) -> Floats:
         """The angle of the shaft (times,) [rad]."""
         t, length = np.asarray(times, float), REFERENCE * self.rotor.period
         phases = np.random.default_rng([self.seed, 1]).uniform(0.0, 2.0 * np.pi, len(SLOW))
@@ -119,7 +117,7 @@ class Run(Brief):
             provenance=Provenance(sources=(words,)),
         )
 
-    def responses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def responses(self) -> tuple[Floats, Floats]:
         """The free response to the impulse and the response to the imbalance, both (channels, samples)."""
         times = self.times
         outputs = self.rotor.outputs(self.angle(times) / self.rotor.speed)
@@ -131,13 +129,13 @@ class Run(Brief):
         forced = np.einsum("tcn,tn->ct", outputs, self._states(times, self._orbit(), 1.0))
         return free, forced * self.imbalance * np.abs(free[0]).max() / np.abs(forced[0]).max()
 
-    def _pulses(self) -> NDArray[np.float64]:
+    def _pulses(self) -> Floats:
         """A pulse of five volts once a revolution, with edges of finite steepness."""
         off = np.angle(np.exp(1j * self.angle(self.times)))
         half = 0.5 * np.deg2rad(self.pulse_deg)
         return 2.5 * (np.tanh((off + half) / (0.25 * half)) - np.tanh((off - half) / (0.25 * half)))
 
-    def _orbit(self) -> NDArray[np.float64]:
+    def _orbit(self) -> Floats:
         """The state on the orbit of the imbalance at the first sample, at the mean speed."""
         steps = 2 * STEPS_PER_PERIOD
         once = np.linspace(0.0, 2.0 * np.pi / self.rotor.speed, steps + 1)
@@ -145,7 +143,7 @@ class Run(Brief):
         driven = self._states(once, np.zeros(4), 1.0)[-1]
         return np.linalg.solve(np.eye(4) - homogeneous, driven)
 
-    def _states(self, times: NDArray[np.float64], initial: NDArray[np.float64], force: float) -> NDArray[np.float64]:
+    def _states(self, times: Floats, initial: Floats, force: float) -> Floats:
         """The states at equidistant times (times, 4): Magnus' method of fourth order, two Gauss points a step."""
         step = times[1] - times[0]
         per = max(1, int(np.ceil(STEPS_PER_PERIOD * step / self.rotor.period)))
@@ -164,7 +162,7 @@ class Run(Brief):
                 states[k // per] = state
         return states[:, :4]
 
-    def _rates(self, times: NDArray[np.float64], force: float) -> NDArray[np.float64]:
+    def _rates(self, times: Floats, force: float) -> Floats:
         """The rates of [u, u', 1] (times, 5, 5)."""
         angle, small = self.angle(times), 0.5e-4 * self.rotor.period
         speed = (self.angle(times + small) - self.angle(times - small)) / (2.0 * small)

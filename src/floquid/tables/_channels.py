@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe, input_error
 from floquid.core import Channel, ConstantPeriod, Record, channels_named
 from floquid.errors import InputError
@@ -26,10 +27,7 @@ def make_channel(source: Source, **words: Any) -> Channel:
 
 
 def make_channels(
-    source: Source,
-    names: Sequence[str],
-    units: Sequence[str] | None = None,
-    **words: Sequence[str | None] | None,
+    source: Source, names: Sequence[str], units: Sequence[str] | None = None, **words: Sequence[str | None] | None
 ) -> tuple[Channel, ...]:
     """The channels of a `source` by their `names` and `units`; other `words`, one a channel, as `Channel` has them."""
     given = {key: values for key, values in {"unit": units, **words}.items() if values is not None}
@@ -75,7 +73,7 @@ def with_units(channels: Sequence[Channel], units: Mapping[str, str] | None, sou
         raise source.wrapped(error) from None
 
 
-def real_row(values: NDArray[Any], name: object, source: Source) -> NDArray[np.float64]:
+def real_row(values: NDArray[Any], name: object, source: Source) -> Floats:
     """The `values` (samples,) of the channel `name` of a `source` as numbers."""
     if values.dtype.kind not in "biuf":
         remedy = "Pass its real part." if values.dtype.kind == "c" else "Leave it out, or turn it into numbers."
@@ -97,11 +95,8 @@ def number_in(source: Source, cell: str, line: int, column: str, *, remedy: str,
             raise ValueError(cell)
         return float(cell) if cell else np.nan
     except ValueError:
-        raise source.error(
-            "have a number in every cell",
-            f"has {(shown or cell)[:40]!r} in line {line}, column {column!r}",
-            remedy,
-        ) from None
+        must = "have a number in every cell"
+        raise source.error(must, f"has {(shown or cell)[:40]!r} in line {line}, column {column!r}", remedy) from None
 
 
 def stated_number(stated: Mapping[Any, Any], key: str, source: Source, *, above_zero: bool) -> float | None:
@@ -142,7 +137,7 @@ def clock_numbers(record: Record) -> dict[str, float]:
     return {"period": clock.period, "origin": clock.origin} if isinstance(clock, ConstantPeriod) else {}
 
 
-def orbit_of(record: Record) -> dict[str, NDArray[np.float64]]:
+def orbit_of(record: Record) -> dict[str, Floats]:
     """The orbit of `record`, by its name in our files; empty where there is none."""
     return {} if record.orbit is None else {"orbit": record.orbit}
 
@@ -150,38 +145,16 @@ def orbit_of(record: Record) -> dict[str, NDArray[np.float64]]:
 def refuse_blurred_times(record: Record) -> None:
     """Refuse to write times of a `record` of which neighbours are one number."""
     if np.spacing(np.abs(record.times).max()) * record.sample_rate > 0.01:
-        raise input_error(
-            "record",
-            "write",
-            "have times that a table of numbers can tell apart",
-            f"starts at {record.start:.6g} s with steps of {1.0 / record.sample_rate:.3g} s",
-            "Write it as .npz, or count its time from a nearer start.",
-        )
+        must = "have times that a table of numbers can tell apart"
+        got = f"starts at {record.start:.6g} s with steps of {1.0 / record.sample_rate:.3g} s"
+        raise input_error("record", "write", must, got, "Write it as .npz, or count its time from a nearer start.")
 
 
 _TIME_NAME = re.compile(
     r"(?:elapsed |relative )?(t|times?|time ?stamps?|zeit|temps|tiempo)(?:[ _.-](\w+))?", re.IGNORECASE
 )
-_OTHER_UNITS = {
-    "-",
-    "%",
-    "V",
-    "mV",
-    "uV",
-    "A",
-    "mA",
-    "Pa",
-    "kPa",
-    "MPa",
-    "bar",
-    "Nm",
-    "N.m",
-    "N m",
-    "Hz",
-    "rpm",
-    "RPM",
-    "°",
-}
+_OTHER_UNITS = {"-", "%", "°", "Hz", "rpm", "RPM", "V", "mV", "uV", "A", "mA"}
+_OTHER_UNITS |= {"Pa", "kPa", "MPa", "bar", "Nm", "N.m", "N m"}
 
 
 def name_and_unit(cell: str) -> tuple[str, str | None]:
@@ -218,9 +191,7 @@ def find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[
         if known is not None:
             return column, known
         if len(match[1]) > 1:
-            raise source.error(
-                "have its times in one of s, ms, us, ns, min, h",
-                f"has column {column + 1}, {name!r}, in {unit!r}",
-                "Export the times as numbers in seconds.",
-            )
+            must = "have its times in one of s, ms, us, ns, min, h"
+            got = f"has column {column + 1}, {name!r}, in {unit!r}"
+            raise source.error(must, got, "Export the times as numbers in seconds.")
     return None, None

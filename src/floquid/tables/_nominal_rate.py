@@ -9,6 +9,8 @@ from decimal import Decimal, InvalidOperation
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
+
 _EPS = float(np.finfo(np.float64).eps)
 _BLOCK = 1 << 16
 
@@ -26,7 +28,7 @@ class LineFit:
 
     start: float
     step: float
-    residuals: NDArray[np.float64]
+    residuals: Floats
     spread: float
 
     def step_std(self, quantum: float) -> float:
@@ -46,7 +48,7 @@ class LineFit:
         return max(self.step_std(quantum), slow, unused / np.sqrt(12.0)) / self.step**2
 
 
-def fit_line(positions: NDArray[np.float64], times: NDArray[np.float64]) -> LineFit:
+def fit_line(positions: Floats, times: Floats) -> LineFit:
     """The least squares line through `times` (rows,) [s] at the sample numbers `positions` (rows,)."""
     first = (times[-1] - times[0]) / (positions[-1] - positions[0])
     rest = times - times[0]
@@ -62,7 +64,7 @@ def fit_line(positions: NDArray[np.float64], times: NDArray[np.float64]) -> Line
     return LineFit(start=start, step=float(first) + change, residuals=rest, spread=spread)
 
 
-def _slow_scatter(residuals: NDArray[np.float64]) -> float:
+def _slow_scatter(residuals: Floats) -> float:
     """The variance that independent errors would need for the slow part of `residuals` (rows,): that of block means.
 
     Rounding repeats its pattern where a step is nearly a simple fraction of the quantum; averaged over blocks of √rows
@@ -81,7 +83,7 @@ def _slow_scatter(residuals: NDArray[np.float64]) -> float:
 class Rounding:
     """Rounding of a time column: to the `quantum` (rows,) [s] of each time, and the same in `words`."""
 
-    quantum: NDArray[np.float64]
+    quantum: Floats
     words: str
 
     @property
@@ -129,7 +131,7 @@ def rounding(times: NDArray[np.floating], scale: float) -> Rounding:
     return Rounding(quantum=np.broadcast_to(quantum, len(values)), words=words)
 
 
-def _decades_and_decimals(size: NDArray[np.float64]) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+def _decades_and_decimals(size: Floats) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     """Of each non-negative number the decade (0 of zero), and how many decimals it needs (rows,)."""
     decade, decimals = np.zeros(len(size), np.int16), np.zeros(len(size), np.int16)
     for first in range(0, len(size), _BLOCK):  # block by block: a long column is held once, not ten times
@@ -139,7 +141,7 @@ def _decades_and_decimals(size: NDArray[np.float64]) -> tuple[NDArray[np.int16],
     return decade, decimals
 
 
-def _decimals(size: NDArray[np.float64]) -> NDArray[np.float64]:
+def _decimals(size: Floats) -> Floats:
     """Number of decimals of each non-negative number (rows,), as far as double precision can tell."""
     decimals = np.zeros(len(size))
     left = np.arange(len(size))
@@ -153,9 +155,7 @@ def _decimals(size: NDArray[np.float64]) -> NDArray[np.float64]:
     return decimals
 
 
-def nominal_rate(
-    positions: NDArray[np.float64], times: NDArray[np.float64], rounding: Rounding, line: LineFit
-) -> float | None:
+def nominal_rate(positions: Floats, times: Floats, rounding: Rounding, line: LineFit) -> float | None:
     """The round rate [Hz] that the column clearly means, or None.
 
     A candidate is a rate of acquisition hardware, a whole number of hertz, or a rate or a step of few significant
@@ -267,13 +267,7 @@ def rate_of_step(step: float) -> float:
     return whole if abs(whole - rate) <= 4.0 * _EPS * rate else rate
 
 
-def _explains(
-    step: float,
-    positions: NDArray[np.float64],
-    times: NDArray[np.float64],
-    rounding: Rounding,
-    line: LineFit,
-) -> bool:
+def _explains(step: float, positions: Floats, times: Floats, rounding: Rounding, line: LineFit) -> bool:
     """True where some line of this step runs within half the rounding of every time."""
     rest = times - positions * step
     half = rounding.quantum / 2.0

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import finite, input_error, positive
 from floquid._show import Brief
 from floquid.core import Channel, ConstantPeriod, Provenance, Record
@@ -43,7 +44,7 @@ class Table(Brief):
         Sentences on what else there is.
     """
 
-    values: NDArray[np.float64]
+    values: Floats
     channels: tuple[Channel, ...]
     kind: str = "a file"
     time: TimeColumn | None = None
@@ -53,7 +54,7 @@ class Table(Brief):
     start: float | None = None
     period: float | None = None
     origin: float | None = None
-    orbit: NDArray[np.float64] | None = None
+    orbit: Floats | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -65,11 +66,8 @@ def check_table(table: Table, source: Source) -> None:
     if len(bad):
         row, sample = (int(index) for index in bad[0])
         first = f"the first in channel {table.channels[row].name!r}, sample {sample}"
-        raise source.error(
-            "hold finite samples (NaN alone marks a missing one)",
-            f"has {len(bad)} in `values` that are not, {first}",
-            "Save NaN in their place.",
-        )
+        must = "hold finite samples (NaN alone marks a missing one)"
+        raise source.error(must, f"has {len(bad)} in `values` that are not, {first}", "Save NaN in their place.")
     for key in ("sample_rate", "period"):
         stated = getattr(table, key)
         if stated is not None and not (np.isfinite(stated) and stated > 0.0):
@@ -88,11 +86,8 @@ def record_of(
     check_table(table, source)
     axis = settle_axis(table, source, rate)
     if axis is None:
-        raise source.error(
-            "say its sampling rate",
-            "has neither a rate nor a column of times",
-            f"Pass {OPTION} [Hz], or call the times in it `time` (in a text table `time [s]`).",
-        )
+        remedy = f"Pass {OPTION} [Hz], or call the times in it `time` (in a text table `time [s]`)."
+        raise source.error("say its sampling rate", "has neither a rate nor a column of times", remedy)
     clock = _clock(table, source, period, origin)
     values = axis.place(table.values)
     step = step or f"Took {values.shape[0]} channels of {values.shape[1]} samples from {table.kind}."
@@ -123,9 +118,8 @@ def _clock(table: Table, source: Source, period: float | None, origin: float) ->
         except InputError as error:
             raise source.wrapped(error) from None
     if origin != 0.0:
-        raise input_error(
-            "origin", source.of, "come with a period", f"is {origin:g} without one", "Pass `period` [s] too."
-        )
+        must = "come with a period"
+        raise input_error("origin", source.of, must, f"is {origin:g} without one", "Pass `period` [s] too.")
     return None
 
 
@@ -150,11 +144,8 @@ def settle_axis(table: Table, source: Source, rate: float | None) -> TimeAxis | 
     drift = abs(stated / fitted.sample_rate - 1.0) * (table.values.shape[1] - 1)
     if drift > 0.5 and table.binding:
         times_say = f"its times make {fitted.sample_rate:.12g} Hz: {drift:.3g} samples apart at its end"
-        raise source.error(
-            "state the rate that its times have",
-            f"states {stated:.12g} Hz, while {times_say}",
-            f"Pass {OPTION} [Hz] to say which is right.",
-        )
+        got = f"states {stated:.12g} Hz, while {times_say}"
+        raise source.error("state the rate that its times have", got, f"Pass {OPTION} [Hz] to say which is right.")
     if drift > 0.5:
         note = f"A rate of {stated:.12g} Hz is stated, which is not that of the times: the times are believed."
         return replace(fitted, notes=(*fitted.notes, note))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers
 from floquid._show import Brief
 from floquid.errors import InputError
 from floquid.io import Source
@@ -34,8 +35,7 @@ hundredth of a step is a phase error of 0.0016 rad, and sums of a rounded step w
 MAX_GROWTH = 2
 """Gaps are filled while the record stays within so many times its own length: a crafted time allocates no more."""
 
-_COARSE = 0.25
-"""Rounding, in steps, from which the length of a gap can no longer be read off by itself."""
+_COARSE = 0.25  # rounding, in steps, from which the length of a gap can no longer be read off by itself
 
 _FARTHEST, _SHORTEST = 1e13, 1e-15
 """Bounds on a time and on a step [s]; beyond them the numbers are not times, and their squares overflow."""
@@ -77,10 +77,10 @@ class TimeAxis(Brief):
 
     sample_rate: float
     start: float
-    positions: NDArray[np.int64] | None = None
+    positions: Integers | None = None
     notes: tuple[str, ...] = ()
 
-    def place(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def place(self, values: Floats) -> Floats:
         """The rows of the file, `values`, at their samples, NaN in the gaps (channels, samples); read-only."""
         if self.positions is not None:
             placed = np.full((len(values), int(self.positions[-1]) + 1), np.nan)
@@ -129,22 +129,17 @@ def repair(column: TimeColumn, source: Source) -> TimeAxis:
     )
 
 
-def _check_order(times: NDArray[np.float64], label: str, source: Source) -> None:
+def _check_order(times: Floats, label: str, source: Source) -> None:
     if len(times) < 2:
         raise source.error("hold at least two samples", "holds one", "A rate cannot be had from one: export more.")
     bad = np.flatnonzero(~np.isfinite(times))
     if bad.size:
-        raise source.error(
-            "have a finite time for every sample",
-            f"has {bad.size} in `{label}` that are not, the first of them {times[bad[0]]:g} at sample {bad[0] + 1}",
-            f"Leave such rows out, or {_IGNORE}",
-        )
+        got = f"has {bad.size} in `{label}` that are not, the first of them {times[bad[0]]:g} at sample {bad[0] + 1}"
+        raise source.error("have a finite time for every sample", got, f"Leave such rows out, or {_IGNORE}")
     if np.abs(times).max() > _FARTHEST or 0.0 < times[-1] - times[0] < _SHORTEST * len(times):
-        raise source.error(
-            "have times in seconds, or a time column with its unit in brackets",
-            f"has times from {times[0]:.6g} s to {times[-1]:.6g} s in `{label}`",
-            "Write the unit of the times in brackets, as in `time [ms]`.",
-        )
+        must = "have times in seconds, or a time column with its unit in brackets"
+        got = f"has times from {times[0]:.6g} s to {times[-1]:.6g} s in `{label}`"
+        raise source.error(must, got, "Write the unit of the times in brackets, as in `time [ms]`.")
     steps = np.diff(times)
     back, repeated = np.flatnonzero(steps < 0), np.flatnonzero(steps == 0)
     if not back.size and not repeated.size:
@@ -163,7 +158,7 @@ def _is_even(line: LineFit, rounded: Rounding) -> bool:
     return line.step > 0 and bool((np.abs(line.residuals) <= allowed + JITTER * line.step).all())
 
 
-def _whole_steps(times: NDArray[np.float64], rounded: Rounding) -> float | None:
+def _whole_steps(times: Floats, rounded: Rounding) -> float | None:
     """The step [s], if nearly all steps are exactly it and the others whole multiples that can only be gaps.
 
     For times rounded about as coarsely as they are spaced. 0.01, 0.02, 0.04, 0.05 s may be 100 Hz with a sample lost or
@@ -189,19 +184,15 @@ def _whole_steps(times: NDArray[np.float64], rounded: Rounding) -> float | None:
     return step
 
 
-def _positions_with_gaps(
-    times: NDArray[np.float64], rounded: Rounding, whole: float | None, label: str, source: Source
-) -> NDArray[np.float64]:
+def _positions_with_gaps(times: Floats, rounded: Rounding, whole: float | None, label: str, source: Source) -> Floats:
     """The sample number k_n of each time, when some steps are whole multiples of the shortest."""
     steps = np.diff(times)
     width = int(min(16, max(1, len(steps) // 4)))  # several steps together, of which rounding is a smaller part
     step = float(np.median(times[width:] - times[:-width])) / width if whole is None else whole
     if whole is None and rounded.coarsest > _COARSE * step:
-        raise source.error(
-            "have times of more digits than one step, or no gaps",
-            f"has uneven steps of about {step:.3g} s in `{label}`, with times {rounded.words}",
-            f"Export the times with more digits. {_RESAMPLE}",
-        )
+        must = "have times of more digits than one step, or no gaps"
+        got = f"has uneven steps of about {step:.3g} s in `{label}`, with times {rounded.words}"
+        raise source.error(must, got, f"Export the times with more digits. {_RESAMPLE}")
     positions = np.zeros(len(times))
     for _ in range(2):  # the second time with the step of the whole column
         positions[1:] = np.cumsum(np.maximum(np.rint(steps / step), 1.0))
@@ -216,23 +207,18 @@ def _positions_with_gaps(
     return positions
 
 
-def _uneven(times: NDArray[np.float64], line: LineFit, label: str, source: Source) -> InputError:
+def _uneven(times: Floats, line: LineFit, label: str, source: Source) -> InputError:
     steps = np.diff(times)
     worst = int(np.argmax(np.abs(steps - np.median(steps))))
-    return source.error(
-        "have evenly spaced times (a gap must be a whole number of steps)",
+    got = (
         f"has steps from {steps.min():.6g} s to {steps.max():.6g} s in `{label}`, the oddest after sample {worst + 1}, "
-        f"{np.abs(line.residuals).max() / line.step:.3g} of a step from even",
-        _RESAMPLE,
+        f"{np.abs(line.residuals).max() / line.step:.3g} of a step from even"
     )
+    return source.error("have evenly spaced times (a gap must be a whole number of steps)", got, _RESAMPLE)
 
 
 def _notes(
-    line: LineFit,
-    rounded: Rounding,
-    nominal: float | None,
-    positions: NDArray[np.float64],
-    times: NDArray[np.float64],
+    line: LineFit, rounded: Rounding, nominal: float | None, positions: Floats, times: Floats
 ) -> tuple[str, ...]:
     fit = _with_error(1.0 / line.step, line.rate_std(rounded.coarsest))
     if nominal is None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import finite, frozen_array, input_error, integer, positive
 from floquid.floquet import FunctionMatrix
 
@@ -21,6 +22,9 @@ def system_with_exponents(
     at all times. The harmonics of the shapes and of A have no end, and fall as powers of the strength. G turns the
     plane of each pair of real negative multipliers by half a turn a period. Floquet 1883, read from right to left.
 
+    Raises InputError where an exponent has no conjugate, real negative multipliers are odd in number, or a number is
+    out of its range.
+
     Parameters
     ----------
     exponents
@@ -30,11 +34,6 @@ def system_with_exponents(
         The period T [s].
     seed, n_harmonics, strength
         The seed of the random shapes; M, at least 1; how far the shapes are from constant ones, in [0, 1).
-
-    Raises
-    ------
-    InputError
-        An exponent has no conjugate, real negative multipliers are odd in number, or a number is out of its range.
     """
     of = "system_with_exponents"
     length = positive(period, "period", of, unit="s")
@@ -51,7 +50,7 @@ def system_with_exponents(
     frame = np.linalg.qr(generator.standard_normal((n, n)))[0]
     spin = 0.5 * fundamental * (turning - turning.T)
 
-    def system(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def system(times: Floats) -> Floats:
         t = np.asarray(times, dtype=np.float64)
         c, s = np.cos(np.multiply.outer(t, orders)), np.sin(np.multiply.outer(t, orders))
         inner = np.eye(n) + np.tensordot(c, waves[0], 1) + np.tensordot(s, waves[1], 1)
@@ -64,14 +63,14 @@ def system_with_exponents(
     return FunctionMatrix(function=system, period=length, vectorised=True)
 
 
-def _turned(turning: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def _turned(turning: Floats, angle: Floats) -> Floats:
     """The rotation by `angle` (times,) of each marked plane (times, n, n)."""
     marked = np.diag((turning + turning.T).sum(axis=0))
     still = np.eye(len(turning)) - marked
     return still + np.cos(angle)[:, None, None] * marked + np.sin(angle)[:, None, None] * (turning - turning.T)
 
 
-def _real_form(exponents: NDArray[np.complex128], period: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _real_form(exponents: Complexes, period: float) -> tuple[Floats, Floats]:
     """R, real and block diagonal, and a one below each plane that turns by half a turn a period."""
     of = "system_with_exponents"
     fundamental = 2.0 * np.pi / period
@@ -93,13 +92,9 @@ def _real_form(exponents: NDArray[np.complex128], period: float) -> tuple[NDArra
     if lower or place != 2 * len(upper):
         raise input_error("exponents", of, "hold the conjugate of each complex one", f"are {exponents.tolist()}")
     if negative.sum() % 2:
-        raise input_error(
-            "exponents",
-            of,
-            "have an even number of real negative multipliers",
-            f"have {int(negative.sum())}",
-            "An odd number would make det Φ(T, 0) negative, which no real A(t) does.",
-        )
+        must = "have an even number of real negative multipliers"
+        remedy = "An odd number would make det Φ(T, 0) negative, which no real A(t) does."
+        raise input_error("exponents", of, must, f"have {int(negative.sum())}", remedy)
     halves = exponents[negative].real
     planes = np.arange(place, place + len(halves), 2)
     turning[planes + 1, planes] = 1.0

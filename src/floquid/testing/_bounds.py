@@ -5,29 +5,30 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from floquid._checks import frozen_array, input_error, positive
+from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
+from floquid._checks import frozen_array, input_error, noise_array, positive
 
 
 @dataclass(frozen=True, slots=True)
 class Known:
     """A known model over noise: multipliers closed under conjugation, `size` 2 for a pair and 1 for a real one."""
 
-    multipliers: NDArray[np.complex128]
-    residues: NDArray[np.complex128]
-    lengths: NDArray[np.int64]
+    multipliers: Complexes
+    residues: Complexes
+    lengths: Integers
     dt: float
-    upper: NDArray[np.intp]
-    partner: NDArray[np.intp]
+    upper: Indices
+    partner: Indices
 
     @property
-    def size(self) -> NDArray[np.int64]:
+    def size(self) -> Integers:
         """The number of poles behind each of the upper ones (upper,)."""
         return np.where(self.partner[self.upper] == self.upper, 1, 2)
 
     @property
-    def logs(self) -> NDArray[np.complex128]:
+    def logs(self) -> Complexes:
         """The logarithms of the multipliers (modes,)."""
         return np.asarray(np.log(self.multipliers), dtype=np.complex128)
 
@@ -36,16 +37,10 @@ def known_model(
     multipliers: ArrayLike, residues: ArrayLike, noise: ArrayLike, lengths: ArrayLike, dt: float, of: str
 ) -> Known:
     """The arguments checked, the residues over their noise."""
-    mu: NDArray[np.complex128] = frozen_array(
-        multipliers, "multipliers", of, axes=("modes",), dtype=np.complex128
-    ).copy()
-    free: NDArray[np.complex128] = frozen_array(
-        residues, "residues", of, axes=(len(mu), "outputs", "inputs"), dtype=np.complex128
-    )
-    std = frozen_array(noise, "noise", of, axes=free.shape[1:])
+    mu: Complexes = frozen_array(multipliers, "multipliers", of, axes=("modes",), dtype=np.complex128).copy()
+    free: Complexes = frozen_array(residues, "residues", of, axes=(len(mu), "outputs", "inputs"), dtype=np.complex128)
+    std = noise_array(noise, of, free.shape[1:], remedy="Give noise-free responses their rounding.")
     samples = frozen_array(lengths, "lengths", of, axes=(free.shape[2],), dtype=np.int64)
-    if not (std > 0).all():
-        raise input_error("noise", of, "be positive", f"has {std.min():g}", "Give noise-free responses their rounding.")
     if (mu == 0).any():
         raise input_error("multipliers", of, "not be zero", f"holds {int((mu == 0).sum())} zeros")
     if len(mu) >= samples.min():
@@ -66,7 +61,7 @@ def known_model(
 
 def cramer_rao_bound(
     multipliers: ArrayLike, residues: ArrayLike, noise: ArrayLike, lengths: ArrayLike, dt: float
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""The least covariance that an unbiased estimate of the poles can have, the residues being unknown too.
 
     .. math:: y_{oi}[k] = \sum_r R_{r,oi} \mu_r^k + \sigma_{oi} n[k], \qquad
@@ -79,6 +74,9 @@ def cramer_rao_bound(
     Pereyra 1973; Stoica and Nehorai 1989). A real multiplier has no imaginary part to estimate. Where modes coincide
     the variance is very large rather than infinite.
 
+    The bound is that of the poles ln μ / dt (2 modes, 2 modes), real parts, then imaginary parts [1/s²]. Raises
+    InputError where a shape or a value is not possible, a conjugate is missing, or there are as many poles as samples.
+
     Parameters
     ----------
     multipliers, residues
@@ -87,21 +85,11 @@ def cramer_rao_bound(
         The standard deviations of the white noise (outputs, inputs) [units of the responses].
     lengths, dt
         The number of samples of each input (inputs,), and the sampling interval [s].
-
-    Returns
-    -------
-    ndarray
-        The bound of the poles ln μ / dt (2 modes, 2 modes), real parts, then imaginary parts [1/s²].
-
-    Raises
-    ------
-    InputError
-        A shape or a value is not possible, a conjugate is missing, or there are as many poles as samples.
     """
     return bound_of(known_model(multipliers, residues, noise, lengths, dt, "cramer_rao_bound"))
 
 
-def bound_of(known: Known) -> NDArray[np.float64]:
+def bound_of(known: Known) -> Floats:
     """The Cramér-Rao bound of all poles, conjugates included."""
     n, at, size = len(known.multipliers), known.upper, known.size
     if not n:
@@ -125,7 +113,7 @@ def bound_of(known: Known) -> NDArray[np.float64]:
     return onto @ small @ onto.T / known.dt**2
 
 
-def _inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse(information: Floats) -> Floats:
     """The inverse by way of a unit diagonal; a direction without information has a very large variance."""
     scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
@@ -140,23 +128,21 @@ class Projected:
     `scale` is what each column was multiplied by: a growing mode must not overflow.
     """
 
-    basis: NDArray[np.float64]
-    triangle: NDArray[np.float64]
-    slopes: NDArray[np.complex128]
-    scale: NDArray[np.float64]
+    basis: Floats
+    triangle: Floats
+    slopes: Complexes
+    scale: Floats
 
 
-def columns_of(
-    logs: NDArray[np.complex128], real: NDArray[np.bool_], samples: int
-) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
+def columns_of(logs: Complexes, real: Mask, samples: int) -> tuple[Complexes, Floats, Floats]:
     """The columns e^{sk} scaled (samples, n), their real form (samples, poles), and the scale (n,)."""
     last = np.where(logs.real > 0, (samples - 1) * logs.real, 0.0)
     exponent = np.arange(samples)[:, None] * logs - last
-    columns: NDArray[np.complex128] = np.where(np.real(exponent) > -138.0, np.exp(exponent), 0.0)
+    columns: Complexes = np.where(np.real(exponent) > -138.0, np.exp(exponent), 0.0)
     return columns, np.concatenate([columns.real, columns.imag[:, ~real]], axis=1), np.exp(-last)
 
 
-def projected(logs: NDArray[np.complex128], real: NDArray[np.bool_], samples: int) -> Projected:
+def projected(logs: Complexes, real: Mask, samples: int) -> Projected:
     """The basis and the projected slopes of poles with logarithms s (n,), one a pair, `real` where one is its own."""
     columns, flat, scale = columns_of(logs, real, samples)
     q, r = np.linalg.qr(flat)
@@ -165,18 +151,15 @@ def projected(logs: NDArray[np.complex128], real: NDArray[np.bool_], samples: in
     return Projected(q, r, slopes, scale)
 
 
-def parameters(real: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.complex128]]:
-    """The real parameters: which logarithm each belongs to, and what it multiplies R d by in the response.
-
-    A pair is twice the real part of one of its two modes: 2 for the real part of its logarithm, 2i for the imaginary.
-    """
+def parameters(real: Mask) -> tuple[Indices, Complexes]:
+    """The real parameters: which logarithm each belongs to, and what it multiplies R d by in the response."""
     pairs = np.flatnonzero(~real)
     turn = np.zeros(len(real) + len(pairs), np.complex128)
     turn[: len(real)], turn[len(real) :] = np.where(real, 1.0, 2.0), 2.0j
     return np.concatenate([np.arange(len(real)), pairs]), turn
 
 
-def information(block: Projected, residues: NDArray[np.complex128], real: NDArray[np.bool_]) -> NDArray[np.float64]:
+def information(block: Projected, residues: Complexes, real: Mask) -> Floats:
     """Σ over responses of Jᵀ(I - P)J, for residues (n, responses) of the scaled columns (parameters, parameters)."""
     moves, turn = parameters(real)
     straight = (residues.conj() @ residues.T) * (block.slopes.conj().T @ block.slopes)

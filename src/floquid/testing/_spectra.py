@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Indices
 from floquid._checks import frozen_array, input_error, positive
 
 
@@ -21,8 +22,8 @@ class Pairing(NamedTuple):
         Estimate less truth, moved to the strip -ω/2 < Im ≤ ω/2 (truth,) [1/s].
     """
 
-    permutation: NDArray[np.intp]
-    differences: NDArray[np.complex128]
+    permutation: Indices
+    differences: Complexes
 
 
 def pair_exponents(estimated: ArrayLike, truth: ArrayLike, period: float) -> Pairing:
@@ -30,35 +31,18 @@ def pair_exponents(estimated: ArrayLike, truth: ArrayLike, period: float) -> Pai
 
     .. math:: \min_\pi \sum_k \left| \hat\lambda_{\pi(k)} - \lambda_k \bmod i\omega \right|, \qquad \omega = 2\pi/T
 
-    Parameters
-    ----------
-    estimated, truth
-        Estimated exponents (estimates,) and at most as many true ones (truth,), on any branch [1/s].
-    period
-        The period T [s].
-
-    Returns
-    -------
-    Pairing
-        The permutation and the wrapped differences; estimates without a partner are left out.
-
-    Raises
-    ------
-    InputError
-        There are fewer estimates than true exponents, or a value is not finite.
+    Returns the permutation and the wrapped differences; estimates without a partner are left out. `estimated` exponents
+    (estimates,) and at most as many true ones `truth` (truth,) are on any branch [1/s], `period` is T [s]. Raises
+    InputError where there are fewer estimates than true exponents, or a value is not finite.
     """
     of = "pair_exponents"
     fundamental = 2.0 * np.pi / positive(period, "period", of, unit="s")
     found = frozen_array(estimated, "estimated", of, axes=("estimates",), dtype=np.complex128)
     true = frozen_array(truth, "truth", of, axes=("truth",), dtype=np.complex128)
     if len(found) < len(true):
-        raise input_error(
-            "estimated",
-            of,
-            f"hold at least the {len(true)} exponents of `truth`",
-            f"holds {len(found)}",
-            "To see which true exponents were missed, exchange the two arguments.",
-        )
+        must = f"hold at least the {len(true)} exponents of `truth`"
+        remedy = "To see which true exponents were missed, exchange the two arguments."
+        raise input_error("estimated", of, must, f"holds {len(found)}", remedy)
     from scipy.optimize import linear_sum_assignment
 
     apart = np.subtract.outer(found, true).T
@@ -70,12 +54,7 @@ def pair_exponents(estimated: ArrayLike, truth: ArrayLike, period: float) -> Pai
 def assert_exponents_close(actual: ArrayLike, expected: ArrayLike, period: float, *, atol: float) -> None:
     """Raise AssertionError unless the exponents agree, as sets and modulo iω, to `atol` [1/s] in both parts.
 
-    Parameters
-    ----------
-    actual, expected
-        Exponents on any branch, in any order, equal in number (modes,) [1/s].
-    period, atol
-        The period T [s], and the largest difference of a real or an imaginary part that passes [1/s].
+    `actual` and `expected` are on any branch, in any order, equal in number (modes,) [1/s], `period` is T [s].
 
     Raises
     ------

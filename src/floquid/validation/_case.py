@@ -7,9 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from floquid._checks import finite, frozen_array, input_error
+from floquid._arrays import Floats, Integers
+from floquid._checks import finite, frozen_array, input_error, noise_array
+from floquid._numerics import filter_gain
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.findings import Finding, failure, warning
 from floquid.periodic import instants
@@ -17,8 +19,7 @@ from floquid.sync import ShaftAngle
 from floquid.validation._held_out import cycles_of, only
 from floquid.validation._types import Criterion
 
-REMAINDER = 0.05
-"""The share of the response, in amplitude, that a model may leave beyond the noise and still pass."""
+REMAINDER = 0.05  # the share of the response, in amplitude, that a model may leave beyond the noise and still pass
 
 
 @dataclass(slots=True)
@@ -61,11 +62,10 @@ class Case:
     model: PeriodicModel
     records: tuple[Record, ...]
     clocks: tuple[ConstantPeriod | ShaftAngle, ...]
-    noise: NDArray[np.float64]
-    instants: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]
-    cycles: tuple[NDArray[np.int64], ...]
-    highest: float
-    """Half of the lowest sampling rate, in fundamentals."""
+    noise: Floats
+    instants: tuple[tuple[Floats, Floats], ...]
+    cycles: tuple[Integers, ...]
+    highest: float  # half of the lowest sampling rate, in fundamentals
     per_revolution: float
     false_alarm: float
 
@@ -107,9 +107,7 @@ def case_of(
 ) -> Case:
     """The arguments, checked, and after the filter."""
     of = "validate"
-    spread = frozen_array(noise, "noise", of, axes=model.coefficients.shape[1:3])
-    if not (spread > 0.0).all():
-        raise input_error("noise", of, "be positive", f"has {spread.min():g}", "Give each channel its noise.")
+    spread = noise_array(noise, of, model.coefficients.shape[1:3])
     if not 0.0 < finite(false_alarm, "false_alarm", of) < 1.0:
         raise input_error("false_alarm", of, "lie between 0 and 1", f"is {false_alarm:g}")
     if len(clocks) != len(records) or len(records) != model.n_hits:
@@ -135,15 +133,12 @@ def case_of(
 
 
 def _whitened(
-    model: PeriodicModel,
-    records: tuple[Record, ...],
-    clocks: Sequence[ConstantPeriod | ShaftAngle],
-    taps: NDArray[np.float64],
+    model: PeriodicModel, records: tuple[Record, ...], clocks: Sequence[ConstantPeriod | ShaftAngle], taps: Floats
 ) -> tuple[PeriodicModel, tuple[Record, ...]]:
     """Records after the filters, from where they have their past on, and the model of those."""
-    step, order = 1.0 / records[0].sample_rate, taps.shape[1] - 1
+    order, delays = taps.shape[1] - 1, np.arange(taps.shape[1]) * (1.0 / records[0].sample_rate)
     rates = model.exponents[:, None] + 1j * model.fundamental * model.harmonics
-    gain = gains(taps, rates, step).transpose(1, 0, 2)[:, :, None, :]
+    gain = filter_gain(taps, delays, rates).transpose(1, 0, 2)[:, :, None, :]
     coefficients, after = model.coefficients * gain, []
     for hit, (record, clock) in enumerate(zip(records, clocks, strict=True)):
         values = filtered(record.values, taps)
@@ -156,13 +151,7 @@ def _whitened(
     return replace(model, coefficients=coefficients, coefficient_std=None), tuple(after)
 
 
-def gains(taps: NDArray[np.float64], rates: NDArray[np.complex128], step: float) -> NDArray[np.complex128]:
-    r"""Gain of filters at e^{st} (channels, ...): Σ_i a_i e^{-s i Δt}."""
-    turned = np.exp(-np.multiply.outer(np.arange(taps.shape[1]) * step, rates))
-    return np.asarray(np.tensordot(taps, turned, axes=1), np.complex128)
-
-
-def filtered(values: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:
+def filtered(values: Floats, taps: Floats) -> Floats:
     """Values (channels, samples) after the filter of each channel, from where it has its past on; NaN goes through."""
     if taps.shape[1] > values.shape[1]:
         return values[:, :0]

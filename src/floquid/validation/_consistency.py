@@ -5,40 +5,30 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure
 from floquid.reconstruction import StateModel
 
-TOLERANCE = 1e-4
-"""Relative errors of multipliers that interpolation between the instants may make."""
-
-DEVIATIONS = 4.0
-"""Standard deviations by which a multiplier may be another than the model's."""
-
-SMALL = 1e-6
-"""The share of the largest multiplier below which one is not told by integrating."""
+TOLERANCE = 1e-4  # relative errors of multipliers that interpolation between the instants may make
+DEVIATIONS = 4.0  # standard deviations by which a multiplier may be another than the model's
+SMALL = 1e-6  # the share of the largest multiplier below which one is not told by integrating
 
 ACCURACY = 1e-7
 """The relative change of Φ over a period at which steps are short enough: half as long, they are 16 times as good."""
 
-MOST_STEPS = 2**16
-"""Steps in a period, at most."""
+MOST_STEPS = 2**16  # steps in a period, at most
 
 
 @dataclass(frozen=True, slots=True)
 class Consistency:
     """Result of integrating A(t)."""
 
-    multipliers: float
-    """The largest difference of a multiplier from the model's, over what it may be."""
-    pair: tuple[complex, complex]
-    """Worst multiplier of A(t), and that of the model."""
-    liouville: float
-    """The mean of tr A less the sum of the exponents, times the period, over what it may be."""
-    composition: float
-    """The largest relative difference of Φ(t + T, t0), integrated, and Φ(t, t0) Φ(t0 + T, t0)."""
+    multipliers: float  # the largest difference of a multiplier from the model's, over what it may be
+    pair: tuple[complex, complex]  # worst multiplier of A(t), and that of the model
+    liouville: float  # the mean of tr A less the sum of the exponents, times the period, over what it may be
+    composition: float  # the largest relative difference of Φ(t + T, t0), integrated, and Φ(t, t0) Φ(t0 + T, t0)
 
 
 def consistency(model: PeriodicModel, state: StateModel) -> Consistency | Finding:
@@ -75,7 +65,7 @@ def consistency(model: PeriodicModel, state: StateModel) -> Consistency | Findin
     return Consistency(multipliers, pair, liouville, composition)
 
 
-def _multipliers(found: NDArray[np.complex128], model: PeriodicModel) -> tuple[float, tuple[complex, complex]]:
+def _multipliers(found: Complexes, model: PeriodicModel) -> tuple[float, tuple[complex, complex]]:
     """The largest difference from the nearest multiplier, both ways, over what it may be; and the pair."""
     own = model.multipliers
     std = 0.0 if model.exponent_std is None else np.abs(model.exponent_std) * model.period
@@ -88,7 +78,7 @@ def _multipliers(found: NDArray[np.complex128], model: PeriodicModel) -> tuple[f
     return float(off[worst]), (complex(found[worst[0]]), complex(own[worst[1]]))
 
 
-def _scales(state: StateModel) -> NDArray[np.float64]:
+def _scales(state: StateModel) -> Floats:
     """Units of the states in which A(t) is balanced (n,)."""
     from scipy.linalg import matrix_balance
 
@@ -96,7 +86,7 @@ def _scales(state: StateModel) -> NDArray[np.float64]:
     return np.asarray(scale, np.float64)
 
 
-def _integrated(state: StateModel, period: float) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _integrated(state: StateModel, period: float) -> tuple[Floats, Floats] | None:
     """Φ(t, t0) at the instants (times, n, n), and after a period (n, n); None where no step is short enough."""
     scale = _scales(state)
     parts = np.fft.rfft(state.system / scale[:, None] * scale, axis=0) / len(state.times)
@@ -113,7 +103,7 @@ def _integrated(state: StateModel, period: float) -> tuple[NDArray[np.float64], 
     return None
 
 
-def _propagated(parts: NDArray[np.complex128], instants: int, steps: int, period: float) -> NDArray[np.float64]:
+def _propagated(parts: Complexes, instants: int, steps: int, period: float) -> Floats:
     """Φ from the first instant to each one and to the end of the period (instants + 1, n, n)."""
     from scipy.linalg import expm
 
@@ -121,7 +111,7 @@ def _propagated(parts: NDArray[np.complex128], instants: int, steps: int, period
     step = period / total
     turns = 2j * np.pi / period * np.arange(len(parts))
 
-    def system(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def system(times: Floats) -> Floats:
         turned = np.exp(np.multiply.outer(times, turns))
         return (turned @ parts.reshape(len(parts), -1)).real.reshape(-1, n, n)
 

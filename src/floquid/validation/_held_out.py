@@ -6,53 +6,41 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers, Mask
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import refit, unexplained
 from floquid.sync import ShaftAngle
 
 Clocks = Sequence[ConstantPeriod | ShaftAngle]
 
-PHASES = 32
-"""Instants of a period at which the response is looked at, to see where it has died."""
-
-ALIVE = 0.2
-"""The rms of the response in a cycle, over the noise, below which there is nothing to predict."""
-
-PIECES = 5
-"""Pieces of a record in each fold, where it has that many cycles."""
+PHASES = 32  # instants of a period at which the response is looked at, to see where it has died
+ALIVE = 0.2  # the rms of the response in a cycle, over the noise, below which there is nothing to predict
+PIECES = 5  # pieces of a record in each fold, where it has that many cycles
 
 BRIEF = 2.0
 """Cycles in which a mode may decay so that the cycle that holds most of it can still be predicted from the others."""
 
-STRETCHES = 8
-"""Stretches of the record in each of which the error is looked at."""
-
-AT_REST = 0.1
-"""The deviations that the last step of a refit may have: what comes after is far below the noise."""
+STRETCHES = 8  # stretches of the record in each of which the error is looked at
+AT_REST = 0.1  # the deviations that the last step of a refit may have: what comes after is far below the noise
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
     """Sums of squares that the prediction of held-out cycles leaves, over the noise squared."""
 
-    numbers: NDArray[np.int64]
-    """Samples predicted (channels, hits, stretches)."""
-    squares: NDArray[np.float64]
-    """Σ e²/σ² (channels, hits, stretches)."""
-    own: NDArray[np.float64]
-    """Σ e r/σ², with r what the model fitted to all cycles leaves: chi-square (channels, hits, stretches)."""
-    response: NDArray[np.float64]
-    """Σ y²/σ² (channels, hits, stretches)."""
+    numbers: Integers  # samples predicted (channels, hits, stretches)
+    squares: Floats  # Σ e²/σ² (channels, hits, stretches)
+    own: Floats  # Σ e r/σ², with r what the model fitted to all cycles leaves: chi-square (channels, hits, stretches)
+    response: Floats  # Σ y²/σ² (channels, hits, stretches)
 
 
 def held_out(
     model: PeriodicModel,
     records: Sequence[Record],
     clocks: Clocks,
-    cycles: Sequence[NDArray[np.int64]],
-    noise: NDArray[np.float64],
+    cycles: Sequence[Integers],
+    noise: Floats,
     folds: int,
 ) -> HeldOut | None:
     r"""Interleaved pieces of the record, in turn left out of the fit and predicted.
@@ -103,15 +91,8 @@ def held_out(
     return HeldOut(numbers, squares * weight, own * weight, response * weight)
 
 
-def cycles_of(
-    model: PeriodicModel,
-    instants: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
-    noise: NDArray[np.float64],
-) -> list[NDArray[np.int64]]:
-    """The whole cycle that each sample of each record is in, from its first sample on; -1 in none, or a dead one.
-
-    `instants` are the times [s] and angles [rad] of the samples of each record (samples,).
-    """
+def cycles_of(model: PeriodicModel, instants: Sequence[tuple[Floats, Floats]], noise: Floats) -> list[Integers]:
+    """The whole cycle that each sample of each record is in, from its first sample on; -1 in none, or a dead one."""
     phases = np.arange(PHASES) / PHASES * model.period
     shapes = model.shapes(phases) * np.exp(np.multiply.outer(model.exponents, phases))[:, None, None]
     found = []
@@ -134,7 +115,7 @@ def _predictable(model: PeriodicModel, cycles: int) -> tuple[int, int]:
     return int((rates < -1.0 / BRIEF).any()), cycles - int((rates > 1.0 / BRIEF).any())
 
 
-def only(record: Record, there: NDArray[np.bool_]) -> Record:
+def only(record: Record, there: Mask) -> Record:
     """The record with the other samples left out."""
     values = np.where(there, record.values, np.nan)
     values.flags.writeable = False

@@ -7,52 +7,35 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import line_amplitudes, unexplained, without_lines
 from floquid.sync import ShaftAngle
 from floquid.validation._case import REMAINDER, Case, Checks, strongest
 
-TONE = 0.1
-"""The amplitude of a tone, over the noise, that is let pass in any case."""
+TONE = 0.1  # the amplitude of a tone, over the noise, that is let pass in any case
 
 LOUD_TONE, LOUD_LINE = 1.0, 0.5
 """Amplitudes of a tone and of any other line, over the noise, that fail a model: the latter may be of a mode."""
 
-LINES_BESIDE = (-5.0, -3.0, 3.0, 5.0)
-"""Lines of the record beside a tone, to hold it against."""
-
-ABOVE = 8.0
-"""Least score of a tone over that of those lines."""
-
-COLOUR = 0.01
-"""The sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter."""
-
-STRONG_COLOUR = 0.25
-"""The same from which on a model fails: such colour may be what modes leave."""
-
-ROUNDING = 0.5
-"""Residual over the noise below which the noise is no estimate but what the record is believed down to."""
+LINES_BESIDE = (-5.0, -3.0, 3.0, 5.0)  # lines of the record beside a tone, to hold it against
+ABOVE = 8.0  # least score of a tone over that of those lines
+COLOUR = 0.01  # the sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter
+STRONG_COLOUR = 0.25  # the same from which on a model fails: such colour may be what modes leave
+ROUNDING = 0.5  # Residual over the noise below which the noise is no estimate but what the record is believed down to
 
 LEFT_OUT = 1e-8
 """The probability at which noise passes for a harmonic where it is let be none: weaker ones are left out on purpose."""
 
-HARMONIC = 0.01
-"""The share of the response in one harmonic beside a band that is let pass in any case."""
-
-MARGIN = 2.0
-"""Standard deviations by which a harmonic has to rise above that."""
-
-MOST_TONES = 64
-"""Harmonics of the period that are looked at, at most."""
-
-BESIDE = 4
-"""Harmonics on each side of a mode's band that are looked at."""
+HARMONIC = 0.01  # the share of the response in one harmonic beside a band that is let pass in any case
+MARGIN = 2.0  # standard deviations by which a harmonic has to rise above that
+MOST_TONES = 64  # harmonics of the period that are looked at, at most
+BESIDE = 4  # harmonics on each side of a mode's band that are looked at
 
 LAGS = 16
 """Autocorrelations that are looked at, at most."""
 
-PIECE = 64
-"""Lines of a spectrum over which its level is taken."""
+PIECE = 64  # lines of a spectrum over which its level is taken
 
 
 def left_by(case: Case, found: Checks) -> dict[str, NDArray]:
@@ -64,7 +47,7 @@ def left_by(case: Case, found: Checks) -> dict[str, NDArray]:
     return {**tones, **lines, "colour": _colour(case, left, hidden, found)}
 
 
-def _tones(case: Case, left: list[NDArray[np.float64]], found: Checks) -> dict[str, NDArray]:
+def _tones(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
     """Harmonics of the revolution; those that are found are taken off."""
     from scipy.special import chdtri
 
@@ -96,16 +79,13 @@ def _tones(case: Case, left: list[NDArray[np.float64]], found: Checks) -> dict[s
     return {"turns": turns, "tones": size}
 
 
-def _residual(case: Case, hit: int, left: NDArray[np.float64]) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
+def _residual(case: Case, hit: int, left: Floats) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
     """Residual of a hit, from its first sample on, as a record with its clock and period."""
     return replace(case.records[hit], values=left), case.clocks[hit], case.model.period
 
 
-def _beside(case: Case, left: list[NDArray[np.float64]], turns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The mean score a few lines of the record on either side of tones (channels, hits, tones).
-
-    A tone is narrower than that; what a missing mode leaves is not.
-    """
+def _beside(case: Case, left: list[Floats], turns: Floats) -> Floats:
+    """The mean score a few lines of the record on either side of tones (channels, hits, tones)."""
     score = np.zeros((*case.noise.shape, len(turns)))
     for hit, rest in enumerate(left):
         angles = case.instants[hit][1]
@@ -119,7 +99,7 @@ def _beside(case: Case, left: list[NDArray[np.float64]], turns: NDArray[np.float
     return score
 
 
-def _harmonics(case: Case, left: list[NDArray[np.float64]], found: Checks) -> dict[str, NDArray]:
+def _harmonics(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
     """Harmonics of the modes beside their bands; those that are found are taken off."""
     from scipy.special import chdtri
 
@@ -164,13 +144,13 @@ def _energy(case: Case) -> float:
     return total
 
 
-def _share(case: Case, squares: NDArray[np.float64]) -> float:
+def _share(case: Case, squares: Floats) -> float:
     """The share of the response, in amplitude, of lines of squared sizes over the noise (channels, hits, lines)."""
     samples = np.array([int((own >= 0).sum()) for own in case.cycles])
     return float(np.sqrt(0.5 * np.sum(squares * samples[:, None]) / max(_energy(case), 1.0)))
 
 
-def _peaks(case: Case, left: list[NDArray[np.float64]], found: Checks) -> NDArray[np.bool_]:
+def _peaks(case: Case, left: list[Floats], found: Checks) -> Mask:
     """Lines that are none of those known, in the whole record and where the response is alive (channels, hits)."""
     looks = []
     for hit, rest in enumerate(left):
@@ -192,9 +172,7 @@ def _peaks(case: Case, left: list[NDArray[np.float64]], found: Checks) -> NDArra
     return size > 0
 
 
-def _colour(
-    case: Case, left: list[NDArray[np.float64]], hidden: NDArray[np.bool_], found: Checks
-) -> NDArray[np.float64]:
+def _colour(case: Case, left: list[Floats], hidden: Mask, found: Checks) -> Floats:
     """Excess of squared autocorrelations over those of white noise (channels, hits)."""
     from scipy.special import chdtri
 
@@ -217,7 +195,7 @@ def _colour(
     return excess
 
 
-def tones_of(highest: float, per_revolution: float) -> NDArray[np.float64]:
+def tones_of(highest: float, per_revolution: float) -> Floats:
     """The harmonics of the period at which a forced response would be, from zero on and below `highest`.
 
     Those of the revolution, j/ν with ν periods in one; all of the period where that is the longer of the two.
@@ -227,7 +205,7 @@ def tones_of(highest: float, per_revolution: float) -> NDArray[np.float64]:
     return np.arange(max(most, 0) + 1) / parts
 
 
-def lines_of(model: PeriodicModel, highest: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def lines_of(model: PeriodicModel, highest: float) -> tuple[Integers, Integers]:
     """The mode and the harmonic of each line beside the bands, those below `highest` fundamentals; a pair once."""
     kept = (model.coefficients != 0).any(axis=(1, 2))
     modes, harmonics = [], []
@@ -245,12 +223,8 @@ def lines_of(model: PeriodicModel, highest: float) -> tuple[NDArray[np.int64], N
     return np.concatenate(modes or empty).astype(np.int64), np.concatenate(harmonics or empty).astype(np.int64)
 
 
-def peaks(left: NDArray[np.float64], noise: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The highest line of the spectrum of each channel over its level there, and where it is, in turns a sample.
-
-    White noise alone has an exponential distribution of mean one at each line. The level is that of the noise given, or
-    of the spectrum about the line where that is higher.
-    """
+def peaks(left: Floats, noise: Floats) -> tuple[Floats, Floats]:
+    """The highest line of the spectrum of each channel over its level there, and where it is, in turns a sample."""
     there = ~np.isnan(left)
     lines = np.fft.rfft(np.where(there, left, 0.0), axis=1)
     spectrum = lines.real**2 + lines.imag**2
@@ -269,9 +243,7 @@ def peaks(left: NDArray[np.float64], noise: NDArray[np.float64]) -> tuple[NDArra
     return over[np.arange(len(left)), place], place / left.shape[1]
 
 
-def colour(
-    left: NDArray[np.float64], step: float, rates: NDArray[np.complex128], most: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+def colour(left: Floats, step: float, rates: Complexes, most: int) -> tuple[Floats, Floats, int]:
     r"""The sum of squared autocorrelations of each channel (Ljung and Box 1978), the number of samples, and of lags.
 
     .. math:: Q = \sum_{k=1}^{K} \frac{n}{n_k} \Big(r_k + \frac{1}{n}\sum_j e^{s_j k \Delta t}\Big)^2
@@ -294,7 +266,7 @@ def colour(
     return total, numbers, lags
 
 
-def rates_of(model: PeriodicModel) -> NDArray[np.complex128]:
+def rates_of(model: PeriodicModel) -> Complexes:
     """Rates s of every column that a model has (columns,) [1/s], growing ones seen from their end."""
     kept = (model.coefficients != 0).any(axis=(1, 2))
     own = -np.abs(model.exponents.real) + 1j * model.exponents.imag

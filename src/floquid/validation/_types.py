@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, finite, frozen_array, input_error
+from floquid._arrays import Floats, Integers
+from floquid._checks import Rebuilt, finite, input_error
 from floquid.findings import Finding, texts
 
 
@@ -17,17 +17,14 @@ from floquid.findings import Finding, texts
 class Criterion:
     """The limit of a number.
 
+    Raises InputError where the limit is not a finite number.
+
     Parameters
     ----------
     limit, at_least
         The most allowed, in the unit of the number; with `at_least`, the least.
     failing
         The number beyond which the model fails: up to there it passes with a remainder. None fails it beyond the limit.
-
-    Raises
-    ------
-    InputError
-        The limit is not a finite number.
     """
 
     limit: float
@@ -50,6 +47,8 @@ class Criterion:
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Validation(Rebuilt):
     """The verdict on a model.
+
+    Raises InputError where shapes do not belong together, or a criterion has no number.
 
     Parameters
     ----------
@@ -82,38 +81,30 @@ class Validation(Rebuilt):
     modes, harmonics, lines
         The mode of the model and the harmonic outside its band that were looked for (lines,); what is left there, in
         standard deviations (channels, hits, lines).
-
-    Raises
-    ------
-    InputError
-        Shapes do not belong together, or a criterion has no number.
     """
 
     metrics: Mapping[str, float]
     criteria: Mapping[str, Criterion]
     passed: bool
     findings: tuple[Finding, ...]
-    fit: NDArray[np.float64]
-    held_out_error: NDArray[np.float64]
-    colour: NDArray[np.float64]
-    turns: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    tones: NDArray[np.float64]
-    modes: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    harmonics: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    lines: NDArray[np.float64]
+    fit: Floats
+    held_out_error: Floats
+    colour: Floats
+    turns: Floats = field(default_factory=lambda: np.zeros(0))
+    tones: Floats
+    modes: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
+    harmonics: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
+    lines: Floats
 
     def __post_init__(self) -> None:
         of, put = "Validation", object.__setattr__
-        fit = frozen_array(self.fit, "fit", of, axes=("channels", "hits"), missing=True)
-        put(self, "fit", fit)
-        put(self, "turns", frozen_array(self.turns, "turns", of, axes=("tones",)))
-        put(self, "modes", frozen_array(self.modes, "modes", of, axes=("lines",), dtype=np.int64))
-        lines = len(self.modes)
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=(lines,), dtype=np.int64))
-        shapes = {"held_out_error": (), "colour": (), "tones": (len(self.turns),), "lines": (lines,)}
-        for name, more in shapes.items():
-            axes = (*fit.shape, *more)
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, missing=True))
+        self._freeze(missing=True, fit=("channels", "hits"))
+        self._freeze(turns=("tones",))
+        self._freeze(dtype=np.int64, modes=("lines",))
+        rows, lines = self.fit.shape, len(self.modes)
+        self._freeze(dtype=np.int64, harmonics=(lines,))
+        self._freeze(missing=True, held_out_error=rows, colour=rows)
+        self._freeze(missing=True, tones=(*rows, len(self.turns)), lines=(*rows, lines))
         if set(self.metrics) - set(self.criteria):
             got = f"{sorted(set(self.metrics) - set(self.criteria))} have none"
             raise input_error("criteria", of, "have a limit for each of the metrics", got)

@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats, Integers, Mask
 from floquid._checks import integer
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import FloquidError
@@ -21,23 +22,18 @@ from floquid.validation._held_out import held_out
 from floquid.validation._residual import left_by
 from floquid.validation._types import Validation
 
-LEAST_FIT = 0.95
-"""The share of the response that has to be predicted on cycles held out."""
+LEAST_FIT = 0.95  # the share of the response that has to be predicted on cycles held out
 
 ERROR = 1.05
 """The prediction error over noise and its own deviation that is let pass in any case; a tenth more over a stretch."""
 
-FAILING = 1.4
-"""How many times its limit the same is where a model fails; twice over a stretch."""
+FAILING = 1.4  # how many times its limit the same is where a model fails; twice over a stretch
 
 PHI = 1e-3
 """The relative difference between Φ and A(t) integrated that is let pass: interpolation between instants makes one."""
 
-EXPLAINED = 1e-9
-"""The probability at which noise passes for a mode, over all lines and decays that it is looked for at."""
-
-LOOKS = 8
-"""Decays that a mode may have been looked for at, on each line."""
+EXPLAINED = 1e-9  # the probability at which noise passes for a mode, over all lines and decays that it is looked for at
+LOOKS = 8  # decays that a mode may have been looked for at, on each line
 
 
 def validate(
@@ -65,6 +61,8 @@ def validate(
     for colour (Ljung and Box 1978). Each mode is held against what a fit makes of noise alone. A(t) is integrated over
     two periods and held against the model's multipliers.
 
+    Raises InputError where an argument is not possible, or does not belong to the model.
+
     Parameters
     ----------
     model, records, clocks
@@ -84,11 +82,6 @@ def validate(
         The probability at which noise may fail one of the checks, over all channels, hits and lines together.
     report
         Called with a sentence on each stage.
-
-    Raises
-    ------
-    InputError
-        An argument is not possible, or does not belong to the model.
     """
     case = case_of(model, records, clocks, noise, whitening, periods_per_revolution, false_alarm)
     integer(folds, "folds", "validate", at_least=2)
@@ -115,7 +108,7 @@ def validate(
     )
 
 
-def _held_out(case: Case, folds: int, found: Checks) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _held_out(case: Case, folds: int, found: Checks) -> tuple[Floats, Floats]:
     """The fit, and the rms error over the noise (channels, hits)."""
     from scipy.special import chdtri
 
@@ -170,9 +163,7 @@ def _period(case: Case, found: Checks) -> None:
         found.fail("own_period", "period", period=given * (1.0 + relative), std=deviation, given=given)
 
 
-def _worst(
-    own: NDArray[np.float64], numbers: NDArray[np.int64], alarm: float, least: float
-) -> tuple[float, float, tuple[int, ...]]:
+def _worst(own: Floats, numbers: Integers, alarm: float, least: float) -> tuple[float, float, tuple[int, ...]]:
     """The root of a mean square that most exceeds its limit, the limit, and where it is."""
     from scipy.special import chdtri
 
@@ -236,7 +227,7 @@ def _power(case: Case, mode: int) -> float:
     for hit, (record, (times, _)) in enumerate(zip(case.records, case.instants, strict=True)):
         # A growing mode is counted from its end, so that nothing overflows.
         origin = times[-1] if value.real > 0 else times[0]
-        there: NDArray[np.bool_] = ~np.isnan(record.values)
+        there: Mask = ~np.isnan(record.values)
         decay = there @ np.exp(2.0 * value.real * (times - origin))
         sizes = np.abs(model.coefficients[mode, :, hit] * np.exp(value.real * origin)) / case.noise[:, hit, None]
         total += float(np.sum(sizes**2, axis=1) @ decay)

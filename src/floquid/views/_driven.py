@@ -10,18 +10,7 @@ from floquid.views._words import with_error
 
 
 def driven_lines(analysis: DrivenAnalysis) -> dict[str, str]:
-    """Noise, period, inputs, the way they reach the modes, and the verdict, each in a line.
-
-    Parameters
-    ----------
-    analysis
-        What `identify_driven` found.
-
-    Returns
-    -------
-    dict
-        Name and words of each line.
-    """
+    """Name and words of each line on `analysis`: noise, period, inputs, the way they reach the modes, the verdict."""
     model, own = analysis.model, analysis.model.inputs
     assert own is not None
     lines = {

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import finite, frozen_array, input_error, integer
 from floquid.core import PeriodicModel
 
@@ -13,9 +14,7 @@ POINTS = 73
 SINGULAR = 1e-12  # the ratio of the variances across and along a region up to which it is a line
 
 
-def ellipse(
-    centre: complex, covariance: ArrayLike, level: float = 0.95, points: int = POINTS
-) -> NDArray[np.complex128]:
+def ellipse(centre: complex, covariance: ArrayLike, level: float = 0.95, points: int = POINTS) -> Complexes:
     r"""The edge of the region of a complex estimate, in the plane.
 
     .. math:: (z - \hat z)^T C^{-1} (z - \hat z) = -2 \ln(1 - p)
@@ -44,7 +43,7 @@ def ellipse(
     return np.asarray(centre + real + 1j * imag, dtype=np.complex128)
 
 
-def exponent_ellipses(model: PeriodicModel, level: float = 0.95) -> NDArray[np.complex128] | None:
+def exponent_ellipses(model: PeriodicModel, level: float = 0.95) -> Complexes | None:
     """The edges of the regions of the exponents of a `model` (modes, points) [1/s]; None without deviations.
 
     Each region holds the true exponent with the probability `level`.
@@ -56,7 +55,7 @@ def exponent_ellipses(model: PeriodicModel, level: float = 0.95) -> NDArray[np.c
     return _edges(model.exponents, parts, level)
 
 
-def multiplier_ellipses(model: PeriodicModel, level: float = 0.95) -> NDArray[np.complex128] | None:
+def multiplier_ellipses(model: PeriodicModel, level: float = 0.95) -> Complexes | None:
     r"""The regions of the multipliers, to first order.
 
     .. math:: \delta\mu = \mu\, (T\, \delta\lambda + \lambda\, \delta T)
@@ -89,7 +88,7 @@ def multiplier_ellipses(model: PeriodicModel, level: float = 0.95) -> NDArray[np
     return _edges(model.multipliers, parts, level)
 
 
-def _edges(centres: NDArray[np.complex128], parts: list[NDArray[np.float64]], level: float) -> NDArray[np.complex128]:
+def _edges(centres: Complexes, parts: list[Floats], level: float) -> Complexes:
     edges = np.array([ellipse(complex(z), c, level) for z, c in zip(centres, parts, strict=True)], np.complex128)
     edges = edges.reshape(len(parts), POINTS)
     edges.flags.writeable = False

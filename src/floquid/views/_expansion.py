@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Sealed, index
 from floquid.core import PeriodicModel
 from floquid.lti import ModalModel
@@ -32,13 +32,13 @@ class Expansion(Sealed):
         Whether the model keeps it (harmonics,).
     """
 
-    harmonics: NDArray[np.int64]
-    values: NDArray[np.complex128]
-    std: NDArray[np.float64] | None
-    kept: NDArray[np.bool_]
+    harmonics: Integers
+    values: Complexes
+    std: Floats | None
+    kept: Mask
 
     @property
-    def magnitudes(self) -> NDArray[np.float64]:
+    def magnitudes(self) -> Floats:
         """The magnitudes of the coefficients (harmonics,) [unit of the channel]."""
         return np.abs(self.values)
 
@@ -65,7 +65,7 @@ def expansion(analysis: Analysis, mode: int, channel: int, hit: int = 0) -> Expa
     )
 
 
-def identified_residue(analysis: Analysis, mode: int, channel: int, hit: int = 0) -> NDArray[np.complex128]:
+def identified_residue(analysis: Analysis, mode: int, channel: int, hit: int = 0) -> Complexes:
     r"""The residue of a mode at each phase, the delay taken off.
 
     .. math:: R_k = R^d_k\, e^{-\lambda t_k}
@@ -93,15 +93,13 @@ def identified_residue(analysis: Analysis, mode: int, channel: int, hit: int = 0
     return (coefficients / gain) @ turns
 
 
-def _nyquist_band(model: PeriodicModel, mode: int, phases: int) -> NDArray[np.int64]:
+def _nyquist_band(model: PeriodicModel, mode: int, phases: int) -> Integers:
     """The P harmonics up to the Nyquist frequency, |Im λ/ω + m| ≤ P/2."""
     first = int(np.ceil(-0.5 * phases - model.exponents[mode].imag / model.fundamental))
     return np.arange(first, first + phases)
 
 
-def _floor(
-    analysis: Analysis, mode: int, channel: int, hit: int, harmonics: NDArray[np.int64]
-) -> NDArray[np.float64] | None:
+def _floor(analysis: Analysis, mode: int, channel: int, hit: int, harmonics: Integers) -> Floats | None:
     """The deviation of each coefficient of the free residues, kept or not, by one formula for all of them."""
     model, modal = analysis.model, _with_covariance(analysis)
     if model.coefficient_std is None or modal is None:

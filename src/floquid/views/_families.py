@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Sealed, input_error
 from floquid.errors import FloquidError
 from floquid.lti import fit_residues
@@ -34,9 +34,9 @@ class Family(Sealed):
     """
 
     mode: int
-    harmonics: NDArray[np.int64]
-    omega: NDArray[np.float64]
-    share: NDArray[np.float64]
+    harmonics: Integers
+    omega: Floats
+    share: Floats
 
 
 def families(analysis: Analysis) -> tuple[Family, ...]:
@@ -72,7 +72,7 @@ def families(analysis: Analysis) -> tuple[Family, ...]:
     return tuple(found)
 
 
-def unfolded(scan: OrderScan, analysis: Analysis) -> tuple[NDArray[np.complex128], ...]:
+def unfolded(scan: OrderScan, analysis: Analysis) -> tuple[Complexes, ...]:
     r"""The exponents of the poles of each order, each on the branch whose zeroth harmonic is the strongest.
 
     .. math:: \lambda = \frac{\ln\mu}{T} + i n \omega, \qquad
@@ -98,7 +98,7 @@ def unfolded(scan: OrderScan, analysis: Analysis) -> tuple[NDArray[np.complex128
     return tuple(frozen(_exponents(model.multipliers, analysis)) for model in scan.models)
 
 
-def _exponents(multipliers: NDArray[np.complex128], analysis: Analysis) -> NDArray[np.complex128]:
+def _exponents(multipliers: Complexes, analysis: Analysis) -> Complexes:
     """The exponents of poles (modes,), found among those of a fit that orders them its own way."""
     found = np.full(len(multipliers), np.nan + 0j)
     there = multipliers != 0

@@ -46,17 +46,8 @@ class ModeRow:
 def mode_table(analysis: Analysis | DrivenAnalysis, *, derived: bool = True) -> tuple[ModeRow, ...]:
     """The modes of an analysis, a row for each conjugate pair and for each real mode.
 
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    derived
-        Whether f and ζ have their standard deviations; a narrow table has no room for them.
-
-    Returns
-    -------
-    tuple of ModeRow
-        The rows, in the order of the model.
+    The rows are in the order of the model. `analysis` is what `identify` found. Where `derived` is true, f and ζ have
+    their standard deviations; a narrow table has no room for them.
     """
     model = analysis.model
     unknown = np.full(model.order, np.nan)
@@ -84,17 +75,6 @@ def mode_table(analysis: Analysis | DrivenAnalysis, *, derived: bool = True) -> 
 
 
 def note_meanings(rows: Sequence[ModeRow]) -> list[str]:
-    """Meanings of the words in the notes of a table of modes.
-
-    Parameters
-    ----------
-    rows
-        The rows of the table.
-
-    Returns
-    -------
-    list of str
-        "word: meaning" of each word that is there.
-    """
+    """The "word: meaning" of each word in the notes of the `rows` of a table of modes."""
     used = {word for row in rows for word in row.notes.split()}
     return [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Integers
 from floquid._checks import index, input_error
 from floquid.core import PeriodicModel
 from floquid.pipeline import Analysis
@@ -32,12 +33,8 @@ def checked(analysis: Analysis, of: str, *, channel: int | None = None, hit: int
         index(channel, "channel", of, len(analysis.model.channels))
 
 
-def paired(one: NDArray[np.complex128], other: NDArray[np.complex128]) -> NDArray[np.int64]:
-    """Index in `other` of each mode of `one` (modes of `one`,): each taken once, so that the differences are least.
-
-    Two modes that have one multiplier would both find the same one otherwise. Where `other` has too few, those left
-    over take the nearest.
-    """
+def paired(one: Complexes, other: Complexes) -> Integers:
+    """Index in `other` of each mode of `one` (modes of `one`,): each taken once, so that the differences are least."""
     from scipy.optimize import linear_sum_assignment
 
     off = np.abs(np.subtract.outer(one, other))

@@ -8,23 +8,11 @@ from floquid.pipeline import Analysis
 from floquid.validation import Validation
 from floquid.views._words import mode_notes, period_words
 
-MOST_NAMED = 6
-"""Harmonics of the forced response that are named."""
+MOST_NAMED = 6  # harmonics of the forced response that are named
 
 
 def outcome_lines(analysis: Analysis) -> dict[str, str]:
-    """The outcome of an analysis beside its modes, a short line for each name.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-
-    Returns
-    -------
-    dict
-        The lines by their names, those left out that have nothing to say.
-    """
+    """The outcome of an `analysis` beside its modes: the short lines that have something to say, by their names."""
     lines = {
         "Noise": _noise(analysis),
         "Order": _order(analysis),
@@ -37,18 +25,7 @@ def outcome_lines(analysis: Analysis) -> dict[str, str]:
 
 
 def verdict_line(validation: Validation) -> str:
-    """The verdict on a model, with what it rests on if it passed.
-
-    Parameters
-    ----------
-    validation
-        The verdict.
-
-    Returns
-    -------
-    str
-        The line.
-    """
+    """The verdict on a model (`validation`) in a line, with what it rests on if it passed."""
     if not validation.passed:
         count = len(validation.reasons)
         return f"the model does not pass, for {count} reason{'s' if count != 1 else ''}"
@@ -59,18 +36,7 @@ def verdict_line(validation: Validation) -> str:
 
 
 def remainder_words(validation: Validation) -> str:
-    """The share of the response that a model which passes leaves beyond the noise, in per cent of its amplitude.
-
-    Parameters
-    ----------
-    validation
-        The verdict.
-
-    Returns
-    -------
-    str
-        The number and its unit.
-    """
+    """The share of the response that a model which passed (`validation`) leaves beyond the noise, in % of amplitude."""
     share = 100.0 * validation.metrics["remainder"]
     return f"{share:.2g} %" if share >= 0.1 else "less than 0.1 %"
 

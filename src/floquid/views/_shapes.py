@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Indices
 from floquid._checks import Sealed, index, integer
 from floquid.core import PeriodicModel
 
@@ -26,9 +26,9 @@ class ShapeCurves(Sealed):
         (channels, points); None if not estimated.
     """
 
-    turns: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    std: NDArray[np.complex128] | None
+    turns: Floats
+    values: Complexes
+    std: Complexes | None
 
 
 def shape_curves(model: PeriodicModel, mode: int, hit: int = 0, points: int = 91) -> ShapeCurves:
@@ -50,7 +50,7 @@ def shape_curves(model: PeriodicModel, mode: int, hit: int = 0, points: int = 91
     )
 
 
-def closed_period(times: NDArray[np.float64], period: float) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+def closed_period(times: Floats, period: float) -> tuple[Indices, Floats]:
     """The order of instants, and the instants in it: the first once more where they end within a period of it.
 
     `times` (times,) and the `period` are in the same unit; both results are (times,) or one more.

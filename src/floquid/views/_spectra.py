@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import Sealed, index
 from floquid.lti import WHITE
 from floquid.pipeline import Analysis
@@ -27,9 +27,9 @@ class Spectrum(Sealed):
         The mean magnitude of the noise alone (lines,) [unit of the channel · s].
     """
 
-    omega: NDArray[np.float64]
-    values: NDArray[np.float64]
-    noise: NDArray[np.float64]
+    omega: Floats
+    values: Floats
+    noise: Floats
 
 
 def record_spectrum(analysis: Analysis, channel: int, hit: int = 0) -> Spectrum:
@@ -66,9 +66,7 @@ def lifted_spectrum(analysis: Analysis, channel: int, phase: int, hit: int = 0) 
     return _spectrum(analysis, channel, hit, values, analysis.lifted.period, cycles.n_phases)
 
 
-def _spectrum(
-    analysis: Analysis, channel: int, hit: int, values: NDArray[np.float64], step: float, folds: int
-) -> Spectrum:
+def _spectrum(analysis: Analysis, channel: int, hit: int, values: Floats, step: float, folds: int) -> Spectrum:
     """Noise that was whitened has the colour that the filter took off, folded as often as the response is."""
     omega = np.asarray(2.0 * np.pi * np.arange(len(values) // 2 + 1) / (len(values) * step), dtype=np.float64)
     magnitudes = np.asarray(np.abs(np.fft.rfft(values)) * step, dtype=np.float64)
@@ -78,9 +76,7 @@ def _spectrum(
     return Spectrum(omega=omega, values=magnitudes, noise=white * colour)
 
 
-def envelope(
-    x: NDArray[np.float64], y: NDArray[np.float64], points: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def envelope(x: Floats, y: Floats, points: int) -> tuple[Floats, Floats]:
     """A curve with at most `points` points that looks the same: of each stretch, its smallest and largest value.
 
     The points kept are points of the curve, in their order, and no extreme is lost. A short curve is kept whole.

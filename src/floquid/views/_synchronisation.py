@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Sealed
+from floquid._numerics import filter_gain
 from floquid.core import PeriodicModel
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
@@ -64,21 +65,21 @@ class Synchronisation(Sealed):
         Its deviation (lines, stretches) [rad].
     """
 
-    times: NDArray[np.float64]
-    cycles: NDArray[np.float64]
-    slip: NDArray[np.float64]
-    slip_std: NDArray[np.float64]
+    times: Floats
+    cycles: Floats
+    slip: Floats
+    slip_std: Floats
     relative: float
     relative_std: float
     offset: float
     misfit: float
-    modes: NDArray[np.int64]
-    harmonics: NDArray[np.int64]
-    phases: NDArray[np.float64]
-    phases_std: NDArray[np.float64]
+    modes: Integers
+    harmonics: Integers
+    phases: Floats
+    phases_std: Floats
 
     @property
-    def told(self) -> NDArray[np.bool_]:
+    def told(self) -> Mask:
         """Mask of the stretches that determine the slip (stretches,)."""
         return np.isfinite(self.slip)
 
@@ -132,7 +133,7 @@ def synchronisation(analysis: Analysis, hit: int = 0) -> Synchronisation:
     )
 
 
-def _stretches(own: Response, angles: NDArray[np.float64]) -> list[slice]:
+def _stretches(own: Response, angles: Floats) -> list[slice]:
     """The samples of each stretch: equal numbers of whole cycles of what is alive of the record."""
     (left,) = unexplained(own.model, [own.record], [own.clock])
     power = np.nan_to_num(((own.record.values - left) / own.noise[:, None]) ** 2)
@@ -153,13 +154,8 @@ def _stretches(own: Response, angles: NDArray[np.float64]) -> list[slice]:
     return pieces
 
 
-def _filtered(
-    analysis: Analysis, own: Response, hit: int
-) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64]]:
-    """The record after the filter that makes its noise white, what that does to each line, and the noise then.
-
-    The gain is (channels, modes, harmonics); the samples that have no past are missing.
-    """
+def _filtered(analysis: Analysis, own: Response, hit: int) -> tuple[Floats, Complexes, Floats]:
+    """The record after the filter that makes its noise white, what that does to each line, and the noise then."""
     model, values = own.model, own.record.values
     # Where the speed wanders, the filter makes other lines of each: there the noise is taken as it is.
     taps = None if analysis.shafts else analysis.whitening
@@ -169,8 +165,7 @@ def _filtered(
     after = np.array([np.convolve(row, own_taps)[: len(row)] for row, own_taps in zip(values, taps, strict=True)])
     after[:, : taps.shape[1] - 1] = np.nan
     delays = np.arange(taps.shape[1]) / own.record.sample_rate
-    gain = np.asarray(np.tensordot(taps, np.exp(-np.multiply.outer(delays, rates)), 1), np.complex128)
-    return np.asarray(after, np.float64), gain, analysis.noise[:, hit]
+    return np.asarray(after, np.float64), filter_gain(taps, delays, rates), analysis.noise[:, hit]
 
 
 def _strongest(analysis: Analysis) -> list[tuple[int, int]]:
@@ -186,9 +181,7 @@ def _strongest(analysis: Analysis) -> list[tuple[int, int]]:
     return sorted((mode, m) for _, mode, m in sorted(listed, reverse=True)[:LINES])
 
 
-def _line(
-    x: NDArray[np.float64], slip: NDArray[np.float64], std: NDArray[np.float64]
-) -> tuple[float, float, float, float]:
+def _line(x: Floats, slip: Floats, std: Floats) -> tuple[float, float, float, float]:
     """Relative difference of periods, its deviation, the line's value at zero, and what it leaves."""
     told = np.isfinite(slip)
     if told.sum() < 2:
@@ -204,29 +197,20 @@ def _line(
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Samples of all channels over their noise, and the lines of the model there.
+    """Samples of all channels over their noise, and the lines of the model there."""
 
-    With harmonics of one multiplier that is real come their mirror images: its factor then stays real by itself.
-    """
-
-    values: NDArray[np.float64]  # (channels, samples), zero where a sample is missing
-    there: NDArray[np.bool_]  # (channels, samples)
-    waves: NDArray[np.complex128]  # e^{λt + imθ} of each line, from the stretch's middle on (lines, samples)
-    sizes: NDArray[np.complex128]  # what each line has in each channel, in the middle, over the noise (lines, channels)
-    turns: NDArray[np.float64]  # how often each line turns in a period, beside what its mode turns (lines,)
-    places: NDArray[np.int64]  # which factor each line has (lines,)
-    mirrored: NDArray[np.bool_]  # which lines have a mirror image among the lines (lines,)
+    values: Floats  # (channels, samples), zero where a sample is missing
+    there: Mask  # (channels, samples)
+    waves: Complexes  # e^{λt + imθ} of each line, from the stretch's middle on (lines, samples)
+    sizes: Complexes  # what each line has in each channel, in the middle, over the noise (lines, channels)
+    turns: Floats  # how often each line turns in a period, beside what its mode turns (lines,)
+    places: Integers  # which factor each line has (lines,)
+    mirrored: Mask  # which lines have a mirror image among the lines (lines,)
     names: list[tuple[int, int]]  # the mode and the harmonic of each line
 
     @classmethod
     def of(
-        cls,
-        model: PeriodicModel,
-        times: NDArray[np.float64],
-        angles: NDArray[np.float64],
-        values: NDArray[np.float64],
-        gain: NDArray[np.complex128],
-        noise: NDArray[np.float64],
+        cls, model: PeriodicModel, times: Floats, angles: Floats, values: Floats, gain: Complexes, noise: Floats
     ) -> Stretch:
         """The samples at `times` [s] and `angles` [rad]; `gain` is a filter's (channels, modes, harmonics)."""
         middle = len(times) // 2
@@ -261,7 +245,7 @@ class Stretch:
     def slip(self, start: float) -> tuple[float, float]:
         """By how much the response is ahead [rad], and its deviation; NaN where that is not told."""
         count = int(self.places.max()) + 1
-        factors: NDArray[np.complex128] = np.ones(count, np.complex128)
+        factors: Complexes = np.ones(count, np.complex128)
         slip, std = start, np.nan
         belongs = (self.places[:, None] == np.arange(count)).astype(float)
         reach = LONGEST / max(float(np.abs(self.turns).max()), 1.0)
@@ -291,7 +275,7 @@ class Stretch:
                 break
         return (slip, std) if std < TOLD else (np.nan, np.nan)
 
-    def phases(self, lines: list[tuple[int, int]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def phases(self, lines: list[tuple[int, int]]) -> tuple[Floats, Floats]:
         """The phase of lines against the model, all others as the model has them, and its deviation (lines,) [rad]."""
         left = (self.values - (self.sizes.T @ self.waves).real) * self.there
         found, std = np.full((2, len(lines)), np.nan)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import Sealed
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import instants, unexplained
@@ -33,10 +33,10 @@ class Synthesis(Sealed):
         The deviation of the noise [unit of the channel]; where it is coloured, of all of it together.
     """
 
-    times: NDArray[np.float64]
-    measured: NDArray[np.float64]
-    predicted: NDArray[np.float64]
-    residual: NDArray[np.float64]
+    times: Floats
+    measured: Floats
+    predicted: Floats
+    residual: Floats
     noise: float
 
 
@@ -47,8 +47,7 @@ class Response:
     record: Record
     clock: ConstantPeriod | ShaftAngle
     model: PeriodicModel
-    noise: NDArray[np.float64]
-    """The deviation of the noise, before any whitening filter (channels,) [units of the channels]."""
+    noise: Floats  # the deviation of the noise, before any whitening filter (channels,) [units of the channels]
 
 
 def response_of(analysis: Analysis, hit: int, channels: list[int]) -> Response:
@@ -67,7 +66,7 @@ def response_of(analysis: Analysis, hit: int, channels: list[int]) -> Response:
     return Response(record=record.select(names), clock=analysis.clocks[hit], model=model, noise=noise)
 
 
-def lifted_points(analysis: Analysis, channel: int, hit: int = 0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def lifted_points(analysis: Analysis, channel: int, hit: int = 0) -> tuple[Floats, Floats]:
     r"""The first sample of each cycle, at its own instant: what one of the lifted responses is made of.
 
     .. math:: t_k = t_0 + (k + j + p)\,T
@@ -110,13 +109,13 @@ def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
     )
 
 
-def colour(whitening: NDArray[np.float64]) -> NDArray[np.float64]:
+def colour(whitening: Floats) -> Floats:
     """Ratio of the noise before the whitening filter to that after it (channels,) [-]."""
     gain = np.fft.fft(whitening, 512, axis=1)
     return np.asarray(np.sqrt(np.mean(np.abs(gain) ** -2.0, axis=1)), np.float64)
 
 
-def raw_noise(analysis: Analysis) -> NDArray[np.float64]:
+def raw_noise(analysis: Analysis) -> Floats:
     """The deviations of the noise of the records, before any whitening filter (channels, hits) [units of the channels].
 
     `analysis` is what `identify` found; where the noise is coloured, they are of all of it together.

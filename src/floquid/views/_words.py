@@ -19,27 +19,14 @@ MODE_NOTES = {
 }
 """The words that a mode may deserve and what they mean; they are short, for a table has to fit 80 columns."""
 
-RIVAL = 0.5
-"""Share of the energy of the strongest line from which on another makes the branch a choice."""
-
-MOST_DIGITS = 10
-"""After the point; beyond them a deviation says nothing that a reader could use."""
+RIVAL = 0.5  # share of the energy of the strongest line from which on another makes the branch a choice
+MOST_DIGITS = 10  # after the point; beyond them a deviation says nothing that a reader could use
 
 
 def with_error(value: float, std: float) -> str:
     """A value with its standard deviation in units of the last digits: -0.0020013(19) is -0.0020013 ± 0.0000019.
 
-    Parameters
-    ----------
-    value
-        The value.
-    std
-        Its standard deviation; zero of an exact value; without a finite one four digits stand alone.
-
-    Returns
-    -------
-    str
-        The text.
+    The deviation `std` is zero of an exact `value`; without a finite one four digits stand alone.
     """
     if not np.isfinite(std) or std <= 0:
         return f"{value:.6g}" if std == 0 else f"{value:.4g}"
@@ -48,20 +35,7 @@ def with_error(value: float, std: float) -> str:
 
 
 def mode_notes(analysis: Analysis | DrivenAnalysis, mode: int) -> list[str]:
-    """The words of `MODE_NOTES` that a mode deserves.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-    mode
-        Which of its modes.
-
-    Returns
-    -------
-    list of str
-        The words; none for an ordinary mode.
-    """
+    """The words of `MODE_NOTES` that a `mode` of an `analysis` deserves: none for an ordinary one."""
     model = analysis.model
     error = complex(np.nan, np.nan) if model.exponent_std is None else model.exponent_std[mode]
     real, multiplier = model.real[mode], model.multipliers[mode]
@@ -78,18 +52,7 @@ def mode_notes(analysis: Analysis | DrivenAnalysis, mode: int) -> list[str]:
 
 
 def passed_words(validation: Validation) -> str:
-    """Achievements of a model that passed its checks, in a sentence without its beginning.
-
-    Parameters
-    ----------
-    validation
-        A verdict that is in favour of the model.
-
-    Returns
-    -------
-    str
-        The words.
-    """
+    """Achievements of a model with a verdict in its favour (`validation`), in a sentence without its beginning."""
     fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
     return (
         f"{fit:.1%} of the response is predicted in cycles left out, with an error of {error:.3g} times the noise at "
@@ -98,18 +61,7 @@ def passed_words(validation: Validation) -> str:
 
 
 def whitening_words(found: Lifted | Analysis) -> str:
-    """Treatment of noise that is coloured along the record, in a sentence.
-
-    Parameters
-    ----------
-    found
-        The lifted responses, or what `identify` found.
-
-    Returns
-    -------
-    str
-        The words; empty where nothing was done.
-    """
+    """Treatment of noise coloured along the record, of lifted responses or an analysis `found`: may be empty."""
     if found.whitening is None:
         return ""
     channels, taps = found.channels if isinstance(found, Lifted) else found.model.channels, found.whitening.shape[1] - 1
@@ -122,17 +74,6 @@ def whitening_words(found: Lifted | Analysis) -> str:
 
 
 def period_words(analysis: Analysis) -> str:
-    """The period [s], with its deviation where it was estimated.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found.
-
-    Returns
-    -------
-    str
-        The number.
-    """
+    """The period [s] that `identify` found (`analysis`), with its deviation where it was estimated."""
     period, std = analysis.model.period, analysis.period_std
     return f"{period:.8g}" if std is None else with_error(period, std)

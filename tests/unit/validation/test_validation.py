@@ -8,13 +8,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, InputError, PeriodicModel, Record, identify, load, reconstruct, save
+from floquid._numerics import filter_gain
 from floquid.errors import IdentificationError
 from floquid.exports import summary
 from floquid.periodic import line_amplitudes, refit, without_lines
 from floquid.pipeline import _validated, validated
 from floquid.systems import JeffcottRotor
 from floquid.validation import Criterion, Validation, _held_out, validate
-from floquid.validation._case import case_of, filtered, gains
+from floquid.validation._case import case_of, filtered
 from floquid.validation._consistency import DEVIATIONS, TOLERANCE, consistency
 from floquid.validation._residual import colour, peaks
 from floquid.validation._validate import _power
@@ -502,7 +503,7 @@ def test_colour_has_the_mean_of_white_noise_after_a_fit_of_many_columns():
 def test_a_filter_has_the_gain_that_is_told():
     rate, taps = np.array([-0.02 + 0.7j]), np.array([[1.0, -0.5, 0.2]])
     values = np.exp(rate * np.arange(20) * 0.3).real[None]
-    gain = gains(taps, rate, 0.3)[0, 0]
+    gain = filter_gain(taps, np.arange(3) * 0.3, rate)[0, 0]
     assert filtered(values[:, :1], np.ones((len(values), 2))).shape == (len(values), 0), "a record without its past"
     out = filtered(values, taps)
     assert out.shape == (1, 18)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet.control._system import PeriodicSystem, checked_system, input_units, matrix_reach
 from floquid.floquet.matrices import after_jumps, assembled, named
@@ -21,6 +22,8 @@ class DiscretePeriodicSystem(Rebuilt):
     r"""A linear periodic system in steps of time, P of them a period.
 
     .. math:: x_{k+1} = A_k x_k + B_k u_k, \qquad y_k = C_k x_k + D_k u_k, \qquad A_{k+P} = A_k, \ldots
+
+    Raises InputError where shapes do not agree, or names are not distinct.
 
     Parameters
     ----------
@@ -36,17 +39,12 @@ class DiscretePeriodicSystem(Rebuilt):
         D_k (phases, outputs, inputs); by default zero.
     states, inputs, outputs
         Their names; by default x1, x2, ..., u1, u2, ... and y1, y2, ....
-
-    Raises
-    ------
-    InputError
-        Shapes do not agree, or names are not distinct.
     """
 
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
     dt: float
     states: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -109,7 +107,7 @@ class DiscretePeriodicSystem(Rebuilt):
         """The number of outputs."""
         return self.C.shape[1]
 
-    def multipliers(self) -> NDArray[np.complex128]:
+    def multipliers(self) -> Complexes:
         r"""The eigenvalues of the product of a period (n,), which is not formed; the same at every phase.
 
         .. math:: \mu_r = \mathrm{eig}\,(A_{P-1} \cdots A_1 A_0)
@@ -118,7 +116,7 @@ class DiscretePeriodicSystem(Rebuilt):
         """
         return multipliers_of(product_logarithms(self.A))
 
-    def exponents(self) -> NDArray[np.complex128]:
+    def exponents(self) -> Complexes:
         r"""The Floquet exponents on the principal branch (n,) [1/s], in the order of `multipliers`.
 
         .. math:: \lambda_r = \frac{\ln \mu_r}{P\,\Delta t}
@@ -128,10 +126,10 @@ class DiscretePeriodicSystem(Rebuilt):
         logs = product_logarithms(self.A)
         return np.asarray(logs.real / self.period + 1j * (logs.imag / self.period), dtype=np.complex128)
 
-    def simulate(
-        self, inputs: ArrayLike, *, initial: ArrayLike | None = None, first_phase: int = 0
-    ) -> NDArray[np.float64]:
+    def simulate(self, inputs: ArrayLike, *, initial: ArrayLike | None = None, first_phase: int = 0) -> Floats:
         """The outputs (outputs, samples) under a sequence of inputs.
+
+        Raises InputError where a shape or the phase is not possible.
 
         Parameters
         ----------
@@ -141,11 +139,6 @@ class DiscretePeriodicSystem(Rebuilt):
             The state at the first sample (n,); zero by default.
         first_phase
             The phase k of the first sample, 0 to P - 1.
-
-        Raises
-        ------
-        InputError
-            A shape or the phase is not possible.
         """
         of = "DiscretePeriodicSystem.simulate"
         given = frozen_array(inputs, "inputs", of, axes=(self.n_inputs, "samples"), remedy="Time is the last axis.")
@@ -171,10 +164,7 @@ def discretise(system: PeriodicSystem, n_phases: int, *, tolerance: float = TOLE
     a relative error `tolerance`, from 1e-14 to 1e-3. C_k and D_k are the values at t_k, after it where they jump: the
     outputs are those at the beginning of each step.
 
-    Raises
-    ------
-    InputError
-        There is no step, or the system cannot be integrated.
+    Raises InputError where there is no step, or the system cannot be integrated.
     """
     of = "floquet.discretise"
     checked_system(system, of, inputs=False)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Indices
 from floquid._checks import input_error, integer
 from floquid.floquet.control._system import PeriodicSystem, checked_system
 from floquid.floquet.matrices import AbstractPeriodicMatrix, assembled, joint_breaks, probe_times, stretches
@@ -25,7 +25,7 @@ _LOST = 1e-14  # of the squared Hankel singular values
 
 def gramian(
     system: PeriodicSystem, kind: Kind = "reachability", n_phases: int = 64, *, tolerance: float = TOLERANCE
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""The periodic Gramian of a stable system, symmetric (phases, n, n).
 
     .. math:: P(t) &= \int_{-\infty}^{t} \Phi(t, s)\, B(s)\, B(s)^T\, \Phi(t, s)^T\, ds, \qquad
@@ -41,6 +41,9 @@ def gramian(
     (Van Loan 1978), and P(0) solves the discrete Lyapunov equation of a period; from there it is carried on in the
     direction in which errors decay.
 
+    Raises InputError where the system is not stable, so that the integral does not exist; it has no inputs; or it
+    cannot be integrated.
+
     Parameters
     ----------
     system
@@ -51,11 +54,6 @@ def gramian(
         The number of phases t = 0, T/n, ... at which it is given.
     tolerance
         The relative error that is aimed at, from 1e-14 to 1e-3; damping that is slight loses from it.
-
-    Raises
-    ------
-    InputError
-        The system is not stable, so that the integral does not exist; it has no inputs; or it cannot be integrated.
     """
     of = "floquet.gramian"
     checked_system(system, of, inputs=kind == "reachability")
@@ -65,9 +63,7 @@ def gramian(
     return gramian_at(system, kind, system.period * np.arange(count + 1) / count, tolerance, of)[:-1]
 
 
-def gramian_at(
-    system: PeriodicSystem, kind: Kind, instants: NDArray[np.float64], tolerance: float, of: str
-) -> NDArray[np.float64]:
+def gramian_at(system: PeriodicSystem, kind: Kind, instants: Floats, tolerance: float, of: str) -> Floats:
     """P or Q at instants that ascend from 0 to T (instants, n, n)."""
     steps = _steps(system, kind, instants, tolerance, of)
     _refuse_unstable(steps, system.period, of)
@@ -89,13 +85,13 @@ def gramian_at(
 class _Steps(NamedTuple):
     """X → Φ X Φᵀ + G over short intervals, in the order in which errors decay."""
 
-    gap: NDArray[np.intp]
-    phi: NDArray[np.float64]
-    gain: NDArray[np.float64]
-    units: NDArray[np.float64]  # the units of the matrices X (n, n)
+    gap: Indices
+    phi: Floats
+    gain: Floats
+    units: Floats  # the units of the matrices X (n, n)
 
 
-def _steps(system: PeriodicSystem, kind: Kind, instants: NDArray[np.float64], tolerance: float, of: str) -> _Steps:
+def _steps(system: PeriodicSystem, kind: Kind, instants: Floats, tolerance: float, of: str) -> _Steps:
     r"""The steps between the instants.
 
     .. math:: \begin{bmatrix} A & B B^T \\ 0 & -A^T \end{bmatrix} \to
@@ -127,13 +123,9 @@ def _steps(system: PeriodicSystem, kind: Kind, instants: NDArray[np.float64], to
 def _refuse_unstable(steps: _Steps, period: float, of: str) -> None:
     growth = float(product_logarithms(steps.phi).real.max())
     if growth > -_UNDAMPED:
-        raise input_error(
-            "system",
-            of,
-            "be stable, for the integral over all past or future does not exist otherwise",
-            f"has an exponent of real part {growth / period:.6g} 1/s",
-            "Shift A(t) by a multiple of the identity, or take out the states that do not decay.",
-        )
+        must = "be stable, for the integral over all past or future does not exist otherwise"
+        remedy = "Shift A(t) by a multiple of the identity, or take out the states that do not decay."
+        raise input_error("system", of, must, f"has an exponent of real part {growth / period:.6g} 1/s", remedy)
 
 
 def largest_entry(matrix: AbstractPeriodicMatrix) -> float:
@@ -141,7 +133,7 @@ def largest_entry(matrix: AbstractPeriodicMatrix) -> float:
     return float(np.abs(matrix.at(probe_times(matrix.period, 64))).max())
 
 
-def _symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _symmetric(matrix: Floats) -> Floats:
     return 0.5 * (matrix + matrix.swapaxes(-1, -2))
 
 
@@ -155,10 +147,7 @@ def h2_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> float:
     of the impulse responses, or of the mean variance of the outputs under white noise of unit intensity (Colaneri 2000,
     Continuous-time periodic systems in H2 and H∞, part I).
 
-    Raises
-    ------
-    InputError
-        D is not zero, or as in `gramian`.
+    Raises InputError where D is not zero, or as in `gramian`.
     """
     of = "floquet.h2_norm"
     checked_system(system, of, inputs=True)
@@ -176,13 +165,9 @@ def h2_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> float:
         if doubling and change <= _SETTLED * now:
             return float(np.sqrt(now))
         before = now
-    raise input_error(
-        "system",
-        of,
-        f"have a mean of C P Cᵀ that is found to {_SETTLED:g}",
-        f"it still changes by {change:.2g} of {before:.3g}",
-        "Name the instants at which its matrices jump in their `breaks`.",
-    )
+    must = f"have a mean of C P Cᵀ that is found to {_SETTLED:g}"
+    got = f"it still changes by {change:.2g} of {before:.3g}"
+    raise input_error("system", of, must, got, "Name the instants at which its matrices jump in their `breaks`.")
 
 
 def hankel_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> float:
@@ -214,9 +199,7 @@ def hankel_norm(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> floa
     return max(float(values[place]), -negative(best))
 
 
-def _mean_variance(
-    system: PeriodicSystem, bounds: NDArray[np.float64], panels: int, tolerance: float, of: str
-) -> float:
+def _mean_variance(system: PeriodicSystem, bounds: Floats, panels: int, tolerance: float, of: str) -> float:
     """The mean of tr(C P Cᵀ) over a period, by Gauss quadrature on panels of which none crosses a bound."""
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     parts = np.maximum(1, np.ceil(np.diff(bounds) * panels / system.period - 1e-9)).astype(np.intp)
@@ -231,9 +214,7 @@ def _mean_variance(
     return float(0.5 * np.outer(widths, weights).ravel() @ values / system.period)
 
 
-def hankel_values(
-    system: PeriodicSystem, instants: NDArray[np.float64], tolerance: float, of: str
-) -> NDArray[np.float64]:
+def hankel_values(system: PeriodicSystem, instants: Floats, tolerance: float, of: str) -> Floats:
     """The largest Hankel singular value at instants from 0 to T (instants,); zero if it may be rounding alone."""
     reach, observe = (gramian_at(system, kind, instants, tolerance, of) for kind in ("reachability", "observability"))
     values = np.linalg.eigvals(reach @ observe).real.max(axis=1)
@@ -241,7 +222,7 @@ def hankel_values(
     return np.sqrt(np.where(values > lost, values, 0.0))
 
 
-def grid(system: PeriodicSystem) -> NDArray[np.float64]:
+def grid(system: PeriodicSystem) -> Floats:
     """Instants from 0 to T, the breaks among them."""
     matrices = tuple(matrix for matrix in (system.A, system.B, system.C) if matrix is not None)
     even = np.linspace(0.0, system.period, _GRID + 1)

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet.control._system import Matrices, PeriodicSystem, with_inputs
 from floquid.floquet.hill_method import block_toeplitz, hill, refuse_undamped, smoothed, speeds
@@ -34,6 +35,8 @@ class HarmonicSystem(Rebuilt):
     Wereley and Hall 1990; Möllerstedt and Bernhardsson 2000. A truncation is no system with a sound input and output
     at every harmonic: rows near ±N lack their neighbours. Use `harmonic_transfer` for values that are checked.
 
+    Raises InputError where a shape does not agree with the labels.
+
     Parameters
     ----------
     A
@@ -46,17 +49,12 @@ class HarmonicSystem(Rebuilt):
         T [s].
     states, inputs, outputs
         The name and the harmonic of every row, as ("x1", -2).
-
-    Raises
-    ------
-    InputError
-        A shape does not agree with the labels.
     """
 
-    A: NDArray[np.complex128]
-    B: NDArray[np.complex128]
-    C: NDArray[np.complex128]
-    D: NDArray[np.complex128]
+    A: Complexes
+    B: Complexes
+    C: Complexes
+    D: Complexes
     n_harmonics: int
     period: float
     states: tuple[tuple[str, int], ...]
@@ -66,10 +64,7 @@ class HarmonicSystem(Rebuilt):
     def __post_init__(self) -> None:
         of = "HarmonicSystem"
         n, n_inputs, n_outputs = len(self.states), len(self.inputs), len(self.outputs)
-        shapes = {"A": (n, n), "B": (n, n_inputs), "C": (n_outputs, n), "D": (n_outputs, n_inputs)}
-        for name, shape in shapes.items():
-            array = frozen_array(getattr(self, name), name, of, axes=shape, dtype=np.complex128)
-            object.__setattr__(self, name, array)
+        self._freeze(dtype=np.complex128, A=(n, n), B=(n, n_inputs), C=(n_outputs, n), D=(n_outputs, n_inputs))
         object.__setattr__(self, "n_harmonics", integer(self.n_harmonics, "n_harmonics", of, at_least=0))
         object.__setattr__(self, "period", positive(self.period, "period", of, unit="s"))
 
@@ -77,19 +72,15 @@ class HarmonicSystem(Rebuilt):
     def from_system(cls, system: PeriodicSystem, n_harmonics: int) -> HarmonicSystem:
         """The harmonic state space of a periodic `system` with inputs, cut off at `n_harmonics`.
 
-        Raises
-        ------
-        InputError
-            The system has no inputs, or (2 N + 1) n is too large.
+        Raises InputError where the system has no inputs, or (2 N + 1) n is too large.
         """
         of = "HarmonicSystem.from_system"
         count = integer(n_harmonics, "n_harmonics", of, at_least=0)
         matrices = with_inputs(system, of)
         size = (2 * count + 1) * max(max(matrix.shape) for matrix in matrices)
         if size > _LARGEST:
-            raise input_error(
-                "n_harmonics", of, f"keep every lifted matrix within {_LARGEST} rows", f"{count} needs {size}"
-            )
+            must = f"keep every lifted matrix within {_LARGEST} rows"
+            raise input_error("n_harmonics", of, must, f"{count} needs {size}")
         lifted = [block_toeplitz(fourier(matrix, 2 * count), count) for matrix in matrices]
         lifted[0] -= np.diag(speeds(system.n_states, count, 2.0 * np.pi / system.period))
         harmonics = range(-count, count + 1)
@@ -105,7 +96,7 @@ class HarmonicSystem(Rebuilt):
             f"-{self.n_harmonics}..{self.n_harmonics}, period={self.period:g})"
         )
 
-    def transfer(self, s: complex) -> NDArray[np.complex128]:
+    def transfer(self, s: complex) -> Complexes:
         """The truncated harmonic transfer function 𝒞 (s - 𝒜 + 𝒩)⁻¹ ℬ + 𝒟 at one s [1/s] (outputs, inputs)."""
         return self.C @ np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B) + self.D
 
@@ -135,24 +126,22 @@ class HarmonicTransfer(Rebuilt):
         Their names.
     """
 
-    omega: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    harmonics: NDArray[np.int64]
+    omega: Floats
+    values: Complexes
+    harmonics: Integers
     period: float
     n_harmonics: int
-    error: NDArray[np.float64]
+    error: Floats
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        of, put = "HarmonicTransfer", object.__setattr__
-        put(self, "omega", frozen_array(self.omega, "omega", of, axes=("lines",)))
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
+        self._freeze(omega=("lines",))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",))
         sizes = (len(self.outputs), len(self.inputs))
-        axes = (*sizes, len(self.harmonics), len(self.omega))
-        put(self, "values", frozen_array(self.values, "values", of, axes=axes, dtype=np.complex128))
-        put(self, "error", frozen_array(self.error, "error", of, axes=sizes, finite=False))
-        put(self, "period", positive(self.period, "period", of, unit="s"))
+        self._freeze(dtype=np.complex128, values=(*sizes, len(self.harmonics), len(self.omega)))
+        self._freeze(finite=False, error=sizes)
+        object.__setattr__(self, "period", positive(self.period, "period", "HarmonicTransfer", unit="s"))
 
     @property
     def fundamental(self) -> float:
@@ -176,6 +165,9 @@ def harmonic_transfer(
     Wereley and Hall 1990; Möllerstedt and Bernhardsson 2000. That of an unstable system is one too, but no steady
     response. Where A(t) jumps, it is first made smooth by a periodic change of coordinates, as in `hill`.
 
+    Raises InputError where the system has no inputs, a line meets an undamped exponent, modulo ω, or the values have
+    not settled and `raises` is true.
+
     Parameters
     ----------
     system
@@ -190,12 +182,6 @@ def harmonic_transfer(
         large again or larger by the highest strong harmonic of a matrix, that passes, from 1e-14 to 1e-2.
     raises
         Whether a truncation that does not suffice is an error; else see `error`.
-
-    Raises
-    ------
-    InputError
-        The system has no inputs, a line meets an undamped exponent, modulo ω, or the values have not settled and
-        `raises` is true.
     """
     of = "floquet.harmonic_transfer"
     inputs = with_inputs(system, of)[1].shape[1]
@@ -218,16 +204,16 @@ def harmonic_transfer(
 class Responses(NamedTuple):
     """The outputs' harmonics for some columns of input amplitudes."""
 
-    values: NDArray[np.complex128]  # (outputs, columns, harmonics, lines)
-    harmonics: NDArray[np.int64]
+    values: Complexes  # (outputs, columns, harmonics, lines)
+    harmonics: Integers
     truncation: int
-    error: NDArray[np.float64]  # (outputs, columns)
+    error: Floats  # (outputs, columns)
 
 
 def respond(
     system: PeriodicSystem,
-    omega: NDArray[np.float64],
-    columns: NDArray[np.complex128] | NDArray[np.float64],
+    omega: Floats,
+    columns: Complexes | Floats,
     n_harmonics: int | None,
     tolerance: float,
     raises: bool,
@@ -257,14 +243,13 @@ def respond(
         left = left[(change[..., left] > accuracy * largest).any(axis=(0, 1))]
     error = change.max(axis=2, initial=0.0)
     if left.size and raises:
-        raise input_error(
-            "omega" if not np.isfinite(values).all() else "system",
-            of,
-            f"have a response that settles to {accuracy:g} of its largest harmonic",
-            f"at Ω = {omega[left[0]]:g} rad/s it still changes by {error.max():.3g} at {used} harmonics",
+        must = f"have a response that settles to {accuracy:g} of its largest harmonic"
+        got = f"at Ω = {omega[left[0]]:g} rad/s it still changes by {error.max():.3g} at {used} harmonics"
+        remedy = (
             "Keep off the undamped exponents, name the jumps of callables in `breaks`, raise `tolerance`, or pass "
-            "`raises=False` and look at `error`.",
+            "`raises=False` and look at `error`."
         )
+        raise input_error("omega" if not np.isfinite(values).all() else "system", of, must, got, remedy)
     kept = min(highest, used)
     values = values[:, :, highest - kept : highest + kept + 1]
     return Responses(values, np.arange(-kept, kept + 1), used, error)
@@ -273,12 +258,12 @@ def respond(
 def _solved(
     lifted: Matrices,
     system: PeriodicSystem,
-    omega: NDArray[np.float64],
-    columns: NDArray[np.complex128] | NDArray[np.float64],
+    omega: Floats,
+    columns: Complexes | Floats,
     truncation: int,
     reach: int,
     of: str,
-) -> NDArray[np.complex128]:
+) -> Complexes:
     """The outputs' harmonics up to `reach` at one truncation (outputs, columns, harmonics, lines)."""
     A, B, C, D = lifted
     n_columns = columns.shape[1]
@@ -291,9 +276,8 @@ def _solved(
         try:
             inner[..., index] = np.linalg.solve(1j * line * diagonal - matrix, drive)
         except np.linalg.LinAlgError:
-            raise input_error(
-                "omega", of, "keep off the exponents", f"Ω = {line:g} rad/s is one of an undamped mode"
-            ) from None
+            must = "keep off the exponents"
+            raise input_error("omega", of, must, f"Ω = {line:g} rad/s is one of an undamped mode") from None
     out = np.zeros((system.n_outputs, n_columns, 2 * reach + 1, len(omega)), dtype=np.complex128)
     kept = min(truncation, reach)
     middle = slice(reach - kept, reach + kept + 1)
@@ -337,13 +321,10 @@ def _truncations(
     out = [max(4, lowest, 0 if wanted is None else wanted + 2)]
     least = out[0] + step
     if least > most:
-        raise input_error(
-            "system" if out[0] == lowest else "n_harmonics",
-            of,
-            f"keep (2 N + 1) n within {_LARGEST}",
-            f"{least} harmonics of {n} states are {(2 * least + 1) * n}",
-            "Reduce the states or the harmonics of the matrices, ask for fewer harmonics, or raise `tolerance`.",
-        )
+        must = f"keep (2 N + 1) n within {_LARGEST}"
+        got = f"{least} harmonics of {n} states are {(2 * least + 1) * n}"
+        remedy = "Reduce the states or the harmonics of the matrices, ask for fewer harmonics, or raise `tolerance`."
+        raise input_error("system" if out[0] == lowest else "n_harmonics", of, must, got, remedy)
     while out[-1] + step <= most:
         out.append(min(most, out[-1] + max(step, out[-1] // 2)))
     return wanted, out

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, final, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Indices
 from floquid._checks import Rebuilt, describe, frozen_array, input_error, integer, positive
 from floquid.floquet.control._discrete import DiscretePeriodicSystem, checked_phase
 from floquid.io import load_package
@@ -48,10 +49,10 @@ class LiftedSystem(Rebuilt):
         Phase and name of each; by "time" all states are those at the first phase.
     """
 
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
     dt: float
     form: Form
     n_phases: int
@@ -62,10 +63,9 @@ class LiftedSystem(Rebuilt):
 
     def __post_init__(self) -> None:
         n, m, p = len(self.states), len(self.inputs), len(self.outputs)
-        for name, axes in (("A", (n, n)), ("B", (n, m)), ("C", (p, n)), ("D", (p, m))):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), name, "LiftedSystem", axes=axes))
+        self._freeze(A=(n, n), B=(n, m), C=(p, n), D=(p, m))
 
-    def poles(self) -> NDArray[np.complex128]:
+    def poles(self) -> Complexes:
         """The eigenvalues of A (states,), the largest first.
 
         By "time" they are the multipliers, small ones to a fraction of the largest alone: see
@@ -74,13 +74,11 @@ class LiftedSystem(Rebuilt):
         found = np.linalg.eigvals(self.A).astype(np.complex128)
         return found[np.argsort(-np.abs(found), kind="stable")]
 
-    def stack(self, inputs: ArrayLike) -> NDArray[np.float64]:
+    def stack(self, inputs: ArrayLike) -> Floats:
         """The inputs of the periodic system, from the first phase on, as this one takes them (lifted inputs, steps).
 
-        Parameters
-        ----------
-        inputs
-            u of the periodic system (inputs, samples); by "time" the samples are whole periods, or it is an InputError.
+        They are u of the periodic system (inputs, samples); by "time" the samples are whole periods, or it is an
+        InputError.
         """
         of, count = "LiftedSystem.stack", len(self.inputs) // self.n_phases
         given = frozen_array(inputs, "inputs", of, axes=(count, "samples"), remedy="Time is the last axis.")
@@ -95,7 +93,7 @@ class LiftedSystem(Rebuilt):
             raise input_error("inputs", of, f"be whole periods of {self.n_phases} samples", got, "Append zeros.")
         return given.reshape(count, -1, self.n_phases).transpose(2, 0, 1).reshape(len(self.inputs), -1)
 
-    def unstack(self, outputs: ArrayLike) -> NDArray[np.float64]:
+    def unstack(self, outputs: ArrayLike) -> Floats:
         """The outputs of the periodic system (outputs, samples), from this one's `outputs` (lifted outputs, steps)."""
         of = "LiftedSystem.unstack"
         given = frozen_array(outputs, "outputs", of, axes=(len(self.outputs), "steps"), remedy="Time is the last axis.")
@@ -106,7 +104,7 @@ class LiftedSystem(Rebuilt):
             return blocks[every % self.n_phases, :, every].T
         return blocks.transpose(1, 2, 0).reshape(count, -1)
 
-    def initial(self, state: ArrayLike) -> NDArray[np.float64]:
+    def initial(self, state: ArrayLike) -> Floats:
         """The lifted state (states,) of a `state` (n,) of the periodic system at the first phase."""
         count = len(self.states) // (self.n_phases if self.form == "cyclic" else 1)
         given = frozen_array(state, "state", "LiftedSystem.initial", axes=(count,))
@@ -115,10 +113,7 @@ class LiftedSystem(Rebuilt):
     def to_control(self) -> Any:
         """The system as `control.StateSpace`, every signal named "name[phase]", a full stop in it as a middle dot.
 
-        Raises
-        ------
-        InputError
-            python-control is not installed.
+        Raises InputError where python-control is not installed.
         """
         return load_package("control", "to_control").StateSpace(
             self.A,
@@ -153,6 +148,8 @@ def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: in
 
     Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control, chapter 6.
 
+    Raises InputError where the form is unknown, or the phase is not possible.
+
     Parameters
     ----------
     system
@@ -161,11 +158,6 @@ def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: in
         "time" (Meyer and Burrus 1975) or "cyclic" (Flamm 1991).
     first_phase
         The phase with which a step begins, 0 to P - 1: the lifted state is the state at that phase.
-
-    Raises
-    ------
-    InputError
-        The form is unknown, or the phase is not possible.
     """
     of = "floquet.lift"
     if form not in get_args(Form):
@@ -190,9 +182,7 @@ def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: in
     )
 
 
-def _in_time(
-    A: NDArray[np.float64], B: NDArray[np.float64], C: NDArray[np.float64], D: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _in_time(A: Floats, B: Floats, C: Floats, D: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """The matrices of a step of one period, by what the state at each phase owes to the first state and the inputs."""
     n_phases, n_outputs, n_inputs = D.shape
     n = A.shape[1]
@@ -208,15 +198,13 @@ def _in_time(
     return owed[:, :n], owed[:, n:], seen[:, :n], seen[:, n:]
 
 
-def _cyclic(
-    A: NDArray[np.float64], B: NDArray[np.float64], C: NDArray[np.float64], D: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], ...]:
+def _cyclic(A: Floats, B: Floats, C: Floats, D: Floats) -> tuple[Floats, ...]:
     """Each phase's matrices as blocks, those into the state a row of blocks further down, the last into the first."""
     following = np.roll(np.arange(len(A)), -1)
     return _blocks(A, following), _blocks(B, following), _blocks(C), _blocks(D)
 
 
-def _blocks(stack: NDArray[np.float64], rows: NDArray[np.intp] | None = None) -> NDArray[np.float64]:
+def _blocks(stack: Floats, rows: Indices | None = None) -> Floats:
     count, height, width = stack.shape
     every = np.arange(count)
     out = np.zeros((count, height, count, width))
@@ -243,6 +231,9 @@ def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) 
     phase and others between, as many as the phase needs that needs most. All responses are the same: it is the
     inverse of `lift(...).to_control()` but for coordinates.
 
+    Raises InputError where python-control is not installed, the system is of continuous time, or is not causal within a
+    period.
+
     Parameters
     ----------
     system
@@ -251,11 +242,6 @@ def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) 
         Steps a period, P.
     first_phase
         The phase with which a step of `system` begins, 0 to P - 1.
-
-    Raises
-    ------
-    InputError
-        python-control is not installed, the system is of continuous time, or is not causal within a period.
     """
     if not isinstance(system, load_package("control", _OF).StateSpace):
         raise input_error("system", _OF, "be a control.StateSpace", f"is {describe(system)}", "Use `control.ss`.")
@@ -284,9 +270,7 @@ def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) 
     )
 
 
-def _factors(
-    whole: NDArray[np.float64], phases: int, n_inputs: int, n_outputs: int, n_states: int
-) -> tuple[NDArray[np.float64], ...]:
+def _factors(whole: Floats, phases: int, n_inputs: int, n_outputs: int, n_states: int) -> tuple[Floats, ...]:
     """A_k, B_k, C_k and D_k, from the matrix that gives (y_0, ..., y_P-1, x_P) by (x_0, u_0, ..., u_P-1).
 
     The state at phase k is what all that comes later, rows from y_k on, owes to all before it, columns up to u_k-1: a
@@ -314,18 +298,14 @@ def _factors(
     return A, B, C, D
 
 
-def _check_causal(D: NDArray[np.float64], phases: int) -> None:
+def _check_causal(D: Floats, phases: int) -> None:
     blocks = np.abs(D.reshape(phases, D.shape[0] // phases, phases, D.shape[1] // phases)).max(axis=(1, 3), initial=0.0)
     ahead = np.triu(blocks, 1)
     if (ahead > RANK * blocks.max(initial=0.0)).any():
         phase, later = (int(index) for index in np.argwhere(ahead == ahead.max())[0])
-        raise input_error(
-            "system",
-            _OF,
-            "be causal within a period: D zero above its diagonal of blocks",
-            f"answers at phase {phase} to an input at phase {later}",
-            "Signals are by phase, then by name, as `lift(...).to_control()` has them; take them in that order.",
-        )
+        must = "be causal within a period: D zero above its diagonal of blocks"
+        remedy = "Signals are by phase, then by name, as `lift(...).to_control()` has them; take them in that order."
+        raise input_error("system", _OF, must, f"answers at phase {phase} to an input at phase {later}", remedy)
 
 
 def _names(labels: Any, count: int) -> tuple[str, ...] | None:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import finite, input_error, positive
 from floquid._show import Brief
 from floquid.floquet.control._gramians import grid, hankel_values, largest_entry
@@ -76,17 +77,9 @@ def linf_norm(system: PeriodicSystem, *, tolerance: float = 1e-6) -> PeakGain:
     discrete-time algebraic Riccati equations. A gain close to that of D, or far below what B and C could give, takes
     many short steps.
 
-    Parameters
-    ----------
-    system
-        The periodic system, with inputs.
-    tolerance
-        The relative error that is aimed at, from 1e-9 to 0.1; very slight damping allows less, see `PeakGain.error`.
-
-    Raises
-    ------
-    InputError
-        The system is not stable, it has no inputs, or it cannot be integrated.
+    The `system` has inputs. The relative error that is aimed at is `tolerance`, from 1e-9 to 0.1; very slight damping
+    allows less, see `PeakGain.error`. Raises InputError where the system is not stable, it has no inputs, or it cannot
+    be integrated.
     """
     checked_system(system, _OF, inputs=True)
     accuracy = positive(tolerance, "tolerance", _OF)
@@ -130,9 +123,9 @@ class _Horizon(NamedTuple):
     .. math:: x_1 = F x_0 + W p_1, \qquad p_0 = G x_0 + F^T p_1
     """
 
-    F: NDArray[np.float64]
-    W: NDArray[np.float64]
-    G: NDArray[np.float64]
+    F: Floats
+    W: Floats
+    G: Floats
 
 
 def _scaled(system: PeriodicSystem, direct: float) -> _Scaled:
@@ -193,7 +186,7 @@ def _peak(scaled: _Scaled, gain: float) -> float:
     return float(np.abs(logs[np.argmin(np.abs(logs.real))].imag)) / scaled.A.period
 
 
-def _factors(scaled: _Scaled, gain: float) -> NDArray[np.float64]:
+def _factors(scaled: _Scaled, gain: float) -> Floats:
     r"""The transition matrices of a period of the Hamiltonian matrix, in short steps (steps, 2n, 2n).
 
     .. math:: \begin{bmatrix} A + B R^{-1} D^T C & B R^{-1} B^T \\
@@ -202,7 +195,7 @@ def _factors(scaled: _Scaled, gain: float) -> NDArray[np.float64]:
     A, B, C, D = scaled[:4]
     period, unit = A.period, scaled.ratio * gain  # of the costates, so that both ways to them are as quick
 
-    def hamiltonian(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def hamiltonian(times: Floats) -> Floats:
         a, b, c, d = (matrix.at(times) for matrix in (A, B, C, D))
         dt = d.swapaxes(1, 2)
         inverse = np.linalg.inv(gain**2 * np.eye(d.shape[2]) - dt @ d)
@@ -236,7 +229,7 @@ def _largest_direct(system: PeriodicSystem) -> float:
     if constant_value(D) is not None:
         return float(np.linalg.norm(D.at(0.0), 2))
 
-    def size(times: ArrayLike) -> NDArray[np.float64]:
+    def size(times: ArrayLike) -> Floats:
         return np.linalg.norm(D.at(times), 2, axis=(-2, -1))
 
     largest = 0.0

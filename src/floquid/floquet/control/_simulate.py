@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats, Indices
 from floquid._checks import frozen_array, input_error
 from floquid.floquet.control._system import PeriodicSystem, checked_system, input_units, matrix_reach
 from floquid.floquet.matrices import SAME, AbstractPeriodicMatrix, FunctionMatrix, Prepared, after_jumps, joint_breaks
@@ -17,7 +18,7 @@ Between: TypeAlias = Literal["linear", "held"]
 Inputs: TypeAlias = Callable[..., ArrayLike] | ArrayLike
 """u(t): a callable, t [s] -> (inputs,), or its samples (inputs, times)."""
 
-_Signal: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+_Signal: TypeAlias = Callable[[Floats], Floats]
 _OF = "floquet.simulate"
 _BATCH = 2048  # gaps between instants that are integrated at once
 _PROBES = 64
@@ -33,7 +34,7 @@ def simulate(
     breaks: ArrayLike = (),
     vectorised: bool = False,
     tolerance: float = TOLERANCE,
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""The outputs of a periodic system at `times` under given inputs (outputs, times); the value after a jump.
 
     .. math:: x(t_{k+1}) = \Phi(t_{k+1}, t_k)\, x(t_k) + \int_{t_k}^{t_{k+1}} \Phi(t_{k+1}, s)\, B(s)\, u(s)\, ds,
@@ -43,6 +44,9 @@ def simulate(
     (Van Loan 1978), by collocation on intervals halved until each reaches the tolerance. Of samples, what belongs to a
     gap between two instants is found once for every phase of the period that it begins at: a long record in steps that
     divide the period costs hardly more than one period of it.
+
+    Raises InputError where a shape is not possible, `times` does not ascend, the system cannot be integrated, or the
+    response overflows.
 
     Parameters
     ----------
@@ -64,11 +68,6 @@ def simulate(
     tolerance
         The relative error of each step: that of the transition to itself, that of the forcing to its largest value.
         From 1e-14 to 1e-3.
-
-    Raises
-    ------
-    InputError
-        A shape is not possible, `times` does not ascend, the system cannot be integrated, or the response overflows.
     """
     checked_system(system, _OF, inputs=False)
     if between not in get_args(Between):
@@ -101,7 +100,7 @@ def simulate(
     return outputs
 
 
-def _check_samples(inputs: ArrayLike, system: PeriodicSystem, instants: NDArray[np.float64]) -> NDArray[np.float64]:
+def _check_samples(inputs: ArrayLike, system: PeriodicSystem, instants: Floats) -> Floats:
     axes = (system.n_inputs, instants.size)
     return frozen_array(inputs, "inputs", _OF, axes=axes, remedy="Give one sample for each of `times`, the last axis.")
 
@@ -109,11 +108,11 @@ def _check_samples(inputs: ArrayLike, system: PeriodicSystem, instants: NDArray[
 def _signal(inputs: Callable[..., ArrayLike], count: int, vectorised: bool) -> _Signal:
     """A callable as times (times,) -> (inputs, times), its values checked."""
 
-    def checked_values(value: ArrayLike, axes: tuple[int, ...], time: float) -> NDArray[np.float64]:
+    def checked_values(value: ArrayLike, axes: tuple[int, ...], time: float) -> Floats:
         remedy = f"This is its value at t = {time:g}."
         return frozen_array(value, "inputs", _OF, axes=axes, remedy=remedy)
 
-    def signal(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def signal(times: Floats) -> Floats:
         if vectorised:
             return checked_values(inputs(times), (count, len(times)), float(times[0]))
         values = [checked_values(np.atleast_1d(inputs(t)), (count,), t) for t in times.tolist()]
@@ -125,12 +124,12 @@ def _signal(inputs: Callable[..., ArrayLike], count: int, vectorised: bool) -> _
 def _sampled(
     prepared: Prepared,
     entry: AbstractPeriodicMatrix | None,
-    inputs: NDArray[np.float64],
-    instants: NDArray[np.float64],
-    start: NDArray[np.float64],
+    inputs: Floats,
+    instants: Floats,
+    start: Floats,
     between: Between,
     tolerance: float,
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""The states at the instants (times, n) under samples of the inputs.
 
     .. math:: x_{k+1} = \Phi_k x_k + \int \Phi B\, ds\; u_k
@@ -167,11 +166,11 @@ def _sampled(
 def _steps(
     prepared: Prepared,
     entry: AbstractPeriodicMatrix | None,
-    left: NDArray[np.float64],
-    widths: NDArray[np.float64],
+    left: Floats,
+    widths: Floats,
     blocks: int,
     tolerance: float,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Φ over each gap, and beside it what the inputs, then their slopes, move the states (gaps, n, n + blocks m)."""
     matrix = prepared.matrix
     n = len(prepared.scale)
@@ -179,7 +178,7 @@ def _steps(
     whole = n + blocks * m
     units = np.empty(0) if entry is None else input_units(prepared, matrix_reach(prepared, entry))
 
-    def evaluate(owner: NDArray[np.intp], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def evaluate(owner: Indices, times: Floats) -> Floats:
         out = np.zeros((*times.shape, whole, whole))
         out[..., :n, :n] = matrix.at(times)
         if entry is not None:
@@ -203,11 +202,11 @@ def _driven(
     prepared: Prepared,
     entry: AbstractPeriodicMatrix,
     signal: _Signal,
-    instants: NDArray[np.float64],
-    start: NDArray[np.float64],
-    jumps: NDArray[np.float64],
+    instants: Floats,
+    start: Floats,
+    jumps: Floats,
     tolerance: float,
-) -> NDArray[np.float64]:
+) -> Floats:
     """The states at the instants (times, n) under inputs that are a function of time."""
     matrix, n = prepared.matrix, len(start)
     period = matrix.period
@@ -217,11 +216,11 @@ def _driven(
     stops = stops[(stops > instants[0]) & (stops < instants[-1])]
     ends = np.unique(np.concatenate([instants, stops]))
 
-    def forcing(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def forcing(times: Floats) -> Floats:
         values = signal(times.ravel()).T.reshape(*times.shape, -1)
         return np.einsum("...ij,...j->...i", entry.at(times), values)
 
-    def evaluate(_: NDArray[np.intp], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def evaluate(_: Indices, times: Floats) -> Floats:
         out = np.zeros((*times.shape, n + 1, n + 1))
         out[..., :n, :n] = matrix.at(times)
         out[..., :n, n] = forcing(times)
@@ -249,14 +248,14 @@ def _driven(
 
 def _factors(
     evaluate: Evaluate,
-    gap: NDArray[np.intp],
-    left: NDArray[np.float64],
-    right: NDArray[np.float64],
+    gap: Indices,
+    left: Floats,
+    right: Floats,
     prepared: Prepared,
-    units: NDArray[np.float64],
+    units: Floats,
     entry: AbstractPeriodicMatrix | None,
     tolerance: float,
-) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+) -> tuple[Indices, Floats]:
     """The transition matrices of states and inputs over short intervals, and the gap that each is in."""
     forced_by_function = len(units) > 0 and (entry is None or isinstance(entry, FunctionMatrix))
     found = factorise(
@@ -280,9 +279,7 @@ def _factors(
     return found.owner, found.matrices
 
 
-def _pieces(
-    left: NDArray[np.float64], right: NDArray[np.float64], breaks: NDArray[np.float64], prepared: Prepared
-) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+def _pieces(left: Floats, right: Floats, breaks: Floats, prepared: Prepared) -> tuple[Indices, Floats, Floats]:
     """First intervals in each gap: the gap (intervals,), left and right ends, none across a break or too long."""
     period, scale = prepared.matrix.period, prepared.scale
     owner, ends = np.arange(len(left)), np.stack([left, right], axis=1)
@@ -304,11 +301,10 @@ def _pieces(
     return owner[interval], lefts, rights
 
 
-def _finite(states: NDArray[np.float64], instants: NDArray[np.float64]) -> NDArray[np.float64]:
+def _finite(states: Floats, instants: Floats) -> Floats:
     good = np.isfinite(states).all(axis=1)
     if not good.all():
         last = instants[int(np.argmin(good))]
-        raise input_error(
-            "times", _OF, "end before the response leaves the range of floating point", f"it overflows by t = {last:g}"
-        )
+        must = "end before the response leaves the range of floating point"
+        raise input_error("times", _OF, must, f"it overflows by t = {last:g}")
     return states

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, finite, frozen_array, input_error, positive
 from floquid.floquet.control._harmonic_state_space import respond
 from floquid.floquet.control._system import PeriodicSystem, checked_system
@@ -42,12 +43,12 @@ class SineResponse(Rebuilt):
     """
 
     omega: float
-    amplitude: NDArray[np.complex128]
-    values: NDArray[np.complex128]
-    harmonics: NDArray[np.int64]
+    amplitude: Complexes
+    values: Complexes
+    harmonics: Integers
     period: float
     n_harmonics: int
-    error: NDArray[np.float64]
+    error: Floats
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
@@ -55,19 +56,17 @@ class SineResponse(Rebuilt):
         of, put = "SineResponse", object.__setattr__
         put(self, "omega", finite(self.omega, "omega", of, unit="rad/s"))
         put(self, "period", positive(self.period, "period", of, unit="s"))
-        axes = (len(self.inputs),)
-        put(self, "amplitude", frozen_array(self.amplitude, "amplitude", of, axes=axes, dtype=np.complex128))
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",))
         axes = (len(self.outputs), len(self.harmonics))
-        put(self, "values", frozen_array(self.values, "values", of, axes=axes, dtype=np.complex128))
-        put(self, "error", frozen_array(self.error, "error", of, axes=axes[:1], finite=False))
+        self._freeze(dtype=np.complex128, amplitude=(len(self.inputs),), values=axes)
+        self._freeze(finite=False, error=axes[:1])
 
     @property
-    def frequencies(self) -> NDArray[np.float64]:
+    def frequencies(self) -> Floats:
         """Ω + kω (harmonics,) [rad/s]; a negative one is that of the conjugate."""
         return np.asarray(self.omega + 2.0 * np.pi / self.period * self.harmonics, dtype=np.float64)
 
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """The outputs at `times` [s] of any shape (outputs, ...): the sum of the harmonics that are there.
 
         Where the system jumps, the harmonics beyond are missed, about the size of the last ones times their number.
@@ -93,6 +92,9 @@ def sine_response(
 
     Wereley and Hall 1990. Without damping this is the response that repeats; a free response stays beside it.
 
+    Raises InputError where the system is unstable, and has no steady response; Ω meets an undamped exponent, modulo ω;
+    or as in `harmonic_transfer`.
+
     Parameters
     ----------
     system
@@ -105,12 +107,6 @@ def sine_response(
         The highest harmonic k that is given; by default as in `harmonic_transfer`.
     tolerance, raises
         As in `harmonic_transfer`.
-
-    Raises
-    ------
-    InputError
-        The system is unstable, and has no steady response; Ω meets an undamped exponent, modulo ω; or as in
-        `harmonic_transfer`.
     """
     of = "floquet.sine_response"
     speed = finite(omega, "omega", of, unit="rad/s")
@@ -137,11 +133,6 @@ def _refuse_without_steady_state(system: PeriodicSystem, omega: float, of: str) 
     modes = hill(system.A)
     growth = modes.exponents.real
     if (growth > growth_doubt(modes)).any():
-        raise input_error(
-            "system",
-            of,
-            "be stable",
-            f"has an exponent of real part {growth.max():.6g} 1/s",
-            "It has no steady response; `harmonic_transfer` gives the transfer function all the same.",
-        )
+        remedy = "It has no steady response; `harmonic_transfer` gives the transfer function all the same."
+        raise input_error("system", of, "be stable", f"has an exponent of real part {growth.max():.6g} 1/s", remedy)
     refuse_undamped(modes, np.array([omega]), of)

@@ -8,8 +8,9 @@ from functools import partial
 from typing import Any, Literal, TypeAlias, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid._show import Brief
 from floquid.floquet.matrices import (
@@ -47,6 +48,9 @@ class PeriodicSystem(Brief):
     `G2 @ G1` is G1 followed by G2, `G1 + G2` and `G1 - G2` are in parallel, `G1.feedback(G2)` closes a loop.
     All four are held over their least common period; a constant has any period, so it takes no part in finding it.
 
+    Raises InputError where shapes do not agree, no matrix is periodic, the periods have no common multiple, or names
+    are not distinct.
+
     Parameters
     ----------
     A
@@ -59,11 +63,6 @@ class PeriodicSystem(Brief):
         The direct term (outputs, inputs); by default zero.
     states, inputs, outputs
         Their names; by default x1, x2, ..., u1, u2, ... and y1, y2, ....
-
-    Raises
-    ------
-    InputError
-        Shapes do not agree, no matrix is periodic, the periods have no common multiple, or names are not distinct.
     """
 
     A: AbstractPeriodicMatrix
@@ -188,11 +187,8 @@ class PeriodicSystem(Brief):
 
         Feedback is negative with a `sign` of -1 and positive with 1.
 
-        Raises
-        ------
-        InputError
-            The numbers of inputs and outputs do not match, or at some time I ∓ D₁(t) D₂(t) is singular or all but:
-            then the loop has no solution.
+        Raises InputError where the numbers of inputs and outputs do not match, or at some time I ∓ D₁(t) D₂(t) is
+        singular or all but: then the loop has no solution.
         """
         of = "PeriodicSystem.feedback"
         checked_system(other, of, inputs=True, argument="other")
@@ -239,13 +235,8 @@ def _over_one_period(given: dict[str, Operand]) -> dict[str, AbstractPeriodicMat
     else:
         some = [matrix.period for matrix in given.values() if isinstance(matrix, AbstractPeriodicMatrix)]
         if not some:
-            raise input_error(
-                "A",
-                of,
-                "have a period where all is constant",
-                "is an array",
-                "Pass `HarmonicMatrix(coefficients=A[:, :, None], harmonics=[0], period=...)`.",
-            )
+            remedy = "Pass `HarmonicMatrix(coefficients=A[:, :, None], harmonics=[0], period=...)`."
+            raise input_error("A", of, "have a period where all is constant", "is an array", remedy)
         period, counts = some[0], []
     held: dict[str, AbstractPeriodicMatrix] = {
         name: constant_matrix(value, period) for name, value in values.items() if value is not None
@@ -282,13 +273,9 @@ def _inverse(matrix: AbstractPeriodicMatrix, of: str) -> AbstractPeriodicMatrix:
     values = matrix.at(stretches(matrix))
     sizes = np.linalg.svd(values, compute_uv=False)
     if (sizes[..., -1] <= _SINGULAR * sizes[..., 0]).any() or changes_sign(values):
-        raise input_error(
-            "other",
-            of,
-            "leave the loop a solution at all times",
-            "I ∓ D₁(t) D₂(t) is singular at some time",
-            "Take the direct term out of one of the two, or change the gain.",
-        )
+        must = "leave the loop a solution at all times"
+        got = "I ∓ D₁(t) D₂(t) is singular at some time"
+        raise input_error("other", of, must, got, "Take the direct term out of one of the two, or change the gain.")
     if constant_value(matrix) is not None:
         return constant_matrix(_inverted(matrix, np.zeros(())), matrix.period)
     return FunctionMatrix(
@@ -296,7 +283,7 @@ def _inverse(matrix: AbstractPeriodicMatrix, of: str) -> AbstractPeriodicMatrix:
     )
 
 
-def _inverted(matrix: AbstractPeriodicMatrix, times: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverted(matrix: AbstractPeriodicMatrix, times: Floats) -> Floats:
     return np.linalg.inv(matrix.at(times)).astype(np.float64, copy=False)
 
 
@@ -307,13 +294,13 @@ def balanced_system(system: PeriodicSystem, prepared: Prepared, of: str) -> Matr
     return back @ prepared.matrix @ to, back @ B, C @ to, D
 
 
-def matrix_reach(prepared: Prepared, entry: AbstractPeriodicMatrix) -> NDArray[np.float64]:
+def matrix_reach(prepared: Prepared, entry: AbstractPeriodicMatrix) -> Floats:
     """The speed at which a unit of each input moves the states, in their units (inputs,)."""
     size = np.abs(entry.at(probe_times(entry.period, _PROBES))).max(axis=0)
     return (size / prepared.scale[:, None]).max(axis=0)
 
 
-def input_units(prepared: Prepared, reach: NDArray[np.float64]) -> NDArray[np.float64]:
+def input_units(prepared: Prepared, reach: Floats) -> Floats:
     """Units of the inputs in which they move the states as quickly as these move each other, powers of two."""
     rate = prepared.size or 1.0 / prepared.matrix.period
     return np.where(reach > 0.0, 2.0 ** np.round(np.log2(rate / np.where(reach > 0.0, reach, rate))), 1.0)
@@ -336,7 +323,7 @@ def with_inputs(system: PeriodicSystem, of: str, argument: str = "system") -> Ma
     return system.A, system.B, system.C, system.D
 
 
-def changes_sign(values: NDArray[np.float64]) -> bool:
+def changes_sign(values: Floats) -> bool:
     """True if a determinant has both signs between two breaks, of values (stretches, instants, n, n).
 
     There it is continuous, and so has a zero, whether or not an instant met it.

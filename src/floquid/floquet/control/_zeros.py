@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error
 from floquid.errors import InputError
 from floquid.floquet.control._system import Matrices, PeriodicSystem, balanced_system, changes_sign, with_inputs
@@ -26,7 +26,7 @@ _NONE = 1e-10  # of the size of its terms: a product below it is none
 _SINGULAR = 1e-8  # reciprocal condition of the inputs' effect, rows at equal length, that counts as none
 
 
-def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> NDArray[np.complex128]:
+def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> Complexes:
     r"""The finite transmission zeros, as exponents on the principal branch (zeros,) [1/s]; they may be none.
 
     Of a `system` with as many inputs as outputs, λ is a zero if some input, and a state with it, pass without any
@@ -48,12 +48,9 @@ def zeros(system: PeriodicSystem, *, tolerance: float = TOLERANCE) -> NDArray[np
     Control Systems, 5.1. The outputs and their derivatives are projected out of every factor of a product that is not
     formed, so that no infinite zeros have to be told from finite ones.
 
-    Raises
-    ------
-    InputError
-        The numbers of inputs and outputs differ; an output that has to be differentiated jumps; or E(t) is singular at
-        some time, as where an output's first input fades within the period. Zeros may exist then: they are not found
-        in this way.
+    Raises InputError where the numbers of inputs and outputs differ; an output that has to be differentiated jumps; or
+    E(t) is singular at some time, as where an output's first input fades within the period. Zeros may exist then: they
+    are not found in this way.
     """
     with_inputs(system, _OF)
     if system.n_inputs != system.n_outputs:
@@ -100,13 +97,8 @@ def _differentiated(scaled: Matrices, name: str, index: int) -> _Output:
         if not _is_none(effect, _largest(row) * _largest(B)):
             return _Output(held, after, effect)
         row = after
-    raise input_error(
-        "system",
-        _OF,
-        "let every output be reached by an input",
-        f"its output {name!r} is reached by none",
-        "Leave the output out.",
-    )
+    must = "let every output be reached by an input"
+    raise input_error("system", _OF, must, f"its output {name!r} is reached by none", "Leave the output out.")
 
 
 def _derivative(row: AbstractPeriodicMatrix, name: str) -> AbstractPeriodicMatrix:
@@ -117,13 +109,10 @@ def _derivative(row: AbstractPeriodicMatrix, name: str) -> AbstractPeriodicMatri
     try:
         series = row.to_harmonics()
     except InputError:
-        raise input_error(
-            "system",
-            _OF,
-            "let an output be differentiated until an input appears in it",
-            f"its output {name!r} jumps, or a derivative of it does, before that",
-            "Smooth the jumps of A(t) and C(t), or give the output a direct term.",
-        ) from None
+        must = "let an output be differentiated until an input appears in it"
+        got = f"its output {name!r} jumps, or a derivative of it does, before that"
+        remedy = "Smooth the jumps of A(t) and C(t), or give the output a direct term."
+        raise input_error("system", _OF, must, got, remedy) from None
     lines, fundamental = np.asarray(series.harmonics), 2.0 * np.pi / row.period
     return real_series(1j * fundamental * lines * np.asarray(series.coefficients), lines, row.period)
 
@@ -133,7 +122,7 @@ def _closed(scaled: Matrices, rows: list[_Output]) -> AbstractPeriodicMatrix:
     A, B = scaled[:2]
     breaks = joint_breaks((A, B, *(row.E for row in rows), *(row.K for row in rows)), A.period)
 
-    def effects(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def effects(times: Floats) -> Floats:
         return np.concatenate([row.E.at(times) for row in rows], axis=-2)
 
     whole = FunctionMatrix(function=effects, period=A.period, breaks=breaks, vectorised=True)
@@ -151,14 +140,14 @@ def _closed(scaled: Matrices, rows: list[_Output]) -> AbstractPeriodicMatrix:
             "Take other outputs or inputs; where the effect fades within the period zeros are not found in this way.",
         )
 
-    def closed(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def closed(times: Floats) -> Floats:
         wanted = np.concatenate([row.K.at(times) for row in rows], axis=-2)
         return A.at(times) - B.at(times) @ np.linalg.solve(effects(times), wanted)
 
     return FunctionMatrix(function=closed, period=A.period, breaks=breaks, vectorised=True)
 
 
-def _kernels(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def _kernels(rows: Floats) -> Floats:
     """An orthonormal basis of what every row makes zero (instants, n, n - rows)."""
     lengths = np.linalg.norm(rows, axis=2, keepdims=True)
     return np.linalg.svd(rows / lengths, full_matrices=True)[2][:, rows.shape[1] :].swapaxes(1, 2)

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, input_error
 from floquid._show import Brief
 from floquid.errors import InputError
@@ -96,12 +96,12 @@ class LinFile(Rebuilt):
     states: LinSignals
     inputs: LinSignals
     outputs: LinSignals
-    state_values: NDArray[np.float64]
-    state_rates: NDArray[np.float64] | None
-    A: NDArray[np.float64] | None
-    B: NDArray[np.float64] | None
-    C: NDArray[np.float64] | None
-    D: NDArray[np.float64] | None
+    state_values: Floats
+    state_rates: Floats | None
+    A: Floats | None
+    B: Floats | None
+    C: Floats | None
+    D: Floats | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,23 +126,9 @@ class _Text:
 def read_lin(path: object, *, of: str = "floquet.read_lin", argument: str = "path") -> LinFile:
     """One linearisation file of OpenFAST.
 
-    Parameters
-    ----------
-    path
-        The file.
-    of, argument
-        The callable and its argument that messages name.
-
-    Returns
-    -------
-    LinFile
-        What the file says.
-
-    Raises
-    ------
-    InputError
-        There is no such file, it is no linearisation file, ends early, or has a line that is not what is due there.
-        The message names the file and the line.
+    `path` is the file; messages name the callable `of` and its `argument`. Raises InputError where there is no such
+    file, it is no linearisation file, ends early, or has a line that is not what is due there. The message names the
+    file and the line.
     """
     text = _open(path, of, argument)
     header = _header(text)
@@ -231,7 +217,7 @@ def _quantity(text: _Text, header: dict[str, tuple[int, str]], key: str, unit: s
     return float(read) if np.isfinite(read) else None
 
 
-def _table(text: _Text, title: str, count: int) -> tuple[LinSignals, NDArray[np.float64]]:
+def _table(text: _Text, title: str, count: int) -> tuple[LinSignals, Floats]:
     """The `count` rows of the table under `title`: what the signals are, and their operating points."""
     if not count:
         return LinSignals(), np.empty(0)
@@ -292,7 +278,7 @@ def _name_and_unit(description: str) -> tuple[str, str]:
     return name, unit[1:-1] if unit.startswith("(") and unit.endswith(")") else unit
 
 
-def _matrices(text: _Text, n_states: int, n_inputs: int, n_outputs: int) -> dict[str, NDArray[np.float64]]:
+def _matrices(text: _Text, n_states: int, n_inputs: int, n_outputs: int) -> dict[str, Floats]:
     """The blocks A, B, C and D under «Linearized state matrices:» that are there and not empty."""
     shapes = {
         "A": (n_states, n_states),
@@ -300,7 +286,7 @@ def _matrices(text: _Text, n_states: int, n_inputs: int, n_outputs: int) -> dict
         "C": (n_outputs, n_states),
         "D": (n_outputs, n_inputs),
     }
-    found: dict[str, NDArray[np.float64]] = {}
+    found: dict[str, Floats] = {}
     start = text.starting("linearized state matrices")
     index = len(text.lines) if start is None else start + 1
     while index < len(text.lines):
@@ -331,7 +317,7 @@ def _is_numeric(line: str) -> bool:
     return bool(words) and number(words[0]) is not None
 
 
-def _block(text: _Text, name: str, start: int, rows: int, columns: int) -> NDArray[np.float64]:
+def _block(text: _Text, name: str, start: int, rows: int, columns: int) -> Floats:
     """The matrix whose rows are the lines from `start` on; a fault is named by its row and column."""
     if start + rows == len(text.lines):
         raise text.error(start + rows - 1, f"ends without a line end, maybe inside a number of {name}")

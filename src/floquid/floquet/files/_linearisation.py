@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet.files._lin_file import LinSignals
 from floquid.floquet.matrices import balanced_units
@@ -47,8 +47,8 @@ class AzimuthResolution(Rebuilt):
         What was found, in sentences.
     """
 
-    harmonics: NDArray[np.int64]
-    sizes: NDArray[np.float64]
+    harmonics: Integers
+    sizes: Floats
     tail: float
     equally_spaced: bool
     resolved: bool
@@ -72,6 +72,8 @@ class OpenFastLinearisation(Rebuilt):
     No multi-blade transform is made and none is needed: states in the rotating frame stay there, and the period is
     one revolution, whatever the number of blades.
 
+    Raises InputError where a shape does not fit, a number is not finite, or the azimuths do not ascend in [0, 2π).
+
     Parameters
     ----------
     azimuths
@@ -90,23 +92,18 @@ class OpenFastLinearisation(Rebuilt):
         The states of the files that are not in the matrices.
     description
         The title of the model.
-
-    Raises
-    ------
-    InputError
-        A shape does not fit, a number is not finite, or the azimuths do not ascend in [0, 2π).
     """
 
-    azimuths: NDArray[np.float64]
+    azimuths: Floats
     rotor_speed: float
-    A: NDArray[np.float64]
-    B: NDArray[np.float64] | None = None
-    C: NDArray[np.float64] | None = None
-    D: NDArray[np.float64] | None = None
+    A: Floats
+    B: Floats | None = None
+    C: Floats | None = None
+    D: Floats | None = None
     states: LinSignals
     inputs: LinSignals = field(default_factory=LinSignals)
     outputs: LinSignals = field(default_factory=LinSignals)
-    operating_points: NDArray[np.float64]
+    operating_points: Floats
     set_aside: tuple[str, ...] = ()
     description: str = ""
 
@@ -119,7 +116,7 @@ class OpenFastLinearisation(Rebuilt):
         object.__setattr__(self, "rotor_speed", positive(self.rotor_speed, "rotor_speed", _OF, unit="rad/s"))
         n, n_inputs, n_outputs = len(self.states.names), len(self.inputs.names), len(self.outputs.names)
         for name, shape in {"A": (n, n), "B": (n, n_inputs), "C": (n_outputs, n), "D": (n_outputs, n_inputs)}.items():
-            value: NDArray[np.float64] | None = getattr(self, name)
+            value: Floats | None = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, frozen_array(value, name, _OF, axes=(*shape, azimuths.size)))
         points = frozen_array(self.operating_points, "operating_points", _OF, axes=(n, azimuths.size), missing=True)
@@ -131,7 +128,7 @@ class OpenFastLinearisation(Rebuilt):
         return 2.0 * np.pi / self.rotor_speed
 
     @property
-    def times(self) -> NDArray[np.float64]:
+    def times(self) -> Floats:
         """The instants ψ/Ω of the azimuths, from the passage of azimuth zero (azimuths,) [s]."""
         return self.azimuths / self.rotor_speed
 
@@ -158,30 +155,17 @@ class OpenFastLinearisation(Rebuilt):
 
     def harmonics(
         self, matrix: Literal["A", "B", "C", "D"] = "A", n_harmonics: int | None = None
-    ) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:
+    ) -> tuple[Integers, Complexes]:
         r"""The Fourier coefficients of a matrix, from the azimuths as they are.
 
         .. math:: A(\psi_j) \approx \sum_{k=-n}^{n} A_k\,e^{ik\psi_j} \quad \text{(least squares over } j)
 
         Where the azimuths are equally spaced this is their discrete Fourier transform.
 
-        Parameters
-        ----------
-        matrix
-            Which one.
-        n_harmonics
-            n, at most (azimuths - 1)/2; as many as the azimuths determine where not given.
-
-        Returns
-        -------
-        tuple
-            The harmonics -n, ..., n (harmonics,) and the coefficients (rows, columns, harmonics), in the unit of the
-            matrix.
-
-        Raises
-        ------
-        InputError
-            The files do not hold the matrix, or the azimuths do not determine as many harmonics.
+        Returns the harmonics -n, ..., n (harmonics,) and the coefficients (rows, columns, harmonics), in the unit of
+        the matrix. Of the `matrix` named there are `n_harmonics`, at most (azimuths - 1)/2: as many as the azimuths
+        determine where not given. Raises InputError where the files do not hold the matrix, or the azimuths do not
+        determine as many harmonics.
         """
         of = f"{_OF}.harmonics"
         values = getattr(self, matrix) if matrix in ("A", "B", "C", "D") else None
@@ -226,10 +210,8 @@ class OpenFastLinearisation(Rebuilt):
     def every_other(self) -> OpenFastLinearisation:
         """The same at the azimuths 0, 2, 4, .... Where its exponents are near those of all azimuths, these are enough.
 
-        Raises
-        ------
-        InputError
-            The number of azimuths is odd, so that half of them are not spread over the revolution, or below six.
+        Raises InputError where the number of azimuths is odd, so that half of them are not spread over the revolution,
+        or below six.
         """
         count = self.azimuths.size
         if count % 2 or count < 6:
@@ -245,24 +227,24 @@ class OpenFastLinearisation(Rebuilt):
         )
 
 
-def mean_over_revolution(azimuths: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+def mean_over_revolution(azimuths: Floats, values: Floats) -> float:
     """The mean of a periodic quantity from its values at the azimuths, as the harmonics of a matrix have it."""
     count = _most_harmonics(azimuths)
     return float(_coefficients(azimuths, values[None, None, :], count)[0, 0, count].real)
 
 
-def _design(azimuths: NDArray[np.float64], count: int) -> NDArray[np.complex128]:
+def _design(azimuths: Floats, count: int) -> Complexes:
     """e^{ikψ} (azimuths, harmonics), k = -count ... count."""
     return np.exp(1j * azimuths[:, None] * np.arange(-count, count + 1))
 
 
-def _most_harmonics(azimuths: NDArray[np.float64]) -> int:
+def _most_harmonics(azimuths: Floats) -> int:
     """The most harmonics that the azimuths determine without blowing up what they are given."""
     most = (azimuths.size - 1) // 2
     return next(n for n in range(most, -1, -1) if np.linalg.cond(_design(azimuths, n)) <= _CONDITION)
 
 
-def _coefficients(azimuths: NDArray[np.float64], values: NDArray[np.float64], count: int) -> NDArray[np.complex128]:
+def _coefficients(azimuths: Floats, values: Floats, count: int) -> Complexes:
     """The coefficients (rows, columns, harmonics) of `values` (rows, columns, azimuths)."""
     found = values @ np.linalg.pinv(_design(azimuths, count)).T
     return 0.5 * (found + found[:, :, ::-1].conj())  # the values are real: conjugates to the last bit

@@ -11,6 +11,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe, input_error, positive
 from floquid._show import Brief
 from floquid.errors import InputError
@@ -87,6 +88,10 @@ def read_matrix(
     `summary.json` and `result.h5` of `floquid identify` with an A(t); and `.lin` files of OpenFAST, or folders of them
     (see `read_openfast`), of which the harmonics are taken that the azimuths determine.
 
+    Raises InputError where there is no such file; it is of another kind, damaged or cut short; it has not the names
+    above (the message lists those that it has); an array is not of its shape, or is not finite; or the period is not
+    known, or is another than the one given.
+
     Parameters
     ----------
     paths
@@ -96,18 +101,6 @@ def read_matrix(
     interpolation
         What A(t) is between samples: "fourier", "cubic" or "linear" (see `SampledMatrix`); "fourier" by default where
         they are at equal steps, else "cubic".
-
-    Returns
-    -------
-    MatrixFile
-        A(t), the names of its states, and what it was made from.
-
-    Raises
-    ------
-    InputError
-        There is no such file; it is of another kind, damaged or cut short; it has not the names above (the message
-        lists those that it has); an array is not of its shape, or is not finite; or the period is not known, or is
-        another than the one given.
     """
     files = _paths(paths)
     if any(path.is_dir() or path.suffix.lower() == ".lin" or "*" in path.name for path in files):
@@ -192,7 +185,7 @@ _BETWEEN = {
 
 
 def _samples(
-    found: Contents, values: NDArray[np.float64], period: float, interpolation: Interpolation | None
+    found: Contents, values: Floats, period: float, interpolation: Interpolation | None
 ) -> tuple[SampledMatrix, str, tuple[str, ...]]:
     """The samples folded into one period, a repeated end left out; the words and the warnings."""
     count, times, dropped = values.shape[2], None, ""
@@ -218,9 +211,7 @@ def _samples(
     return matrix, words, _resolution(matrix)
 
 
-def _without_end(
-    found: Contents, values: NDArray[np.float64], times: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _without_end(found: Contents, values: Floats, times: Floats) -> tuple[Floats, Floats]:
     """The samples without the last, which must be the first once more."""
     first, last = int(times.argmin()), int(times.argmax())
     if np.abs(values[:, :, first] - values[:, :, last]).max() > _REPEATS * np.abs(values).max():
@@ -270,9 +261,8 @@ def _stack(found: Contents, key: str, *, complex_numbers: bool) -> NDArray[Any]:
     if bad.any():
         where = tuple(int(i) for i in np.argwhere(bad)[0])
         got = f"has {int(bad.sum())} numbers there that are not, the first at index {where}"
-        raise found.error(
-            f"hold finite numbers in `{key}`", got, "Leave out those instants and give `times`, or mend it."
-        )
+        must = f"hold finite numbers in `{key}`"
+        raise found.error(must, got, "Leave out those instants and give `times`, or mend it.")
     return array.astype(np.complex128 if complex_numbers else np.float64)
 
 
@@ -287,7 +277,7 @@ def _numbers(found: Contents, key: str) -> NDArray[Any]:
     return array
 
 
-def _vector(found: Contents, key: str, count: int) -> NDArray[np.float64]:
+def _vector(found: Contents, key: str, count: int) -> Floats:
     """A list of as many real numbers, in whatever direction."""
     array = _numbers(found, key)
     if array.dtype.kind == "c" or array.size != count or max(array.shape, default=1) != count:

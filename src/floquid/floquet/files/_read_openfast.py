@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe, input_error, integer
 from floquid.floquet.files._lin_file import LinFile, LinSignals, read_lin
 from floquid.floquet.files._linearisation import OpenFastLinearisation, mean_over_revolution
@@ -53,6 +53,12 @@ def read_openfast(
     stay, in the order of the files. Where the files have no azimuth state (the rotor turns at a given speed), nothing
     is set aside and the three choices are the same.
 
+    Of the files there are A(ψ), and B, C, D where all hold them, with the azimuths folded to [0, 2π) and ascending.
+    Raises InputError where a file cannot be read (see the message: file and line); there are fewer than three, or not
+    `n_azimuths`; a file has other states, inputs, outputs or another title than the first, or speeds that differ by
+    more than a hundredth; two are at the same azimuth; the rotor stands still; or `azimuth` is "phase" and a file does
+    not state the rates of change of its operating point.
+
     Parameters
     ----------
     paths
@@ -64,19 +70,6 @@ def read_openfast(
         OpenFAST writes it need not agree with the orbit, and may bring an instability that is not there.
     n_azimuths
         How many files there must be; not asked where not given.
-
-    Returns
-    -------
-    OpenFastLinearisation
-        A(ψ), and B, C, D where all files hold them, with the azimuths folded to [0, 2π) and ascending.
-
-    Raises
-    ------
-    InputError
-        A file cannot be read (see the message: file and line); there are fewer than three, or not `n_azimuths`; a file
-        has other states, inputs, outputs or another title than the first, or speeds that differ by more than a
-        hundredth; two are at the same azimuth; the rotor stands still; or `azimuth` is "phase" and a file does not
-        state the rates of change of its operating point.
 
     Notes
     -----
@@ -228,7 +221,7 @@ def _assembled(files: list[LinFile], azimuth: AzimuthRole) -> OpenFastLinearisat
     )
 
 
-def _rates(files: list[LinFile], index: int) -> NDArray[np.float64]:
+def _rates(files: list[LinFile], index: int) -> Floats:
     """The rates of change of the states along the orbit (n, azimuths); that of the azimuth is at `index`."""
     for file in files:
         if file.state_rates is None or not np.isfinite(file.state_rates).all():

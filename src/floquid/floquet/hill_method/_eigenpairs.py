@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Indices, Mask
 from floquid.floquet.hill_method._hill_matrix import block_toeplitz, in_exponentials, modulo, real_hill, speeds
 
 _SAME = (1e-6, 1e-4, 1e-8)  # of ω: within which two eigenvalues are one of a family, or a multiple one
@@ -19,7 +19,7 @@ _ROUNDS = 6
 class Problem(NamedTuple):
     """A(t) in harmonics, in balanced units."""
 
-    coefficients: NDArray[np.complex128]  # A_m, m = -2 N..2 N (n, n, 4 N + 1) [1/s]
+    coefficients: Complexes  # A_m, m = -2 N..2 N (n, n, 4 N + 1) [1/s]
     fundamental: float  # ω [rad/s]
 
     @property
@@ -51,21 +51,17 @@ class Problem(NamedTuple):
 class Truncated(NamedTuple):
     """The modes of a truncation, one of each family, conjugates together."""
 
-    exponents: NDArray[np.complex128]  # λ where the shape is best centred in the truncation (modes,) [1/s]
-    vectors: NDArray[np.complex128]  # the shapes' harmonics -N..N (modes, n, 2 N + 1)
-    leak: NDArray[np.float64]  # a bound of what A carries out of the truncation (modes,) [1/s], for shapes of norm one
-    condition: NDArray[np.float64]  # of each eigenvalue (modes,)
+    exponents: Complexes  # λ where the shape is best centred in the truncation (modes,) [1/s]
+    vectors: Complexes  # the shapes' harmonics -N..N (modes, n, 2 N + 1)
+    leak: Floats  # a bound of what A carries out of the truncation (modes,) [1/s], for shapes of norm one
+    condition: Floats  # of each eigenvalue (modes,)
 
-    def rounding(self, problem: Problem) -> NDArray[np.float64]:
+    def rounding(self, problem: Problem) -> Floats:
         """The largest effect of rounding on the exponents (modes,) [1/s]."""
         return 4.0 * _EPS * self.condition * problem.norm
 
-    def split(self, problem: Problem) -> NDArray[np.float64]:
-        """Distance, modulo iω, of each to the farthest of those that may be one with it but for rounding (modes,).
-
-        A defective exponent is found as several, as far from it as from each other: what they are known to, although
-        they may hardly change from one truncation to the next.
-        """
+    def split(self, problem: Problem) -> Floats:
+        """Distance, modulo iω, of each to the farthest of those that may be one with it but for rounding (modes,)."""
         apart = np.abs(modulo(np.subtract.outer(self.exponents, self.exponents), problem.fundamental))
         # The condition of an exactly defective one is without bound, that by which it splits is not.
         rounding = np.minimum(self.rounding(problem), np.cbrt(_EPS) * problem.norm)
@@ -73,7 +69,7 @@ class Truncated(NamedTuple):
         return np.where(one, apart, 0.0).max(axis=1)
 
 
-def effect_of_edges(problem: Problem, modes: Truncated) -> NDArray[np.float64]:
+def effect_of_edges(problem: Problem, modes: Truncated) -> Floats:
     r"""About what the harmonics beyond the truncation would move the exponents by (modes,) [1/s].
 
     .. math:: \kappa \sum_{|k| > N} \frac{|(A p)_k|^2}{|k|\, \omega}, \qquad (A p)_k = \sum_m A_{k-m}\, p_m
@@ -130,7 +126,7 @@ def truncated(problem: Problem) -> Truncated | None:
     return None
 
 
-def nearest(problem: Problem, near: complex, start: NDArray[np.complex128]) -> Truncated:
+def nearest(problem: Problem, near: complex, start: Complexes) -> Truncated:
     """The one mode nearest to an exponent, by inverse iteration from a shape (n, 2 N + 1) on both sides."""
     from scipy.linalg import lu_factor, lu_solve
 
@@ -154,7 +150,7 @@ def nearest(problem: Problem, near: complex, start: NDArray[np.complex128]) -> T
     )
 
 
-def _leaks(problem: Problem, vectors: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _leaks(problem: Problem, vectors: Complexes) -> Floats:
     """A bound of the part of A p that lies beyond the truncation (vectors,) [1/s]."""
     n_harmonics = problem.n_harmonics
     norms = np.linalg.norm(problem.coefficients, axis=(0, 1))[2 * n_harmonics :]
@@ -165,12 +161,9 @@ def _leaks(problem: Problem, vectors: NDArray[np.complex128]) -> NDArray[np.floa
 
 
 def _one_of_each(
-    values: NDArray[np.complex128], order: NDArray[np.intp], n: int, fundamental: float, same: float
-) -> tuple[NDArray[np.intp], NDArray[np.bool_]] | None:
-    """The first of every family in `order` and whether its conjugate is meant, until there are n; None if not n.
-
-    Only eigenvalues with Im ≥ 0 are looked at, each for itself and for its conjugate.
-    """
+    values: Complexes, order: Indices, n: int, fundamental: float, same: float
+) -> tuple[Indices, Mask] | None:
+    """The first of every family in `order` and whether its conjugate is meant, until there are n; None if not n."""
     taken = np.empty(0, dtype=np.complex128)
     picked: list[int] = []
     conjugate: list[bool] = []
@@ -231,7 +224,7 @@ def swinging_along(problem: Problem, found: Truncated, index: int) -> Truncated:
     return best
 
 
-def _on_grid(shape: NDArray[np.complex128], n_grid: int) -> NDArray[np.complex128]:
+def _on_grid(shape: Complexes, n_grid: int) -> Complexes:
     """A shape's harmonics -N..N (n, 2 N + 1) as its values at equal steps of the period (n, grid)."""
     half = shape.shape[1] // 2
     lines = np.zeros((shape.shape[0], n_grid), dtype=np.complex128)

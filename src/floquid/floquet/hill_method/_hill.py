@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, integer
 from floquid.floquet.hill_method._eigenpairs import Problem, Truncated, effect_of_edges, swinging_along, truncated
 from floquid.floquet.hill_method._hill_matrix import modulo
@@ -38,7 +39,7 @@ class _Step(NamedTuple):
 
     problem: Problem
     modes: Truncated
-    change: NDArray[np.float64]
+    change: Floats
 
 
 def hill(
@@ -65,6 +66,9 @@ def hill(
     Hill 1886; in state form Wereley 1990. Zhou, Hagiwara and Araki 2004 show that the truncation converges.
     Selection by the shape rather than by Im λ: Moore 2005; Bentvelsen and Lazarus 2018.
 
+    Raises InputError where `system` is not a finite real (n, n) of that period; the truncation is too large; or the
+    exponents have not settled and `raises` is true.
+
     Parameters
     ----------
     system
@@ -80,12 +84,6 @@ def hill(
     raises
         Whether it is an error that the truncation does not suffice; else see `outcome` and `change`. Exponents that
         settle to rounding alone, as multiple ones do, are none: `outcome` says so and `change` by how much.
-
-    Raises
-    ------
-    InputError
-        `system` is not a finite real (n, n) of that period; the truncation is too large; or the exponents have not
-        settled and `raises` is true.
     """
     of = "floquet.hill"
     accuracy = checked_tolerance(tolerance, of, largest=1e-2)
@@ -93,13 +91,9 @@ def hill(
     n_states = matrix.shape[0]
     wanted = None if n_harmonics is None else integer(n_harmonics, "n_harmonics", of, at_least=1)
     if (2 * (wanted or 3) + 1) * n_states > _LARGEST:
-        raise input_error(
-            "n_harmonics",
-            of,
-            f"keep (2 N + 1) n within {_LARGEST}",
-            f"{wanted or 3} harmonics of {n_states} states are {(2 * (wanted or 3) + 1) * n_states}",
-            "Reduce the states, or use `floquet.exponents`, whose cost does not grow with the harmonics.",
-        )
+        got = f"{wanted or 3} harmonics of {n_states} states are {(2 * (wanted or 3) + 1) * n_states}"
+        remedy = "Reduce the states, or use `floquet.exponents`, whose cost does not grow with the harmonics."
+        raise input_error("n_harmonics", of, f"keep (2 N + 1) n within {_LARGEST}", got, remedy)
     if isinstance(matrix, FunctionMatrix):
         refuse_other_period(matrix, of)
     smooth = smoothed(matrix)
@@ -109,23 +103,16 @@ def hill(
     truncations = _growing(n_states, lines) if wanted is None else _up_to(wanted, lines)
     step, outcome = _settle(seen, scale, truncations, lines, accuracy)
     if step is None:
-        raise input_error(
-            "system",
-            of,
-            f"have {n_states} modes that a truncation at {truncations[-1]} harmonics can tell",
-            "they cannot be told from their copies",
-            _REMEDY,
-        )
+        must = f"have {n_states} modes that a truncation at {truncations[-1]} harmonics can tell"
+        raise input_error("system", of, must, "they cannot be told from their copies", _REMEDY)
     found = assemble(step.modes, step.problem, step.change, scale, matrix.period, outcome, smooth)
     if raises and outcome is HillOutcome.TRUNCATED:
-        raise input_error(
-            "system",
-            of,
-            f"have exponents that settle to {accuracy:g} of max(|λ|, ω)",
+        must = f"have exponents that settle to {accuracy:g} of max(|λ|, ω)"
+        got = (
             f"they still change by {found.change.max():.3g} 1/s, or A(t) has harmonics (up to {lines.highest}) "
-            f"that were not met, at {found.n_harmonics} harmonics: {outcome.value}",
-            "Raise `tolerance`, or pass `raises=False` and look at `change`.",
+            f"that were not met, at {found.n_harmonics} harmonics: {outcome.value}"
         )
+        raise input_error("system", of, must, got, "Raise `tolerance`, or pass `raises=False` and look at `change`.")
     return found
 
 
@@ -133,7 +120,7 @@ _REMEDY = "Name the instants at which a callable jumps in `breaks`, or use `floq
 
 
 def _settle(
-    matrix: AbstractPeriodicMatrix, scale: NDArray[np.float64], truncations: list[int], lines: Reach, tolerance: float
+    matrix: AbstractPeriodicMatrix, scale: Floats, truncations: list[int], lines: Reach, tolerance: float
 ) -> tuple[_Step | None, HillOutcome]:
     """The last truncation needed."""
     fundamental = 2.0 * np.pi / matrix.period
@@ -165,7 +152,7 @@ def _settle(
     return before, HillOutcome.TRUNCATED
 
 
-def _refined(problem: Problem, modes: Truncated, allowed: NDArray[np.float64]) -> Truncated:
+def _refined(problem: Problem, modes: Truncated, allowed: Floats) -> Truncated:
     """The modes with those that are ill conditioned in harmonics found again, where that can be cured."""
     rounding = modes.rounding(problem)
     curable = (rounding > 0.1 * allowed) & (modes.condition > _ILL)
@@ -178,7 +165,7 @@ def _refined(problem: Problem, modes: Truncated, allowed: NDArray[np.float64]) -
     return out
 
 
-def _changes(now: NDArray[np.complex128], before: NDArray[np.complex128], fundamental: float) -> NDArray[np.float64]:
+def _changes(now: Complexes, before: Complexes, fundamental: float) -> Floats:
     """Distance of each exponent from its own of the truncation before, modulo iω."""
     from scipy.optimize import linear_sum_assignment
 

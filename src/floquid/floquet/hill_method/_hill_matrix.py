@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from floquid._arrays import Complexes, Floats
 
 
-def block_toeplitz(coefficients: NDArray[np.complex128], n_harmonics: int) -> NDArray[np.complex128]:
+def block_toeplitz(coefficients: Complexes, n_harmonics: int) -> Complexes:
     """The product with M(t) in harmonics: block (k, m) is M_{k-m}, k and m from -N to N.
 
     The coefficients (rows, columns, 2 M + 1) reach to M of at least 2 N; the matrix goes harmonic by harmonic.
@@ -17,7 +18,7 @@ def block_toeplitz(coefficients: NDArray[np.complex128], n_harmonics: int) -> ND
     return blocks.transpose(2, 0, 3, 1).reshape(len(index) * rows, len(index) * columns)
 
 
-def real_hill(coefficients: NDArray[np.complex128], n_harmonics: int, fundamental: float) -> NDArray[np.float64]:
+def real_hill(coefficients: Complexes, n_harmonics: int, fundamental: float) -> Floats:
     """Hill's matrix of a real A(t) in cosines and sines, unitarily similar to A_{k-m} - i m ω δ_{km}.
 
     With q_m = (c_m - i s_m)/√2 and q_{-m} = (c_m + i s_m)/√2 the unknowns are c_0..c_N, then s_1..s_N. It is real, so
@@ -42,18 +43,18 @@ def real_hill(coefficients: NDArray[np.complex128], n_harmonics: int, fundamenta
     return matrix
 
 
-def speeds(n: int, n_harmonics: int, fundamental: float) -> NDArray[np.complex128]:
+def speeds(n: int, n_harmonics: int, fundamental: float) -> Complexes:
     """The diagonal i k ω of n states, harmonic by harmonic from -N to N ((2 N + 1) n,) [1/s]."""
     return np.asarray(1j * fundamental * np.repeat(np.arange(-n_harmonics, n_harmonics + 1), n), dtype=np.complex128)
 
 
-def modulo(differences: NDArray[np.complex128], fundamental: float) -> NDArray[np.complex128]:
+def modulo(differences: Complexes, fundamental: float) -> Complexes:
     """Differences of exponents with the nearest multiple of iω taken off, of any shape (...) [1/s]."""
     turns = np.round(np.imag(differences) / fundamental)
     return np.asarray(differences - 1j * fundamental * turns, dtype=np.complex128)
 
 
-def in_exponentials(vectors: NDArray[np.complex128], n: int) -> NDArray[np.complex128]:
+def in_exponentials(vectors: Complexes, n: int) -> Complexes:
     """Vectors in cosines and sines (size, vectors) as coefficients of e^{imωt} (vectors, n, 2 N + 1)."""
     blocks = vectors.reshape(-1, n, vectors.shape[1]).transpose(2, 1, 0)
     n_harmonics = blocks.shape[2] // 2

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from floquid._checks import Rebuilt, frozen_array, input_error, positive
+from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
+from floquid._checks import Rebuilt, input_error, positive
 from floquid.floquet.hill_method._eigenpairs import Problem, Truncated
 from floquid.floquet.hill_method._hill_matrix import modulo
 from floquid.floquet.hill_method._smoothing import Smoothed
@@ -60,25 +61,22 @@ class HillModes(Rebuilt):
         How it ended.
     """
 
-    exponents: NDArray[np.complex128]
-    coefficients: NDArray[np.complex128]
-    harmonics: NDArray[np.int64]
+    exponents: Complexes
+    coefficients: Complexes
+    harmonics: Integers
     period: float
     n_harmonics: int
-    change: NDArray[np.float64]
-    condition: NDArray[np.float64]
+    change: Floats
+    condition: Floats
     outcome: HillOutcome
 
     def __post_init__(self) -> None:
-        of, put = "HillModes", object.__setattr__
-        put(self, "exponents", frozen_array(self.exponents, "exponents", of, axes=("modes",), dtype=np.complex128))
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
-        n, count = len(self.exponents), len(self.harmonics)
-        values = frozen_array(self.coefficients, "coefficients", of, axes=(n, "n", count), dtype=np.complex128)
-        put(self, "coefficients", values)
-        put(self, "period", positive(self.period, "period", of, unit="s"))
-        for name in ("change", "condition"):
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=(n,), finite=False))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",))
+        self._freeze(dtype=np.complex128, exponents=("modes",))
+        n = len(self.exponents)
+        self._freeze(dtype=np.complex128, coefficients=(n, "n", len(self.harmonics)))
+        object.__setattr__(self, "period", positive(self.period, "period", "HillModes", unit="s"))
+        self._freeze(finite=False, change=(n,), condition=(n,))
 
     @property
     def converged(self) -> bool:
@@ -91,7 +89,7 @@ class HillModes(Rebuilt):
         return 2.0 * np.pi / self.period
 
     @property
-    def multipliers(self) -> NDArray[np.complex128]:
+    def multipliers(self) -> Complexes:
         """e^{λT} (modes,); one below 1e-308 is zero."""
         with np.errstate(over="ignore", under="ignore"):
             size = np.exp(self.exponents.real * self.period)
@@ -99,7 +97,7 @@ class HillModes(Rebuilt):
         real = np.isin(self.exponents.imag, (0.0, 0.5 * self.fundamental))
         return size * np.where(real, np.sign(np.cos(angle)), np.exp(1j * angle))
 
-    def shapes(self, times: ArrayLike) -> NDArray[np.complex128]:
+    def shapes(self, times: ArrayLike) -> Complexes:
         """The periodic shapes at `times` [s] (modes, n, times)."""
         instants = np.atleast_1d(np.asarray(times, dtype=np.float64))
         return self.coefficients @ np.exp(1j * self.fundamental * np.multiply.outer(self.harmonics, instants))
@@ -108,8 +106,8 @@ class HillModes(Rebuilt):
 def assemble(
     modes: Truncated,
     problem: Problem,
-    change: NDArray[np.float64],
-    scale: NDArray[np.float64],
+    change: Floats,
+    scale: Floats,
     period: float,
     outcome: HillOutcome,
     smooth: Smoothed | None,
@@ -141,9 +139,7 @@ def assemble(
     )
 
 
-def _principal(
-    modes: Truncated, doubt: NDArray[np.float64], fundamental: float
-) -> tuple[NDArray[np.complex128], NDArray[np.int64], NDArray[np.intp], NDArray[np.bool_]]:
+def _principal(modes: Truncated, doubt: Floats, fundamental: float) -> tuple[Complexes, Integers, Indices, Mask]:
     """Principal exponents, the multiples of iω taken off; whose shape each has, and whether conjugate.
 
     A(t) is real, so that the exponents are conjugate in pairs modulo iω, or are their own conjugates: real, or on the
@@ -172,12 +168,10 @@ def _principal(
     return out, turns, owner, conjugate
 
 
-def _in_states(
-    shapes: NDArray[np.complex128], harmonics: NDArray[np.int64], smooth: Smoothed, period: float
-) -> NDArray[np.complex128]:
+def _in_states(shapes: Complexes, harmonics: Integers, smooth: Smoothed, period: float) -> Complexes:
     """The harmonics of P(t) z(t), right for each although those of P go on for ever."""
 
-    def values(times: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def values(times: Floats) -> Complexes:
         waves = np.exp(2j * np.pi / period * np.multiply.outer(harmonics, times))
         inner = np.moveaxis(shapes @ waves, 2, 0)  # (times, modes, n)
         return np.einsum("tij,tmj->tmi", smooth.change(times), inner).reshape(len(times), -1)
@@ -185,7 +179,7 @@ def _in_states(
     return of_function(values, smooth.cuts, period, int(harmonics[-1])).reshape(shapes.shape)
 
 
-def _normalised(shapes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _normalised(shapes: Complexes) -> Complexes:
     """Mean square one; the largest coefficient real and positive."""
     flat = shapes.reshape(len(shapes), -1)
     largest = flat[np.arange(len(flat)), np.abs(flat).argmax(axis=1)]
@@ -193,7 +187,7 @@ def _normalised(shapes: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return shapes * factor[:, None, None]
 
 
-def refuse_undamped(modes: HillModes, omega: NDArray[np.float64], of: str) -> None:
+def refuse_undamped(modes: HillModes, omega: Floats, of: str) -> None:
     """Refuse lines that meet an exponent on the imaginary axis, modulo iω."""
     known = np.minimum(modes.change, np.sqrt(_ON_AXIS) * modes.fundamental)
     rests = np.abs(modes.exponents.real) <= growth_doubt(modes)
@@ -201,16 +195,12 @@ def refuse_undamped(modes: HillModes, omega: NDArray[np.float64], of: str) -> No
     met = rests & (apart <= np.sqrt(_ON_AXIS) * modes.fundamental + known)
     if met.any():
         line, mode = np.argwhere(met)[0]
-        raise input_error(
-            "omega",
-            of,
-            "keep off the undamped exponents, modulo the fundamental",
-            f"{omega[line]:g} rad/s meets Im λ = {modes.exponents[mode].imag:.6g} rad/s",
-            "There the response grows without end.",
-        )
+        must = "keep off the undamped exponents, modulo the fundamental"
+        got = f"{omega[line]:g} rad/s meets Im λ = {modes.exponents[mode].imag:.6g} rad/s"
+        raise input_error("omega", of, must, got, "There the response grows without end.")
 
 
-def growth_doubt(modes: HillModes) -> NDArray[np.float64]:
+def growth_doubt(modes: HillModes) -> Floats:
     """Within what a real part cannot be told from zero (modes,) [1/s]."""
     known = np.minimum(modes.change, np.sqrt(_ON_AXIS) * modes.fundamental)
     return _ON_AXIS * np.maximum(np.abs(modes.exponents), modes.fundamental) + known

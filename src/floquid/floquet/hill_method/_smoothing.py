@@ -6,8 +6,8 @@ from math import comb
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.floquet.matrices import AbstractPeriodicMatrix, Elements, FunctionMatrix, binary_units, elements
 
 _ORDER = 6  # derivatives of P that are matched at a break
@@ -19,7 +19,7 @@ class Smoothed(NamedTuple):
 
     matrix: FunctionMatrix  # P⁻¹ (A P - P'), with as many continuous derivatives at the breaks as P has, less one
     change: Any  # P: times (times,) -> (times, n, n), a piecewise polynomial
-    cuts: NDArray[np.float64]  # a period of instants between which P is one polynomial (cuts,) [s]
+    cuts: Floats  # a period of instants between which P is one polynomial (cuts,) [s]
 
 
 def smoothed(matrix: AbstractPeriodicMatrix) -> Smoothed | None:
@@ -44,7 +44,7 @@ def smoothed(matrix: AbstractPeriodicMatrix) -> Smoothed | None:
     change = _spline(breaks, rise, fall, gap, _series(after, mean), _series(before, mean))
     slope = change.derivative()
 
-    def function(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def function(times: Floats) -> Floats:
         at = change(times)
         return np.linalg.solve(at, matrix.at(times) @ at - slope(times))
 
@@ -52,16 +52,14 @@ def smoothed(matrix: AbstractPeriodicMatrix) -> Smoothed | None:
     return Smoothed(FunctionMatrix(function=function, period=period, breaks=folded, vectorised=True), change, change.x)
 
 
-def _derivatives(
-    pieces: Elements, breaks: NDArray[np.float64], period: float
-) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+def _derivatives(pieces: Elements, breaks: Floats, period: float) -> tuple[list[Floats], list[Floats]]:
     """Derivatives 0, 1, ... of A just before and just after the breaks, each (breaks, n, n)."""
     from numpy.polynomial import legendre
 
     right = pieces.left + pieces.width
     apart = np.abs(np.mod(right[None, :] - breaks[:, None] + 0.5 * period, period) - 0.5 * period)
     sides = (apart.argmin(axis=1), np.abs(pieces.left[None, :] - breaks[:, None]).argmin(axis=1))
-    out: tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]] = ([], [])
+    out: tuple[list[Floats], list[Floats]] = ([], [])
     for found, chosen, end in zip(out, sides, (1.0, -1.0), strict=True):
         series, factor = np.moveaxis(pieces.series[chosen], 1, 0), 2.0 / pieces.width[chosen]
         for order in range(_ORDER):
@@ -70,9 +68,7 @@ def _derivatives(
     return out
 
 
-def _reach(
-    pieces: Elements, before: list[NDArray[np.float64]], after: list[NDArray[np.float64]]
-) -> NDArray[np.float64]:
+def _reach(pieces: Elements, before: list[Floats], after: list[Floats]) -> Floats:
     """Distance from each break at which P may differ from one (breaks,) [s], so that it never is far from one."""
     largest = np.abs(pieces.series).sum(axis=1).max(axis=0)
     scale = binary_units(largest)
@@ -81,7 +77,7 @@ def _reach(
         return 1.0 / jump.sum(axis=2).max(axis=1)
 
 
-def _series(sides: list[NDArray[np.float64]], mean: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _series(sides: list[Floats], mean: list[Floats]) -> Floats:
     """Derivatives 0, 1, ... of P at the breaks (breaks, orders, n, n), from P' = A P - P B."""
     p = [np.broadcast_to(np.eye(sides[0].shape[1]), sides[0].shape)]
     for order in range(_ORDER):
@@ -91,14 +87,7 @@ def _series(sides: list[NDArray[np.float64]], mean: list[NDArray[np.float64]]) -
     return np.stack(p, axis=1)
 
 
-def _spline(
-    breaks: NDArray[np.float64],
-    rise: NDArray[np.float64],
-    fall: NDArray[np.float64],
-    gap: NDArray[np.float64],
-    after: NDArray[np.float64],
-    before: NDArray[np.float64],
-) -> Any:
+def _spline(breaks: Floats, rise: Floats, fall: Floats, gap: Floats, after: Floats, before: Floats) -> Any:
     """P as a periodic piecewise polynomial from the first break on."""
     from scipy.interpolate import BPoly
 

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import finite, frozen_array, input_error
 from floquid.floquet.matrices._conversion import real_series, series_of_samples
 from floquid.floquet.matrices._forms import (
@@ -24,7 +25,7 @@ from floquid.floquet.matrices._forms import (
 )
 from floquid.floquet.matrices._periods import constant_value, declared, joint_breaks, multiples, values_between
 
-Operand: TypeAlias = AbstractPeriodicMatrix | NDArray[np.float64]
+Operand: TypeAlias = AbstractPeriodicMatrix | Floats
 Change: TypeAlias = Callable[[NDArray[Any]], NDArray[Any]]  # of every matrix of a stack (..., rows, columns)
 
 
@@ -61,9 +62,8 @@ def product(left: Any, right: Any) -> AbstractPeriodicMatrix:
     """The matrix product."""
     first, second = operand(left, "left", "@"), operand(right, "right", "@")
     if first.shape[1] != second.shape[0]:
-        raise input_error(
-            "right", "@", f"have as many rows as the left has columns, {first.shape[1]}", f"has shape {second.shape}"
-        )
+        must = f"have as many rows as the left has columns, {first.shape[1]}"
+        raise input_error("right", "@", must, f"has shape {second.shape}")
     before, after = _constant(first), _constant(second)
     if after is not None and isinstance(first, AbstractPeriodicMatrix):
         return _mapped(first, partial(_times, after))
@@ -102,7 +102,7 @@ def assembled(blocks: Sequence[Sequence[Operand]], period: float) -> AbstractPer
     return varying + constant if constant.any() else varying
 
 
-def constant_matrix(value: NDArray[np.float64], period: float) -> HarmonicMatrix:
+def constant_matrix(value: Floats, period: float) -> HarmonicMatrix:
     """A constant (rows, columns) as a periodic matrix."""
     return HarmonicMatrix(coefficients=np.asarray(value)[:, :, None], harmonics=[0], period=period)
 
@@ -115,7 +115,7 @@ def operand(value: Any, argument: str, of: str) -> Operand:
     return frozen_array(value, argument, of, axes=("rows", "columns"), remedy=remedy)
 
 
-def _constant(value: Operand) -> NDArray[np.float64] | None:
+def _constant(value: Operand) -> Floats | None:
     return constant_value(value) if isinstance(value, AbstractPeriodicMatrix) else value
 
 
@@ -159,7 +159,7 @@ def _product_of_series(first: HarmonicMatrix, second: HarmonicMatrix) -> Harmoni
     return real_series(values, lines, first.period)
 
 
-def _shifted(matrix: AbstractPeriodicMatrix, value: NDArray[np.float64]) -> AbstractPeriodicMatrix:
+def _shifted(matrix: AbstractPeriodicMatrix, value: Floats) -> AbstractPeriodicMatrix:
     """The matrix plus a constant."""
     if isinstance(matrix, HarmonicMatrix):
         return _sum_of_series(matrix, constant_matrix(value, matrix.period), 1.0)
@@ -184,10 +184,7 @@ def _mapped(matrix: AbstractPeriodicMatrix, change: Change) -> AbstractPeriodicM
 
 
 def _pointwise(
-    combine: Callable[..., NDArray[np.float64]],
-    first: AbstractPeriodicMatrix,
-    second: AbstractPeriodicMatrix,
-    period: float,
+    combine: Callable[..., Floats], first: AbstractPeriodicMatrix, second: AbstractPeriodicMatrix, period: float
 ) -> AbstractPeriodicMatrix:
     """Two matrices of one period combined value by value: pieces of pieces, else a function."""
     breaks = joint_breaks((first, second), period)
@@ -205,24 +202,21 @@ def _of_stack(change: Change, values: NDArray[Any]) -> NDArray[Any]:
     return np.moveaxis(change(np.moveaxis(values, 2, 0)), 0, 2)
 
 
-def _changed(change: Change, matrix: AbstractPeriodicMatrix, times: NDArray[np.float64]) -> NDArray[np.float64]:
+def _changed(change: Change, matrix: AbstractPeriodicMatrix, times: Floats) -> Floats:
     return change(matrix.at(times))
 
 
 def _combined(
-    combine: Callable[..., NDArray[np.float64]],
-    first: AbstractPeriodicMatrix,
-    second: AbstractPeriodicMatrix,
-    times: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    combine: Callable[..., Floats], first: AbstractPeriodicMatrix, second: AbstractPeriodicMatrix, times: Floats
+) -> Floats:
     return combine(first.at(times), second.at(times))
 
 
-def _sum(sign: float, left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sum(sign: float, left: Floats, right: Floats) -> Floats:
     return left + sign * right
 
 
-def _times(right: NDArray[np.float64], left: NDArray[np.float64]) -> NDArray[np.float64]:
+def _times(right: Floats, left: Floats) -> Floats:
     return left @ right
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from floquid._arrays import Floats
 
 _STEPS, _MOVED = 50, 1e-9
 
 
-def binary_units(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def binary_units(matrix: Floats) -> Floats:
     """The diagonal of D, powers of two, for which the rows and columns of D⁻¹ M D are of like norm (n,)."""
     from scipy.linalg import matrix_balance
 
@@ -18,11 +19,8 @@ def binary_units(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
         return matrix_balance(matrix, permute=False, separate=True)[1][0]
 
 
-def balanced_units(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The diagonal of D for which the rows and columns of D⁻¹ M D are of equal norm, beside the diagonal (n,).
-
-    Powers of two would leave sizes a factor of two open to the units that M is given in.
-    """
+def balanced_units(matrix: Floats) -> Floats:
+    """The diagonal of D for which the rows and columns of D⁻¹ M D are of equal norm, beside the diagonal (n,)."""
     from scipy.sparse.csgraph import connected_components
 
     scale = binary_units(matrix)
@@ -47,7 +45,7 @@ def balanced_units(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return scale * np.exp(u - u.mean())
 
 
-def balance(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def balance(samples: Floats) -> tuple[Floats, float]:
     """Units of the states that balance A (n,), powers of two, and the largest row sum in them."""
     largest = np.abs(samples).max(axis=0)
     scale = binary_units(largest)

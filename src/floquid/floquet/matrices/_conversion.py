@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Indices, Integers
 from floquid._checks import input_error, integer, positive
 from floquid.floquet.matrices._forms import (
     AbstractPeriodicMatrix,
@@ -55,13 +56,9 @@ def to_harmonics(matrix: AbstractPeriodicMatrix, n_harmonics: int | None, tolera
             if (missed <= 10.0 * max(1.0, 1e-13 / accuracy) * allowed).all():
                 return _trimmed(found, accuracy)
         count *= 2
-    raise input_error(
-        "tolerance",
-        of,
-        "be one that the harmonics fall below",
-        f"with {LAST} of them the upper ones are still {left:.2g} of the matrix, which is to be {accuracy:g}",
-        "At a jump they never do: say how many to keep by `n_harmonics`, or use pieces or samples.",
-    )
+    got = f"with {LAST} of them the upper ones are still {left:.2g} of the matrix, which is to be {accuracy:g}"
+    remedy = "At a jump they never do: say how many to keep by `n_harmonics`, or use pieces or samples."
+    raise input_error("tolerance", of, "be one that the harmonics fall below", got, remedy)
 
 
 def to_samples(matrix: AbstractPeriodicMatrix, n_samples: int) -> SampledMatrix:
@@ -95,7 +92,7 @@ def _check_period(matrix: AbstractPeriodicMatrix, of: str) -> None:
         refuse_other_period(matrix, of)
 
 
-def after_jumps(matrix: AbstractPeriodicMatrix, times: NDArray[np.float64]) -> NDArray[np.float64]:
+def after_jumps(matrix: AbstractPeriodicMatrix, times: Floats) -> Floats:
     """The values at `times` of the first period (times, rows, columns); those after it where there is a jump."""
     breaks = np.asarray(matrix.breaks)
     if breaks.size:  # rounding must not decide on which side of a jump an instant lies
@@ -104,7 +101,7 @@ def after_jumps(matrix: AbstractPeriodicMatrix, times: NDArray[np.float64]) -> N
     return matrix.at(times)
 
 
-def real_series(values: NDArray[Any], harmonics: NDArray[np.int64], period: float) -> HarmonicMatrix:
+def real_series(values: NDArray[Any], harmonics: Integers, period: float) -> HarmonicMatrix:
     """The series whose upper half is given: the lower half is made its conjugate exactly, whatever rounding did."""
     half = len(harmonics) // 2
     upper = values[..., half:].astype(np.complex128)
@@ -132,13 +129,13 @@ def _trimmed(matrix: HarmonicMatrix, tolerance: float) -> HarmonicMatrix:
     return matrix if kept.all() else real_series(values[..., kept], lines[kept], matrix.period)
 
 
-def _allowed(values: NDArray[np.complex128], tolerance: float) -> NDArray[np.float64]:
+def _allowed(values: Complexes, tolerance: float) -> Floats:
     """The size of the harmonics that may be left out of each entry (rows, columns)."""
     sizes = np.abs(values).sum(axis=2)
     return np.maximum(tolerance * sizes, _FLOOR * sizes.max())
 
 
-def _means_of_series(matrix: HarmonicMatrix, edges: NDArray[np.float64], width: float) -> NDArray[np.float64]:
+def _means_of_series(matrix: HarmonicMatrix, edges: Floats, width: float) -> Floats:
     """The means from each edge on over `width` (rows, columns, edges): a sine over its angle for each harmonic."""
     lines = np.asarray(matrix.harmonics)
     damped = np.asarray(matrix.coefficients) * np.sinc(lines * width / matrix.period)
@@ -146,7 +143,7 @@ def _means_of_series(matrix: HarmonicMatrix, edges: NDArray[np.float64], width: 
     return np.moveaxis(means.at(edges + 0.5 * width), 0, 2)
 
 
-def _means(matrix: AbstractPeriodicMatrix, edges: NDArray[np.float64], of: str) -> NDArray[np.float64]:
+def _means(matrix: AbstractPeriodicMatrix, edges: Floats, of: str) -> Floats:
     """The means between the edges (rows, columns, edges), by Gauss quadrature on parts without a jump."""
     period = matrix.period
     bounds = np.unique(np.concatenate([edges, np.asarray(matrix.breaks), [period]]))
@@ -159,18 +156,14 @@ def _means(matrix: AbstractPeriodicMatrix, edges: NDArray[np.float64], of: str) 
         if change <= 1e-12 * largest:
             return np.moveaxis(means, 0, 2)
         before = means
-    raise input_error(
-        "n_pieces",
-        of,
-        "be one for which the means are found to 1e-12",
-        f"they still change by {change:.2g}",
-        "Name the instants at which the matrix jumps in its `breaks`.",
-    )
+    must = "be one for which the means are found to 1e-12"
+    got = f"they still change by {change:.2g}"
+    raise input_error("n_pieces", of, must, got, "Name the instants at which the matrix jumps in its `breaks`.")
 
 
 def _quadrature(
-    matrix: AbstractPeriodicMatrix, bounds: NDArray[np.float64], owner: NDArray[np.intp], count: int, parts: int
-) -> tuple[NDArray[np.float64], float]:
+    matrix: AbstractPeriodicMatrix, bounds: Floats, owner: Indices, count: int, parts: int
+) -> tuple[Floats, float]:
     """The mean of each owner's stretches (count, rows, columns), each cut into `parts`, and the largest value met."""
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     widths = np.repeat(np.diff(bounds) / parts, parts)

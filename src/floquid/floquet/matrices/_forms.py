@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid._show import Brief
 from floquid.floquet.matrices._given import as_array, checked_breaks, checked_period, refuse_repeated_end
@@ -21,6 +22,9 @@ Interpolation: TypeAlias = Literal["fourier", "cubic", "linear"]
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FunctionMatrix(Rebuilt, AbstractPeriodicMatrix):
     """M(t) as a callable.
+
+    Raises InputError where the period is not positive, a break lies outside the first period, or the function does not
+    return finite real matrices of one shape.
 
     Parameters
     ----------
@@ -39,12 +43,6 @@ class FunctionMatrix(Rebuilt, AbstractPeriodicMatrix):
         what is known to be smooth.
     argument
         What messages call the function: the argument, and the callable it was given to.
-
-    Raises
-    ------
-    InputError
-        The period is not positive, a break lies outside the first period, or the function does not return finite
-        real matrices of one shape.
     """
 
     function: Callable[..., ArrayLike]
@@ -73,7 +71,7 @@ class FunctionMatrix(Rebuilt, AbstractPeriodicMatrix):
         object.__setattr__(self, "shape", first)
         object.__setattr__(self, "_first", value)
 
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """The values at `times` [s] of any shape (..., rows, columns)."""
         instants = np.asarray(times, dtype=np.float64)
         flat = instants.ravel()
@@ -91,7 +89,7 @@ class FunctionMatrix(Rebuilt, AbstractPeriodicMatrix):
             self._checked(values, values.shape, worst)
         return values.reshape(*instants.shape, *self.shape)
 
-    def _checked(self, value: ArrayLike, shape: tuple[int, ...], time: float | None = None) -> NDArray[np.float64]:
+    def _checked(self, value: ArrayLike, shape: tuple[int, ...], time: float | None = None) -> Floats:
         remedy = "" if time is None else f"This is its value at t = {time:g}."
         return frozen_array(value, *self.argument, axes=shape, finite=time is not None, remedy=remedy)
 
@@ -102,6 +100,8 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
 
     .. math:: M(t) = \sum_m M_m\, e^{i m \omega t}, \qquad \omega = 2\pi/T, \qquad M_{-m} = \overline{M_m}
 
+    Raises InputError where a harmonic has no conjugate partner, or the coefficients are not those of a real matrix.
+
     Parameters
     ----------
     coefficients
@@ -110,11 +110,6 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
         The integers m, each once, ascending, -m with every m (harmonics,).
     period
         The period T [s].
-
-    Raises
-    ------
-    InputError
-        A harmonic has no conjugate partner, or the coefficients are not those of a real matrix.
     """
 
     coefficients: ArrayLike
@@ -126,9 +121,8 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
         object.__setattr__(self, "period", checked_period(self.period, of))
         harmonics = frozen_array(self.harmonics, "harmonics", of, dtype=np.int64, axes=("harmonics",))
         if not harmonics.size or (np.diff(harmonics) <= 0).any() or (harmonics != -harmonics[::-1]).any():
-            raise input_error(
-                "harmonics", of, "ascend and hold -m with every m", f"are {harmonics.tolist()}", "Such as [-1, 0, 1]."
-            )
+            must = "ascend and hold -m with every m"
+            raise input_error("harmonics", of, must, f"are {harmonics.tolist()}", "Such as [-1, 0, 1].")
         values = frozen_array(
             self.coefficients,
             "coefficients",
@@ -140,13 +134,9 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
         if not values.size:
             raise input_error("coefficients", of, "hold a matrix", f"has shape {values.shape}")
         if np.abs(values - values[..., ::-1].conj()).max() > 1e-12 * np.abs(values).max():
-            raise input_error(
-                "coefficients",
-                of,
-                "be those of a real matrix",
-                "the coefficient of some -m is not the conjugate of that of m",
-                "Give both, or use `HarmonicMatrix.from_cosines`.",
-            )
+            must = "be those of a real matrix"
+            got = "the coefficient of some -m is not the conjugate of that of m"
+            raise input_error("coefficients", of, must, got, "Give both, or use `HarmonicMatrix.from_cosines`.")
         object.__setattr__(self, "harmonics", harmonics)
         object.__setattr__(self, "coefficients", values)
 
@@ -164,6 +154,8 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
 
         .. math:: M(t) = M_0 + \sum_m \left(C_m \cos m\omega t + S_m \sin m\omega t\right)
 
+        Raises InputError where the shapes do not agree, or the harmonics do not ascend from at least 1.
+
         Parameters
         ----------
         mean
@@ -174,11 +166,6 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
             The period T [s].
         harmonics
             The positive integers m, ascending (harmonics,); 1, 2, ... by default.
-
-        Raises
-        ------
-        InputError
-            The shapes do not agree, or the harmonics do not ascend from at least 1.
         """
         of = "HarmonicMatrix.from_cosines"
         constant = frozen_array(mean, "mean", of, axes=("rows", "columns"))
@@ -195,7 +182,7 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
             period=period,
         )
 
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """The values at `times` [s] of any shape (..., rows, columns)."""
         harmonics = np.asarray(self.harmonics)
         half = len(harmonics) // 2  # the upper half says all: the series is real
@@ -206,6 +193,9 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
     """M(t) from its samples in one period.
+
+    Raises InputError where the times do not ascend within one period, "fourier" is asked of unequal steps, or what is
+    between the samples overflows.
 
     Parameters
     ----------
@@ -221,12 +211,6 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
         equal steps and "cubic" for others.
     argument
         What messages call the samples: the argument, and the callable they were given to.
-
-    Raises
-    ------
-    InputError
-        The times do not ascend within one period, "fourier" is asked of unequal steps, or what is between the samples
-        overflows.
     """
 
     values: ArrayLike
@@ -234,7 +218,7 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
     times: ArrayLike | None = None
     interpolation: Interpolation | None = None
     argument: tuple[str, str] = field(default=("values", "SampledMatrix"), repr=False)
-    _interpolant: Callable[[NDArray[np.float64]], NDArray[np.float64]] = field(init=False, repr=False)
+    _interpolant: Callable[[Floats], Floats] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         name, of = self.argument
@@ -248,13 +232,9 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
         even = self.period * np.arange(n_samples) / n_samples
         times = frozen_array(even if self.times is None else self.times, "times", of, axes=(n_samples,))
         if times[0] < 0.0 or times[-1] >= self.period or (np.diff(times) <= 0.0).any():
-            raise input_error(
-                "times",
-                of,
-                f"ascend within [0, {self.period:g}) [s]",
-                f"run from {times[0]:g} to {times[-1]:g}",
-                "Fold them into one period and sort them; leave out the repeated end.",
-            )
+            must = f"ascend within [0, {self.period:g}) [s]"
+            remedy = "Fold them into one period and sort them; leave out the repeated end."
+            raise input_error("times", of, must, f"run from {times[0]:g} to {times[-1]:g}", remedy)
         equal = bool(np.abs(times - times[0] - even).max() <= 1e-9 * self.period)
         if self.times is None:
             refuse_repeated_end(values, name, of)
@@ -263,9 +243,8 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
             words = " or ".join(f'"{word}"' for word in get_args(Interpolation))
             raise input_error("interpolation", of, f"be {words}", f"is {kind!r}")
         if kind == "fourier" and not equal:
-            raise input_error(
-                "interpolation", of, 'be "cubic" or "linear" for samples at unequal steps', 'is "fourier"'
-            )
+            must = 'be "cubic" or "linear" for samples at unequal steps'
+            raise input_error("interpolation", of, must, 'is "fourier"')
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "interpolation", kind)
@@ -278,11 +257,11 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
         return rows, columns
 
     @property
-    def breaks(self) -> NDArray[np.float64]:
+    def breaks(self) -> Floats:
         """The knots of a spline (breaks,) [s]; none of a trigonometric polynomial."""
         return np.empty(0) if self.interpolation == "fourier" else np.asarray(self.times)
 
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """The values at `times` [s] of any shape (..., rows, columns)."""
         return self._interpolant(np.asarray(times, dtype=np.float64))
 
@@ -290,6 +269,8 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PiecewiseMatrix(Brief, AbstractPeriodicMatrix):
     """M(t), constant in pieces: `values[:, :, i]` from `edges[i]` to the next edge, the last piece on to the first.
+
+    Raises InputError where the edges do not ascend within one period, or are not as many as the matrices.
 
     Parameters
     ----------
@@ -299,11 +280,6 @@ class PiecewiseMatrix(Brief, AbstractPeriodicMatrix):
         Where each piece begins, ascending in [0, T) (pieces,) [s].
     period
         The period T [s].
-
-    Raises
-    ------
-    InputError
-        The edges do not ascend within one period, or are not as many as the matrices.
     """
 
     values: ArrayLike
@@ -318,9 +294,8 @@ class PiecewiseMatrix(Brief, AbstractPeriodicMatrix):
             raise input_error("values", of, "hold a piece at least", f"has shape {values.shape}")
         edges = frozen_array(self.edges, "edges", of, axes=(values.shape[2],), remedy="Give one for each piece.")
         if edges[0] < 0.0 or edges[-1] >= self.period or (np.diff(edges) <= 0.0).any():
-            raise input_error(
-                "edges", of, f"ascend within [0, {self.period:g}) [s]", f"run from {edges[0]:g} to {edges[-1]:g}"
-            )
+            must = f"ascend within [0, {self.period:g}) [s]"
+            raise input_error("edges", of, must, f"run from {edges[0]:g} to {edges[-1]:g}")
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "edges", edges)
 
@@ -331,12 +306,12 @@ class PiecewiseMatrix(Brief, AbstractPeriodicMatrix):
         return rows, columns
 
     @property
-    def breaks(self) -> NDArray[np.float64]:
+    def breaks(self) -> Floats:
         """The edges (pieces,) [s]; none of a single piece."""
         edges = np.asarray(self.edges)
         return edges if len(edges) > 1 else np.empty(0)
 
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """The values at `times` [s] of any shape (..., rows, columns)."""
         folded = np.mod(np.asarray(times, dtype=np.float64), self.period)
         piece = np.searchsorted(np.asarray(self.edges), folded, side="right") - 1  # -1 is the last piece, as it must

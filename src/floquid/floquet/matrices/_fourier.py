@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error
 from floquid.floquet.matrices._forms import AbstractPeriodicMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix
 from floquid.floquet.matrices._interpolation import line_weights
@@ -24,9 +24,9 @@ _PROBES = np.array([0.1180339887, 0.4721359549, 0.7639320225])  # off every simp
 class Elements(NamedTuple):
     """A periodic matrix as a series of Legendre polynomials in each of some intervals."""
 
-    left: NDArray[np.float64]  # where each begins (elements,) [s]
-    width: NDArray[np.float64]  # how long each is (elements,) [s]
-    series: NDArray[np.float64]  # the coefficients (elements, degrees, rows, columns)
+    left: Floats  # where each begins (elements,) [s]
+    width: Floats  # how long each is (elements,) [s]
+    series: Floats  # the coefficients (elements, degrees, rows, columns)
 
 
 class Reach(NamedTuple):
@@ -37,11 +37,8 @@ class Reach(NamedTuple):
     ends: bool  # true if they have an end; if not, only strong lines are counted
 
 
-def reach(matrix: AbstractPeriodicMatrix, tolerance: float, scale: NDArray[np.float64] | None = None) -> Reach:
-    """Reach of the lines above `tolerance` of the norm of all, states in units of `scale` (n,).
-
-    Where the lines have no end (jumps, kinks) only the strong ones are counted; the others fall off steadily.
-    """
+def reach(matrix: AbstractPeriodicMatrix, tolerance: float, scale: Floats | None = None) -> Reach:
+    """Reach of the lines above `tolerance` of the norm of all, states in units of `scale` (n,)."""
     coefficients, has_end = _all_lines(matrix)
     if scale is not None:
         coefficients = coefficients * (scale / scale[:, None])[:, :, None]
@@ -52,12 +49,12 @@ def reach(matrix: AbstractPeriodicMatrix, tolerance: float, scale: NDArray[np.fl
     return Reach(_last_above(norms, floor) if has_end else strong, strong, has_end)
 
 
-def _last_above(norms: NDArray[np.float64], floor: float) -> int:
+def _last_above(norms: Floats, floor: float) -> int:
     above = np.flatnonzero(norms > floor)
     return int(above[-1]) if above.size else 0
 
 
-def _all_lines(matrix: AbstractPeriodicMatrix) -> tuple[NDArray[np.complex128], bool]:
+def _all_lines(matrix: AbstractPeriodicMatrix) -> tuple[Complexes, bool]:
     """All coefficients of M(t) (rows, columns, 2 M + 1), and whether that is all."""
     if isinstance(matrix, HarmonicMatrix):
         return fourier(matrix, int(np.asarray(matrix.harmonics)[-1])), True
@@ -70,7 +67,7 @@ def _all_lines(matrix: AbstractPeriodicMatrix) -> tuple[NDArray[np.complex128], 
     return _of_elements(elements(matrix), matrix.period, _ENDLESS), False
 
 
-def fourier(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> NDArray[np.complex128]:
+def fourier(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> Complexes:
     """The Fourier coefficients M_m for m = -N..N (rows, columns, 2 N + 1); zero below the rounding of the samples.
 
     In closed form for harmonics, constant pieces and trigonometric samples. A function without breaks is sampled at
@@ -127,12 +124,7 @@ def elements(matrix: AbstractPeriodicMatrix) -> Elements:
     return Elements(*(np.concatenate(parts) for parts in zip(*done, strict=True)))
 
 
-def of_function(
-    function: Callable[[NDArray[np.float64]], NDArray[np.complex128]],
-    cuts: NDArray[np.float64],
-    period: float,
-    n_harmonics: int,
-) -> NDArray[np.complex128]:
+def of_function(function: Callable[[Floats], Complexes], cuts: Floats, period: float, n_harmonics: int) -> Complexes:
     """The coefficients (..., 2 N + 1) of a function times -> (times, ...), smooth between the `cuts` of the period."""
     parts = np.maximum(1, np.ceil(np.diff(cuts) / period * (n_harmonics + 4.0) * 0.5)).astype(int)
     edges = np.unique(
@@ -146,7 +138,7 @@ def of_function(
     return _of_elements(Elements(left, width, series), period, n_harmonics)[0]
 
 
-def _window(coefficients: NDArray[np.complex128], n_harmonics: int) -> NDArray[np.complex128]:
+def _window(coefficients: Complexes, n_harmonics: int) -> Complexes:
     """Coefficients of -M..M cut down or filled up to -N..N."""
     rows, columns, count = coefficients.shape
     have = min(n_harmonics, count // 2)
@@ -156,13 +148,13 @@ def _window(coefficients: NDArray[np.complex128], n_harmonics: int) -> NDArray[n
     return out
 
 
-def _two_sided(upper: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _two_sided(upper: Complexes) -> Complexes:
     """Coefficients of -M..M of a real matrix from those of 0..M."""
     parts = [upper[..., :0:-1].conj(), upper[..., :1].real, upper[..., 1:]]
     return np.concatenate(parts, axis=-1, dtype=np.complex128)
 
 
-def _of_samples(matrix: SampledMatrix, n_harmonics: int) -> NDArray[np.complex128]:
+def _of_samples(matrix: SampledMatrix, n_harmonics: int) -> Complexes:
     values, times = np.asarray(matrix.values), np.asarray(matrix.times)
     n_samples = values.shape[2]
     lines = np.fft.rfft(values, axis=2) * line_weights(n_samples)
@@ -171,7 +163,7 @@ def _of_samples(matrix: SampledMatrix, n_harmonics: int) -> NDArray[np.complex12
     return _window(_two_sided(lines), n_harmonics)
 
 
-def _of_smooth(matrix: AbstractPeriodicMatrix, n_harmonics: int | None) -> NDArray[np.complex128] | None:
+def _of_smooth(matrix: AbstractPeriodicMatrix, n_harmonics: int | None) -> Complexes | None:
     """The coefficients, all there are for N of None, from samples at equal steps; None if they do not die away."""
     period, n = matrix.period, _FIRST
     while n < 4 * ((n_harmonics or 0) + 1) and n < _LAST:
@@ -195,7 +187,7 @@ def _of_smooth(matrix: AbstractPeriodicMatrix, n_harmonics: int | None) -> NDArr
         n *= 2
 
 
-def _of_elements(pieces: Elements, period: float, n_harmonics: int) -> NDArray[np.complex128]:
+def _of_elements(pieces: Elements, period: float, n_harmonics: int) -> Complexes:
     r"""From the integrals ∫ P_d(x) e^{-iax} dx = 2 (-i)^d j_d(a) over -1..1."""
     from scipy.special import spherical_jn
 
@@ -217,7 +209,7 @@ def _of_elements(pieces: Elements, period: float, n_harmonics: int) -> NDArray[n
     return _two_sided(out) if real else np.concatenate([lower[..., :0:-1], out], axis=-1)
 
 
-def _projection() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _projection() -> tuple[Floats, Floats]:
     """Gauss points on -1..1 (points,) and the matrix from values there to Legendre coefficients (degrees, points)."""
     from numpy.polynomial import legendre
 
@@ -226,6 +218,6 @@ def _projection() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return nodes, legendre.legvander(nodes, _POINTS - 1).T * weights * (degrees[:, None] + 0.5)
 
 
-def _units(largest: NDArray[np.float64]) -> NDArray[np.float64]:
+def _units(largest: Floats) -> Floats:
     """The unit of an error of each entry: the largest entry of its row or its column, whichever is less."""
     return np.minimum(largest.max(axis=1)[:, None], largest.max(axis=0)[None, :])

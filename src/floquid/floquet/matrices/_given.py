@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import frozen_array, input_error, positive
 from floquid.floquet.matrices._balancing import balance
 from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix
@@ -36,31 +37,22 @@ def as_array(value: ArrayLike, argument: str, of: str, remedy: str = "") -> NDAr
     try:
         return np.asarray(value)
     except ValueError:
-        raise input_error(
-            argument, of, "be an array", "has rows of unequal length", remedy or "Give each row as many numbers."
-        ) from None
+        got = "has rows of unequal length"
+        raise input_error(argument, of, "be an array", got, remedy or "Give each row as many numbers.") from None
 
 
-def checked_breaks(breaks: ArrayLike, period: float, of: str) -> NDArray[np.float64]:
+def checked_breaks(breaks: ArrayLike, period: float, of: str) -> Floats:
     """The breaks sorted, each once, all in [0, period)."""
     instants = np.unique(frozen_array(breaks, "breaks", of, axes=("breaks",)))
     if instants.size and not (instants[0] >= 0.0 and instants[-1] < period):
-        raise input_error(
-            "breaks",
-            of,
-            f"lie in [0, {period:g}) [s]",
-            f"runs from {instants[0]:g} to {instants[-1]:g}",
-            "Give each jump once, in the first period.",
-        )
+        got = f"runs from {instants[0]:g} to {instants[-1]:g}"
+        raise input_error("breaks", of, f"lie in [0, {period:g}) [s]", got, "Give each jump once, in the first period.")
     instants.flags.writeable = False
     return instants
 
 
-def refuse_repeated_end(values: NDArray[np.float64], name: str, of: str) -> None:
-    """Refuse samples of which the last is the first again, as `linspace(0, T, P + 1)` makes them.
-
-    Samples may be alike there by symmetry: that is told by the harmonics, which die away without the end alone.
-    """
+def refuse_repeated_end(values: Floats, name: str, of: str) -> None:
+    """Refuse samples of which the last is the first again, as `linspace(0, T, P + 1)` makes them."""
     n_samples = values.shape[2]
     largest = np.abs(values).max(axis=2)
     parts = (values, values[..., :-1])
@@ -70,13 +62,9 @@ def refuse_repeated_end(values: NDArray[np.float64], name: str, of: str) -> None
         tails = [np.abs(np.fft.rfft(v, axis=2))[..., 3 * v.shape[2] // 8 :].max(axis=2) for v in parts]
         repeats = tails[0] > 100.0 * tails[1] + 1e-9 * largest
     if repeats.any():
-        raise input_error(
-            name,
-            of,
-            "hold each phase of the period once",
-            f"ends with its first sample again, the {n_samples}th",
-            "Leave out the repeated end, `A[:, :, :-1]`; or give `times` to `SampledMatrix`.",
-        )
+        must = "hold each phase of the period once"
+        remedy = "Leave out the repeated end, `A[:, :, :-1]`; or give `times` to `SampledMatrix`."
+        raise input_error(name, of, must, f"ends with its first sample again, the {n_samples}th", remedy)
 
 
 def named(names: Sequence[str] | None, count: int, letter: str, argument: str, of: str) -> tuple[str, ...]:
@@ -109,16 +97,14 @@ def refuse_other_period(matrix: AbstractPeriodicMatrix, of: str) -> None:
     over = (differences > allowed).any(axis=(1, 2))
     if over.any():
         worst, change = int(over.argmax()), differences.max(axis=(1, 2))
-        raise input_error(
-            "period",
-            of,
-            "be a period of A(t)",
-            f"A differs by {change[worst]:.3g} between t = {times[worst]:g} and one period of {matrix.period:g} later",
+        got = f"A differs by {change[worst]:.3g} between t = {times[worst]:g} and one period of {matrix.period:g} later"
+        remedy = (
             "Half a revolution is a period only in the fixed frame: check the period and the coordinates. Values in "
-            "single precision are no periodic matrix: compute them in double.",
+            "single precision are no periodic matrix: compute them in double."
         )
+        raise input_error("period", of, "be a period of A(t)", got, remedy)
 
 
-def probe_times(period: float, count: int = 16) -> NDArray[np.float64]:
+def probe_times(period: float, count: int = 16) -> Floats:
     """Instants spread over the period (times,) [s]."""
     return period * (np.arange(count) + OFFSET) / count

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import input_error
 
 
-def line_weights(n_samples: int) -> NDArray[np.float64]:
+def line_weights(n_samples: int) -> Floats:
     """Weights of the lines of `rfft` of `n_samples` in the real series through the samples (lines,)."""
     weights = np.full(n_samples // 2 + 1, 2.0 / n_samples)
     weights[0] = 1.0 / n_samples
@@ -21,16 +21,9 @@ def line_weights(n_samples: int) -> NDArray[np.float64]:
 
 
 def interpolant(
-    values: NDArray[np.float64],
-    times: NDArray[np.float64],
-    period: float,
-    kind: str,
-    argument: tuple[str, str] = ("values", "SampledMatrix"),
-) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process.
-
-    Values so large, or so near in time, that what is between them overflows are refused, as `argument` of a callable.
-    """
+    values: Floats, times: Floats, period: float, kind: str, argument: tuple[str, str] = ("values", "SampledMatrix")
+) -> Callable[[Floats], Floats]:
+    """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process."""
     shortest = float(np.diff(times, append=times[0] + period).min())
     knots = np.append(times, times[0] + period)
     stack = np.moveaxis(np.concatenate([values, values[..., :1]], axis=2), 2, 0)
@@ -51,9 +44,7 @@ def interpolant(
         raise input_error(*argument, "be such that what is between them can be worked out", got, remedy) from None
 
 
-def series_at(
-    lines: NDArray[np.complex128], harmonics: NDArray[np.int64], phases: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def series_at(lines: Complexes, harmonics: Integers, phases: Floats) -> Floats:
     """Re Σ of the lines (rows, columns, harmonics) times e^{2πi m φ}, at phases φ in periods (..., rows, columns)."""
     rows, columns, count = lines.shape
     angle = np.multiply.outer(np.mod(phases.ravel(), 1.0), 2.0 * np.pi * harmonics)
@@ -61,5 +52,5 @@ def series_at(
     return (np.cos(angle) @ flat.real - np.sin(angle) @ flat.imag).reshape(*phases.shape, rows, columns)
 
 
-def _series(lines: NDArray[np.complex128], start: float, period: float, at: NDArray[np.float64]) -> NDArray[np.float64]:
+def _series(lines: Complexes, start: float, period: float, at: Floats) -> Floats:
     return series_at(lines, np.arange(lines.shape[2]), (at - start) / period)

@@ -6,17 +6,16 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from floquid._arrays import Floats
 
 if TYPE_CHECKING:
     from floquid.floquet.matrices._forms import HarmonicMatrix, PiecewiseMatrix, SampledMatrix
 
 
 def _operations():
-    """The room, whose arithmetic and conversions know the forms, and so this type of theirs.
-
-    A closed algebra is circular by nature: this import, when an operator is first used, is the one that runs back.
-    """
+    """The room: an algebra is circular by nature, and this late import is the one that runs back."""
     from floquid.floquet import matrices
 
     return matrices
@@ -38,15 +37,15 @@ class AbstractPeriodicMatrix(ABC):
         """The numbers of rows and columns."""
 
     @property
-    def breaks(self) -> NDArray[np.float64]:
+    def breaks(self) -> Floats:
         """Instants in [0, T) at which the matrix or a derivative jumps (breaks,) [s]."""
         return np.empty(0)
 
     @abstractmethod
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """The values at `times` [s] of any shape (..., rows, columns)."""
 
-    def __call__(self, times: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, times: ArrayLike) -> Floats:
         return self.at(times)
 
     # numpy must not broadcast over the operands itself.
@@ -88,18 +87,10 @@ class AbstractPeriodicMatrix(ABC):
     def to_harmonics(self, n_harmonics: int | None = None, *, tolerance: float = 1e-12) -> HarmonicMatrix:
         """The Fourier series.
 
-        Parameters
-        ----------
-        n_harmonics
-            The highest harmonic kept; by default as many as it takes for the rest to fall below `tolerance`.
-        tolerance
-            What the harmonics left out may come to, as a share of each entry of the matrix.
-
-        Raises
-        ------
-        InputError
-            The harmonics do not fall below `tolerance` within 512, as at a jump, and `n_harmonics` is not given; or a
-            function does not repeat itself after its period.
+        `n_harmonics` is the highest harmonic kept, by default as many as it takes for the rest to fall below
+        `tolerance`, a share of each entry of the matrix. Raises InputError where the harmonics do not fall below
+        `tolerance` within 512, as at a jump, and `n_harmonics` is not given; or a function does not repeat itself after
+        its period.
         """
         return _operations().to_harmonics(self, n_harmonics, tolerance)
 
@@ -108,10 +99,7 @@ class AbstractPeriodicMatrix(ABC):
 
         Harmonics from half of `n_samples` up are folded, unseen. At a jump the sample is the value after it.
 
-        Raises
-        ------
-        InputError
-            A function does not repeat itself after its period.
+        Raises InputError where a function does not repeat itself after its period.
         """
         return _operations().to_samples(self, n_samples)
 
@@ -123,11 +111,8 @@ class AbstractPeriodicMatrix(ABC):
         The mean, rather than the value in the middle, keeps the integral over the period, so that of A(t) the product
         of the multipliers stays what it is. Exponents are right to second order in the length of a piece.
 
-        Raises
-        ------
-        InputError
-            The means are not found, as of a function that jumps where it names no break; or a function does not
-            repeat itself after its period.
+        Raises InputError where the means are not found, as of a function that jumps where it names no break; or a
+        function does not repeat itself after its period.
         """
         return _operations().to_pieces(self, n_pieces)
 

@@ -6,8 +6,8 @@ from fractions import Fraction
 from math import gcd, lcm
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error, integer, positive
 from floquid.floquet.matrices._conversion import SAME, real_series, series_of_samples
 from floquid.floquet.matrices._forms import (
@@ -30,10 +30,7 @@ def common_period(*periods: float) -> float:
 
     .. math:: T = a\,p = b\,q, \qquad a, b \in \mathbb{N} \text{ without a common divisor}
 
-    Raises
-    ------
-    InputError
-        A period is not positive, or there is no such time within 1000 periods of each.
+    Raises InputError where a period is not positive, or there is no such time within 1000 periods of each.
     """
     return multiples(periods, "floquet.common_period")[0]
 
@@ -56,7 +53,7 @@ def multiples(periods: tuple[float, ...], of: str) -> tuple[float, list[int]]:
     return first * float(total), counts
 
 
-def constant_value(matrix: AbstractPeriodicMatrix) -> NDArray[np.float64] | None:
+def constant_value(matrix: AbstractPeriodicMatrix) -> Floats | None:
     """The one value of a matrix whose form has no other (rows, columns)."""
     if isinstance(matrix, HarmonicMatrix):
         single = np.shape(matrix.harmonics) == (1,)
@@ -82,7 +79,7 @@ def declared(matrix: AbstractPeriodicMatrix, count: int, period: float) -> Abstr
         return HarmonicMatrix(coefficients=matrix.coefficients, harmonics=lines, period=period)
     turns = matrix.period * np.arange(count)
 
-    def tiled(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def tiled(times: Floats) -> Floats:
         every = np.add.outer(turns, times).ravel() * (period / (count * matrix.period))
         return np.minimum(every, np.nextafter(period, 0.0))
 
@@ -115,7 +112,7 @@ def reduced(matrix: AbstractPeriodicMatrix) -> AbstractPeriodicMatrix:
     return FunctionMatrix(function=matrix.at, period=period, breaks=breaks, vectorised=True)
 
 
-def joint_breaks(matrices: tuple[AbstractPeriodicMatrix, ...], period: float) -> NDArray[np.float64]:
+def joint_breaks(matrices: tuple[AbstractPeriodicMatrix, ...], period: float) -> Floats:
     """The breaks of all of them in a period that is a whole number of each (breaks,) [s]."""
     every = [
         np.add.outer(matrix.period * np.arange(round(period / matrix.period)), np.asarray(matrix.breaks)).ravel()
@@ -124,7 +121,7 @@ def joint_breaks(matrices: tuple[AbstractPeriodicMatrix, ...], period: float) ->
     return merged(np.concatenate(every), period)
 
 
-def merged(times: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+def merged(times: Floats, period: float) -> Floats:
     """Instants of one period, ascending, each once: those nearer than `SAME` of the period are one instant."""
     ordered = np.unique(np.minimum(times, np.nextafter(period, 0.0)))
     if ordered.size < 2:
@@ -134,7 +131,7 @@ def merged(times: NDArray[np.float64], period: float) -> NDArray[np.float64]:
     return kept[:-1] if kept.size > 1 and period - kept[-1] + kept[0] <= SAME * period else kept
 
 
-def values_between(matrix: AbstractPeriodicMatrix, edges: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+def values_between(matrix: AbstractPeriodicMatrix, edges: Floats, period: float) -> Floats:
     """The values in the middle between each edge and the next one (rows, columns, edges)."""
     ends = np.append(edges[1:], edges[0] + period)
     return np.moveaxis(matrix.at(0.5 * (edges + ends)), 0, 2)
@@ -182,7 +179,7 @@ def _repeats(matrix: AbstractPeriodicMatrix, count: int) -> bool:
     )
 
 
-def _probes(matrix: AbstractPeriodicMatrix, shift: float) -> NDArray[np.float64]:
+def _probes(matrix: AbstractPeriodicMatrix, shift: float) -> Floats:
     """Instants spread over the period, and one between any two jumps of M(t) or M(t + shift)."""
     period, breaks = matrix.period, np.asarray(matrix.breaks)
     spread = period * np.mod(_GOLDEN * np.arange(1, _PROBES + 1), 1.0)
@@ -204,16 +201,12 @@ def _primes() -> list[int]:
 
 
 def _incommensurate(first: float, second: float, of: str) -> Exception:
-    return input_error(
-        "periods",
-        of,
-        f"have a common multiple within {MOST} of each",
-        f"are {first:.15g} s and {second:.15g} s, which have none to within {SAME:g}",
-        "If they are meant to be equal or a whole multiple, give both from one number.",
-    )
+    got = f"are {first:.15g} s and {second:.15g} s, which have none to within {SAME:g}"
+    remedy = "If they are meant to be equal or a whole multiple, give both from one number."
+    return input_error("periods", of, f"have a common multiple within {MOST} of each", got, remedy)
 
 
-def stretches(matrix: AbstractPeriodicMatrix) -> NDArray[np.float64]:
+def stretches(matrix: AbstractPeriodicMatrix) -> Floats:
     """Instants from one break to the next, just within both (stretches, instants)."""
     breaks = np.asarray(matrix.breaks)
     starts = breaks if breaks.size else np.zeros(1)

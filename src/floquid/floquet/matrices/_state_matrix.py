@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import frozen_array, input_error, positive
 from floquid.floquet.matrices._balancing import balance
 from floquid.floquet.matrices._forms import AbstractPeriodicMatrix, FunctionMatrix, HarmonicMatrix, SampledMatrix
@@ -25,7 +26,7 @@ class Prepared(NamedTuple):
 
     matrix: AbstractPeriodicMatrix
     smooth: bool  # true if it is smooth between its breaks for certain
-    scale: NDArray[np.float64]  # units of the states (n,) in which A is best balanced
+    scale: Floats  # units of the states (n,) in which A is best balanced
     size: float  # its largest row sum in these units [1/s]
 
 
@@ -33,17 +34,12 @@ def periodic(system: StateMatrix, period: float | None, breaks: ArrayLike, of: s
     """A(t), in whatever form it was given, as a square periodic matrix of its period, or refused."""
     if isinstance(system, AbstractPeriodicMatrix):
         if period is not None and positive(period, "period", of, unit="s") != system.period:
-            raise input_error(
-                "period",
-                of,
-                f"be left out or be that of the matrix, {system.period:g} s",
-                f"is {period:g} s",
-                "To declare another period use `repeated` or `reduced`.",
-            )
+            must = f"be left out or be that of the matrix, {system.period:g} s"
+            got = f"is {period:g} s"
+            raise input_error("period", of, must, got, "To declare another period use `repeated` or `reduced`.")
         if np.size(breaks):
-            raise input_error(
-                "breaks", of, "be left out beside a periodic matrix", "is given", "The matrix has its own."
-            )
+            must = "be left out beside a periodic matrix"
+            raise input_error("breaks", of, must, "is given", "The matrix has its own.")
         matrix = system
     elif period is None:
         raise input_error("period", of, "be given for a callable or samples", "is None", "In seconds: 2π/ω.")
@@ -72,11 +68,7 @@ def prepare(matrix: AbstractPeriodicMatrix, tolerance: float, of: str) -> Prepar
 
 
 def resolve(matrix: FunctionMatrix, tolerance: float) -> Prepared | None:
-    """The harmonics of a matrix whose upper ones are below `tolerance` of its size, checked between and after samples.
-
-    The samples double until they suffice, none is taken twice; the check is one period later, so it is one of the
-    period as well. `None`: there is no end of the harmonics within reach, as where the matrix has a jump.
-    """
+    """The harmonics of a matrix, the upper below `tolerance` of its size; None if they have no end within reach."""
     period = matrix.period
     n = first = 2 * int(np.ceil(0.5 / matrix.narrowest))
     probes = period * (1.0 + np.array([OFFSET, 0.5 * OFFSET]))
@@ -98,7 +90,7 @@ def resolve(matrix: FunctionMatrix, tolerance: float) -> Prepared | None:
         n *= 2
 
 
-def _ended(lines: NDArray[np.complex128], scale: NDArray[np.float64], size: float) -> NDArray[np.complex128]:
+def _ended(lines: Complexes, scale: Floats, size: float) -> Complexes:
     """The lines up to the last that is above rounding, and one more."""
     counts = (np.abs(lines) * scale / scale[:, None]).max(axis=(1, 2)) > 1e-17 * size
     last = int(np.flatnonzero(counts)[-1]) if counts.any() else 0
@@ -107,18 +99,12 @@ def _ended(lines: NDArray[np.complex128], scale: NDArray[np.float64], size: floa
 
 def _sampled(system: ArrayLike, period: float, breaks: ArrayLike, of: str) -> SampledMatrix:
     if np.size(breaks):
-        raise input_error(
-            "breaks", of, "be left out beside samples", "is given", "For jumps give a callable or a PiecewiseMatrix."
-        )
+        must = "be left out beside samples"
+        raise input_error("breaks", of, must, "is given", "For jumps give a callable or a PiecewiseMatrix.")
     shape = as_array(system, "system", of).shape
     if len(shape) == 3 and shape[0] != shape[1] and shape[1] == shape[2]:
-        raise input_error(
-            "system",
-            of,
-            "have shape (n, n, phases)",
-            f"has shape {shape}",
-            "Phase is the last axis: pass `np.moveaxis(A, 0, -1)`.",
-        )
+        remedy = "Phase is the last axis: pass `np.moveaxis(A, 0, -1)`."
+        raise input_error("system", of, "have shape (n, n, phases)", f"has shape {shape}", remedy)
     remedy = "A constant matrix is one sample: pass `A[:, :, None]`." if len(shape) == 2 else "Or pass a callable."
     values = frozen_array(system, "system", of, axes=("n", "n", "phases"), remedy=remedy)
     if values.shape[0] != values.shape[1] or not values.size:
@@ -126,7 +112,7 @@ def _sampled(system: ArrayLike, period: float, breaks: ArrayLike, of: str) -> Sa
     return SampledMatrix(values=values, period=period, argument=("system", of))
 
 
-def _harmonic(lines: NDArray[np.complex128], period: float) -> HarmonicMatrix:
+def _harmonic(lines: Complexes, period: float) -> HarmonicMatrix:
     """The series of the lines of `rfft`, already weighted, the last of them left out."""
     upper = np.moveaxis(lines[1:-1], 0, 2) / 2.0
     return HarmonicMatrix(

@@ -17,13 +17,14 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-Evaluate: TypeAlias = Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64]]
+from floquid._arrays import Floats, Indices
+
+Evaluate: TypeAlias = Callable[[Indices, Floats], Floats]
 """Owner (items,) and times (items, nodes) [s] -> A there (items, nodes, n, n)."""
 
 CHUNK = 4_000_000  # numbers of the collocation's equations that are solved in one batch
 _INSIDE = 1e-7  # of an interval: where its ends are looked at, on this side of a jump that lies on them
 _JUMP = 1e-6  # of A: what the values at an end may be off those between, before a jump is suspected there
-
 MOST = 200_000  # intervals of one call beyond which the system is called impossible to integrate
 DEEPEST = 46  # halvings of one interval: a jump within what is left then is worth less than rounding
 
@@ -31,19 +32,19 @@ DEEPEST = 46  # halvings of one interval: a jump within what is left then is wor
 class Factors(NamedTuple):
     """Transition matrices of successive intervals, sorted by owner and time."""
 
-    owner: NDArray[np.intp]
-    left: NDArray[np.float64]
-    right: NDArray[np.float64]
-    matrices: NDArray[np.float64]  # (factors, n, n)
+    owner: Indices
+    left: Floats
+    right: Floats
+    matrices: Floats  # (factors, n, n)
     finished: bool  # true if every interval reached the tolerance
 
 
 class Rule(NamedTuple):
     """A Gauss rule on [0, 1]."""
 
-    nodes: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    inner: NDArray[np.float64]  # a_ij (nodes, nodes)
+    nodes: Floats
+    weights: Floats
+    inner: Floats  # a_ij (nodes, nodes)
 
 
 def stages(n: int) -> int:
@@ -51,9 +52,7 @@ def stages(n: int) -> int:
     return 8 if n <= 6 else 6
 
 
-def divided(
-    left: NDArray[np.float64], right: NDArray[np.float64], parts: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+def divided(left: Floats, right: Floats, parts: Indices) -> tuple[Indices, Floats, Floats]:
     """Intervals cut into equal `parts` each (intervals,): whose each piece is, its left and its right end (pieces,)."""
     owner = np.repeat(np.arange(len(parts)), parts)
     step = np.arange(len(owner)) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -73,14 +72,14 @@ def gauss(n_nodes: int) -> Rule:
 
 
 @cache
-def _extrapolation(n_nodes: int) -> NDArray[np.float64]:
+def _extrapolation(n_nodes: int) -> Floats:
     """Weights that extrapolate values at the nodes to just inside both ends (2, nodes)."""
     legendre = np.polynomial.legendre
     values = legendre.legvander(legendre.leggauss(n_nodes)[0], n_nodes - 1)
     return legendre.legvander(np.array([2.0 * _INSIDE - 1.0, 1.0 - 2.0 * _INSIDE]), n_nodes - 1) @ np.linalg.inv(values)
 
 
-def collocate(values: NDArray[np.float64], widths: NDArray[np.float64]) -> NDArray[np.float64]:
+def collocate(values: Floats, widths: Floats) -> Floats:
     """Φ over each interval (items, n, n), from A at its nodes (items, nodes, n, n) and its width (items,)."""
     items, s, n, _ = values.shape
     rule = gauss(s)
@@ -100,14 +99,7 @@ def collocate(values: NDArray[np.float64], widths: NDArray[np.float64]) -> NDArr
 
 
 def factorise(
-    evaluate: Evaluate,
-    owner: NDArray[np.intp],
-    left: NDArray[np.float64],
-    right: NDArray[np.float64],
-    *,
-    scale: NDArray[np.float64],
-    tolerance: float,
-    smooth: bool,
+    evaluate: Evaluate, owner: Indices, left: Floats, right: Floats, *, scale: Floats, tolerance: float, smooth: bool
 ) -> Factors:
     r"""The transition matrices of the intervals given, halved where one step does not reach the tolerance.
 
@@ -125,14 +117,14 @@ def factorise(
     s = stages(n)
     units = scale / scale[:, None]
 
-    def balanced(whose: NDArray[np.intp], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def balanced(whose: Indices, times: Floats) -> Floats:
         return evaluate(whose, times) * units
 
     gain = 2.0**-s if smooth else 1.0
     chunk = max(1, CHUNK // (3 * (s * n) ** 2))
-    done: list[tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = []
+    done: list[tuple[Indices, Floats, Floats, Floats]] = []
     depth, count, finished = 0, 0, True
-    single: NDArray[np.float64] | None = None
+    single: Floats | None = None
     while owner.size:
         slices = [slice(i, i + chunk) for i in range(0, owner.size, chunk)]
         parts = [
@@ -169,14 +161,8 @@ def factorise(
 
 
 def _step(
-    evaluate: Evaluate,
-    owner: NDArray[np.intp],
-    left: NDArray[np.float64],
-    right: NDArray[np.float64],
-    s: int,
-    single: NDArray[np.float64] | None,
-    smooth: bool,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    evaluate: Evaluate, owner: Indices, left: Floats, right: Floats, s: int, single: Floats | None, smooth: bool
+) -> tuple[Floats, Floats, Floats, Floats]:
     """The two halves (items, 2, n, n), their product, its distance from one step, and the rounding (items,)."""
     rule = gauss(s)
     width = right - left
@@ -212,11 +198,11 @@ def inverse(matrices: NDArray[Any]) -> NDArray[Any]:
         return out
 
 
-def _size_of_all(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _size_of_all(values: Floats) -> Floats:
     """The largest row sum of the matrices of each item (items, matrices, n, n) -> (items,)."""
     return np.abs(values).sum(axis=3).max(axis=(1, 2))
 
 
-def _size(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def _size(matrices: Floats) -> Floats:
     """The largest row sum of each (items,)."""
     return np.abs(matrices).sum(axis=2).max(axis=1)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, input_error, integer
 from floquid.floquet.matrices import StateMatrix
 from floquid.floquet.monodromy_matrix import _periodic_schur
@@ -33,9 +34,9 @@ class FloquetLyapunov(Rebuilt):
         The period of P [s]: that of A, or twice it where a real multiplier is negative.
     """
 
-    times: NDArray[np.float64]
-    transform: NDArray[np.float64]
-    constant: NDArray[np.float64]
+    times: Floats
+    transform: Floats
+    constant: Floats
     period: float
 
 
@@ -54,14 +55,8 @@ def floquet_lyapunov(
     block by block of the periodic Schur form, so that multipliers of very different sizes are kept.
 
     Floquet 1883; Lyapunov 1892; real with a period of 2T where a real multiplier is negative: Montagnier, Paige and
-    Spiteri 2003, "Real Floquet factors of linear time-periodic systems".
-
-    Parameters
-    ----------
-    system, period, breaks, tolerance
-        As in `transition`, errors as in `exponents`.
-    n_phases
-        The number of steps in the period of A, at least 1.
+    Spiteri 2003, "Real Floquet factors of linear time-periodic systems". `system`, `period`, `breaks` and `tolerance`
+    are as in `transition`, errors as in `exponents`; `n_phases` is the number of steps in the period of A, at least 1.
     """
     of = "floquet.floquet_lyapunov"
     prepared = checked(system, period, breaks, tolerance, of)
@@ -91,8 +86,8 @@ def floquet_lyapunov(
 
 
 def _block(
-    form: _periodic_schur.PeriodicSchur, block: slice, widths: NDArray[np.float64], turns: int, period: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    form: _periodic_schur.PeriodicSchur, block: slice, widths: Floats, turns: int, period: float
+) -> tuple[Floats, Floats]:
     r"""R of one diagonal block (m, m), and the columns of P at the nodes of `turns` periods (nodes, n, m).
 
     The own part is :math:`W_{2,k+1} = T_{22,k} W_{2,k} e^{-R h_k}`; the part in the columns before it is carried
@@ -107,13 +102,10 @@ def _block(
     whole = np.linalg.matrix_power(product, turns)
     found = np.asarray(logm(whole), dtype=np.complex128)
     if np.abs(found.imag).max() > 1e-9 * max(1.0, np.abs(found.real).max()):
-        raise input_error(
-            "system",
-            "floquet.floquet_lyapunov",
-            "have a real logarithm of its transition over two periods",
-            "multipliers at ±i stand beside negative ones",
-            "Use `floquet.modes`, whose shapes are complex.",
-        )
+        must = "have a real logarithm of its transition over two periods"
+        got = "multipliers at ±i stand beside negative ones"
+        remedy = "Use `floquet.modes`, whose shapes are complex."
+        raise input_error("system", "floquet.floquet_lyapunov", must, got, remedy)
     rate = found.real / (turns * period) + taken / period * np.eye(size)
     backs = np.stack([expm(-rate * width) for width in widths[:count]])
     ahead = np.stack([expm(rate * width) for width in widths[:count]])

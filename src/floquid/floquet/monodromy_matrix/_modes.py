@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, input_error, integer
 from floquid._show import Drawings, Drawn, Told
 from floquid.floquet.matrices import Prepared, StateMatrix, balanced_units
@@ -75,12 +76,12 @@ class FloquetModes(Told, Drawn, Rebuilt):
         The mean of tr A(t) over the period [1/s], which the exponents sum to (Liouville).
     """
 
-    exponents: NDArray[np.complex128]
-    coefficients: NDArray[np.complex128]
-    harmonics: NDArray[np.int64]
+    exponents: Complexes
+    coefficients: Complexes
+    harmonics: Integers
     period: float
-    participation: NDArray[np.float64]
-    condition: NDArray[np.float64]
+    participation: Floats
+    condition: Floats
     defective: tuple[tuple[int, ...], ...]
     outcome: ModesOutcome
     mean_trace: float
@@ -99,18 +100,18 @@ class FloquetModes(Told, Drawn, Rebuilt):
         return 2.0 * np.pi / self.period
 
     @property
-    def multipliers(self) -> NDArray[np.complex128]:
+    def multipliers(self) -> Complexes:
         """e^{λT} (modes,); one below 1e-308 is zero."""
         with np.errstate(over="ignore", under="ignore"):
             return np.exp(self.exponents * self.period)
 
     @property
-    def frequencies_hz(self) -> NDArray[np.float64]:
+    def frequencies_hz(self) -> Floats:
         """The physical frequencies |λ|/2π (modes,) [Hz]."""
         return np.abs(self.exponents) / (2.0 * np.pi)
 
     @property
-    def damping_ratios(self) -> NDArray[np.float64]:
+    def damping_ratios(self) -> Floats:
         """The damping ratios -Re λ/|λ| (modes,), negative for a growing mode."""
         size = np.abs(self.exponents)
         return np.divide(-self.exponents.real, size, out=np.zeros_like(size), where=size > 0)
@@ -120,33 +121,28 @@ class FloquetModes(Told, Drawn, Rebuilt):
         """The largest Re λ [1/s]: the system is asymptotically stable where it is negative."""
         return float(self.exponents.real.max())
 
-    def principal(self) -> NDArray[np.complex128]:
+    def principal(self) -> Complexes:
         """The exponents on the strip -ω/2 < Im λ ≤ ω/2 (modes,) [1/s]."""
         turns = self.exponents.imag / self.fundamental
         return self.exponents - 1j * self.fundamental * np.ceil(turns - 0.5 - 1e-12)
 
-    def shapes(self, times: ArrayLike) -> NDArray[np.complex128]:
+    def shapes(self, times: ArrayLike) -> Complexes:
         """The periodic shapes p_r at `times` [s] (modes, states, times)."""
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         return self.coefficients @ np.exp(1j * self.fundamental * np.multiply.outer(self.harmonics, t))
 
-    def response(self, initial: ArrayLike, times: ArrayLike) -> NDArray[np.float64]:
+    def response(self, initial: ArrayLike, times: ArrayLike) -> Floats:
         """The free response from x(0) = `initial` (states,) at `times` [s] (states, times).
 
-        Raises
-        ------
-        InputError
-            The modes are defective and span no response, or `initial` does not fit.
+        Raises InputError where the modes are defective and span no response, or `initial` does not fit.
         """
         start = np.asarray(initial, dtype=np.float64)
         if start.shape != (self.order,):
-            raise input_error(
-                "initial", "FloquetModes.response", f"have shape ({self.order},)", f"has shape {start.shape}"
-            )
+            must = f"have shape ({self.order},)"
+            raise input_error("initial", "FloquetModes.response", must, f"has shape {start.shape}")
         if self.defective:
-            raise input_error(
-                "self", "FloquetModes.response", "be a full set of modes", "is defective", "Use `floquet.transition`."
-            )
+            must = "be a full set of modes"
+            raise input_error("self", "FloquetModes.response", must, "is defective", "Use `floquet.transition`.")
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         amounts = np.linalg.solve(self.shapes([0.0])[..., 0].T, start.astype(np.complex128))
         grown = amounts[:, None] * np.exp(np.multiply.outer(self.exponents, t))
@@ -164,15 +160,9 @@ def modes(
     """The Floquet modes of A(t): exponents and periodic shapes, by factors that are never multiplied out.
 
     Allen 2009, eqs. (3), (4), (6). The shape of a small multiplier is carried through each factor in the direction in
-    which errors decay.
-
-    Parameters
-    ----------
-    system, period, breaks, tolerance
-        As in `transition`, errors as in `exponents`.
-    n_phases
-        Equal steps of the period at which shapes are found, 8 at least; by default 32 or 64, or as many more as
-        their harmonics need, 512 at most.
+    which errors decay. `system`, `period`, `breaks` and `tolerance` are as in `transition`, errors as in `exponents`;
+    `n_phases` are equal steps of the period at which shapes are found, 8 at least: by default 32 or 64, or as many more
+    as their harmonics need, 512 at most.
     """
     of = "floquet.modes"
     prepared = checked(system, period, breaks, tolerance, of)
@@ -193,7 +183,7 @@ def modes(
     return _assembled(carried, lines, prepared, found, tolerance)
 
 
-def _at_phases(carried: _periodic_schur.ProductModes, found: Factors, count: int) -> NDArray[np.complex128]:
+def _at_phases(carried: _periodic_schur.ProductModes, found: Factors, count: int) -> Complexes:
     """The shapes x_k exp(growth_k - λ t_k) at the phases (phases, n, modes), of unit length at phase zero."""
     nodes = np.searchsorted(found.owner, np.arange(count))  # the first factor of each step begins on its phase
     share = np.arange(count)[:, None] / count
@@ -203,11 +193,7 @@ def _at_phases(carried: _periodic_schur.ProductModes, found: Factors, count: int
 
 
 def _assembled(
-    carried: _periodic_schur.ProductModes,
-    lines: NDArray[np.complex128],
-    prepared: Prepared,
-    found: Factors,
-    tolerance: float,
+    carried: _periodic_schur.ProductModes, lines: Complexes, prepared: Prepared, found: Factors, tolerance: float
 ) -> FloquetModes:
     """The modes sorted, each on its representative branch, in the units of the caller."""
     period, count = prepared.matrix.period, len(lines)
@@ -240,9 +226,7 @@ def _assembled(
     )
 
 
-def _centres(
-    exponents: NDArray[np.complex128], energy: NDArray[np.float64], harmonics: NDArray[np.int64], fundamental: float
-) -> NDArray[np.int64]:
+def _centres(exponents: Complexes, energy: Floats, harmonics: Integers, fundamental: float) -> Integers:
     """The harmonic that becomes the zeroth of each mode: the strongest; of equals that of the larger |Im|."""
     centres = np.zeros(len(exponents), dtype=np.int64)
     edge = 0.5 * fundamental
@@ -256,7 +240,7 @@ def _centres(
     return centres
 
 
-def _moved(coefficients: NDArray[np.complex128], centre: int) -> NDArray[np.complex128]:
+def _moved(coefficients: Complexes, centre: int) -> Complexes:
     """The coefficients (n, harmonics) with `centre` made the zeroth; what leaves the range has died away."""
     out = np.zeros_like(coefficients)
     size = coefficients.shape[1]
@@ -267,7 +251,7 @@ def _moved(coefficients: NDArray[np.complex128], centre: int) -> NDArray[np.comp
     return out
 
 
-def left_vectors(vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def left_vectors(vectors: Complexes) -> Complexes:
     """The inverses (..., n, n); of a singular set that of one a rounding error away."""
     u, s, vh = np.linalg.svd(vectors)
     sizes = np.maximum(s, 1e-16 * s[..., :1])[..., None]
@@ -275,9 +259,7 @@ def left_vectors(vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return np.asarray(inverse, dtype=np.complex128)
 
 
-def _defective(
-    logs: NDArray[np.complex128], condition: NDArray[np.float64], error: NDArray[np.float64]
-) -> tuple[tuple[int, ...], ...]:
+def _defective(logs: Complexes, condition: Floats, error: Floats) -> tuple[tuple[int, ...], ...]:
     """Groups of modes nearer to each other than their errors, whose shapes are nearly one."""
     gap = logs[:, None] - logs[None, :]
     turned = (gap.imag + np.pi) % (2.0 * np.pi) - np.pi

@@ -13,7 +13,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from floquid._arrays import Complexes, Floats, Indices
 
 SPREAD = 1e3  # ratio of eigenvalues within a block that is left together: three digits of sixteen
 CLEAN = 1e-14  # coupling below the diagonal that counts as none
@@ -24,8 +25,8 @@ PASSES = 400  # of the orthogonal iteration
 class PeriodicSchur(NamedTuple):
     """The periodic Schur form of K factors."""
 
-    bases: NDArray[np.float64]  # Q_k (K, n, n)
-    triangles: NDArray[np.float64]  # T_k (K, n, n)
+    bases: Floats  # Q_k (K, n, n)
+    triangles: Floats  # T_k (K, n, n)
     starts: tuple[int, ...]  # the first column of each diagonal block
 
     def blocks(self) -> list[slice]:
@@ -37,13 +38,12 @@ class PeriodicSchur(NamedTuple):
 class ProductModes(NamedTuple):
     """Eigenvalues of the product, as logarithms, and eigenvectors at every node."""
 
-    logarithms: NDArray[np.complex128]  # log μ, the imaginary part in (-π, π] (modes,)
-    vectors: NDArray[np.complex128]  # x_k of unit length (nodes 0 to K, n, modes)
-    growth: NDArray[np.float64]
-    """ln ‖F_{k-1} ... F_0 x_0‖ (nodes 0 to K, modes): F_k x_k exp(growth_k) = x_{k+1} exp(growth_{k+1})."""
+    logarithms: Complexes  # log μ, the imaginary part in (-π, π] (modes,)
+    vectors: Complexes  # x_k of unit length (nodes 0 to K, n, modes)
+    growth: Floats  # ln ‖F_{k-1} ... F_0 x_0‖ (nodes 0 to K, modes): F_k x_k exp(growth_k) = x_{k+1} exp(growth_{k+1}).
 
 
-def schur(factors: NDArray[np.float64]) -> PeriodicSchur:
+def schur(factors: Floats) -> PeriodicSchur:
     """The periodic Schur form of the factors (K, n, n), F_0 the first to act."""
     count, n, _ = factors.shape
     plain = PeriodicSchur(np.broadcast_to(np.eye(n), factors.shape), factors, (0,))
@@ -72,25 +72,25 @@ def schur(factors: NDArray[np.float64]) -> PeriodicSchur:
     return best
 
 
-def logarithms(form: PeriodicSchur) -> NDArray[np.complex128]:
+def logarithms(form: PeriodicSchur) -> Complexes:
     """The logarithms of the eigenvalues of the product, block by block (n,)."""
     return np.concatenate([_eigen(form.triangles[:, block, block])[0] for block in form.blocks()])
 
 
-def principal_order(logs: NDArray[np.complex128]) -> NDArray[np.intp]:
+def principal_order(logs: Complexes) -> Indices:
     """The order of the exponents: by angle, then by falling size, positive angles first."""
     angle = np.abs(logs.imag)
     # Conjugates have the same angle to the last digit; others that differ by rounding alone keep their sizes' order.
     return np.lexsort((-logs.imag, -logs.real, angle))
 
 
-def product_logarithms(factors: NDArray[np.float64]) -> NDArray[np.complex128]:
+def product_logarithms(factors: Floats) -> Complexes:
     """The logarithms of the eigenvalues of a product of factors (factors, n, n), in the order of `exponents` (n,)."""
     found = logarithms(schur(factors))
     return found[principal_order(found)]
 
 
-def multipliers_of(logs: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def multipliers_of(logs: Complexes) -> Complexes:
     """Multipliers from their logarithms (n,): real where these say so, zero and infinite out of range."""
     # A real multiplier that overflows is infinite, and not infinity times the zero of a sine.
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
@@ -105,7 +105,7 @@ def modes(form: PeriodicSchur) -> ProductModes:
     return ProductModes(np.concatenate(logs), np.concatenate(vectors, axis=2), np.concatenate(growth, axis=1))
 
 
-def scaled_product(factors: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def scaled_product(factors: Floats) -> tuple[Floats, float]:
     """The product with its largest entry made one, and the logarithm of what was taken out."""
     out, taken = np.eye(factors.shape[1]), 0.0
     for factor in factors:
@@ -117,7 +117,7 @@ def scaled_product(factors: NDArray[np.float64]) -> tuple[NDArray[np.float64], f
     return out, taken
 
 
-def _spread(factors: NDArray[np.float64]) -> float:
+def _spread(factors: Floats) -> float:
     """The largest eigenvalue of the product over the smallest; rounding alone when that is very large."""
     if factors.shape[1] == 1:
         return 1.0
@@ -125,7 +125,7 @@ def _spread(factors: NDArray[np.float64]) -> float:
     return float(sizes.max() / sizes.min()) if sizes.min() > 0.0 else np.inf
 
 
-def _start(factors: NDArray[np.float64]) -> NDArray[np.float64]:
+def _start(factors: Floats) -> Floats:
     """An orthogonal basis of the eigenvectors of the product as rounding has it, the largest eigenvalue first."""
     values, vectors = _eig(scaled_product(factors)[0])
     order = np.lexsort((values.imag < 0.0, -np.round(np.log(np.abs(values) + 1e-300), 9)))
@@ -135,7 +135,7 @@ def _start(factors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.linalg.qr(filled)[0]
 
 
-def _eigen(factors: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def _eigen(factors: Floats) -> tuple[Complexes, Complexes]:
     """The logarithms of the eigenvalues of the product and its eigenvectors at node 0."""
     product, taken = scaled_product(factors)
     values, vectors = _eig(product)
@@ -145,15 +145,13 @@ def _eigen(factors: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArra
     return logs, vectors
 
 
-def _eig(matrix: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def _eig(matrix: Floats) -> tuple[Complexes, Complexes]:
     """Eigenvalues and eigenvectors, complex also where they are real."""
     values, vectors = np.linalg.eig(matrix)
     return np.asarray(values, dtype=np.complex128), np.asarray(vectors, dtype=np.complex128)
 
 
-def _block_modes(
-    form: PeriodicSchur, block: slice
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]:
+def _block_modes(form: PeriodicSchur, block: slice) -> tuple[Complexes, Complexes, Floats]:
     r"""The modes of one diagonal block.
 
     Its own part w₂ is carried forwards through T₂₂. The part in the columns before it belongs to larger eigenvalues and
@@ -179,7 +177,7 @@ def _block_modes(
         inverses = np.asarray(np.linalg.inv(form.triangles[:, before, before]), dtype=np.float64)
         forcing = form.triangles[:, before, block] @ second[:-1]
 
-        def backwards(last: NDArray[np.complex128]) -> None:
+        def backwards(last: Complexes) -> None:
             first[count] = last
             for k in range(count - 1, -1, -1):
                 first[k] = inverses[k] @ (first[k + 1] * sigma[k] - forcing[k])

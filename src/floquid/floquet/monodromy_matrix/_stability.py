@@ -8,8 +8,9 @@ from enum import Enum
 from typing import final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt, frozen_array, positive
 from floquid.floquet.monodromy_matrix._modes import FloquetModes, left_vectors
 from floquid.floquet.monodromy_matrix._transition import TOLERANCE
@@ -46,7 +47,7 @@ class Stability(Rebuilt):
 
     verdict: Verdict
     growth: float
-    margins: NDArray[np.float64]
+    margins: Floats
     reasons: tuple[str, ...]
 
 
@@ -58,6 +59,8 @@ def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: Arra
     A real part is told from zero where it is larger than a hundred times the tolerance of the factors times the
     condition of the exponent, over the period; of exponents that share a shape, the root of that.
 
+    Raises InputError where the tolerance is not positive, or the errors are not as many as the modes.
+
     Parameters
     ----------
     modes
@@ -66,11 +69,6 @@ def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: Arra
         That with which they were found.
     errors
         What else each exponent is known to (modes,) [1/s], as from `compare`.
-
-    Raises
-    ------
-    InputError
-        The tolerance is not positive, or the errors are not as many as the modes.
     """
     of = "floquet.stability"
     relative = _SAFE * positive(tolerance, "tolerance", of) * np.maximum(modes.condition, 1.0)
@@ -97,17 +95,14 @@ def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: Arra
     return Stability(verdict=verdict, growth=modes.growth, margins=margins, reasons=reasons)
 
 
-def compare(modes: FloquetModes, exponents: ArrayLike) -> NDArray[np.float64]:
+def compare(modes: FloquetModes, exponents: ArrayLike) -> Floats:
     """The distance of each mode's exponent from that of another route (modes,) [1/s].
 
     The `exponents` of that route, on any branch (modes,) [1/s], are paired with those of `modes` by assignment, modulo
     iω. Of a group that shares a shape the means are compared: each alone is right only to a root of its error, by any
     route.
 
-    Raises
-    ------
-    InputError
-        They are not as many as the modes.
+    Raises InputError where they are not as many as the modes.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -132,7 +127,7 @@ def multiplier_is_real(modes: FloquetModes, mode: int) -> bool:
     return bool(abs(halves - np.round(halves)) <= 2.0 * _REAL)
 
 
-def state_participation(modes: FloquetModes) -> NDArray[np.float64]:
+def state_participation(modes: FloquetModes) -> Floats:
     r"""The share of each state in each of the `modes` (modes, states), whatever the units; each row sums to one.
 
     .. math:: s_{r,k} \propto \frac{1}{T} \int_0^T \left|p_{r,k}(t)\, q_{r,k}(t)\right| dt, \qquad

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Complexes, Floats, Indices
 from floquid._checks import finite, frozen_array, input_error
 from floquid.floquet.matrices import (
     FunctionMatrix,
@@ -30,7 +31,7 @@ def transition(
     start: float = 0.0,
     breaks: ArrayLike = (),
     tolerance: float = TOLERANCE,
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""The state transition matrix Φ(t, t₀) at `times` (times, n, n).
 
     .. math:: \dot\Phi(t, t_0) = A(t)\,\Phi(t, t_0), \qquad \Phi(t_0, t_0) = I
@@ -40,6 +41,9 @@ def transition(
     resolved into its harmonics from 64 or more samples at equal steps; one that is not is evaluated within each
     interval. What happens within less than 1/64 of the period may pass unseen unless it stands between `breaks`: see
     `FunctionMatrix.narrowest`.
+
+    Raises InputError where `system` is not a finite real (n, n) of that period, `times` does not ascend from `start`, a
+    break lies outside the first period, or A(t) cannot be integrated.
 
     Parameters
     ----------
@@ -59,25 +63,15 @@ def transition(
         is found if the samples see it, at the cost of some fifty halvings.
     tolerance
         The relative error of each factor of Φ, both of its large and of its small directions, from 1e-14 to 1e-3.
-
-    Raises
-    ------
-    InputError
-        `system` is not a finite real (n, n) of that period, `times` does not ascend from `start`, a break lies
-        outside the first period, or A(t) cannot be integrated.
     """
     of = "floquet.transition"
     prepared = checked(system, period, breaks, tolerance, of)
     instants = frozen_array(times, "times", of, axes=("times",))
     begin = finite(start, "start", of, unit="s")
     if instants.size and (instants[0] < begin or (np.diff(instants) < 0).any()):
-        raise input_error(
-            "times",
-            of,
-            f"ascend from `start` = {begin:g} [s]",
-            f"begins at {instants[0]:g} and may go back",
-            "Backwards in time use Φ(t, t₀) = Φ(t₀, t)⁻¹.",
-        )
+        must = f"ascend from `start` = {begin:g} [s]"
+        got = f"begins at {instants[0]:g} and may go back"
+        raise input_error("times", of, must, got, "Backwards in time use Φ(t, t₀) = Φ(t₀, t)⁻¹.")
     found = factors(prepared, np.concatenate([[begin], instants]), tolerance, of)
     out = np.empty((len(instants), *prepared.matrix.shape))
     phi, place = np.eye(len(prepared.scale)), 0
@@ -88,13 +82,9 @@ def transition(
                 place += 1
             out[gap] = phi
     if not np.isfinite(out).all():
-        raise input_error(
-            "times",
-            of,
-            "end before Φ leaves the range of floating point",
-            f"Φ overflows before t = {instants[-1]:g}",
-            "Take a shorter interval; `floquet.exponents` never multiplies the factors out.",
-        )
+        must = "end before Φ leaves the range of floating point"
+        remedy = "Take a shorter interval; `floquet.exponents` never multiplies the factors out."
+        raise input_error("times", of, must, f"Φ overflows before t = {instants[-1]:g}", remedy)
     return out
 
 
@@ -105,7 +95,7 @@ def monodromy(
     start: float = 0.0,
     breaks: ArrayLike = (),
     tolerance: float = TOLERANCE,
-) -> NDArray[np.float64]:
+) -> Floats:
     """The monodromy matrix Φ(t₀ + T, t₀) (n, n): the transition over one period.
 
     Arguments (`system`, `period`, `start`, `breaks`, `tolerance`) and errors are those of `transition`.
@@ -119,13 +109,9 @@ def monodromy(
         for factor in found.matrices[1:]:
             phi = factor @ phi
     if not np.isfinite(phi).all():
-        raise input_error(
-            "system",
-            of,
-            "have a monodromy matrix within the range of floating point",
-            "it overflows",
-            "`floquet.exponents` finds the exponents from its factors, which it never multiplies out.",
-        )
+        must = "have a monodromy matrix within the range of floating point"
+        remedy = "`floquet.exponents` finds the exponents from its factors, which it never multiplies out."
+        raise input_error("system", of, must, "it overflows", remedy)
     return phi
 
 
@@ -135,7 +121,7 @@ def checked(system: StateMatrix, period: float | None, breaks: ArrayLike, tolera
     return prepare(periodic(system, period, breaks, of), accuracy, of)
 
 
-def factors(prepared: Prepared, instants: NDArray[np.float64], tolerance: float, of: str) -> Factors:
+def factors(prepared: Prepared, instants: Floats, tolerance: float, of: str) -> Factors:
     """The transition matrices of short intervals between successive instants, whose gap is their owner."""
     matrix = prepared.matrix
     gaps, left, right = intervals(prepared, instants, of)
@@ -150,20 +136,16 @@ def factors(prepared: Prepared, instants: NDArray[np.float64], tolerance: float,
     )
     if not found.finished:
         worst = found.left[int(np.argmin(found.right - found.left))]
-        raise input_error(
-            "system",
-            of,
-            f"be integrable to a relative error of {tolerance:g}",
-            f"the steps near t = {worst:g} shrink without end",
+        must = f"be integrable to a relative error of {tolerance:g}"
+        remedy = (
             "Name the instants at which A(t) jumps in `breaks`, take out states that decay at once, or raise "
-            "`tolerance`.",
+            "`tolerance`."
         )
+        raise input_error("system", of, must, f"the steps near t = {worst:g} shrink without end", remedy)
     return found
 
 
-def intervals(
-    prepared: Prepared, instants: NDArray[np.float64], of: str
-) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+def intervals(prepared: Prepared, instants: Floats, of: str) -> tuple[Indices, Floats, Floats]:
     """First intervals between the instants: gap (intervals,), left and right ends, none across a break."""
     matrix = prepared.matrix
     period, breaks = matrix.period, np.asarray(matrix.breaks)
@@ -209,7 +191,7 @@ def _fastest(matrix: HarmonicMatrix) -> int:
 
 def multipliers(
     system: StateMatrix, period: float | None = None, *, breaks: ArrayLike = (), tolerance: float = TOLERANCE
-) -> NDArray[np.complex128]:
+) -> Complexes:
     r"""The Floquet multipliers (n,), the eigenvalues of the monodromy matrix.
 
     .. math:: \mu_r = \mathrm{eig}\,\Phi(T, 0) = e^{\lambda_r T}
@@ -222,7 +204,7 @@ def multipliers(
 
 def exponents(
     system: StateMatrix, period: float | None = None, *, breaks: ArrayLike = (), tolerance: float = TOLERANCE
-) -> NDArray[np.complex128]:
+) -> Complexes:
     r"""The Floquet exponents on the principal branch (n,) [1/s].
 
     .. math:: \lambda_r = \frac{\ln \mu_r}{T}, \qquad -\omega/2 < \mathrm{Im}\,\lambda_r \le \omega/2, \qquad
@@ -236,27 +218,19 @@ def exponents(
     may be as far apart as they like: each is good to about `tolerance` times the number of factors of itself, times
     its condition. Two that are nearly equal and share a shape are good to the root of that; `modes` tells.
 
-    Parameters
-    ----------
-    system, period, breaks, tolerance
-        As in `transition`.
-
-    Raises
-    ------
-    InputError
-        As in `transition`; or the sum of the exponents misses the mean trace of A(t), which it must equal by
-        Liouville's formula.
+    `system`, `period`, `breaks` and `tolerance` are as in `transition`. Raises InputError as in `transition`; or the
+    sum of the exponents misses the mean trace of A(t), which it must equal by Liouville's formula.
     """
     found, length = _logarithms(system, period, breaks, tolerance, "floquet.exponents")
     return found / length
 
 
-def balanced(found: Factors, prepared: Prepared) -> NDArray[np.float64]:
+def balanced(found: Factors, prepared: Prepared) -> Floats:
     """The factors in balanced units (factors, n, n)."""
     return found.matrices * prepared.scale / prepared.scale[:, None]
 
 
-def refuse_lost(logs: NDArray[np.complex128], found: Factors, prepared: Prepared, of: str) -> None:
+def refuse_lost(logs: Complexes, found: Factors, prepared: Prepared, of: str) -> None:
     """Refuse exponents whose sum is not the mean trace of A(t)."""
     integral = trace_integral(found, prepared)
     growth = float(logs.real.sum())
@@ -264,13 +238,9 @@ def refuse_lost(logs: NDArray[np.complex128], found: Factors, prepared: Prepared
     size = 1.0 + np.abs(logs.real).sum() + prepared.size * prepared.matrix.period
     if not abs(growth - integral) <= _LOST * size:
         period = prepared.matrix.period
-        raise input_error(
-            "system",
-            of,
-            "have multipliers that can be told from rounding",
-            f"their exponents sum to {growth / period:.6g} where the mean trace of A(t) is {integral / period:.6g}",
-            "Take the states that decay at once out of A(t), or lower `tolerance`.",
-        )
+        got = f"their exponents sum to {growth / period:.6g} where the mean trace of A(t) is {integral / period:.6g}"
+        remedy = "Take the states that decay at once out of A(t), or lower `tolerance`."
+        raise input_error("system", of, "have multipliers that can be told from rounding", got, remedy)
 
 
 def trace_integral(found: Factors, prepared: Prepared) -> float:
@@ -287,7 +257,7 @@ def trace_integral(found: Factors, prepared: Prepared) -> float:
 
 def _logarithms(
     system: StateMatrix, period: float | None, breaks: ArrayLike, tolerance: float, of: str
-) -> tuple[NDArray[np.complex128], float]:
+) -> tuple[Complexes, float]:
     """The sorted logarithms of the multipliers, and the period."""
     prepared = checked(system, period, breaks, tolerance, of)
     found = factors(prepared, np.array([0.0, prepared.matrix.period]), tolerance, of)

@@ -8,31 +8,31 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Indices, Integers, Mask
 from floquid.floquet.stability_maps._spectra import Spectra, inverse, joined
 
-Evaluate: TypeAlias = Callable[[NDArray[np.float64], str], Spectra]
+Evaluate: TypeAlias = Callable[[Floats, str], Spectra]
 """Points (points, parameters) and what they are for -> their spectra."""
 
 
 class Samples(NamedTuple):
     """Points that are known, and what is known of them."""
 
-    points: NDArray[np.float64]  # (points, parameters)
+    points: Floats  # (points, parameters)
     spectra: Spectra
-    unstable: NDArray[np.bool_]
+    unstable: Mask
 
 
 class Cells(NamedTuple):
     """Points on a lattice, and the cells between them."""
 
     samples: Samples
-    lattice: NDArray[np.int64]
-    """The sample at each node of the finest lattice, -1 where none is (nodes of the first, of the second)."""
+    lattice: Integers  # sample at each node of the finest lattice, -1 where none is (nodes of the first, of the second)
 
-    cells: NDArray[np.int64]  # first corner and width of each, in steps of the lattice (cells, 3)
+    cells: Integers  # first corner and width of each, in steps of the lattice (cells, 3)
 
 
-def samples(points: NDArray[np.float64], found: Spectra, margin: float) -> Samples:
+def samples(points: Floats, found: Spectra, margin: float) -> Samples:
     """The points with their verdicts: unstable is what grows faster than `margin`, whatever the errors."""
     return Samples(points, found, found.certain > margin)
 
@@ -46,12 +46,12 @@ def added(old: Samples, new: Samples) -> Samples:
     )
 
 
-def taken(of: Samples, index: NDArray[np.intp]) -> Samples:
+def taken(of: Samples, index: Indices) -> Samples:
     """The samples of these indices, in their order."""
     return Samples(of.points[index], Spectra._make(column[index] for column in of.spectra), of.unstable[index])
 
 
-def swapped(vectors: NDArray[np.complex64], first: NDArray[np.intp], second: NDArray[np.intp]) -> NDArray[np.bool_]:
+def swapped(vectors: NDArray[np.complex64], first: Indices, second: Indices) -> Mask:
     r"""True where neighbours on the unit circle change places between two samples (pairs,).
 
     The multipliers are in the order of their angles. Where two meet and pass, the eigenvectors of their places do:
@@ -74,11 +74,7 @@ def swapped(vectors: NDArray[np.complex64], first: NDArray[np.intp], second: NDA
 
 
 def thin_bands(known: Samples, evaluate: Evaluate, margin: float, halvings: int) -> Samples:
-    """More samples of one parameter, sorted, where a band or a gap may hide between those known.
-
-    Halved are the intervals between stable neighbours whose multipliers change places, and both sides of a stable
-    sample that grows faster than its neighbours, or of an unstable one that grows more slowly.
-    """
+    """More samples of one parameter, sorted, where a band or a gap may hide between those known."""
     thinnest = np.diff(known.points[:, 0]) * 2.0**-halvings
     # Of the interval that each sample begins; the last one stands for none.
     limit = np.append(thinnest, np.inf)
@@ -96,7 +92,7 @@ def thin_bands(known: Samples, evaluate: Evaluate, margin: float, halvings: int)
     return known
 
 
-def _hiding(known: Samples) -> NDArray[np.bool_]:
+def _hiding(known: Samples) -> Mask:
     """True for intervals between samples in which a change of stability may hide (samples - 1,)."""
     calm = ~known.unstable[:-1] & ~known.unstable[1:]
     out = np.zeros(len(calm), dtype=np.bool_)
@@ -115,17 +111,9 @@ def _hiding(known: Samples) -> NDArray[np.bool_]:
 
 
 def bisect(
-    calm: NDArray[np.float64],
-    wild: NDArray[np.float64],
-    tolerance: NDArray[np.float64],
-    evaluate: Evaluate,
-    margin: float,
-) -> tuple[NDArray[np.float64], list[Samples]]:
-    """The edges between stable and unstable points (edges, parameters), to `tolerance` of each parameter.
-
-    The second value is what was met on the way. Halving needs no smoothness: the growth of an undamped system leaves
-    zero as a root does, that of a damped one along a slope.
-    """
+    calm: Floats, wild: Floats, tolerance: Floats, evaluate: Evaluate, margin: float
+) -> tuple[Floats, list[Samples]]:
+    """The edges between stable and unstable points (edges, parameters) to `tolerance`, and what was met on the way."""
     calm, wild = calm.copy(), wild.copy()
     met = []
     width = np.abs(wild - calm)
@@ -145,13 +133,8 @@ def bisect(
     return 0.5 * (calm + wild), met
 
 
-def refine(
-    grids: tuple[NDArray[np.float64], ...], known: Samples, evaluate: Evaluate, margin: float, levels: int
-) -> Cells:
-    """Cells of two parameters, halved `levels` times where stability changes or multipliers change places.
-
-    `known` holds the points of the grid, those of the second parameter running fastest.
-    """
+def refine(grids: tuple[Floats, ...], known: Samples, evaluate: Evaluate, margin: float, levels: int) -> Cells:
+    """Cells of two parameters, the second fastest in `known`, halved `levels` times where stability changes or may."""
     step = 2**levels
     counts = tuple(len(grid) for grid in grids)
     lattice = np.full(tuple((count - 1) * step + 1 for count in counts), -1, dtype=np.int64)
@@ -180,15 +163,13 @@ def refine(
     return Cells(known, lattice, cells)
 
 
-def _corners(cells: NDArray[np.int64], lattice: NDArray[np.int64]) -> NDArray[np.int64]:
+def _corners(cells: Integers, lattice: Integers) -> Integers:
     """The samples at the corners of each cell, in turn (cells, 4)."""
     nodes = cells[:, None, :2] + cells[:, 2, None, None] * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     return lattice[nodes[..., 0], nodes[..., 1]]
 
 
-def _split(
-    known: Samples, lattice: NDArray[np.int64], cells: NDArray[np.int64], fresh: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def _split(known: Samples, lattice: Integers, cells: Integers, fresh: Mask) -> Mask:
     """Mask of the cells to halve."""
     corners = _corners(cells, lattice)
     wild = known.unstable[corners]
@@ -206,9 +187,7 @@ def _split(
     return (half > 0) & (mixed | seen.any(axis=1) | hiding)
 
 
-def boundary(
-    of: Cells, tolerance: NDArray[np.float64], evaluate: Evaluate, margin: float
-) -> tuple[NDArray[np.float64], list[Samples]]:
+def boundary(of: Cells, tolerance: Floats, evaluate: Evaluate, margin: float) -> tuple[Floats, list[Samples]]:
     """The segments of the boundary (segments, 2, 2): ends, then parameters; and what was met on the way."""
     known = of.samples
     corners = _corners(of.cells, of.lattice)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats
 from floquid._checks import frozen_array, input_error, positive
 from floquid.floquet.matrices import as_array, balance, checked_tolerance
 
@@ -24,15 +25,15 @@ class Family:
     period: float | Callable[..., ArrayLike]
     names: tuple[str, ...]
     vectorised: bool
-    breaks: NDArray[np.float64]  # fractions of the period in [0, 1) at which A jumps (breaks,)
+    breaks: Floats  # fractions of the period in [0, 1) at which A jumps (breaks,)
     tolerance: float
     narrowest: float  # the shortest feature of A that must be seen, in periods
-    scale: NDArray[np.float64]
+    scale: Floats
     """Units of the states (n,), powers of two: fixed, so that no point depends on those beside it."""
 
     of: str
 
-    def periods(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def periods(self, points: Floats) -> Floats:
         """T(p) (points,) [s] at the parameter values (points, parameters)."""
         if not callable(self.period):
             return np.full(len(points), self.period)
@@ -50,7 +51,7 @@ class Family:
             raise input_error("period", self.of, "be positive [s]", f"is {periods[bad][0]:g} at {where}")
         return periods
 
-    def at(self, points: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, points: Floats, times: Floats) -> Floats:
         """A (points, times, n, n) at times (points, times) [s]."""
         n = len(self.scale)
         shape = (*times.shape, n, n)
@@ -75,7 +76,7 @@ class Family:
             raise input_error("system", self.of, "be finite", f"is not at {where}")
         return values
 
-    def words(self, point: Sequence[float] | NDArray[np.float64]) -> str:
+    def words(self, point: Sequence[float] | Floats) -> str:
         """The parameter values of a point, for a message."""
         return ", ".join(f"{name} = {value:g}" for name, value in zip(self.names, point, strict=True))
 
@@ -83,7 +84,7 @@ class Family:
 def family(
     system: Callable[..., ArrayLike],
     period: float | Callable[..., ArrayLike],
-    points: NDArray[np.float64],
+    points: Floats,
     names: tuple[str, ...],
     *,
     vectorised: bool,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Indices, Integers
 from floquid._checks import input_error
 from floquid.floquet.matrices import line_weights
 from floquid.floquet.monodromy_matrix import MOST, divided, factorise, inverse, stages
@@ -21,22 +22,20 @@ _DEFECTIVE = 4  # multipliers that may coalesce into one block: how far rounding
 class Spectra(NamedTuple):
     """Exponents, growth and eigenvectors at each of the points."""
 
-    exponents: NDArray[np.complex128]  # on the principal branch, ascending in their real parts (points, n) [1/s]
-    growth: NDArray[np.float64]  # the largest real part (points,) [1/s]
-    certain: NDArray[np.float64]  # the same with the error of each exponent taken off (points,) [1/s]
-    multiplier: NDArray[np.complex128]  # the largest multiplier (points,)
+    exponents: Complexes  # on the principal branch, ascending in their real parts (points, n) [1/s]
+    growth: Floats  # the largest real part (points,) [1/s]
+    certain: Floats  # the same with the error of each exponent taken off (points,) [1/s]
+    multiplier: Complexes  # the largest multiplier (points,)
     vectors: NDArray[np.complex64]  # eigenvectors of Φ(T), ascending in the angles of their multipliers (points, n, n)
 
 
-def spectra(of: Family, points: NDArray[np.float64]) -> Spectra:
+def spectra(of: Family, points: Floats) -> Spectra:
     """The spectra at the points (points, parameters); each as if it were alone."""
     periods = of.periods(points)
     return _eigen(of, *products(of, points, periods, (0.0, 1.0)), periods)
 
 
-def products(
-    of: Family, points: NDArray[np.float64], periods: NDArray[np.float64], span: tuple[float, float]
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+def products(of: Family, points: Floats, periods: Floats, span: tuple[float, float]) -> tuple[Floats, Integers, Floats]:
     """Φ / 2^power over `span`, in periods (points, n, n), in balanced units; the power; the errors' gain (points,)."""
     n = len(of.scale)
     product = np.empty((len(points), n, n))
@@ -52,21 +51,15 @@ def products(
         values, spans = points[rest], periods[rest]
         sizes = _sizes(of, _repeating(of, values, spans)) * spans
 
-        def direct(owner: NDArray[np.intp], fractions: NDArray[np.float64]) -> NDArray[np.float64]:
+        def direct(owner: Indices, fractions: Floats) -> Floats:
             return of.at(values[owner], fractions * spans[owner, None]) * spans[owner, None, None, None]
 
         product[rest], power[rest], gain[rest] = _monodromy(of, values, sizes, direct, span, smooth=False)
     return product, power, gain
 
 
-def _resolved(
-    of: Family, points: NDArray[np.float64], periods: NDArray[np.float64]
-) -> list[tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]]:
-    """Groups of points whose harmonics die away: their indices, the series of T A in fractions of T, and its size.
-
-    The samples double until they suffice, none is taken twice; the check is one period later, so it is one of the
-    period as well. Points whose harmonics have no end within reach are in no group.
-    """
+def _resolved(of: Family, points: Floats, periods: Floats) -> list[tuple[Indices, Floats, Floats]]:
+    """Groups of points whose harmonics die away: their indices, the series of T A in fractions of T, and its size."""
     groups = []
     first = 2 * int(np.ceil(0.5 / of.narrowest))
     index, count = np.arange(len(points)), first
@@ -100,7 +93,7 @@ def _resolved(
     return groups
 
 
-def _basis(fractions: NDArray[np.float64], n_lines: int) -> NDArray[np.float64]:
+def _basis(fractions: Floats, n_lines: int) -> Floats:
     """1, cos and sin of the harmonics below `n_lines` (..., 2 n_lines - 1) at fractions (...) of the period."""
     angle = 2.0 * np.pi * fractions
     turn = np.empty((*fractions.shape, n_lines), dtype=np.complex128)
@@ -110,17 +103,17 @@ def _basis(fractions: NDArray[np.float64], n_lines: int) -> NDArray[np.float64]:
     return np.concatenate([turn.real, turn[..., 1:].imag], axis=-1)
 
 
-def _evaluator(series: NDArray[np.float64]) -> Callable[..., NDArray[np.float64]]:
+def _evaluator(series: Floats) -> Callable[..., Floats]:
     n_lines = (series.shape[1] + 1) // 2
     n = int(np.sqrt(series.shape[2]))
 
-    def evaluate(owner: NDArray[np.intp], fractions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def evaluate(owner: Indices, fractions: Floats) -> Floats:
         return (_basis(fractions, n_lines) @ series[owner]).reshape(*fractions.shape, n, n)
 
     return evaluate
 
 
-def _repeating(of: Family, points: NDArray[np.float64], periods: NDArray[np.float64]) -> NDArray[np.float64]:
+def _repeating(of: Family, points: Floats, periods: Floats) -> Floats:
     """A at some instants (points, times, n, n), the same one period later."""
     fractions = (np.arange(PROBED) + PROBES[0]) / PROBED
     away = np.abs(fractions[:, None] - of.breaks).min(axis=1, initial=1.0) > 1e-6
@@ -139,24 +132,21 @@ def _repeating(of: Family, points: NDArray[np.float64], periods: NDArray[np.floa
     return now
 
 
-def _sizes(of: Family, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sizes(of: Family, samples: Floats) -> Floats:
     """Largest row sums of A over the period, in the units of the family (points,) [1/s]."""
     return (np.abs(samples).max(axis=1) * of.scale / of.scale[:, None]).sum(axis=2).max(axis=1)
 
 
 def _monodromy(
     of: Family,
-    points: NDArray[np.float64],
-    sizes: NDArray[np.float64],
-    evaluate: Callable[..., NDArray[np.float64]],
+    points: Floats,
+    sizes: Floats,
+    evaluate: Callable[..., Floats],
     span: tuple[float, float],
     *,
     smooth: bool,
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Φ / 2^power of each point over `span` (points, n, n), in balanced units; the power, the errors' gain (points,).
-
-    Time is in fractions of the period.
-    """
+) -> tuple[Floats, Integers, Floats]:
+    """Φ / 2^power over `span` [periods], in balanced units (points, n, n); the power, the errors' gain (points,)."""
     n = len(of.scale)
     jumps = np.add.outer(np.arange(np.floor(span[0]), np.ceil(span[1])), of.breaks).ravel()
     ends = np.concatenate([[span[0]], jumps[(jumps > span[0]) & (jumps < span[1])], [span[1]]])
@@ -180,22 +170,16 @@ def _monodromy(
         if not found.finished:
             worst = int(np.argmin(found.right - found.left))
             where = f"{of.words(points[found.owner[worst]])}, near {found.left[worst]:g} of the period"
-            raise input_error(
-                "system",
-                of.of,
-                f"be integrable to a relative error of {of.tolerance:g}",
-                f"the steps shrink without end at {where}",
-                "Name the fractions of the period at which A(t) jumps in `breaks`, or raise `tolerance`.",
-            )
+            must = f"be integrable to a relative error of {of.tolerance:g}"
+            remedy = "Name the fractions of the period at which A(t) jumps in `breaks`, or raise `tolerance`."
+            raise input_error("system", of.of, must, f"the steps shrink without end at {where}", remedy)
         those, within = np.unique(found.owner, return_inverse=True)
         balanced = found.matrices * of.scale / of.scale[:, None]
         product[those], power[those], gain[those] = _product(within, balanced)
     return product, power, gain
 
 
-def _product(
-    owner: NDArray[np.intp], matrices: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+def _product(owner: Indices, matrices: Floats) -> tuple[Floats, Integers, Floats]:
     r"""The product of each owner's factors, later ones on the left, kept in range by powers of two, as `_monodromy`.
 
     The gain is how far an error of the factors, relative to each, reaches: with K factors,
@@ -214,9 +198,7 @@ def _product(
         return product, power, np.sqrt(count) * np.exp2(reach - power)
 
 
-def _chain(
-    matrices: NDArray[np.float64], first: NDArray[np.intp], count: NDArray[np.intp], step: int
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+def _chain(matrices: Floats, first: Indices, count: Indices, step: int) -> tuple[Floats, Integers, Floats]:
     """The product of every `step`-th matrix from the first, its power of two, and log2 ‖·‖ after each one."""
     n = matrices.shape[1]
     product, power = np.broadcast_to(np.eye(n), (len(first), n, n)).copy(), np.zeros(len(first), dtype=np.int64)
@@ -231,13 +213,7 @@ def _chain(
     return product, power, sizes
 
 
-def _eigen(
-    of: Family,
-    product: NDArray[np.float64],
-    power: NDArray[np.int64],
-    gain: NDArray[np.float64],
-    periods: NDArray[np.float64],
-) -> Spectra:
+def _eigen(of: Family, product: Floats, power: Integers, gain: Floats, periods: Floats) -> Spectra:
     r"""The multipliers of Φ and how far its error may carry each: its condition, up to the worst of a Jordan block.
 
     .. math:: |\delta\mu_i| \le \lVert w_i \rVert\, \lVert v_i \rVert\, \lVert \delta\Phi \rVert

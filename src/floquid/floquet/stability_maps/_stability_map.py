@@ -9,6 +9,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._arrays import Complexes, Floats, Mask
 from floquid._bar import bar
 from floquid._checks import Rebuilt, finite, frozen_array, input_error, integer, positive
 from floquid._show import Drawings, Drawn
@@ -80,22 +81,22 @@ class StabilityMap(Drawn, Rebuilt):
     """
 
     names: tuple[str, ...]
-    grids: tuple[NDArray[np.float64], ...]
-    points: NDArray[np.float64]
-    exponents: NDArray[np.complex128]
-    growth: NDArray[np.float64]
-    multiplier: NDArray[np.complex128]
+    grids: tuple[Floats, ...]
+    points: Floats
+    exponents: Complexes
+    growth: Floats
+    multiplier: Complexes
     kind: NDArray[np.int8]
-    grid_growth: NDArray[np.float64]
-    bands: NDArray[np.float64] | None
-    boundary: NDArray[np.float64] | None
+    grid_growth: Floats
+    bands: Floats | None
+    boundary: Floats | None
     margin: float
 
     def _figures(self) -> Drawings:
         return {"stability_map": (self, {})}
 
     @property
-    def unstable(self) -> NDArray[np.bool_]:
+    def unstable(self) -> Mask:
         """True where the system is unstable (points,)."""
         return self.kind != Instability.STABLE
 
@@ -134,6 +135,10 @@ def stability_map(
     The exponents are those of the product of the factors of Φ(T), kept in range: the largest multipliers are as good
     as the product allows, small ones may be lost, which stability does not ask for; `floquet.exponents` has them.
 
+    Raises InputError where the parameters are not one or two ascending grids, a callable does not return what it must,
+    A(t; p) does not have the period T(p) or cannot be integrated, or a plain callable cannot be sent to the worker
+    processes.
+
     Parameters
     ----------
     system
@@ -169,12 +174,6 @@ def stability_map(
         Whether a progress bar is drawn on stderr, if that is a terminal.
     report
         Is told of each stage.
-
-    Raises
-    ------
-    InputError
-        The parameters are not one or two ascending grids, a callable does not return what it must, A(t; p) does not
-        have the period T(p) or cannot be integrated, or a plain callable cannot be sent to the worker processes.
     """
     of = "floquet.stability_map"
     grids = _grids(parameters, of)
@@ -183,13 +182,8 @@ def stability_map(
     limit = _EDGES[len(names) - 1] if edge_tolerance is None else positive(edge_tolerance, "edge_tolerance", of)
     halvings = integer(_HALVINGS[len(names) - 1] if refinements is None else refinements, "refinements", of, at_least=0)
     if len(names) == 2 and np.prod([(len(grid) - 1.0) * 2.0**halvings + 1.0 for grid in grids]) > _NODES:
-        raise input_error(
-            "refinements",
-            of,
-            f"leave at most {_NODES:.0e} nodes of the finest lattice",
-            f"is {halvings}",
-            "Ask for less.",
-        )
+        must = f"leave at most {_NODES:.0e} nodes of the finest lattice"
+        raise input_error("refinements", of, must, f"is {halvings}", "Ask for less.")
     points = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, len(names))
     given = family(
         system,
@@ -205,7 +199,7 @@ def stability_map(
     ranges = np.array([grid[-1] - grid[0] for grid in grids])
     with Workers(given, workers) as pool, bar(progress, report) as told:
 
-        def evaluate(points: NDArray[np.float64], words: str) -> Spectra:
+        def evaluate(points: Floats, words: str) -> Spectra:
             told(words)
             return pool.spectra(points)
 
@@ -224,7 +218,7 @@ def stability_map(
     return _map(given, known, grids, first.growth, bands, segments, margin)
 
 
-def _grids(parameters: Mapping[str, ArrayLike], of: str) -> tuple[NDArray[np.float64], ...]:
+def _grids(parameters: Mapping[str, ArrayLike], of: str) -> tuple[Floats, ...]:
     """The grids, checked."""
     if not isinstance(parameters, Mapping) or not 1 <= len(parameters) <= 2:
         got = f"holds {len(parameters)}" if isinstance(parameters, Mapping) else f"is {type(parameters).__name__}"
@@ -239,8 +233,8 @@ def _grids(parameters: Mapping[str, ArrayLike], of: str) -> tuple[NDArray[np.flo
 
 
 def _bands(
-    known: Samples, tolerance: NDArray[np.float64], evaluate: Callable[..., Spectra], margin: float
-) -> tuple[NDArray[np.float64], list[Samples]]:
+    known: Samples, tolerance: Floats, evaluate: Callable[..., Spectra], margin: float
+) -> tuple[Floats, list[Samples]]:
     """The unstable intervals among sorted samples of one parameter, their edges refined."""
     turn = np.flatnonzero(known.unstable[:-1] != known.unstable[1:])
     begins = known.unstable[turn + 1]
@@ -258,10 +252,10 @@ def _bands(
 def _map(
     given: Family,
     known: Samples,
-    grids: tuple[NDArray[np.float64], ...],
-    first: NDArray[np.float64],
-    bands: NDArray[np.float64] | None,
-    segments: NDArray[np.float64] | None,
+    grids: tuple[Floats, ...],
+    first: Floats,
+    bands: Floats | None,
+    segments: Floats | None,
     margin: float,
 ) -> StabilityMap:
     known = taken(known, np.lexsort(known.points.T[::-1]))
@@ -299,12 +293,15 @@ def transitions(
     breaks: ArrayLike = (),
     tolerance: float = TOLERANCE,
     narrowest: float = 1.0 / 64.0,
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""The transition matrices of many systems (..., n, n), in one batch.
 
     .. math:: \Phi(\varphi_1 T(p), \varphi_0 T(p); p), \qquad \dot x = A(t; p)\, x, \qquad A(t + T(p); p) = A(t; p)
 
     With the method and accuracy of `transition`; the batch is what makes it quick for small systems.
+
+    Raises InputError where the parameters do not broadcast, `end` lies before `start`, a callable does not return what
+    it must, A(t; p) does not have the period T(p) or cannot be integrated, or Φ overflows.
 
     Parameters
     ----------
@@ -314,12 +311,6 @@ def transitions(
         The names of the parameters and their values, arrays that broadcast to one shape (...).
     start, end
         The phases φ₀ and φ₁ between which it is integrated [periods], the second not before the first.
-
-    Raises
-    ------
-    InputError
-        The parameters do not broadcast, `end` lies before `start`, a callable does not return what it must, A(t; p)
-        does not have the period T(p) or cannot be integrated, or Φ overflows.
     """
     of = "floquet.transitions"
     if not isinstance(parameters, Mapping) or not parameters:

@@ -9,9 +9,7 @@ from concurrent.futures import Executor
 from functools import partial
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from floquid._arrays import Floats
 from floquid._checks import input_error, integer
 from floquid.errors import InputError
 from floquid.floquet.stability_maps._family import Family
@@ -23,10 +21,7 @@ _NUMBERS = 50_000  # of the matrices of one sample of a batch
 
 
 class Workers:
-    """Evaluates points in chunks that do not depend on how many work on them; a context that leaves nothing behind.
-
-    Threads for a vectorised family, for numpy's linear algebra runs in parallel; processes for a plain one.
-    """
+    """Evaluates points in chunks that do not depend on how many work on them; a context that leaves nothing behind."""
 
     def __init__(self, of: Family, count: int) -> None:
         self._family = of
@@ -57,7 +52,7 @@ class Workers:
         if self._pool is not None:
             self._pool.shutdown(wait=True, cancel_futures=True)
 
-    def spectra(self, points: NDArray[np.float64], done: Callable[[int], None] = lambda _: None) -> Spectra:
+    def spectra(self, points: Floats, done: Callable[[int], None] = lambda _: None) -> Spectra:
         """The spectra at the points (points, parameters); `done` is told how many are."""
         size = min(_CHUNK if self._family.vectorised else _CHUNK_PLAIN, 1 + _NUMBERS // len(self._family.scale) ** 2)
         chunks = [points[start : start + size] for start in range(0, len(points), size)]
@@ -67,7 +62,7 @@ class Workers:
             done(sum(len(each.growth) for each in parts))
         return joined(parts)
 
-    def _parts(self, chunks: list[NDArray[np.float64]]) -> Iterator[Spectra]:
+    def _parts(self, chunks: list[Floats]) -> Iterator[Spectra]:
         if self._pool is None or (len(chunks) == 1 and self._family.vectorised):
             yield from (spectra(self._family, chunk) for chunk in chunks)
         elif self._family.vectorised:
@@ -90,7 +85,7 @@ def _begin(of: Family) -> None:
     _FAMILY[:] = [of]
 
 
-def _one_chunk(points: NDArray[np.float64]) -> Spectra:
+def _one_chunk(points: Floats) -> Spectra:
     return spectra(_FAMILY[0], points)
 
 

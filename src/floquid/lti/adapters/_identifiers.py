@@ -9,8 +9,8 @@ from types import ModuleType
 from typing import ClassVar, Literal, final, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, integer
 from floquid.lti._exponentials import fit_residues
 from floquid.lti._identifier import AbstractIdentifier, Report, given_order, silent
@@ -18,13 +18,11 @@ from floquid.lti._poles import FASTEST
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 from floquid.lti.adapters._peer import Components, components, delayed, fitted, kept, load, paired, quiet
 
-LARGEST = 600.0
-"""The logarithm of the largest number that a mode may grow to."""
+LARGEST = 600.0  # the logarithm of the largest number that a mode may grow to
 
 Method = Literal["cov", "dat"]
 
-SHARE = 0.7
-"""A single decay brings it in six tenths of its time constant, where the errors of this method are least."""
+SHARE = 0.7  # a single decay brings it in six tenths of its time constant, where the errors of this method are least
 
 FIRST_LINE = 1
 """The band starts here and not at zero, where sdypy-EMA 0.31 transforms an empty slice, reads memory that was never
@@ -75,16 +73,16 @@ class BOPDMD(AbstractIdentifier):
         """The fit to `state` started from the poles of `model`."""
         return self._fitted(state, np.log(model.multipliers), model.order)
 
-    def _start(self, state: Components, order: int) -> NDArray[np.complex128]:
+    def _start(self, state: Components, order: int) -> Complexes:
         """The logarithms of DMD's eigenvalues (at most `order`,)."""
         values = state.first(order)
         delays = min(max(self.delays, -(-2 * order // len(values))), max(1, state.samples // 2))
         with quiet():
             found = _pydmd().DMD(svd_rank=order).fit(delayed(values, delays)).eigs
-            logs: NDArray[np.complex128] = np.log(np.asarray(found, dtype=np.complex128))
+            logs: Complexes = np.log(np.asarray(found, dtype=np.complex128))
         return np.clip(np.nan_to_num(logs.real, nan=FASTEST[0]), *FASTEST) + 1j * np.nan_to_num(logs.imag)
 
-    def _fitted(self, state: Components, start: NDArray[np.complex128], order: int) -> ModalModel:
+    def _fitted(self, state: Components, start: Complexes, order: int) -> ModalModel:
         """Variable projection from `start`; time is counted in samples."""
         found = np.zeros(0, dtype=np.complex128)
         values = state.first(max(order, 1))
@@ -103,14 +101,11 @@ class BOPDMD(AbstractIdentifier):
         return fitted(found, state, order)
 
 
-def _within(samples: int) -> Callable[[NDArray[np.complex128]], NDArray[np.complex128]]:
-    """The constraint on the eigenvalues of a fit to so many samples.
-
-    Conjugates are paired, and growth stays below what overflows: on infinite numbers LAPACK does not come back.
-    """
+def _within(samples: int) -> Callable[[Complexes], Complexes]:
+    """The constraint on eigenvalues: conjugates paired, growth below overflow (LAPACK hangs on infinite numbers)."""
     most = min(FASTEST[1], LARGEST / samples)
 
-    def constrained(alpha: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def constrained(alpha: Complexes) -> Complexes:
         if not np.isfinite(alpha).all():
             raise np.linalg.LinAlgError("an eigenvalue is not finite")
         pairs = paired(np.asarray(alpha, dtype=np.complex128))
@@ -135,6 +130,8 @@ class PyOMA2SSI(AbstractIdentifier):
     a free decay has the same observability matrix O. The Hankel matrix H is cut off at its first `order` singular
     vectors, which is what selects the poles: no pole is spurious by construction.
 
+    Raises InputError where the method is neither, or there are fewer than two block rows.
+
     Parameters
     ----------
     method
@@ -143,11 +140,6 @@ class PyOMA2SSI(AbstractIdentifier):
         The block rows of the Hankel matrix: fewer where the responses are short, and more where needed to hold `order`
         poles. None for as many as there are samples in which `SHARE` of the energy above the noise comes: so much later
         the future must still hold what the past held.
-
-    Raises
-    ------
-    InputError
-        The method is neither, or there are fewer than two block rows.
     """
 
     decides: ClassVar[bool] = False
@@ -186,7 +178,7 @@ class PyOMA2SSI(AbstractIdentifier):
         return fitted(found, state, wanted)
 
 
-def _energetic(values: NDArray[np.float64]) -> int:
+def _energetic(values: Floats) -> int:
     """The samples in which `SHARE` of the energy above that of the last tenth comes."""
     energy = np.sum(values**2, axis=0)
     above = np.cumsum(energy - energy[-(len(energy) // 10 + 1) :].mean())
@@ -233,7 +225,7 @@ class SdypyLSCF(AbstractIdentifier):
         report(f"{len(many)} poles of the denominator")
         return fitted(kept(many, state, wanted), state, wanted)
 
-    def _poles(self, state: Components, order: int) -> NDArray[np.complex128]:
+    def _poles(self, state: Components, order: int) -> Complexes:
         """The multipliers of the denominator.
 
         Where all roots are real, sdypy-EMA takes the real logarithm of the negative ones and has none: they are the
@@ -247,7 +239,7 @@ class SdypyLSCF(AbstractIdentifier):
         return found
 
 
-def _multipliers(values: NDArray[np.float64], pairs: int) -> NDArray[np.complex128]:
+def _multipliers(values: Floats, pairs: int) -> Complexes:
     """The roots of the highest denominator, up to `pairs` pairs, that can be solved for; what is no number included."""
     blow = np.zeros((1, values.shape[1]))
     blow[0, values.shape[1] // 2] = RIDGE * np.linalg.norm(values)

@@ -12,8 +12,8 @@ from importlib import import_module
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.errors import InputError
 from floquid.lti._exponentials import fit_residues
 from floquid.lti._factor import Factor, factors
@@ -60,60 +60,54 @@ class Components:
     """Responses, and the principal components of them all over their noise (components, samples), strongest first."""
 
     data: TimeResponses
-    values: NDArray[np.float64]
+    values: Floats
 
     @property
     def samples(self) -> int:
         """The number of samples that all inputs have."""
         return self.values.shape[1]
 
-    def first(self, order: int) -> NDArray[np.float64]:
+    def first(self, order: int) -> Floats:
         """The components that `order` modes can fill (at most `order`, samples); the rest is noise."""
         return self.values[:order]
 
 
 def components(data: TimeResponses) -> Components:
-    """The inputs stacked as outputs, cut to the shortest, and turned to their principal components.
-
-    A rotation of responses of equal noise keeps it white and equal.
-    """
+    """Principal components of the inputs, stacked as outputs and cut to the shortest; equal white noise stays so."""
     block = factors(data, int(data.lengths.min()))[0]
     directions, strengths, _ = np.linalg.svd(block.values, full_matrices=False)
     return Components(data, (directions * strengths).T)
 
 
-def delayed(values: NDArray[np.float64], delays: int) -> NDArray[np.float64]:
+def delayed(values: Floats, delays: int) -> Floats:
     """The Hankel matrix (delays * components, samples - delays + 1) of copies, each a sample later."""
     windows = np.lib.stride_tricks.sliding_window_view(values, values.shape[1] - delays + 1, axis=1)
     return windows.transpose(1, 0, 2).reshape(delays * len(values), -1)
 
 
-def kept(multipliers: NDArray[np.complex128], state: Components, order: int) -> NDArray[np.complex128]:
+def kept(multipliers: Complexes, state: Components, order: int) -> Complexes:
     """The `order` poles of many that the data can least do without; conjugates go together."""
     values = state.first(order)
     block = Factor.of(np.ascontiguousarray(values.T), len(values))
     return strongest(PoleSet.from_multipliers(usable(multipliers)).plausible(), [block], order).multipliers()
 
 
-def usable(multipliers: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def usable(multipliers: Complexes) -> Complexes:
     """Those that are numbers and not zero."""
     return multipliers[np.isfinite(multipliers) & (multipliers != 0)]
 
 
-def fitted(multipliers: NDArray[np.complex128], state: Components, order: int) -> ModalModel:
+def fitted(multipliers: Complexes, state: Components, order: int) -> ModalModel:
     """The model of the poles found where `order` of them were asked for."""
     model = fit_residues(usable(multipliers), state.data)
     return replace(model, outcome=reached(order, model.order))
 
 
-def paired(logs: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Logarithms of multipliers (modes,) moved as little as need be for each to have its conjugate, or be real.
-
-    Those closest to being conjugates are paired first. A pole by itself goes to the nearer end of the real axis.
-    """
+def paired(logs: Complexes) -> Complexes:
+    """Logarithms of multipliers (modes,) moved as little as need be for each to have its conjugate, or be real."""
     angles = np.mod(logs.imag + np.pi, 2.0 * np.pi) - np.pi
     wrapped = logs.real + 1j * angles
-    difference: NDArray[np.complex128] = np.subtract.outer(wrapped, wrapped.conj())
+    difference: Complexes = np.subtract.outer(wrapped, wrapped.conj())
     gap = np.abs(difference.real + 1j * (np.mod(difference.imag + np.pi, 2.0 * np.pi) - np.pi))
     out = np.array(wrapped)
     free = np.ones(len(logs), dtype=bool)

@@ -33,20 +33,11 @@ from floquid.lti.ami._isolation import (
 )
 from floquid.lti.ami._one_mode import Mode
 
-ROUGH = 0.01
-"""Deviations below which a pole counts as at rest while there may be modes to come."""
-
-FIRST = 30
-"""Rounds, at most, after which a mode just isolated must have proved itself."""
-
-TRIES = 4
-"""The number of peaks that are tried before what is left counts as noise."""
-
-TOLD_APART = 9.0
-"""The drop of the cost, nine for three standard deviations, that two real poles must bring beside a pair."""
-
-STRONG = 20.0
-"""Times the limit at which the energy of a mode leaves no doubt that it is there."""
+ROUGH = 0.01  # deviations below which a pole counts as at rest while there may be modes to come
+FIRST = 30  # rounds, at most, after which a mode just isolated must have proved itself
+TRIES = 4  # the number of peaks that are tried before what is left counts as noise
+TOLD_APART = 9.0  # drop of the cost, nine for three standard deviations, that two real poles must bring beside a pair
+STRONG = 20.0  # times the limit at which the energy of a mode leaves no doubt that it is there
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,10 +167,7 @@ class AMI(AbstractIdentifier):
         return None
 
     def _settle(self, now: Isolated, state: Lines, tolerance: float) -> Isolated:
-        """Bring the poles to rest, take away what is not needed, and put on the real axis what may lie there.
-
-        Whether a mode is needed beside a near one is asked at the end alone: until then both may be on their way.
-        """
+        """Bring the poles to rest, take away what is not needed, and put on the real axis what may lie there."""
         if now.rest >= tolerance:
             now = go_round(now, state.blocks, self._rounds(tolerance))
         changed = True

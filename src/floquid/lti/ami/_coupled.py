@@ -9,22 +9,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._numerics import positive_part
 from floquid.lti._poles import PAIR, PoleSet, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
 from floquid.lti.ami._one_mode import Mode, band_lines, real_rows
 
-WORST = 1e10
-"""The condition number of the coupled fits beyond which two modes count as one."""
-
-KNOWN = 1e9
-"""The condition number beyond which no deviations are known: rounding in the slopes grows with its power 3/2."""
-
-LEAST_INFORMATION = 1e-100
-"""Information on a parameter below which it is undetermined: its mode has no residues left."""
-
-HALVINGS = 6
-"""Halvings of Newton's step before it is given up."""
+WORST = 1e10  # the condition number of the coupled fits beyond which two modes count as one
+KNOWN = 1e9  # condition number beyond which no deviations are known: rounding in the slopes grows with its power 3/2
+LEAST_INFORMATION = 1e-100  # information on a parameter below which it is undetermined: its mode has no residues left
+HALVINGS = 6  # halvings of Newton's step before it is given up
 
 SLACK = 0.01
 """Largest addition of a leap to the sum of squares, for each residue: fits near the peaks are not quite the least."""
@@ -35,8 +29,7 @@ def slack(modes: Sequence[Mode]) -> float:
     return 1.0 + SLACK * sum(own.size for mode in modes for own in mode.coefficients)
 
 
-Bands = Sequence[Sequence[slice]]
-"""The lines to which each mode is fitted, for each block."""
+Bands = Sequence[Sequence[slice]]  # the lines to which each mode is fitted, for each block
 
 
 def bands_of(modes: Sequence[Mode], blocks: Sequence[Block], widths: float) -> list[list[slice]]:
@@ -49,7 +42,7 @@ def columns_of(modes: Sequence[Mode]) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in pairwise(np.cumsum([0, *(mode.size for mode in modes)]))]
 
 
-def complex_columns(poles: PoleSet, real: NDArray[np.float64]) -> NDArray[np.complex128]:
+def complex_columns(poles: PoleSet, real: Floats) -> Complexes:
     """The columns of μ^k and its conjugate (rows, order) from those of its real and imaginary part."""
     out = real.astype(np.complex128)
     for start, kind in zip(poles.starts(), poles.kind, strict=True):
@@ -75,9 +68,9 @@ class Coupled:
     much to the rounding of V: of two modes hardly told apart it is nearly all of ∂B.
     """
 
-    moved: NDArray[np.float64]
-    solve: NDArray[np.float64]
-    taken: tuple[tuple[slice, NDArray[np.float64], NDArray[np.float64]], ...]
+    moved: Floats
+    solve: Floats
+    taken: tuple[tuple[slice, Floats, Floats], ...]
 
     @staticmethod
     def of(modes: Sequence[Mode], block: Block, near: Sequence[slice], worst: float = WORST) -> Coupled | None:
@@ -109,29 +102,29 @@ class Coupled:
                 taken.append((at, turn - columns @ (solve @ turn), here - solve.T @ (columns.T @ here)))
         return Coupled(moved, solve, tuple(taken))
 
-    def strength(self, modes: Sequence[Mode], number: int) -> NDArray[np.float64]:
+    def strength(self, modes: Sequence[Mode], number: int) -> Floats:
         """Σ c cᵀ (n, n) over the responses of block `number`."""
         own = np.concatenate([mode.coefficients[number].reshape(mode.size, -1) for mode in modes])
         return own @ own.T
 
-    def equations(self, modes: Sequence[Mode], number: int, data: NDArray[np.float64]) -> NDArray[np.float64]:
+    def equations(self, modes: Sequence[Mode], number: int, data: Floats) -> Floats:
         """The sums g (n,) for the rows `data` (rows, responses) of block `number`."""
         own = [mode.coefficients[number].reshape(mode.size, -1) for mode in modes for _ in range(mode.size)]
         return np.array([np.sum((v.T @ data) * c) for (_, _, v), c in zip(self.taken, own, strict=True)])
 
-    def slope_of_equations(self, strength: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope_of_equations(self, strength: Floats) -> Floats:
         """J (n, n) for residues of this Σ c cᵀ."""
         rows = [[np.sum((v.T @ w) * strength[a, b]) for b, w, _ in self.taken] for a, _, v in self.taken]
         return np.array(rows).reshape(len(rows), len(rows))
 
-    def slopes(self, modes: Sequence[Mode], number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def slopes(self, modes: Sequence[Mode], number: int) -> tuple[Floats, Floats]:
         """J (n, n) of block `number`, and what the noise on the residues is expected to add to it; symmetric parts."""
         responses = modes[0].coefficients[number][0].size
         both = self.slope_of_equations(self.strength(modes, number)), self.slope_of_equations(self.solve @ self.solve.T)
         whole, noise = (0.5 * (part + part.T) for part in both)
         return whole, responses * noise
 
-    def scatter_of_equations(self, strength: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scatter_of_equations(self, strength: Floats) -> Floats:
         """The covariance of g (n, n) for unit noise."""
         rows = [[np.sum((v.T @ w) * strength[a, b]) for b, _, w in self.taken] for a, _, v in self.taken]
         return np.array(rows).reshape(len(rows), len(rows))
@@ -139,7 +132,7 @@ class Coupled:
 
 def joint_residues(modes: Sequence[Mode], blocks: Sequence[Block], near: Bands) -> list[Mode] | None:
     """The modes with the residues that going round would end with, were the poles to stay; None if two are one."""
-    found: list[list[NDArray[np.float64]]] = [[] for _ in modes]
+    found: list[list[Floats]] = [[] for _ in modes]
     for block, lines in zip(blocks, near, strict=True):
         coupled = Coupled.of(modes, block, lines)
         if coupled is None:
@@ -185,7 +178,7 @@ def newton(
     return now
 
 
-def _rows(block: Block) -> NDArray[np.float64]:
+def _rows(block: Block) -> Floats:
     return real_rows(block.values.reshape(len(block.values), -1))
 
 
@@ -209,9 +202,9 @@ def limit(past: Sequence[Sequence[Mode]], blocks: Sequence[Block]) -> list[Mode]
     return found
 
 
-def _state(modes: Sequence[Mode], last: Sequence[Mode], norms: Sequence[Sequence[NDArray]]) -> NDArray[np.float64]:
+def _state(modes: Sequence[Mode], last: Sequence[Mode], norms: Sequence[Sequence[NDArray]]) -> Floats:
     """Poles and residues as one vector, each in units of what noise does to it."""
-    parts: list[NDArray[np.float64]] = []
+    parts: list[Floats] = []
     for mode, final, sizes in zip(modes, last, norms, strict=True):
         parts.append(np.array([mode.s.real, mode.s.imag]) / final.deviation)
         parts += [(own * size[:, None, None]).ravel() for own, size in zip(mode.coefficients, sizes, strict=True)]

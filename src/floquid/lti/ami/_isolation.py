@@ -6,15 +6,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._spectrum import WHITE, Block
 from floquid.lti.ami._coupled import Bands, bands_of, joint_residues, limit, newton, slack
 from floquid.lti.ami._one_mode import FASTEST, Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
 
-CLEAR = 3.0
-"""Standard deviations by which a stretch of the composite must rise above white noise to be looked at."""
+CLEAR = 3.0  # standard deviations by which a stretch of the composite must rise above white noise to be looked at
 
 NEAR = 3.0
 """Half-power half-widths to each side of a peak that a mode's first fit looks at, the other modes being unknown."""
@@ -22,17 +21,10 @@ NEAR = 3.0
 SETTLING = 3
 """Rounds in which the band of each mode follows its pole; later it stays, or the poles could not come to rest."""
 
-LEAP = 4
-"""Rounds after which Newton's step is tried."""
-
-LEAP_OF_OUTER_PRODUCTS = 7
-"""Rounds after which the limit of their sequence is tried."""
-
-TURNS = 100
-"""Turns, at most, in which the nearest outer product is found."""
-
-FAR = 1.0
-"""Deviations a round below which the limit of outer products is not that of residues of any rank."""
+LEAP = 4  # rounds after which Newton's step is tried
+LEAP_OF_OUTER_PRODUCTS = 7  # rounds after which the limit of their sequence is tried
+TURNS = 100  # turns, at most, in which the nearest outer product is found
+FAR = 1.0  # deviations a round below which the limit of outer products is not that of residues of any rank
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +32,12 @@ class Isolated:
     """Modes, and what they leave of each block's lines (lines, outputs, inputs) with its sum of squares."""
 
     modes: tuple[Mode, ...]
-    left: tuple[NDArray[np.complex128], ...]
+    left: tuple[Complexes, ...]
     cost: float
-    rest: float = 0.0
-    """Distance that a pole moved in the last round, in its deviations."""
+    rest: float = 0.0  # distance that a pole moved in the last round, in its deviations
 
     @staticmethod
-    def of(modes: Sequence[Mode], left: Sequence[NDArray[np.complex128]], rest: float = 0.0) -> Isolated:
+    def of(modes: Sequence[Mode], left: Sequence[Complexes], rest: float = 0.0) -> Isolated:
         """With the sum of squares of what is left."""
         cost = float(sum(np.sum(lines.real**2) + np.sum(lines.imag**2) for lines in left))
         return Isolated(tuple(modes), tuple(left), cost, rest)
@@ -120,7 +111,7 @@ def go_round(now: Isolated, blocks: Sequence[Block], rounds: Rounds) -> Isolated
     return now if best is None or now.cost < best.cost + slack(now.modes) else best
 
 
-def _left(modes: Sequence[Mode], blocks: Sequence[Block]) -> tuple[NDArray[np.complex128], ...]:
+def _left(modes: Sequence[Mode], blocks: Sequence[Block]) -> tuple[Complexes, ...]:
     """Residual of the blocks' lines beside modes."""
     return tuple(block.values - sum(mode.lines(b, block) for mode in modes) for b, block in enumerate(blocks))
 
@@ -147,7 +138,7 @@ def _one_round(now: Isolated, blocks: Sequence[Block], near: Bands, rank_one: bo
 
 
 def fit_mode(
-    mode: Mode, blocks: Sequence[Block], own: Sequence[NDArray[np.complex128]], near: Sequence[slice], rank_one: bool
+    mode: Mode, blocks: Sequence[Block], own: Sequence[Complexes], near: Sequence[slice], rank_one: bool
 ) -> Mode:
     """The mode fitted to `own`, lines that should hold nothing else, on the lines `near` its peak."""
     bands = [cut(block, lines, n) for block, lines, n in zip(blocks, own, near, strict=True)]
@@ -163,7 +154,7 @@ def growth(s: complex, block: Block) -> complex:
     return complex(np.exp(-(block.samples - 1) * s)) if s.real > 0 else 1.0 + 0.0j
 
 
-def residues(mode: Mode, blocks: Sequence[Block], n_inputs: int) -> NDArray[np.complex128]:
+def residues(mode: Mode, blocks: Sequence[Block], n_inputs: int) -> Complexes:
     """R (outputs, inputs) of a mode, of the upper half of a pair, in the units of the responses."""
     out = np.zeros((blocks[0].values.shape[1], n_inputs), complex)
     for own, block in zip(mode.coefficients, blocks, strict=True):
@@ -186,7 +177,7 @@ def rank_one_mode(mode: Mode, blocks: Sequence[Block]) -> Mode:
     return replace(mode, coefficients=tuple(parts))
 
 
-def nearest_outer_product(matrix: NDArray[np.complex128], noise: NDArray[np.float64]) -> NDArray[np.complex128]:
+def nearest_outer_product(matrix: Complexes, noise: Floats) -> Complexes:
     """The outer product ψ Lᵀ (outputs, inputs) that minimises Σ |R - ψ Lᵀ|²/σ², by turns in ψ and L."""
     weight = 1.0 / noise**2
     rows = np.exp(np.mean(np.log(noise), axis=1, keepdims=True))
@@ -250,7 +241,7 @@ def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = CLEAR) -> li
     return _apart(sorted(found, key=lambda peak: -peak.clarity), blocks)
 
 
-def _tops(values: NDArray[np.float64], width: int, least: float) -> list[int]:
+def _tops(values: Floats, width: int, least: float) -> list[int]:
     """The positions of the largest values above `least`, each the largest within `width` of it; at most eight."""
     order = np.argsort(values)[::-1]
     tops: list[int] = []

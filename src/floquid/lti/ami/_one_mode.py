@@ -6,20 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._numerics import levenberg_marquardt
 from floquid.lti._poles import PAIR, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
 
-FEWEST_LINES = 6
-"""Lines to each side of a peak that a fit looks at, however sharp the peak."""
-
-MANY = 8
-"""Responses a row beyond which the rows are condensed before a fit."""
-
-FASTEST = 3.0
-"""|Re s| of the fastest decay or growth a sample that a fit may reach."""
+FEWEST_LINES = 6  # lines to each side of a peak that a fit looks at, however sharp the peak
+MANY = 8  # responses a row beyond which the rows are condensed before a fit
+FASTEST = 3.0  # |Re s| of the fastest decay or growth a sample that a fit may reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,16 +23,15 @@ class Mode:
 
     s: complex
     kind: int
-    coefficients: tuple[NDArray[np.float64], ...] = ()
-    deviation: float = np.inf
-    """The larger standard deviation of Re s and Im s, the other modes being known."""
+    coefficients: tuple[Floats, ...] = ()
+    deviation: float = np.inf  # the larger standard deviation of Re s and Im s, the other modes being known
 
     @property
     def size(self) -> int:
         """The number of complex poles: 2 for a pair."""
         return 2 if self.kind == PAIR else 1
 
-    def lines(self, number: int, block: Block) -> NDArray[np.complex128]:
+    def lines(self, number: int, block: Block) -> Complexes:
         """Mode on the lines of block `number` (lines, outputs, inputs)."""
         columns, _ = mode_columns(self.s, self.kind, block.angles, block.samples, block.weights)
         return np.tensordot(columns, self.coefficients[number], axes=1)
@@ -47,13 +41,13 @@ class Mode:
 class Band:
     """The lines of one block that a fit looks at, as rows of real numbers: `values` (2 lines, responses)."""
 
-    angles: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    angles: Floats
+    weights: Floats
     samples: int
-    values: NDArray[np.float64]
+    values: Floats
 
 
-def real_rows(lines: NDArray[np.complex128]) -> NDArray[np.float64]:
+def real_rows(lines: Complexes) -> Floats:
     """Real parts above imaginary parts."""
     return np.concatenate([lines.real, lines.imag])
 
@@ -66,7 +60,7 @@ def band_lines(s: complex, block: Block, widths: float) -> slice:
     return slice(max(0, centre - reach), min(len(block.values), centre + reach + 1))
 
 
-def cut(block: Block, values: NDArray[np.complex128], near: slice) -> Band:
+def cut(block: Block, values: Complexes, near: slice) -> Band:
     """The lines `near` of `values` (lines, outputs, inputs)."""
     rows = real_rows(values[near].reshape(near.stop - near.start, -1))
     return Band(block.angles[near], block.weights[near], block.samples, rows)
@@ -78,8 +72,8 @@ class Step:
 
     s: complex
     cost: float
-    gradient: NDArray[np.float64]
-    information: NDArray[np.float64]
+    gradient: Floats
+    information: Floats
 
 
 def evaluate(s: complex, kind: int, bands: Sequence[Band]) -> Step:
@@ -103,11 +97,8 @@ def evaluate(s: complex, kind: int, bands: Sequence[Band]) -> Step:
     return Step(s, cost, gradient, information)
 
 
-def orthonormal(basis: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Q and R⁻¹ of one or two columns B = QR; a column that is nothing or a multiple of the first counts for nothing.
-
-    As good as a library's factorisation, and ten times as fast for so few columns.
-    """
+def orthonormal(basis: Floats) -> tuple[Floats, Floats]:
+    """Q and R⁻¹ of one or two columns, ten times as fast as a library's; a dependent column counts for nothing."""
     q, inverse = np.array(basis), np.eye(basis.shape[1])
     for column in range(basis.shape[1]):
         size = whole = np.sqrt(q[:, column] @ q[:, column])
@@ -128,7 +119,7 @@ def fit_pole(
     """The pole that fits the bands best near `s`, the cost there, and its deviation."""
     bands = [_condensed(band) for band in bands]
 
-    def moved(now: Step, step: NDArray[np.float64]) -> Step | None:
+    def moved(now: Step, step: Floats) -> Step | None:
         there = moved_pole(now.s, kind, step)
         return evaluate(there, kind, bands) if abs(there.real) <= FASTEST else None
 
@@ -148,7 +139,7 @@ def _condensed(band: Band) -> Band:
     return Band(band.angles, band.weights, band.samples, triangle)
 
 
-def fit_residues(s: complex, kind: int, band: Band) -> NDArray[np.float64]:
+def fit_residues(s: complex, kind: int, band: Band) -> Floats:
     """The coefficients of the real columns (columns, responses) that fit a band best."""
     columns, _ = mode_columns(s, kind, band.angles, band.samples, band.weights)
     q, inverse = orthonormal(real_rows(columns))

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt
 from floquid.lti._exponentials import Fit, polish
 from floquid.lti._factor import Factor
@@ -17,8 +17,7 @@ from floquid.lti._types import ModalModel
 from floquid.lti.likelihood._search import candidates
 from floquid.lti.likelihood._select import STRONG, Threshold, crowded, possible
 
-SKETCHED = 8
-"""Steps that tell where a neighbouring model lies, though not to its last digit."""
+SKETCHED = 8  # steps that tell where a neighbouring model lies, though not to its last digit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,11 +56,11 @@ class Evidence(Rebuilt):
         The cost and the number of samples less that of parameters.
     """
 
-    multipliers: NDArray[np.complex128]
-    rises: NDArray[np.float64]
-    limits: NDArray[np.float64]
-    firm_limits: NDArray[np.float64]
-    deviations: NDArray[np.float64]
+    multipliers: Complexes
+    rises: Floats
+    limits: Floats
+    firm_limits: Floats
+    deviations: Floats
     gap: float
     gain: float
     gain_limit: float
@@ -81,7 +80,7 @@ class Evidence(Rebuilt):
         self._freeze(finite=False, rises=each, limits=each, firm_limits=each, deviations=(*each, 2))
 
 
-def removed(found: Fit, factors: Sequence[Factor], limits: NDArray[np.float64]) -> tuple[NDArray[np.float64], Fit]:
+def removed(found: Fit, factors: Sequence[Factor], limits: Floats) -> tuple[Floats, Fit]:
     """The rise for each entry with the others fitted again, where it may be small; and the fit without the weakest."""
     rises = Removal.of(found.poles, factors).rises()
     fits: dict[int, Fit] = {}
@@ -144,7 +143,7 @@ def movement(found: Fit, more: PoleSet) -> float:
     return worst
 
 
-def entry_deviations(found: Fit) -> NDArray[np.float64]:
+def entry_deviations(found: Fit) -> Floats:
     """Standard deviations of Re s and Im s of each entry (k, 2), zero where a part is not free."""
     std = np.sqrt(np.maximum(np.diag(found.covariance()), 0.0))
     starts = found.poles.starts()

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.lti._era import Realisation, search_window
 from floquid.lti._exponentials import Fit, model_of, of_dependent_noise, polish
 from floquid.lti._factor import Factor, energetic_length, energies, factors
@@ -20,17 +20,10 @@ from floquid.lti.likelihood._rank_one import Noise, merged, refined, separated
 from floquid.lti.likelihood._residual import Residual, filtered, whitening_of
 from floquid.lti.likelihood._select import Threshold, choose, force_order
 
-LOOKS = 4
-"""Starts of the search, with more samples or with the noise whitened."""
-
-FIRM = 1e-3
-"""The share of the false-alarm probability at which a mode is beyond doubt."""
-
-DOUBTFUL = 1e-6
-"""The probability at which noise has the gain of a further mode that leaves the order in doubt."""
-
-AT_REST = 1e-6
-"""Standard deviations that the last step of the poles may have."""
+LOOKS = 4  # starts of the search, with more samples or with the noise whitened
+FIRM = 1e-3  # the share of the false-alarm probability at which a mode is beyond doubt
+DOUBTFUL = 1e-6  # the probability at which noise has the gain of a further mode that leaves the order in doubt
+AT_REST = 1e-6  # standard deviations that the last step of the poles may have
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +41,7 @@ class Prepared:
         """The samples of the longest response."""
         return int(self.data.lengths.max())
 
-    def whitened(self, taps: NDArray[np.float64] | None) -> tuple[Factor, ...]:
+    def whitened(self, taps: Floats | None) -> tuple[Factor, ...]:
         """The factors after a filter along time, if there is one."""
         return self.factors if taps is None else tuple(filtered(block, taps) for block in self.factors)
 
@@ -170,9 +163,7 @@ class MaximumLikelihood(AbstractIdentifier):
             degrees=_degrees(blocks, found.poles.order),
         )
 
-    def _seen(
-        self, state: Prepared, model: ModalModel
-    ) -> tuple[PoleSet, tuple[Factor, ...], NDArray[np.float64] | None]:
+    def _seen(self, state: Prepared, model: ModalModel) -> tuple[PoleSet, tuple[Factor, ...], Floats | None]:
         """The poles of a model as a free fit has them, the samples that they last for, whitened, and the filter."""
         poles = merged(model) if model.outer_products else PoleSet.from_multipliers(model.multipliers)
         raw = state.first(horizon(poles, state.whole, self.time_constants))

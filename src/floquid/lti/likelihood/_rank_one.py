@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._numerics import levenberg_marquardt, positive_part, sandwich
 from floquid.lti._exponentials import complex_residues, from_sample_zero, powers
 from floquid.lti._factor import Factor, factors, product_noise
@@ -22,11 +22,8 @@ from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._types import PRODUCTS, ModalModel, Outcome, TimeResponses
 
-TOGETHER = 5.0
-"""The sum of their standard deviations, times this, within which poles are one to a free fit."""
-
-NOTHING = 1e-16
-"""The share of the squares of a tangent beside the columns below which it is rounding."""
+TOGETHER = 5.0  # the sum of their standard deviations, times this, within which poles are one to a free fit
+NOTHING = 1e-16  # the share of the squares of a tangent beside the columns below which it is rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,18 +34,17 @@ class Noise:
     that it is worth.
     """
 
-    power: NDArray[np.float64]
+    power: Floats
     independent: float = 1.0
-    size: float = 1.0
-    """Its mean square, which `power` holds too."""
+    size: float = 1.0  # its mean square, which `power` holds too
 
     @property
-    def colour(self) -> NDArray[np.float64]:
+    def colour(self) -> Floats:
         """The noise at the frequency of each pole over that of white noise of its size (modes,)."""
         return self.power / self.size
 
     @staticmethod
-    def whitened_by(taps: NDArray[np.float64] | None, model: ModalModel, independent: float, variance: float) -> Noise:
+    def whitened_by(taps: Floats | None, model: ModalModel, independent: float, variance: float) -> Noise:
         """The noise that a filter makes white, 1/|A|² on the unit circle."""
         turn = np.angle(model.multipliers)
         taps = np.ones(1) if taps is None else taps
@@ -62,7 +58,7 @@ class Noise:
         return float(self.power[entry]) * rise_limit(false_alarm, max(degrees * share, 1.0), 1e9) / share
 
 
-def ranks(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noise | None = None) -> NDArray[np.int64]:
+def ranks(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noise | None = None) -> Integers:
     """Number of outer products that the residues of each pole of a free fit hold beyond noise (modes,).
 
     A singular value of the residues, over the noise that they carry, is kept when those from it on hold more than a
@@ -94,11 +90,11 @@ class Products:
     """Poles, the participation of each in each input (k, inputs), and the input (k,) where it is 1 by definition."""
 
     poles: PoleSet
-    shares: NDArray[np.complex128]
-    reference: NDArray[np.int64]
+    shares: Complexes
+    reference: Integers
 
     @staticmethod
-    def of(poles: PoleSet, shares: NDArray[np.complex128]) -> Products:
+    def of(poles: PoleSet, shares: Complexes) -> Products:
         """With the participations brought to their normal form."""
         return Products(poles, *poles.normalised(shares))
 
@@ -107,12 +103,12 @@ class Products:
         rest = np.delete(self.shares, entry, axis=0)
         return Products(self.poles.without(entry), rest, np.delete(self.reference, entry))
 
-    def in_input(self, i: int) -> NDArray[np.complex128]:
+    def in_input(self, i: int) -> Complexes:
         """The participations in input `i` (order,), conjugates conjugated."""
         return self.poles.with_conjugates(self.shares[:, i])
 
 
-def split(model: ModalModel, data: TimeResponses, counts: NDArray[np.int64]) -> Products:
+def split(model: ModalModel, data: TimeResponses, counts: Integers) -> Products:
     """Each pole as often as its residues have rank, with the participations of their singular vectors."""
     scale = product_noise(data.noise)
     s, kind, shares = [], [], []
@@ -133,12 +129,12 @@ def split(model: ModalModel, data: TimeResponses, counts: NDArray[np.int64]) -> 
 class Tangents:
     """Derivatives of the columns of each entry: the moved columns and the residues that they carry."""
 
-    first: NDArray[np.float64]
-    second: NDArray[np.float64]
-    a: NDArray[np.int64]
-    b: NDArray[np.int64]
+    first: Floats
+    second: Floats
+    a: Integers
+    b: Integers
 
-    def beside(self, q: NDArray[np.float64]) -> Tangents:
+    def beside(self, q: Floats) -> Tangents:
         """Less what orthonormal columns take of them; what only rounding leaves is zero.
 
         Where two poles are one, a participation moves nothing: divided by rounding, its step would be the longest, and
@@ -151,7 +147,7 @@ class Tangents:
             left.append(beside)
         return Tangents(left[0], left[1], self.a, self.b)
 
-    def products(self, moments: NDArray[np.float64]) -> NDArray[np.float64]:
+    def products(self, moments: Floats) -> Floats:
         """Their products with one another, over all responses, from the second moments of the residues."""
         total = (self.first.T @ self.first) * moments[np.ix_(self.a, self.a)]
         mixed = (self.first.T @ self.second) * moments[np.ix_(self.a, self.b)]
@@ -164,22 +160,22 @@ class ProductFit:
 
     products: Products
     cost: float
-    gradient: NDArray[np.float64]
-    whole: NDArray[np.float64]
-    information: NDArray[np.float64]
+    gradient: Floats
+    whole: Floats
+    information: Floats
 
 
-def _columns(now: Products, lengths: NDArray[np.int64]) -> tuple[NDArray[np.float64], Tangents]:
+def _columns(now: Products, lengths: Integers) -> tuple[Floats, Tangents]:
     """The real columns (rows, order), inputs one after the other, and their tangents, a column a parameter."""
     poles = now.poles
     terms = powers(poles.s, int(lengths.max()))
     ends = np.cumsum(lengths)
     rows = int(ends[-1])
-    columns: list[NDArray[np.float64]] = []
+    columns: list[Floats] = []
     first, second, a, b = [], [], [], []
     for entry, kind in enumerate(poles.kind):
         whole, slope = np.zeros(rows, np.complex128), np.zeros(rows, np.complex128)
-        alone: list[NDArray[np.complex128]] = []
+        alone: list[Complexes] = []
         for i, (end, length) in enumerate(zip(ends, lengths, strict=True)):
             part = slice(int(end - length), int(end))
             whole[part] = now.shares[entry, i] * terms[:length, entry]
@@ -202,7 +198,7 @@ def _columns(now: Products, lengths: NDArray[np.int64]) -> tuple[NDArray[np.floa
     )
 
 
-def fit_products(now: Products, block: Factor, lengths: NDArray[np.int64]) -> ProductFit:
+def fit_products(now: Products, block: Factor, lengths: Integers) -> ProductFit:
     """Cost, gradient and information matrices."""
     moves, inverse, residues, left = _eliminated(now, block, lengths)
     gradient = np.einsum("pj,pj->p", moves.first.T @ left, residues[moves.a])
@@ -213,9 +209,7 @@ def fit_products(now: Products, block: Factor, lengths: NDArray[np.int64]) -> Pr
     return ProductFit(now, cost, gradient, whole, positive_part(whole, whole - noise))
 
 
-def _eliminated(
-    now: Products, block: Factor, lengths: NDArray[np.int64]
-) -> tuple[Tangents, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _eliminated(now: Products, block: Factor, lengths: Integers) -> tuple[Tangents, Floats, Floats, Floats]:
     """The tangents beside the columns QR, R⁻¹, the residues (order, responses), and what is left (rows, responses)."""
     columns, moves = _columns(now, lengths)
     q, r = np.linalg.qr(columns)
@@ -224,7 +218,7 @@ def _eliminated(
     return moves.beside(q), inverse, inverse @ projected, block.values - q @ projected
 
 
-def _moved(now: Products, step: NDArray[np.float64]) -> Products:
+def _moved(now: Products, step: Floats) -> Products:
     """After a step in the real parameters: of each entry, those of the pole, then those of the participations."""
     s, shares, at = now.poles.s.copy(), now.shares.copy(), 0
     for entry, kind in enumerate(now.poles.kind):
@@ -243,8 +237,8 @@ class Stacked:
     """The responses of all inputs, one input after the other, over the noise as a product; and their factor."""
 
     data: TimeResponses
-    scale: NDArray[np.float64]
-    values: NDArray[np.float64]
+    scale: Floats
+    values: Floats
     block: Factor
 
     @staticmethod
@@ -325,7 +319,7 @@ def refined(model: ModalModel, data: TimeResponses, noise: Noise) -> ModalModel:
     return model_of_products(polish_products(split(model, data, ones), stacked), stacked, model.outcome, noise.colour)
 
 
-def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, colour: NDArray[np.float64]) -> ModalModel:
+def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, colour: Floats) -> ModalModel:
     """The modal model of outer products, with the covariance of its poles."""
     now, data, scale, values = found.products, stacked.data, stacked.scale, stacked.values
     poles, n = now.poles, now.poles.order
@@ -361,12 +355,8 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, col
     )
 
 
-def _covariance(found: ProductFit, stacked: Stacked, colour: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts.
-
-    The scatter of the gradient is that of what is left, whose responses need not err independently, times the noise
-    at the frequency of each pole (order,), over its mean.
-    """
+def _covariance(found: ProductFit, stacked: Stacked, colour: Floats) -> Floats:
+    """Of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts."""
     unit = sandwich(found.information, _scatter(found.products, stacked), smallest=1e-12)
     own = _pole_parameters(found.products)
     map_ = found.products.poles.parameter_map()
@@ -374,14 +364,14 @@ def _covariance(found: ProductFit, stacked: Stacked, colour: NDArray[np.float64]
     return stack @ unit[np.ix_(own, own)] @ stack.T
 
 
-def _scatter(now: Products, stacked: Stacked) -> NDArray[np.float64]:
+def _scatter(now: Products, stacked: Stacked) -> Floats:
     """The covariance of the gradient, with that of the responses taken from what is left (`of_dependent_noise`)."""
     moves, _, residues, left = _eliminated(now, stacked.block, stacked.data.lengths)
     turned = left @ residues.T
     return moves.products(turned.T @ turned / max(len(left) - now.poles.order, 1))
 
 
-def _pole_parameters(now: Products) -> NDArray[np.int64]:
+def _pole_parameters(now: Products) -> Integers:
     """The positions of the poles' parameters among all (order,)."""
     positions, at = [], 0
     for kind in now.poles.kind:

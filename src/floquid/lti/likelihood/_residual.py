@@ -11,53 +11,37 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._numerics import yule_walker
 from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PoleSet
 
-LONGEST = 600
-"""Samples looked at: enough to tell white noise, and few enough for a Gram matrix."""
-
-EVENLY = 16
-"""Multiples of so many samples are transformed: a number with a large prime factor takes ten times as long."""
-
-FEW = 8
-"""Such multiples up to which every sample counts."""
-
-SEEN = 0.3
-"""Lines of which the poles take more than 1 - this are not judged: little of the noise is left there."""
-
-COLOURED = 8.0
-"""The colour from which the noise is whitened: white noise has it once in many thousand records."""
-
-LEAST = 0.2
-"""The deviation of the residual, over the noise stated, below which it is not judged."""
-
-FEWEST = 24
-"""Samples more than poles below which noise is not told from what dies away."""
+LONGEST = 600  # samples looked at: enough to tell white noise, and few enough for a Gram matrix
+EVENLY = 16  # multiples of so many samples are transformed: a number with a large prime factor takes ten times as long
+FEW = 8  # such multiples up to which every sample counts
+SEEN = 0.3  # lines of which the poles take more than 1 - this are not judged: little of the noise is left there
+COLOURED = 8.0  # the colour from which the noise is whitened: white noise has it once in many thousand records
+LEAST = 0.2  # the deviation of the residual, over the noise stated, below which it is not judged
+FEWEST = 24  # samples more than poles below which noise is not told from what dies away
 
 LASTING = 1.5
 """The ratio of the energies in the first and the second half of a record up to which a residual is noise. The inverse
 has no bound: poles that decay take more of coloured noise out of the first half."""
 
-ORDERS = (1, 2, 4, 8)
-"""The lengths of whitening filters tried."""
+ORDERS = (1, 2, 4, 8)  # the lengths of whitening filters tried
 
 
 @dataclass(frozen=True, slots=True)
 class Residual:
     """The residual of one block (samples, rank), an orthonormal basis of what was fitted, and its responses' number."""
 
-    values: NDArray[np.float64]
-    fitted: NDArray[np.float64]
+    values: Floats
+    fitted: Floats
     columns: int
-    independent: float
-    """The share of the responses that the noise is worth (0 to 1]; 1 where it cannot be told from 1."""
-    variance: float
-    """The mean square left, over that of the noise as it was stated, where it is judged; otherwise 1."""
+    independent: float  # the share of the responses that the noise is worth (0 to 1]; 1 where it cannot be told from 1
+    variance: float  # the mean square left, over that of the noise as it was stated, where it is judged; otherwise 1
     judged: bool
     """True where it is noise: neither rounding, far below the noise that was stated, nor a response that dies away."""
 
@@ -77,12 +61,12 @@ class Residual:
         independent = _independent(left, q, block.columns) if judged else 1.0
         return Residual(left, q, block.columns, independent, float(size**2) if judged else 1.0, judged)
 
-    def filtered(self, taps: NDArray[np.float64]) -> Residual:
+    def filtered(self, taps: Floats) -> Residual:
         """The residual of filtered responses, near enough: what was fitted is filtered with them."""
         values, fitted = convolved(self.values, taps), convolved(self.fitted, taps)
         return Residual(values, np.linalg.qr(fitted)[0], self.columns, self.independent, self.variance, self.judged)
 
-    def autocorrelation(self, lags: int) -> NDArray[np.float64]:
+    def autocorrelation(self, lags: int) -> Floats:
         """The mean over responses and times (lags + 1,), 1 at lag zero."""
         size = 2 * len(self.values)
         power = np.sum(np.abs(np.fft.rfft(self.values, size, axis=0)) ** 2, axis=1)
@@ -119,7 +103,7 @@ class Residual:
         return float(excess / np.sqrt(np.sum(2.0 + 6.0 / many)))
 
 
-def _lasts(left: NDArray[np.float64], fitted: NDArray[np.float64]) -> bool:
+def _lasts(left: Floats, fitted: Floats) -> bool:
     """True where the residual is as large in the second half of the record as in the first: noise is, no decay is."""
     samples, poles = fitted.shape
     if samples - poles < FEWEST:
@@ -131,7 +115,7 @@ def _lasts(left: NDArray[np.float64], fitted: NDArray[np.float64]) -> bool:
     return bool(first < LASTING * second)
 
 
-def _independent(left: NDArray[np.float64], fitted: NDArray[np.float64], columns: int) -> float:
+def _independent(left: Floats, fitted: Floats, columns: int) -> float:
     """The share of the responses that the noise is worth, from all elements of G off its diagonal.
 
     What was fitted is missing from the noise, which makes times depend on one another: the mean of G is (I - QQᵀ) times
@@ -149,7 +133,7 @@ def _independent(left: NDArray[np.float64], fitted: NDArray[np.float64], columns
     return 1.0 if spread < 1.0 + 8.0 / max(free, 1) else 1.0 / spread
 
 
-def whitening_of(residual: Residual) -> NDArray[np.float64] | None:
+def whitening_of(residual: Residual) -> Floats | None:
     """The shortest filter that makes a residual white, or the longest; None where it is white."""
     if residual.colour() < COLOURED:
         return None
@@ -163,20 +147,20 @@ def whitening_of(residual: Residual) -> NDArray[np.float64] | None:
     return taps
 
 
-def whitening(residual: Residual, order: int) -> NDArray[np.float64]:
+def whitening(residual: Residual, order: int) -> Floats:
     """The filter (order + 1,) by the Yule-Walker equations; its output has the variance of its input."""
     correlation = residual.autocorrelation(order)
     taps = yule_walker(correlation, order)
     return taps / np.sqrt(max(taps @ correlation, 1e-6))
 
 
-def convolved(values: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:
+def convolved(values: Floats, taps: Floats) -> Floats:
     """Σ_i a_i f[n - i] along time for n from the filter's length."""
     samples, order = len(values), len(taps) - 1
     return np.asarray(sum(tap * values[order - i : samples - i] for i, tap in enumerate(taps)))
 
 
-def filtered(block: Factor, taps: NDArray[np.float64]) -> Factor:
+def filtered(block: Factor, taps: Floats) -> Factor:
     """The filtered responses: exponentials stay exponentials of the same poles."""
     if len(block.values) <= len(taps):
         return block

@@ -15,14 +15,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import BLOCK, Factor
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 
-ROWS = 64
-"""Rows of the Gram matrix at a time."""
+ROWS = 64  # rows of the Gram matrix at a time
 
 LARGEST_GRAM = 1200
 """Samples up to which the Gram matrix of the residual is formed; of longer ones, columns are transformed."""
@@ -50,7 +49,7 @@ def candidates(poles: PoleSet, factors: Sequence[Factor]) -> list[tuple[PoleSet,
     return [(PoleSet.of(np.array([s]), np.array([kind])), gain) for kind, (gain, s) in order]
 
 
-def _gains(poles: PoleSet, block: Factor, decays: NDArray[np.float64], lines: int) -> NDArray[np.float64]:
+def _gains(poles: PoleSet, block: Factor, decays: Floats, lines: int) -> Floats:
     """Reduction of the residual by a pole of each decay at each line of the grid (decays, lines/2 + 1)."""
     samples = len(block.values)
     k, half = np.arange(samples), np.arange(lines // 2 + 1)
@@ -77,9 +76,7 @@ def _gains(poles: PoleSet, block: Factor, decays: NDArray[np.float64], lines: in
     return gain
 
 
-def _by_columns(
-    values: NDArray[np.float64], envelopes: NDArray[np.float64], decays: NDArray[np.float64], lines: int
-) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+def _by_columns(values: Floats, envelopes: Floats, decays: Floats, lines: int) -> tuple[Floats, Complexes]:
     """Σ_j |z_j|² and Σ_j z_j² (decays, lines/2 + 1), each column transformed."""
     power = np.zeros((len(decays), lines // 2 + 1))
     pseudo = np.zeros(power.shape, complex)
@@ -92,9 +89,7 @@ def _by_columns(
     return power, pseudo
 
 
-def _by_diagonals(
-    values: NDArray[np.float64], envelopes: NDArray[np.float64], decays: NDArray[np.float64], lines: int
-) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+def _by_diagonals(values: Floats, envelopes: Floats, decays: Floats, lines: int) -> tuple[Floats, Complexes]:
     """The same from the Gram matrix: e^{-d(n + m)} is constant across the diagonals, e^{-2dn} e^{-dl} along them."""
     samples = len(values)
     along, across = np.zeros((len(decays), samples)), np.zeros(2 * samples - 1)

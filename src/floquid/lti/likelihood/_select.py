@@ -31,14 +31,9 @@ PROMISING = 1e-5
 A mode that just passes the test has less than that where it lies between the lines of the grid.
 """
 
-STRONG = 20.0
-"""Times the limit at which a mode away from others is needed, however they are fitted again."""
-
-SEARCHES = 8
-"""Searches of the residual of one start that may each find another mode, before it counts as not white."""
-
-RESOLVED = 3.0
-"""Standard deviations by which two real poles must differ to be preferred to a conjugate pair."""
+STRONG = 20.0  # times the limit at which a mode away from others is needed, however they are fitted again
+SEARCHES = 8  # searches of the residual of one start that may each find another mode, before it counts as not white
+RESOLVED = 3.0  # standard deviations by which two real poles must differ to be preferred to a conjugate pair
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +43,7 @@ class Threshold:
     columns: int
     samples: int
     false_alarm: float
-    independent: float = 1.0
-    """The share of the responses that the noise is worth (`Residual.independent`)."""
+    independent: float = 1.0  # the share of the responses that the noise is worth (`Residual.independent`)
     variance: float = 1.0
     """The mean square of the noise; less than what was stated is not believed, since that may be a floor."""
 
@@ -176,10 +170,7 @@ def crowded(poles: PoleSet, entry: int, factors: Sequence[Factor]) -> bool:
 
 
 def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
-    """Turn a pair next to the real axis into one real pole, or into two that are told apart, where the data say so.
-
-    Two real poles that are not told apart become a pair: where they meet, their own residues are unbounded.
-    """
+    """Turn a pair next to the real axis into one real pole, or into two that are told apart, where the data say so."""
     for entry in np.flatnonzero(now.poles.kind == PAIR):
         s = now.poles.s[entry]
         for kind, angle in ((POSITIVE, s.imag), (NEGATIVE, np.pi - s.imag)):

@@ -21,24 +21,18 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.lti._spectrum import line_weights
 
-EDGE = 0.5
-"""The growth and decay over the record, in nepers, between which both denominators are asked for roots."""
+EDGE = 0.5  # the growth and decay over the record, in nepers, between which both denominators are asked for roots
 
 SAME = 1.0
 """The change over the record, in nepers and radians, by which roots of the two denominators differ if not one mode."""
 
-ROUNDING = 1e-26
-"""The share of the largest eigenvalue below which one is rounding, where no matrix was squared."""
-
-SQUARED = 1e-14
-"""The same where one was."""
-
-SMALL = 16
-"""Directions up to which their lower quartile may well be one of a mode."""
+ROUNDING = 1e-26  # the share of the largest eigenvalue below which one is rounding, where no matrix was squared
+SQUARED = 1e-14  # the same where one was
+SMALL = 16  # directions up to which their lower quartile may well be one of a mode
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +40,7 @@ class Basis:
     """Polynomials q_0 … q_n of x: q_0 = `first`, x q_k = Σ_j h_jk q_j with the Hessenberg matrix h (n + 1, n)."""
 
     first: float
-    hessenberg: NDArray[np.float64]
+    hessenberg: Floats
 
     @property
     def degree(self) -> int:
@@ -77,7 +71,7 @@ class Basis:
             q[k + 1] = new / h[k + 1, k]
         return Basis(first, h)
 
-    def at(self, x: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def at(self, x: Complexes) -> Complexes:
         """The values (points, n + 1)."""
         q = np.zeros((len(x), self.degree + 1), complex)
         q[:, 0] = self.first
@@ -101,19 +95,19 @@ class Band:
         return self.low == 0.0 and self.high == 1.0
 
     @property
-    def lines(self) -> NDArray[np.int64]:
+    def lines(self) -> Integers:
         """The numbers of the lines (lines,)."""
         lines = np.arange(self.samples // 2 + 1)
         angle = 2.0 * lines / self.samples
         return lines[(angle >= self.low - 1e-9) & (angle <= self.high + 1e-9)]
 
     @property
-    def x(self) -> NDArray[np.complex128]:
+    def x(self) -> Complexes:
         """e^{-iθ} at the lines (lines,)."""
         return np.exp(-2j * np.pi * self.lines / self.samples)
 
     @property
-    def weights(self) -> NDArray[np.float64]:
+    def weights(self) -> Floats:
         """√2 on all lines but the ends (lines,)."""
         return line_weights(self.samples)[self.lines]
 
@@ -122,16 +116,16 @@ class Band:
         """Number of real numbers in the lines of one response."""
         return int(np.rint(np.sum(self.weights**2)))
 
-    def spectrum(self, values: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def spectrum(self, values: Floats) -> Complexes:
         """The weighted lines (…, lines) of responses (…, samples): unit white noise stays of unit variance."""
         return np.fft.rfft(values)[..., self.lines] * (self.weights / np.sqrt(self.samples))
 
-    def holds(self, s: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    def holds(self, s: Complexes) -> Mask:
         """Mask of logarithms of multipliers, 0 ≤ Im s ≤ π, with angles in the band."""
         return (s.imag >= np.pi * self.low - 1e-9) & (s.imag <= np.pi * self.high + 1e-9)
 
 
-def stacked(lines: NDArray[np.complex128]) -> NDArray[np.float64]:
+def stacked(lines: Complexes) -> Floats:
     """Real parts, then imaginary parts, along the last axis."""
     return np.concatenate([lines.real, lines.imag], axis=-1)
 
@@ -141,8 +135,8 @@ class Equations:
     """Of one band: the basis on its lines (lines, n + 1), the numerators' orthonormal span (2 lines, n), and N."""
 
     band: Band
-    values: NDArray[np.complex128]
-    numerators: NDArray[np.float64]
+    values: Complexes
+    numerators: Floats
 
     @staticmethod
     def of(basis: Basis, band: Band) -> Equations:
@@ -151,14 +145,14 @@ class Equations:
         weighted = stacked((band.weights[:, None] * values[:, :-1]).T).T
         return Equations(band, values, np.linalg.qr(weighted)[0])
 
-    def noise(self) -> NDArray[np.float64]:
+    def noise(self) -> Floats:
         """Addition to the normal matrix by unit white noise on one response (n + 1, n + 1)."""
         half = len(self.values)
         leverage = np.sum(self.numerators[:half] ** 2 + self.numerators[half:] ** 2, axis=1)
         left = self.band.weights**2 - leverage
         return np.asarray((self.values.conj().T @ (left[:, None] * self.values)).real)
 
-    def triangle(self, lines: Iterable[NDArray[np.complex128]]) -> NDArray[np.float64]:
+    def triangle(self, lines: Iterable[Complexes]) -> Floats:
         """R (rows, (n + 1) inputs) with RᵀR = M, from weighted lines (outputs, inputs, lines) by orthogonal steps."""
         width = self.values.shape[1]
         root = np.zeros((0, 0))
@@ -184,20 +178,14 @@ class Denominators:
     basis: Basis
     samples: int
     inputs: int
-    values: NDArray[np.float64]
-    directions: NDArray[np.float64]
+    values: Floats
+    directions: Floats
     equations: int
     rounding: float
 
     @staticmethod
     def of(
-        basis: Basis,
-        samples: int,
-        normal: NDArray[np.float64],
-        noise: tuple[NDArray[np.float64], NDArray[np.float64]],
-        equations: int,
-        *,
-        squared: bool,
+        basis: Basis, samples: int, normal: Floats, noise: tuple[Floats, Floats], equations: int, *, squared: bool
     ) -> Denominators:
         """From the normal matrix M or, where it is not `squared`, from R with RᵀR = M.
 
@@ -232,7 +220,7 @@ class Denominators:
         real = int((self.values > self.rounding * size * self.values[0]).sum())
         return min(max(above, order or 0), real, size - self.inputs)
 
-    def roots(self, rank: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def roots(self, rank: int) -> tuple[Complexes, Complexes]:
         """Multipliers (k,) and participations (k, inputs) of what decays and of what grows."""
         null = self.directions[:, rank:]
         highest = np.zeros(self.basis.degree + 1)
@@ -253,9 +241,7 @@ class Denominators:
             outer, outer_shares = outer[keep], outer_shares[keep]
         return np.concatenate([inner, outer]), np.concatenate([inner_shares, outer_shares])
 
-    def _roots(
-        self, coefficients: NDArray[np.float64], *, highest: bool
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def _roots(self, coefficients: Floats, *, highest: bool) -> tuple[Complexes, Complexes]:
         """μ and l with lᵀ A(1/μ) = 0, from the pencil x B u = K u of the blocks u_k = q_k(x) l, k < n.
 
         The last row of K and B is A's; the others are the recurrence. Where the highest coefficient is fixed, B can be

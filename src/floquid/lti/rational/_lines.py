@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Mask
 from floquid.lti._exponentials import complex_residues, powers, real_basis, real_powers
 from floquid.lti._factor import BLOCK
 from floquid.lti._poles import PoleSet
@@ -15,8 +15,7 @@ from floquid.lti._removal import Removal, weakest
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 from floquid.lti.rational._denominator import Band, Basis, stacked
 
-SMOOTH = 8
-"""The degree up to which a polynomial in 1/z stands for the skirts of modes far outside a band."""
+SMOOTH = 8  # the degree up to which a polynomial in 1/z stands for the skirts of modes far outside a band
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,10 +23,10 @@ class Modes:
     """Poles and how much of each is in each input: `shares` (k, inputs), or None where inputs are independent."""
 
     poles: PoleSet
-    shares: NDArray[np.complex128] | None = None
+    shares: Complexes | None = None
 
     @staticmethod
-    def of(multipliers: NDArray[np.complex128], shares: NDArray[np.complex128] | None) -> Modes:
+    def of(multipliers: Complexes, shares: Complexes | None) -> Modes:
         """Of roots: the upper half, a real one's shares made real."""
         upper = multipliers.imag >= -1e-9 * np.abs(multipliers)
         poles = PoleSet.from_multipliers(multipliers[upper])
@@ -35,11 +34,11 @@ class Modes:
             return Modes(poles)
         return Modes(poles, poles.normalised(shares[upper])[0])
 
-    def keep(self, mask: NDArray[np.bool_]) -> Modes:
+    def keep(self, mask: Mask) -> Modes:
         """The entries where `mask` holds."""
         return Modes(self.poles.keep(mask), None if self.shares is None else self.shares[mask])
 
-    def of_input(self, i: int) -> NDArray[np.complex128]:
+    def of_input(self, i: int) -> Complexes:
         """The share of input `i` in each pole (order,), conjugates conjugated."""
         if self.shares is None:
             return np.ones(self.poles.order, complex)
@@ -48,13 +47,10 @@ class Modes:
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Data of a response: its samples, or the lines of a band less what lies outside.
-
-    `outside` (rows, k) is orthonormal; without a band it has no columns.
-    """
+    """Data of a response: its samples, or the lines of a band less what lies outside."""
 
     band: Band
-    outside: NDArray[np.float64]
+    outside: Floats
 
     @staticmethod
     def of(band: Band, others: PoleSet) -> Rows:
@@ -68,7 +64,7 @@ class Rows:
         left, values, _ = np.linalg.svd(both / np.linalg.norm(both, axis=0), full_matrices=False)
         return Rows(band, left[:, values > 1e-12 * values[0]])
 
-    def __call__(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, values: Floats) -> Floats:
         """The rows (…, rows) of responses (…, samples)."""
         values = values[..., : self.band.samples]
         if self.band.whole:
@@ -79,16 +75,13 @@ class Rows:
 
 @dataclass(frozen=True, slots=True)
 class Fitting:
-    """Least squares for residues of some inputs together: their columns and pseudo-inverses, one of each an input.
-
-    Columns (rows, order) are those of the modes in this input, powers over the largest within `longest` samples.
-    """
+    """Least squares for residues of some inputs together: their columns and pseudo-inverses, one of each an input."""
 
     modes: Modes
     inputs: list[int]
     longest: int
-    columns: list[NDArray[np.float64]]
-    inverse: list[NDArray[np.float64]]
+    columns: list[Floats]
+    inverse: list[Floats]
 
     @staticmethod
     def of(modes: Modes, inputs: list[int], rows: Sequence[Rows]) -> Fitting:
@@ -101,12 +94,12 @@ class Fitting:
         inverse = np.split(whole, np.cumsum([len(part) for part in columns])[:-1], axis=1)
         return Fitting(modes, inputs, longest, columns, inverse)
 
-    def residues(self, seen: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    def residues(self, seen: Sequence[Floats]) -> Floats:
         """The real residues (order, outputs) of the rows (outputs, rows) of each input."""
         return np.sum([one @ y.T for one, y in zip(self.inverse, seen, strict=True)], axis=0)
 
 
-def chosen(modes: Modes, data: TimeResponses, scale: NDArray[np.float64], rows: Sequence[Rows], order: int) -> Modes:
+def chosen(modes: Modes, data: TimeResponses, scale: Floats, rows: Sequence[Rows], order: int) -> Modes:
     """The modes that take most out of the responses over `scale`, at most `order` poles; the weakest leave in turn."""
     spread, moments = [], []
     for fitting in _fittings(modes, rows):
@@ -122,9 +115,7 @@ def chosen(modes: Modes, data: TimeResponses, scale: NDArray[np.float64], rows: 
     return modes.keep(np.isin(np.arange(len(modes.poles)), left))
 
 
-def model_on(
-    modes: Modes, data: TimeResponses, scale: NDArray[np.float64], rows: Sequence[Rows], outcome: Outcome
-) -> ModalModel:
+def model_on(modes: Modes, data: TimeResponses, scale: Floats, rows: Sequence[Rows], outcome: Outcome) -> ModalModel:
     """The model of the modes, residues fitted on the rows of the responses over `scale`."""
     poles, n = modes.poles, modes.poles.order
     residues = np.zeros((n, data.n_outputs, data.n_inputs), complex)
@@ -153,8 +144,8 @@ def _fittings(modes: Modes, rows: Sequence[Rows]) -> list[Fitting]:
 
 
 def _looked_at(
-    data: TimeResponses, scale: NDArray[np.float64], rows: Sequence[Rows], inputs: Sequence[int]
-) -> Iterator[tuple[slice, list[NDArray[np.float64]]]]:
+    data: TimeResponses, scale: Floats, rows: Sequence[Rows], inputs: Sequence[int]
+) -> Iterator[tuple[slice, list[Floats]]]:
     """The rows (outputs, rows) of each of the inputs, responses over `scale`, some outputs at a time."""
     step = max(1, BLOCK // (data.values.shape[2] * len(inputs)))
     for start in range(0, data.n_outputs, step):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import finite, input_error, integer
 from floquid.lti._era import hankel_covariance
 from floquid.lti._exponentials import model_of
@@ -20,17 +20,10 @@ from floquid.lti._types import ModalModel, TimeResponses
 from floquid.lti.rational._denominator import Band, Basis, Denominators, Equations, stacked
 from floquid.lti.rational._lines import Modes, Rows, chosen, model_on
 
-DEGREE = 128
-"""The degree of the denominator on all lines, if there are twice as many samples."""
-
-EXTRA = 16
-"""Terms that are added on a band, for the skirts of the modes outside."""
-
-LARGEST = 192
-"""The number of roots of a matrix up to which its degree is chosen: their cost grows with its cube."""
-
-LEAST = 16
-"""The degree that is chosen all the same."""
+DEGREE = 128  # the degree of the denominator on all lines, if there are twice as many samples
+EXTRA = 16  # terms that are added on a band, for the skirts of the modes outside
+LARGEST = 192  # the number of roots of a matrix up to which its degree is chosen: their cost grows with its cube
+LEAST = 16  # the degree that is chosen all the same
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,7 +243,7 @@ def matrix(data: TimeResponses, band: Band, degree: int, *, safe: bool) -> Denom
     return Denominators.of(basis, band.samples, root, (lines.noise(), of_inputs), equations, squared=False)
 
 
-def _blocks(data: TimeResponses, scale: NDArray[np.float64], samples: int) -> Iterator[NDArray[np.float64]]:
+def _blocks(data: TimeResponses, scale: Floats, samples: int) -> Iterator[Floats]:
     """The responses over their scale (outputs, inputs, samples), some outputs at a time."""
     step = max(1, BLOCK // (samples * data.n_inputs))
     for start in range(0, data.n_outputs, step):
@@ -258,7 +251,7 @@ def _blocks(data: TimeResponses, scale: NDArray[np.float64], samples: int) -> It
         yield data.values[part, :, :samples] / scale[part, :, None]
 
 
-def _spectra(data: TimeResponses, scale: NDArray[np.float64], band: Band) -> Iterator[NDArray[np.complex128]]:
+def _spectra(data: TimeResponses, scale: Floats, band: Band) -> Iterator[Complexes]:
     """The lines (outputs, inputs, lines), of fewer outputs with the same Gram matrix where there are many."""
     size = 2 * len(band.lines) * data.n_inputs
     right = np.zeros((0, size))
@@ -274,7 +267,7 @@ def _spectra(data: TimeResponses, scale: NDArray[np.float64], band: Band) -> Ite
         yield real + 1j * imaginary
 
 
-def hankel(blocks: Iterator[NDArray[np.float64]], inputs: int, samples: int, degree: int) -> NDArray[np.float64]:
+def hankel(blocks: Iterator[Floats], inputs: int, samples: int, degree: int) -> Floats:
     r"""Σ_o Σ_t y_oi[t-k] y_oj[t-m] over t ≥ degree, (powers and inputs, powers and inputs), the power first.
 
     Its first rows are correlations; along each diagonal the next entry gains one product at the near end and loses one

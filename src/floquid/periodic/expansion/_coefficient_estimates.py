@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import Estimates
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 
 
 def free_estimates(
-    modal: ModalModel,
-    lifted: Lifted,
-    exponents: NDArray[np.complex128],
-    partners: NDArray[np.int64],
-    terms: list[tuple[int, int]],
+    modal: ModalModel, lifted: Lifted, exponents: Complexes, partners: Integers, terms: list[tuple[int, int]]
 ) -> Estimates:
     r"""Estimates of the coefficients B = Σ_k κ_k R_k, κ_k = e^{-(λ + imω) t_k}/(P g), of free residues R.
 
@@ -73,18 +69,13 @@ def free_estimates(
     )
 
 
-def share_of_nyquist(turns: NDArray[np.float64], n_phases: int) -> NDArray[np.float64]:
+def share_of_nyquist(turns: Floats, n_phases: int) -> Floats:
     """1 below the Nyquist frequency of P/2 turns a period, 0 above; on it two harmonics are one, and each has half."""
     beyond = np.abs(turns) - 0.5 * n_phases
     return np.where(np.abs(beyond) < 1e-9, 0.5, np.where(beyond < 0, 1.0, 0.0))
 
 
-def _spread(
-    spread: NDArray[np.complex128],
-    kernel: NDArray[np.complex128],
-    modes: NDArray[np.int64],
-    partners: NDArray[np.int64],
-) -> NDArray[np.float64]:
+def _spread(spread: Complexes, kernel: Complexes, modes: Integers, partners: Integers) -> Floats:
     """The covariance of real parts, then imaginary parts, at unit noise (2 terms, 2 terms)."""
     straight = spread[np.ix_(modes, modes)] * (kernel @ kernel.conj().T)
     crossed = spread[np.ix_(modes, partners[modes])] * (kernel @ kernel.T)

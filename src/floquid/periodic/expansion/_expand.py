@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.lifting import Lifted
@@ -31,6 +31,10 @@ def assemble(
     Standard deviations are those of the maximum-likelihood fit: noise on the residues, and what the uncertainty of the
     poles does to them.
 
+    Modes are by ascending |λ|, a conjugate after its partner. Raises InputError where the models do not belong
+    together, more harmonics are asked for than there are phases, or none while the modal model has no deviations to
+    choose them by.
+
     Parameters
     ----------
     modal
@@ -41,17 +45,6 @@ def assemble(
         The probability that noise passes for a harmonic of any mode.
     harmonics
         Keep m = -harmonics … harmonics instead, whatever their significance.
-
-    Returns
-    -------
-    PeriodicModel
-        Modes by ascending |λ|, a conjugate after its partner.
-
-    Raises
-    ------
-    InputError
-        The models do not belong together, more harmonics are asked for than there are phases, or none while the modal
-        model has no deviations to choose them by.
     """
     _check(modal, lifted, harmonics)
     modal = _sorted(modal)
@@ -88,7 +81,7 @@ def assemble(
     )
 
 
-def physical_exponents(modal: ModalModel, lifted: Lifted) -> NDArray[np.complex128]:
+def physical_exponents(modal: ModalModel, lifted: Lifted) -> Complexes:
     r"""The exponents of a modal model, each on the branch whose zeroth harmonic carries most of the shape's energy.
 
     .. math:: \lambda_r = \frac{\ln \mu_r}{T} + i n_r \omega
@@ -96,22 +89,8 @@ def physical_exponents(modal: ModalModel, lifted: Lifted) -> NDArray[np.complex1
     (Allen 2009, eqs. 4-6.) Channels are weighted by the inverse of their noise, conjugates are moved together, ties go
     to the larger \|Im λ\|. `assemble` reports the same ones.
 
-    Parameters
-    ----------
-    modal
-        The modal model of `lifted.responses`.
-    lifted
-        The lifted responses.
-
-    Returns
-    -------
-    numpy.ndarray
-        The exponents in the order of `modal` (modes,) [1/s].
-
-    Raises
-    ------
-    InputError
-        The models do not belong together.
+    They are in the order of `modal` (modes,) [1/s]. `modal` is the modal model of the responses `lifted`. Raises
+    InputError where the models do not belong together.
     """
     _check(modal, lifted, 0, "physical_exponents")
     found = np.array(modal.poles)
@@ -124,9 +103,7 @@ def physical_exponents(modal: ModalModel, lifted: Lifted) -> NDArray[np.complex1
     return found
 
 
-def _estimates(
-    modal: ModalModel, lifted: Lifted, found: Expansion, kept: NDArray[np.bool_], order: list[int]
-) -> Estimates:
+def _estimates(modal: ModalModel, lifted: Lifted, found: Expansion, kept: Mask, order: list[int]) -> Estimates:
     """The coefficients of the bands and of several harmonics beside them, with their joint covariance."""
     partners = np.array([_partner(modal, r) for r in range(modal.order)])
     turns = np.abs(found.exponents.imag[:, None] * lifted.period / (2.0 * np.pi) + found.harmonics)
@@ -152,29 +129,19 @@ def _has_deviations(modal: ModalModel) -> bool:
 def _check(modal: ModalModel, lifted: Lifted, harmonics: int | None, of: str = "assemble") -> None:
     """Refuse models that do not belong together and harmonics that cannot be had."""
     if modal.residues.shape[1:] != (lifted.n_channels * lifted.n_phases, lifted.n_hits):
-        raise input_error(
-            "modal",
-            of,
-            "be a model of `lifted.responses`",
-            f"its residues have shape {modal.residues.shape} and the responses {lifted.responses.values.shape}",
-        )
+        got = f"its residues have shape {modal.residues.shape} and the responses {lifted.responses.values.shape}"
+        raise input_error("modal", of, "be a model of `lifted.responses`", got)
     if harmonics is not None and not 0 <= 2 * harmonics < lifted.n_phases:
-        raise input_error(
-            "harmonics",
-            "assemble",
-            f"be at least 0 and less than half the {lifted.n_phases} samples a period",
-            f"is {harmonics}",
-            "Ask for fewer harmonics, or sample faster.",
-        )
+        must = f"be at least 0 and less than half the {lifted.n_phases} samples a period"
+        got = f"is {harmonics}"
+        raise input_error("harmonics", "assemble", must, got, "Ask for fewer harmonics, or sample faster.")
     if harmonics is None and not _has_deviations(modal):
-        raise input_error(
-            "harmonics",
-            "assemble",
-            "be given when the modal model has no deviations",
-            "is None: which harmonics rise above the noise cannot be told",
+        got = "is None: which harmonics rise above the noise cannot be told"
+        remedy = (
             "Pass the number of harmonics to keep on each side, or let maximum likelihood finish the poles: "
-            "MaximumLikelihood(initial=...) as `identifier=`, or era-ml, lscf-ml, poly-ml by name.",
+            "MaximumLikelihood(initial=...) as `identifier=`, or era-ml, lscf-ml, poly-ml by name."
         )
+        raise input_error("harmonics", "assemble", "be given when the modal model has no deviations", got, remedy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,21 +151,21 @@ class Expansion:
     Of each mode, the harmonics up to the Nyquist frequency are filled, |Im λ/ω + m| ≤ P/2; the others are zero.
     """
 
-    exponents: NDArray[np.complex128]
-    coefficients: NDArray[np.complex128]
-    std: NDArray[np.complex128]
-    harmonics: NDArray[np.int64]
-    seeds: NDArray[np.int64]
-    partners: NDArray[np.int64]
+    exponents: Complexes
+    coefficients: Complexes
+    std: Complexes
+    harmonics: Integers
+    seeds: Integers
+    partners: Integers
     """The conjugate of each mode, itself where the multiplier is real (modes,)."""
 
     @property
-    def real(self) -> NDArray[np.bool_]:
+    def real(self) -> Mask:
         """Mask of the real multipliers (modes,)."""
         return self.partners == np.arange(len(self.partners))
 
     @property
-    def upper(self) -> NDArray[np.int64]:
+    def upper(self) -> Integers:
         """One mode of each pair, and the real ones."""
         return np.flatnonzero(self.partners >= np.arange(len(self.partners)))
 
@@ -229,10 +196,7 @@ def _reordered(modal: ModalModel, order: list[int]) -> ModalModel:
 
 
 def _partner(modal: ModalModel, index: int) -> int:
-    """The position of the conjugate of one multiplier (its own when it is real).
-
-    Of modes with equal multipliers each has its conjugate next to it, below the real axis after the one above.
-    """
+    """The position of the conjugate of one multiplier (its own when it is real)."""
     distance = np.abs(modal.multipliers - modal.multipliers[index].conj())
     beside = index + int(np.sign(modal.multipliers[index].imag))
     if 0 <= beside < modal.order and distance[beside] <= distance.min():
@@ -283,8 +247,8 @@ def _physical_turn(modal: ModalModel, lifted: Lifted, mode: int) -> int:
 
 
 def _coefficients(
-    modal: ModalModel, lifted: Lifted, mode: int, exponent: complex, harmonics: NDArray[np.int64]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    modal: ModalModel, lifted: Lifted, mode: int, exponent: complex, harmonics: Integers
+) -> tuple[Complexes, Complexes]:
     """The coefficients of one mode and their standard deviations, both (channels, hits, harmonics)."""
     times, phases = lifted.phase_times, lifted.n_phases
     rates = exponent + 1j * harmonics * 2 * np.pi / lifted.period
@@ -314,7 +278,7 @@ def _coefficients(
     return own, real + 1j * imag
 
 
-def _square_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _square_root(covariance: Floats) -> Floats:
     """A matrix L with L Lᵀ the covariance; it is singular, since conjugates move together."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))

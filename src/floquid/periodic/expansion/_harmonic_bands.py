@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core import PeriodicModel
 
 GAP = 3
@@ -13,14 +13,14 @@ and one whose period was given four times too long every fourth."""
 
 
 def select_bands(
-    coefficients: NDArray[np.complex128],
-    std: NDArray[np.complex128],
-    harmonics: NDArray[np.int64],
-    seeds: NDArray[np.int64],
+    coefficients: Complexes,
+    std: Complexes,
+    harmonics: Integers,
+    seeds: Integers,
     *,
     false_alarm: float,
     n_modes: int | None = None,
-) -> NDArray[np.bool_]:
+) -> Mask:
     r"""Keep, of each mode, the contiguous band of harmonics around its seed that rises above the noise.
 
     A harmonic is significant when, over all channels c and hits h,
@@ -39,6 +39,8 @@ def select_bands(
 
     .. math:: \alpha' = 1 - (1 - \alpha)^{1/(2 n (\mathrm{GAP} + 1))}
 
+    Returns what is kept (modes, harmonics).
+
     Parameters
     ----------
     coefficients, std
@@ -51,11 +53,6 @@ def select_bands(
         The probability α that noise passes for a harmonic anywhere.
     n_modes
         The number n of different modes, where conjugates are listed too; None where they are not.
-
-    Returns
-    -------
-    numpy.ndarray
-        What is kept (modes, harmonics).
     """
     count = len(coefficients) if n_modes is None else n_modes
     level = level_of_each(false_alarm, 2 * (GAP + 1) * count)
@@ -67,14 +64,7 @@ def level_of_each(false_alarm: float, tests: int) -> float:
     return float(-np.expm1(np.log1p(-false_alarm) / max(tests, 1)))
 
 
-def bands_at(
-    coefficients: NDArray[np.complex128],
-    std: NDArray[np.complex128],
-    harmonics: NDArray[np.int64],
-    seeds: NDArray[np.int64],
-    *,
-    level: float,
-) -> NDArray[np.bool_]:
+def bands_at(coefficients: Complexes, std: Complexes, harmonics: Integers, seeds: Integers, *, level: float) -> Mask:
     """`select_bands` at a level for each harmonic."""
     from scipy.special import chdtri
 
@@ -93,12 +83,12 @@ def bands_at(
     return kept
 
 
-def _squares(values: NDArray[np.float64], std: NDArray[np.float64], counted: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _squares(values: Floats, std: Floats, counted: Mask) -> Floats:
     """The squares of values over their deviations; zero where they are not `counted`."""
     return np.divide(values, std, out=np.zeros(values.shape), where=counted) ** 2
 
 
-def _grow(significant: NDArray[np.bool_], end: int) -> int:
+def _grow(significant: Mask, end: int) -> int:
     """The last index reached from `end` on by steps over at most `GAP` insignificant entries."""
     while True:
         ahead = np.flatnonzero(significant[end + 1 : end + 2 + GAP])
@@ -107,12 +97,12 @@ def _grow(significant: NDArray[np.bool_], end: int) -> int:
         end += 1 + int(ahead[-1])
 
 
-def participation(
-    model: PeriodicModel, mode: int, weights: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def participation(model: PeriodicModel, mode: int, weights: Floats) -> tuple[Integers, Floats]:
     r"""The harmonics that a mode keeps, and the share of each in the energy of its shape.
 
     .. math:: p_m = \sum_{c,h} w_{c,h}^2 |B_{m,c,h}|^2 \Big/ \sum_{m,c,h} w_{c,h}^2 |B_{m,c,h}|^2
+
+    Returns the integers m that are kept and the share p of each, both (harmonics,).
 
     Parameters
     ----------
@@ -122,13 +112,6 @@ def participation(
         The index of the mode.
     weights
         One over the noise (channels, hits).
-
-    Returns
-    -------
-    harmonics
-        The integers m that are kept (harmonics,).
-    shares
-        The share p of each (harmonics,).
     """
     energy = np.sum(np.abs(model.coefficients[mode] * weights[:, :, None]) ** 2, axis=(0, 1))
     kept = energy > 0

@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Mask
 from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Record
 from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
 from floquid.sync import ShaftAngle
 
-WANDERS = 1e-7
-"""The relative wander of the speed from which on the forced response is let follow it."""
+WANDERS = 1e-7  # the relative wander of the speed from which on the forced response is let follow it
 
 
 def record_blocks(
@@ -48,13 +47,9 @@ def record_blocks(
         for rows in map(np.array, alike.values()):
             taken = ~missing[rows[0]]
             if taken.sum() < 2:
-                raise input_error(
-                    "records",
-                    "fit",
-                    "have samples in each channel",
-                    f"channel {record.channels[rows[0]].name!r} of record {hit + 1} has none",
-                    "Leave it out with `channels=`.",
-                )
+                must = "have samples in each channel"
+                got = f"channel {record.channels[rows[0]].name!r} of record {hit + 1} has none"
+                raise input_error("records", "fit", must, got, "Leave it out with `channels=`.")
             whole_record = bool(taken.all()) and len(rows) == record.n_channels
             grid = RecordBlock(
                 times=times,
@@ -69,7 +64,7 @@ def record_blocks(
     return tuple(blocks), 2.0 * np.pi / period, nu
 
 
-def _with_gaps(grid: RecordBlock, taken: NDArray[np.bool_]) -> RecordBlock | GappyBlock:
+def _with_gaps(grid: RecordBlock, taken: Mask) -> RecordBlock | GappyBlock:
     """The block of some samples of a grid."""
     gappy = GappyBlock.of(grid, grid.values, taken)
     if gappy is not None:
@@ -83,7 +78,7 @@ def _with_gaps(grid: RecordBlock, taken: NDArray[np.bool_]) -> RecordBlock | Gap
     )
 
 
-def _speeds(shaft: ShaftAngle, times: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _speeds(shaft: ShaftAngle, times: Floats) -> Floats | None:
     """The factors that follow the speed (3, samples), each of unit size; None for a steady shaft."""
     deviation = shaft.speed(times) / shaft.mean_speed - 1.0
     deviation = deviation - deviation.mean()

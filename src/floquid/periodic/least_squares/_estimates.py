@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import Channel, Estimates, PeriodicModel, Provenance
 from floquid.errors import IdentificationError
 from floquid.periodic.expansion import GAP, bands_at, select_bands
@@ -15,8 +16,7 @@ from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._sample_block import Block
 from floquid.periodic.least_squares._solver import Solution, linearise, solve
 
-FEW = 3
-"""Steps of that fit: what has hardly any information may go on for ever."""
+FEW = 3  # steps of that fit: what has hardly any information may go on for ever
 
 SHORT = 2.0
 """Standard deviations up to which one step of a linearisation stands for a fit."""
@@ -24,14 +24,11 @@ SHORT = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Shapes:
-    """Coefficients of each entry (entries, channels, hits, harmonics), and their deviations likewise.
+    """Coefficients of each entry (entries, channels, hits, harmonics), and their deviations, part by part."""
 
-    The deviation of the real part is the real part, that of the imaginary part the imaginary one.
-    """
-
-    harmonics: NDArray[np.int64]
-    coefficients: NDArray[np.complex128]
-    std: NDArray[np.complex128]
+    harmonics: Integers
+    coefficients: Complexes
+    std: Complexes
 
 
 def estimates_of(blocks: Sequence[Block], found: Solution) -> Estimates:
@@ -83,7 +80,7 @@ def estimates_of(blocks: Sequence[Block], found: Solution) -> Estimates:
     )
 
 
-def parts_of(entries: ModeParameters) -> NDArray[np.float64]:
+def parts_of(entries: ModeParameters) -> Floats:
     """Selection of real parts, imaginary parts and the fundamental from the parameters (2 entries + 1, parameters)."""
     decays, pairs = np.flatnonzero(~entries.fixed), np.flatnonzero(~entries.fixed & ~entries.real)
     count = len(entries.exponents)
@@ -113,7 +110,7 @@ def _shapes(entries: ModeParameters, whole: Estimates) -> Shapes:
     return Shapes(harmonics, coefficients, std)
 
 
-def _mirror(entries: ModeParameters, harmonics: NDArray[np.int64], coefficients: NDArray, std: NDArray) -> None:
+def _mirror(entries: ModeParameters, harmonics: Integers, coefficients: NDArray, std: NDArray) -> None:
     """The other half of a real multiplier's shape."""
     for entry in np.flatnonzero(entries.real):
         for place, m in enumerate(harmonics):
@@ -123,13 +120,8 @@ def _mirror(entries: ModeParameters, harmonics: NDArray[np.int64], coefficients:
                 std[entry, :, :, other] = std[entry, :, :, place]
 
 
-def chosen_bands(
-    blocks: Sequence[Block], wide: Solution, false_alarm: float, *, each: bool = False
-) -> NDArray[np.int64]:
-    """The bands that rise above the noise, of the entries that are not fixed; the others keep theirs.
-
-    `false_alarm` is that of all of them together, or with `each` that of one harmonic.
-    """
+def chosen_bands(blocks: Sequence[Block], wide: Solution, false_alarm: float, *, each: bool = False) -> Integers:
+    """The bands above the noise, of entries not fixed; `false_alarm` is that of all, or with `each` of one harmonic."""
     entries, found = wide.entries, shapes(blocks, wide)
     harmonics = found.harmonics
     seeds = np.stack([np.minimum(0, -entries.half_turns), np.maximum(0, -entries.half_turns)], axis=1)
@@ -144,7 +136,7 @@ def chosen_bands(
 def model_of(
     blocks: Sequence[Block],
     found: Solution,
-    bands: NDArray[np.int64],
+    bands: Integers,
     *,
     channels: tuple[Channel, ...],
     provenance: Provenance,
@@ -203,11 +195,8 @@ def model_of(
     )
 
 
-def unselected(blocks: Sequence[Block], found: Solution, bands: NDArray[np.int64], most: int) -> Estimates | None:
-    """The estimates of the same fit with more harmonics beyond the bands reported; None where there is no such fit.
-
-    One step from a fit that is at rest loses nothing; where the wider bands ask for more, it is fitted.
-    """
+def unselected(blocks: Sequence[Block], found: Solution, bands: Integers, most: int) -> Estimates | None:
+    """The estimates of the same fit with more harmonics beyond the bands reported; None where there is no such fit."""
     free = np.flatnonzero(~found.entries.fixed)
     try:
         wide = linearise(blocks, replace(found.entries, bands=bands).padded(GAP + 1, most))
@@ -225,7 +214,7 @@ def unselected(blocks: Sequence[Block], found: Solution, bands: NDArray[np.int64
     return whole.picked(modes=free[np.argsort(size, kind="stable")])
 
 
-def stepped(here: Estimates, step: NDArray[np.float64]) -> Estimates:
+def stepped(here: Estimates, step: Floats) -> Estimates:
     """Estimates after a step of the real parts, the imaginary parts and the fundamental (2 modes + 1,)."""
     count = len(here.exponents)
     turned = 0.5 * here.half_turns * step[-1]

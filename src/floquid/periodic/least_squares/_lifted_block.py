@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import input_error
 from floquid.lifting import Lifted
 from floquid.periodic.least_squares._sample_block import Block, Columns, Sums, real_products
@@ -24,16 +25,15 @@ class LiftedBlock(Block):
 
     lifted: Lifted
     hit: int
-    rows: NDArray[np.int64]
-    noise: NDArray[np.float64]
-    known: NDArray[np.float64] | None = None
+    rows: Integers
+    noise: Floats
+    known: Floats | None = None
     """An orthonormal basis Q of what is known beside the modes, over the cycles (cycles, known): with another amplitude
     at each phase it is projected off, which commutes with the sums over phases."""
-    free: NDArray[np.float64] | None = None
-    """The responses with that taken off (rows, phases, cycles)."""
+    free: Floats | None = None  # the responses with that taken off (rows, phases, cycles)
 
     @staticmethod
-    def all_of(lifted: Lifted, known: Sequence[NDArray[np.float64]] | None = None) -> tuple[LiftedBlock, ...]:
+    def all_of(lifted: Lifted, known: Sequence[Floats] | None = None) -> tuple[LiftedBlock, ...]:
         """One block a hit, with what is known of each beside the modes (cycles, known)."""
         rows = np.arange(lifted.n_channels)
         blocks = [LiftedBlock(lifted, hit, rows, lifted.noise[:, hit]) for hit in range(lifted.n_hits)]
@@ -60,19 +60,19 @@ class LiftedBlock(Block):
         return (self.n_cycles - 1) * self.lifted.period
 
     @property
-    def largest(self) -> NDArray[np.float64]:
+    def largest(self) -> Floats:
         """The largest size of a sample (rows,)."""
         return np.abs(self._values()).max(axis=(1, 2))
 
-    def with_noise(self, noise: NDArray[np.float64]) -> LiftedBlock:
+    def with_noise(self, noise: Floats) -> LiftedBlock:
         """The same samples with other noise (rows,)."""
         return replace(self, noise=noise)
 
-    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+    def gain(self, rates: Complexes, *, slope: bool = False) -> Complexes:
         """Gain of the whitening filter at e^{st}, or its slope (rows, rates)."""
         return self.lifted.gain(rates, slope=slope)
 
-    def residual(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
+    def residual(self, columns: Columns, coefficients: Complexes) -> tuple[NDArray, NDArray]:
         """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
         starts, cycles, _, phases = self._factors(columns)
         parts = _parts(self._off_known(cycles))
@@ -81,7 +81,7 @@ class LiftedBlock(Block):
         residual = [(block - own @ parts.T).T.ravel() for own, block in zip(shapes, self._values(), strict=True)]
         return times, np.array(residual)
 
-    def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
+    def sums(self, columns: Columns, coefficients: Complexes) -> Sums:
         """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
         starts, cycles, parts, phases = self._factors(columns)
         times = self.lifted.phase_times
@@ -108,14 +108,14 @@ class LiftedBlock(Block):
         gram, mixed, slopes = (real_products(*both) for both in zip(straight, crossed, strict=True))
         return Sums(gram, mixed, slopes, _real_data(seen), _real_data(late), left)
 
-    def _values(self) -> NDArray[np.float64]:
+    def _values(self) -> Floats:
         """(rows, phases, cycles)."""
         if self.free is not None:
             return self.free
         shape = (len(self.rows), self.lifted.n_phases, self.n_cycles)
         return self.lifted.responses.values[:, self.hit, : self.n_cycles].reshape(shape)
 
-    def _off_known(self, cycles: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def _off_known(self, cycles: Complexes) -> Complexes:
         """Functions of the cycle less what is known of them (cycles, …)."""
         return cycles if self.known is None else cycles - self.known @ (self.known.T @ cycles)
 
@@ -132,31 +132,26 @@ class LiftedBlock(Block):
         return starts, cycles, _parts(cycles), phases
 
 
-def _parts(cycles: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _parts(cycles: Complexes) -> Floats:
     """Real parts, then the negative imaginary parts (cycles, 2 entries)."""
     return np.concatenate([cycles.real, -cycles.imag], axis=1)
 
 
-def _shapes(
-    columns: Columns, coefficients: NDArray[np.complex128], phases: NDArray[np.complex128]
-) -> NDArray[np.float64]:
-    """2 Re B z over the phases, then 2 Im, summed over the columns of each entry (rows, phases, 2 entries).
-
-    What they make of Re μ^n and -Im μ^n is the model 2 Re Σ B z.
-    """
+def _shapes(columns: Columns, coefficients: Complexes, phases: Complexes) -> Floats:
+    """2 Re B z over the phases, then 2 Im, summed over the columns of each entry (rows, phases, 2 entries)."""
     member = (columns.modes[:, None] == np.arange(len(columns.exponents))).astype(float)
     terms = 2.0 * coefficients.T[:, None, :] * phases
     return np.concatenate([terms.real @ member, terms.imag @ member], axis=2)
 
 
 def _products(
-    first: tuple[NDArray[np.complex128], NDArray[np.complex128]],
-    second: tuple[NDArray[np.complex128], NDArray[np.complex128]],
-    one: NDArray[np.complex128],
-    other: NDArray[np.complex128],
-    times: NDArray[np.float64],
-    modes: NDArray[np.int64],
-) -> tuple[NDArray[np.complex128], ...]:
+    first: tuple[Complexes, Complexes],
+    second: tuple[Complexes, Complexes],
+    one: Complexes,
+    other: Complexes,
+    times: Floats,
+    modes: Integers,
+) -> tuple[Complexes, ...]:
     """Σ (first one) (second other), with t at the second, with t at both (columns, columns).
 
     `first` and `second` are functions of the cycle and the same times nT, `one` and `other` of the phase.
@@ -170,5 +165,5 @@ def _products(
     )
 
 
-def _real_data(seen: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _real_data(seen: Complexes) -> Floats:
     return np.concatenate([seen.real, -seen.imag])

@@ -7,22 +7,21 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Mask
 from floquid.core import ConstantPeriod, Record
 from floquid.lifting import Lifted
 from floquid.lti import TimeResponses
 from floquid.periodic.least_squares._lifted_block import LiftedBlock
 from floquid.periodic.least_squares._sample_block import Columns
 
-LARGEST_SLIP = 1e-6
-"""Samples by which the last cycle may have slipped: what is more is fitted sample by sample."""
+LARGEST_SLIP = 1e-6  # samples by which the last cycle may have slipped: what is more is fitted sample by sample
 
 
 @dataclass(frozen=True, slots=True)
 class KeptCycles(LiftedBlock):
     """One hit, without the cycles that are left out."""
 
-    kept: NDArray[np.bool_] = field(kw_only=True)
-    """Mask of the cycles that are there (cycles,)."""
+    kept: Mask = field(kw_only=True)  # mask of the cycles that are there (cycles,)
 
     @property
     def n_cycles(self) -> int:
@@ -60,7 +59,7 @@ class KeptCycles(LiftedBlock):
         rows = np.arange(record.n_channels)
         return KeptCycles(lifted, hit, rows, np.ones(len(rows)), kept=kept)
 
-    def _values(self) -> NDArray[np.float64]:
+    def _values(self) -> Floats:
         """Those of the cycles that are there (rows, phases, cycles)."""
         return self.lifted.responses.values[:, 0].reshape(len(self.rows), self.lifted.n_phases, -1)
 

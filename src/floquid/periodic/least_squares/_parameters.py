@@ -6,30 +6,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from floquid.core import PeriodicModel
+from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid.core import Estimates, PeriodicModel
 from floquid.periodic.least_squares._sample_block import PLAIN, Columns
 
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """The real parameters: decays, then the turns of pairs, then the fundamental.
+    """The real parameters: decays, then the turns of pairs, then the fundamental."""
 
-    A parameter multiplies the coefficient on each column by its weight; a turn also takes the cosine to the sine.
-    """
+    weights: Floats  # (parameters, 2 columns)
+    turns: Mask  # mask of the frequencies and the fundamental (parameters,)
 
-    weights: NDArray[np.float64]
-    """(parameters, 2 columns)."""
-    turns: NDArray[np.bool_]
-    """Mask of the frequencies and the fundamental (parameters,)."""
-
-    def applied(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    def applied(self, coefficients: Floats) -> Floats:
         """The coefficients on the slopes t cos, t sin (parameters, 2 columns, channels): α, β or β, -α."""
         return self.weights[:, :, None] * np.where(self.turns[:, None, None], turned(coefficients), coefficients)
 
 
-def turned(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+def turned(coefficients: Floats) -> Floats:
     """The coefficients of a slope by frequency from those of the slope by decay: β, -α for α, β (2 columns, …)."""
     cosines, sines = np.split(coefficients, 2)
     return np.concatenate([sines, -cosines])
@@ -62,21 +58,21 @@ class ModeParameters:
         Whether the fundamental is a parameter too.
     """
 
-    exponents: NDArray[np.complex128]
-    real: NDArray[np.bool_]
-    bands: NDArray[np.int64]
+    exponents: Complexes
+    real: Mask
+    bands: Integers
     fundamental: float
-    offsets: NDArray[np.float64]
-    fixed: NDArray[np.bool_]
-    factors: NDArray[np.int64]
+    offsets: Floats
+    fixed: Mask
+    factors: Integers
     free_period: bool = False
 
     @property
-    def half_turns(self) -> NDArray[np.int64]:
+    def half_turns(self) -> Integers:
         """κ of each real entry, zero for pairs (entries,)."""
         return np.where(self.real, np.rint(2.0 * self.offsets), 0).astype(np.int64)
 
-    def _members(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _members(self) -> tuple[Integers, Integers]:
         """The entry and the harmonic of each column."""
         modes, harmonics = [], []
         for entry, (low, high) in enumerate(self.bands):
@@ -92,7 +88,7 @@ class ModeParameters:
         """The columns of the fit."""
         return Columns(self.exponents, self.offsets, self.factors, *self._members(), self.fundamental)
 
-    def sines(self) -> NDArray[np.bool_]:
+    def sines(self) -> Mask:
         """Mask of the columns that have a sine (columns,): not a real multiplier's that does not turn."""
         modes, harmonics = self._members()
         return ~(self.real[modes] & (2 * harmonics + self.half_turns[modes] == 0))
@@ -108,13 +104,13 @@ class ModeParameters:
         turns = np.arange(len(weights)) >= len(rows[0])
         return Parameters(np.concatenate([weights, weights], axis=1), turns)
 
-    def ties(self) -> NDArray[np.float64]:
+    def ties(self) -> Floats:
         """Derivatives of the decays and then the frequencies of all columns (parameters, 2 columns)."""
         own = self.parameters()
         weights = own.weights[:, : own.weights.shape[1] // 2]
         return np.concatenate([weights * ~own.turns[:, None], weights * own.turns[:, None]], axis=1)
 
-    def moved(self, step: NDArray[np.float64]) -> ModeParameters:
+    def moved(self, step: Floats) -> ModeParameters:
         """After a step in the real parameters."""
         moved = np.zeros(len(self.exponents), complex)
         decays, pairs = np.flatnonzero(~self.fixed), np.flatnonzero(~self.fixed & ~self.real)
@@ -179,6 +175,15 @@ class ModeParameters:
         own = model.exponents[chosen]
         offsets = np.where(real, 0.5 * np.rint(2.0 * own.imag / model.fundamental), 0.0)
         return ModeParameters.made(np.where(real, own.real, own), bands, model.fundamental, real=real, offsets=offsets)
+
+    @staticmethod
+    def of_terms(known: Estimates, exponents: Complexes | None = None) -> ModeParameters:
+        """The modes of the estimates `known`, at `exponents` or their own, with the terms that they have as bands."""
+        own = known.exponents if exponents is None else exponents
+        terms = [known.harmonics[known.modes == mode] for mode in range(len(own))]
+        bands = [(each.min(), each.max()) for each in terms]
+        rates, offsets = np.where(known.real, own.real, own), 0.5 * known.half_turns
+        return ModeParameters.made(rates, bands, known.fundamental, real=known.real, offsets=offsets)
 
 
 def forced_entries(turns: Sequence[float], fundamental: float, *, factor: int = 0) -> ModeParameters:

@@ -8,6 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid._numerics import filter_gain
 from floquid.periodic.least_squares._sample_block import (
     SPEED,
     SPEED_RATE,
@@ -23,27 +25,24 @@ from floquid.periodic.least_squares._uniform_grid import EvenColumns, step_of
 ENOUGH = 0.6
 """The share of samples that must be there for sums over all, less those of the missing ones, to be the cheaper way."""
 
-CHUNK = 4096
-"""Samples whose columns are formed at a time."""
+CHUNK = 4096  # samples whose columns are formed at a time
 
 
 @dataclass(frozen=True)  # no slots: what is asked often is kept
 class RecordBlock(Block):
     """Samples at times after phase zero (samples,) [s]; the phase angle at each [rad], None for ωt."""
 
-    times: NDArray[np.float64]
-    values: NDArray[np.float64]
-    """(rows, samples)."""
+    times: Floats
+    values: Floats  # (rows, samples)
     hit: int
-    rows: NDArray[np.int64]
-    noise: NDArray[np.float64]
-    angles: NDArray[np.float64] | None = None
-    speeds: NDArray[np.float64] | None = None
+    rows: Integers
+    noise: Floats
+    angles: Floats | None = None
+    speeds: Floats | None = None
     """The factors `SPEED`, `SPEED_SQUARED` and `SPEED_RATE`, of unit size (3, samples); None for a steady shaft."""
     ends: tuple[float, float] | None = None
     """Origins of growth and trends, where they are not the first and the last of the times [s]."""
-    taps: NDArray[np.float64] | None = None
-    """The filter that the values went through (rows, taps); None where there was none."""
+    taps: Floats | None = None  # the filter that the values went through (rows, taps); None where there was none
     before: RecordBlock | None = None
     """The samples that the filter had before the first, at a wandering speed: there it is applied to the columns."""
 
@@ -77,28 +76,26 @@ class RecordBlock(Block):
         """The step of the times [s], None where they are not evenly spaced."""
         return step_of(self.times)
 
-    def with_noise(self, noise: NDArray[np.float64]) -> RecordBlock:
+    def with_noise(self, noise: Floats) -> RecordBlock:
         """The same samples with other noise (rows,)."""
         return replace(self, noise=noise)
 
-    def placed(self, hit: int, rows: NDArray[np.int64]) -> RecordBlock:
+    def placed(self, hit: int, rows: Integers) -> RecordBlock:
         """The same samples as those of another hit, and of other channels."""
         return replace(self, hit=hit, rows=rows)
 
-    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+    def gain(self, rates: Complexes, *, slope: bool = False) -> Complexes:
         """Gain of the filter at e^{st}, or its slope (rows, rates): 1 where the columns go through it."""
         if self.taps is None or self.before is not None:
             return super().gain(rates, slope=slope)
-        delays = np.arange(self.taps.shape[1]) * self.interval
-        weights = -delays * self.taps if slope else self.taps
-        return np.asarray(weights @ np.exp(-np.multiply.outer(delays, rates)), np.complex128)
+        return filter_gain(self.taps, np.arange(self.taps.shape[1]) * self.interval, rates, slope=slope)
 
     @property
     def interval(self) -> float:
         """The sampling interval [s]."""
         return float(np.median(np.diff(self.times)))
 
-    def filtered(self, taps: NDArray[np.float64]) -> RecordBlock | None:
+    def filtered(self, taps: Floats) -> RecordBlock | None:
         """The block after a filter along the record (rows, taps); None where samples are missing between others."""
         order, interval = taps.shape[1] - 1, self.interval
         if len(self.times) <= 2 * order or np.ptp(np.diff(self.times)) > 1e-6 * interval:
@@ -108,7 +105,7 @@ class RecordBlock(Block):
         for i in range(order + 1):
             values += taps[:, i, None] * self.values[:, order - i : order - i + n]
 
-        def cut(part: slice) -> dict[str, NDArray[np.float64] | None]:
+        def cut(part: slice) -> dict[str, Floats | None]:
             return {
                 "times": self.times[part],
                 "angles": None if self.angles is None else self.angles[part],
@@ -122,11 +119,11 @@ class RecordBlock(Block):
         return replace(self, **cut(slice(order, None)), values=values, ends=ends, taps=taps, before=before)
 
     @property
-    def largest(self) -> NDArray[np.float64]:
+    def largest(self) -> Floats:
         """The largest size of a sample (rows,)."""
         return np.abs(self.values).max(axis=1)
 
-    def residual(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
+    def residual(self, columns: Columns, coefficients: Complexes) -> tuple[NDArray, NDArray]:
         """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
         even = self._even(columns)
         if even is not None:
@@ -137,7 +134,7 @@ class RecordBlock(Block):
             left[:, chunk] -= reals_of(coefficients).T @ both.T
         return self.times, left
 
-    def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
+    def sums(self, columns: Columns, coefficients: Complexes) -> Sums:
         """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
         even = self._even(columns)
         if even is not None:
@@ -163,14 +160,14 @@ class RecordBlock(Block):
             return None
         return EvenColumns.of(columns, self.times, self.step, middle=self.middle, half=self.half)
 
-    def _with_times(self, columns: Columns, chunk: slice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _with_times(self, columns: Columns, chunk: slice) -> tuple[Floats, Floats]:
         """The columns, and the columns times t (samples, 2 columns)."""
         if self.before is not None:
             return self._through(columns, chunk)
         both = self._columns(columns, chunk)
         return both, both * self.times[chunk, None]
 
-    def _through(self, columns: Columns, chunk: slice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _through(self, columns: Columns, chunk: slice) -> tuple[Floats, Floats]:
         """The same after the filter, which is one for all rows."""
         assert self.before is not None
         assert self.taps is not None
@@ -193,7 +190,7 @@ class RecordBlock(Block):
     def _chunks(self) -> list[slice]:
         return [slice(first, first + CHUNK) for first in range(0, self.n_samples, CHUNK)]
 
-    def _columns(self, columns: Columns, chunk: slice) -> NDArray[np.float64]:
+    def _columns(self, columns: Columns, chunk: slice) -> Floats:
         """Re z and Im z beside each other (samples, 2 columns)."""
         if self.before is not None:
             return self._through(columns, chunk)[0]
@@ -207,11 +204,11 @@ class RecordBlock(Block):
             for factor, own in zip((SPEED, SPEED_SQUARED, SPEED_RATE), self.speeds, strict=True):
                 decays[columns.factors == factor] *= own[chunk]
         turns, where = np.unique(columns.turns, return_inverse=True)
-        z: NDArray[np.complex128] = decays[columns.modes] * _turned(turns, angles)[where]
+        z: Complexes = decays[columns.modes] * _turned(turns, angles)[where]
         return np.concatenate([z.real, z.imag]).T
 
 
-def _turned(turns: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _turned(turns: Floats, angles: Floats) -> Complexes:
     """Exponentials e^{iqθ} of sorted turns q (turns, angles): each a step of one from the one before, where it is."""
     unit, found = np.exp(1j * angles), np.empty((len(turns), len(angles)), complex)
     for k, turn in enumerate(turns):
@@ -226,12 +223,9 @@ def _turned(turns: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[
 class GappyBlock(Block):
     """Evenly spaced samples of which some are missing: sums over all, with any values there, less those of these."""
 
-    whole: RecordBlock
-    """All samples of the grid, the missing ones filled with values of any kind."""
-    holes: RecordBlock
-    """The missing samples with the same values."""
-    taken: NDArray[np.int64]
-    """Mask of the samples on the grid (samples,)."""
+    whole: RecordBlock  # all samples of the grid, the missing ones filled with values of any kind
+    holes: RecordBlock  # the missing samples with the same values
+    taken: Integers  # mask of the samples on the grid (samples,)
 
     @property
     def hit(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -239,12 +233,12 @@ class GappyBlock(Block):
         return self.whole.hit
 
     @property
-    def rows(self) -> NDArray[np.int64]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def rows(self) -> Integers:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Indices of the channels (rows,)."""
         return self.whole.rows
 
     @property
-    def noise(self) -> NDArray[np.float64]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def noise(self) -> Floats:  # pyright: ignore[reportIncompatibleVariableOverride]
         """The deviation of their noise (rows,)."""
         return self.whole.noise
 
@@ -263,35 +257,35 @@ class GappyBlock(Block):
         """Unit of trends [s]."""
         return self.whole.half
 
-    def with_noise(self, noise: NDArray[np.float64]) -> GappyBlock:
+    def with_noise(self, noise: Floats) -> GappyBlock:
         """The same samples with other noise (rows,)."""
         return replace(self, whole=self.whole.with_noise(noise))
 
-    def placed(self, hit: int, rows: NDArray[np.int64]) -> GappyBlock:
+    def placed(self, hit: int, rows: Integers) -> GappyBlock:
         """The same samples as those of another hit, and of other channels."""
         return replace(self, whole=self.whole.placed(hit, rows))
 
     @property
-    def largest(self) -> NDArray[np.float64]:
+    def largest(self) -> Floats:
         """The largest size of a sample (rows,)."""
         return self.whole.largest
 
-    def residual(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
+    def residual(self, columns: Columns, coefficients: Complexes) -> tuple[NDArray, NDArray]:
         """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
         times, left = self.whole.residual(columns, coefficients)
         return times[self.taken], left[:, self.taken]
 
-    def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
+    def sums(self, columns: Columns, coefficients: Complexes) -> Sums:
         """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
         whole, holes = self.whole.sums(columns, coefficients), self.holes.sums(columns, coefficients)
         names = ("gram", "mixed", "slopes", "seen", "late", "left")
         return Sums(*(getattr(whole, name) - getattr(holes, name) for name in names))
 
-    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+    def gain(self, rates: Complexes, *, slope: bool = False) -> Complexes:
         """Gain of the filter at e^{st}, or its slope (rows, rates)."""
         return self.whole.gain(rates, slope=slope)
 
-    def filtered(self, taps: NDArray[np.float64]) -> GappyBlock | None:
+    def filtered(self, taps: Floats) -> GappyBlock | None:
         """The block after a filter along the record (rows, taps), of samples that have all their past."""
         whole, order = self.whole.filtered(taps), taps.shape[1] - 1
         there = np.zeros(len(self.whole.times), bool)
@@ -304,7 +298,7 @@ class GappyBlock(Block):
         return GappyBlock(whole, holes, np.flatnonzero(past))
 
     @staticmethod
-    def of(grid: RecordBlock, values: NDArray[np.float64], taken: NDArray[np.bool_]) -> GappyBlock | None:
+    def of(grid: RecordBlock, values: Floats, taken: Mask) -> GappyBlock | None:
         """The block of samples `taken` of an evenly spaced grid; None where it is no grid, or too few are there."""
         if grid.angles is not None or grid.step is None or taken.mean() < ENOUGH:
             return None

@@ -9,20 +9,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.periodic.least_squares._sample_block import Block, complex_of
 from floquid.periodic.least_squares._solver import Solution
 
-FLOOR = 1e-12
-"""The share of the largest free response that the noise is taken to be at least, unless told."""
-
-ROUNDING = 1e-13
-"""The share of a channel's largest value below which what is left of it is rounding."""
-
-BANDS = 8
-"""Bands whose median is the level of the noise."""
-
-APART = 2.0
-"""Lines on each side of an exponential, beside its width, that a fit takes noise from."""
+FLOOR = 1e-12  # the share of the largest free response that the noise is taken to be at least, unless told
+ROUNDING = 1e-13  # the share of a channel's largest value below which what is left of it is rounding
+BANDS = 8  # bands whose median is the level of the noise
+APART = 2.0  # lines on each side of an exponential, beside its width, that a fit takes noise from
 
 QUIETEST = 0.01
 """The level of a band over that of the loudest, at least: below, there are but the skirts of what is elsewhere."""
@@ -32,19 +26,14 @@ QUIETEST = 0.01
 class Residual:
     """Residual of one block, on the grid it was sampled on: missing samples are zero."""
 
-    values: NDArray[np.float64]
-    """(rows, grid)."""
-    taken: NDArray[np.int64]
-    """Mask of the samples on the grid (samples,)."""
-    step: float
-    """The sampling interval [s]."""
-    noise: NDArray[np.float64]
-    """The median level over the bands (rows,)."""
-    levels: NDArray[np.float64]
-    """The level of each band (rows, bands)."""
+    values: Floats  # (rows, grid)
+    taken: Integers  # mask of the samples on the grid (samples,)
+    step: float  # the sampling interval [s]
+    noise: Floats  # the median level over the bands (rows,)
+    levels: Floats  # the level of each band (rows, bands)
 
     @staticmethod
-    def of(times: NDArray[np.float64], left: NDArray[np.float64], least: NDArray[np.float64]) -> Residual:
+    def of(times: Floats, left: Floats, least: Floats) -> Residual:
         """From what is left at times [s]; the noise is at least `least` (rows,)."""
         step = float(np.median(np.diff(times)))
         taken = np.rint((times - times[0]) / step).astype(np.int64)
@@ -61,7 +50,7 @@ class Residual:
         """The same with one level for all bands."""
         return replace(self, levels=np.broadcast_to(self.noise[:, None], self.levels.shape))
 
-    def between(self, rates: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def between(self, rates: Complexes) -> tuple[Floats, Integers]:
         """Level of each band (rows, bands) by lines apart from exponentials `rates` [1/s], and their number (bands,).
 
         A fit takes noise away where it has exponentials: nearly all of it in a band that is full of them. That has
@@ -84,14 +73,14 @@ class Residual:
         return float(self.taken[-1] - self.taken[0]) * self.step
 
 
-def _power(values: NDArray[np.float64], taken: NDArray[np.int64]) -> NDArray[np.float64]:
+def _power(values: Floats, taken: Integers) -> Floats:
     """The power of each line but the zeroth under a Hann window (rows, lines)."""
     window = _hann(values.shape[1])
     return squared(np.fft.rfft(values * window, axis=1)[:, 1:]) / np.sum(window[taken] ** 2)
 
 
 @lru_cache(maxsize=8)
-def _hann(samples: int) -> NDArray[np.float64]:
+def _hann(samples: int) -> Floats:
     """Hann's window without the zeros at its ends (samples,): as dear as a transform, and asked for again and again."""
     window = np.hanning(samples + 2)[1:-1]
     window.flags.writeable = False
@@ -112,7 +101,7 @@ def residuals_of(blocks: Sequence[Block], solution: Solution, floor: float = FLO
     ]
 
 
-def least_noise(blocks: Sequence[Block], solution: Solution, floor: float) -> list[NDArray[np.float64]]:
+def least_noise(blocks: Sequence[Block], solution: Solution, floor: float) -> list[Floats]:
     """Least noise of each block (rows,): a share of the largest free response, and rounding."""
     columns, least = solution.entries.columns(), []
     fixed = solution.entries.fixed[columns.modes]
@@ -124,7 +113,7 @@ def least_noise(blocks: Sequence[Block], solution: Solution, floor: float) -> li
     return least
 
 
-def noise_of(blocks: Sequence[Block], solution: Solution, floor: float) -> NDArray[np.float64]:
+def noise_of(blocks: Sequence[Block], solution: Solution, floor: float) -> Floats:
     """The deviation of what is left (channels, hits), at least `least_noise`."""
     noise = noise_left(blocks, solution)
     for block, least in zip(blocks, least_noise(blocks, solution, floor), strict=True):
@@ -132,7 +121,7 @@ def noise_of(blocks: Sequence[Block], solution: Solution, floor: float) -> NDArr
     return noise
 
 
-def noise_left(blocks: Sequence[Block], found: Solution) -> NDArray[np.float64]:
+def noise_left(blocks: Sequence[Block], found: Solution) -> Floats:
     """The deviation of what is left (channels, hits), corrected for the parameters used."""
     columns = int(found.entries.sines().sum()) + len(found.entries.sines())
     squares = np.zeros((1 + max(int(b.rows.max()) for b in blocks), 1 + max(b.hit for b in blocks)))

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
+
 PLAIN, TREND, SPEED, SPEED_SQUARED, SPEED_RATE = range(5)
 """Factors of entries: none; time, from -1 to 1; the speed's deviation from its mean; its square; its rate of change."""
 
@@ -20,23 +22,20 @@ PLAIN, TREND, SPEED, SPEED_SQUARED, SPEED_RATE = range(5)
 class Columns:
     """Columns of a fit, of entries with exponents (entries,) [1/s] and offsets of their harmonics (entries,)."""
 
-    exponents: NDArray[np.complex128]
-    offsets: NDArray[np.float64]
-    factors: NDArray[np.int64]
-    """Further factor of each entry, such as `PLAIN` (entries,)."""
-    modes: NDArray[np.int64]
-    """The entry of each column (columns,)."""
-    harmonics: NDArray[np.int64]
-    """m of each column (columns,)."""
+    exponents: Complexes
+    offsets: Floats
+    factors: Integers  # further factor of each entry, such as `PLAIN` (entries,)
+    modes: Integers  # the entry of each column (columns,)
+    harmonics: Integers  # m of each column (columns,)
     fundamental: float
 
     @property
-    def turns(self) -> NDArray[np.float64]:
+    def turns(self) -> Floats:
         """M + q of each column (columns,)."""
         return self.harmonics + self.offsets[self.modes]
 
     @property
-    def rates(self) -> NDArray[np.complex128]:
+    def rates(self) -> Complexes:
         """λ + i(m + q)ω of each column (columns,) [1/s]."""
         return self.exponents[self.modes] + 1j * self.fundamental * self.turns
 
@@ -45,18 +44,12 @@ class Columns:
 class Sums:
     """Sums over the samples of a block; the real columns are Re z, then Im z."""
 
-    gram: NDArray[np.float64]
-    """Products of the columns (2 columns, 2 columns)."""
-    mixed: NDArray[np.float64]
-    """Products of the columns with the columns times t."""
-    slopes: NDArray[np.float64]
-    """Products of the columns times t."""
-    seen: NDArray[np.float64]
-    """Products of the columns with what is left (2 columns, rows)."""
-    late: NDArray[np.float64]
-    """Products of the columns times t with what is left."""
-    left: NDArray[np.float64]
-    """The sum of squares of what is left (rows,)."""
+    gram: Floats  # products of the columns (2 columns, 2 columns)
+    mixed: Floats  # products of the columns with the columns times t
+    slopes: Floats  # products of the columns times t
+    seen: Floats  # products of the columns with what is left (2 columns, rows)
+    late: Floats  # products of the columns times t with what is left
+    left: Floats  # the sum of squares of what is left (rows,)
 
 
 class Block(ABC):
@@ -64,9 +57,9 @@ class Block(ABC):
 
     hit: int
     """Index of the hit."""
-    rows: NDArray[np.int64]
+    rows: Integers
     """Indices of the channels (rows,)."""
-    noise: NDArray[np.float64]
+    noise: Floats
     """The deviation of their noise (rows,)."""
 
     @property
@@ -81,46 +74,46 @@ class Block(ABC):
 
     @property
     @abstractmethod
-    def largest(self) -> NDArray[np.float64]:
+    def largest(self) -> Floats:
         """The largest size of a sample (rows,)."""
 
     @abstractmethod
-    def sums(self, columns: Columns, coefficients: NDArray[np.complex128]) -> Sums:
+    def sums(self, columns: Columns, coefficients: Complexes) -> Sums:
         """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves.
 
         Growing columns are counted from the end of the block, so that no power overflows: `scales` has the factors.
         """
 
     @abstractmethod
-    def residual(self, columns: Columns, coefficients: NDArray[np.complex128]) -> tuple[NDArray, NDArray]:
+    def residual(self, columns: Columns, coefficients: Complexes) -> tuple[NDArray, NDArray]:
         """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
 
     @abstractmethod
-    def with_noise(self, noise: NDArray[np.float64]) -> Block:
+    def with_noise(self, noise: Floats) -> Block:
         """The same samples with other noise (rows,)."""
 
-    def gain(self, rates: NDArray[np.complex128], *, slope: bool = False) -> NDArray[np.complex128]:
+    def gain(self, rates: Complexes, *, slope: bool = False) -> Complexes:
         """Gain at e^{st} of the filter that the samples went through, or its slope (rows, rates)."""
         return np.full((len(self.rows), len(rates)), 0j if slope else 1.0 + 0j)
 
-    def scales(self, columns: Columns) -> NDArray[np.complex128]:
+    def scales(self, columns: Columns) -> Complexes:
         """Factors that make z of the scaled columns (columns,)."""
         own = columns.exponents[columns.modes]
         return np.where(own.real > 0, np.exp(np.where(own.real > 0, own, 0.0) * self.last), 1.0 + 0j)
 
 
-def complex_of(coefficients: NDArray[np.float64]) -> NDArray[np.complex128]:
+def complex_of(coefficients: Floats) -> Complexes:
     """B with 2 Re B z = α Re z + β Im z."""
     cosines, sines = np.split(coefficients, 2)
     return 0.5 * (cosines - 1j * sines)
 
 
-def reals_of(coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
+def reals_of(coefficients: Complexes) -> Floats:
     """α and β with 2 Re B z = α Re z + β Im z (2 columns, rows)."""
     return 2.0 * np.concatenate([coefficients.real, -coefficients.imag])
 
 
-def real_products(straight: NDArray[np.complex128], crossed: NDArray[np.complex128]) -> NDArray[np.float64]:
+def real_products(straight: Complexes, crossed: Complexes) -> Floats:
     """Products of the real columns from Σ z̄_i z_j and Σ z_i z_j (2 columns, 2 columns)."""
     n = len(straight)
     found = np.empty((2 * n, 2 * n))

@@ -17,63 +17,38 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Mask
 from floquid._numerics import positive_part, sandwich
 from floquid.errors import IdentificationError
 from floquid.periodic.least_squares._parameters import ModeParameters, turned
 from floquid.periodic.least_squares._sample_block import Block, Columns, complex_of
 
-ITERATIONS = 40
-"""Steps at most."""
-
-LONGEST_STEP = 0.2
-"""The most that an exponent may move in a step, over one period."""
-
-FARTHEST = 0.5
-"""The most that an exponent may move in all, over one period: the multiplier then is another one."""
-
-AT_REST = 1e-4
-"""Standard deviations that the last step may have."""
-
-PASSES = 3
-"""Corrections of the coefficients of one set of exponents, at most."""
-
-GAINED = 100.0
-"""Gain of a step of the coefficients, over the residual, up to which no digits that matter are lost."""
-
-LITTLE = 1e-3
-"""The same where columns are all but alike."""
-
-GONE = 1e-200
-"""The sum of squares below which a column has decayed before the first sample."""
-
-ROUNDING = 1e-13
-"""The share of its own size below which a direction of the columns is rounding."""
+ITERATIONS = 40  # steps at most
+LONGEST_STEP = 0.2  # the most that an exponent may move in a step, over one period
+FARTHEST = 0.5  # the most that an exponent may move in all, over one period: the multiplier then is another one
+AT_REST = 1e-4  # standard deviations that the last step may have
+PASSES = 3  # corrections of the coefficients of one set of exponents, at most
+GAINED = 100.0  # gain of a step of the coefficients, over the residual, up to which no digits that matter are lost
+LITTLE = 1e-3  # the same where columns are all but alike
+GONE = 1e-200  # the sum of squares below which a column has decayed before the first sample
+ROUNDING = 1e-13  # the share of its own size below which a direction of the columns is rounding
 
 
-SAFE = 1e-8
-"""The share of a column that the columns before it must leave for its inverse to be had without eigenvalues."""
-
-NOTHING = 1e-18
-"""The information on a parameter, over that on the best known, below which nothing is known of it."""
+SAFE = 1e-8  # the share of a column that the columns before it must leave for its inverse to be had without eigenvalues
+NOTHING = 1e-18  # the information on a parameter, over that on the best known, below which nothing is known of it
 
 
 @dataclass(frozen=True, slots=True)
 class Linear:
     """Linear part of one block: coefficients α Re z + β Im z (2 columns, rows), and matrices."""
 
-    coefficients: NDArray[np.float64]
-    inverse: NDArray[np.float64]
-    """The inverse of the Gram matrix (2 columns, 2 columns); zero where a column has no sine."""
-    mixed: NDArray[np.float64]
-    """Products of the slopes with the columns (2 columns, 2 columns)."""
-    curvature: NDArray[np.float64]
-    """Products of the slopes, less what the columns take of them (2 columns, 2 columns)."""
-    slope: NDArray[np.float64]
-    """Products of the slopes with what is left (2 columns, channels)."""
-    left: NDArray[np.float64]
-    """The sum of squares left (channels,)."""
+    coefficients: Floats
+    inverse: Floats  # inverse of the Gram matrix (2 columns, 2 columns); zero where a column has no sine
+    mixed: Floats  # products of the slopes with the columns (2 columns, 2 columns)
+    curvature: Floats  # products of the slopes, less what the columns take of them (2 columns, 2 columns)
+    slope: Floats  # products of the slopes with what is left (2 columns, channels)
+    left: Floats  # the sum of squares left (channels,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,14 +59,11 @@ class ByColumn:
     its gradient is A g and its Gauss-Newton matrix A J Aᵀ, so that one linearisation answers all such questions.
     """
 
-    gradient: NDArray[np.float64]
-    """(2 columns,)."""
-    gauss_newton: NDArray[np.float64]
-    """(2 columns, 2 columns)."""
-    noise: NDArray[np.float64]
-    """Part of it that noise on the coefficients adds (2 columns, 2 columns)."""
+    gradient: Floats  # (2 columns,)
+    gauss_newton: Floats  # (2 columns, 2 columns)
+    noise: Floats  # part of it that noise on the coefficients adds (2 columns, 2 columns)
 
-    def tied(self, ties: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def tied(self, ties: Floats) -> tuple[Floats, Floats, Floats]:
         """Gradient, Gauss-Newton matrix and information of parameters `ties` (parameters, 2 columns)."""
         scatter = ties @ self.gauss_newton @ ties.T
         return ties @ self.gradient, scatter, positive_part(scatter, scatter - ties @ self.noise @ ties.T)
@@ -104,14 +76,14 @@ class Solution:
     entries: ModeParameters
     linear: tuple[Linear, ...]
     cost: float
-    gradient: NDArray[np.float64]
-    gauss_newton: NDArray[np.float64]
-    information: NDArray[np.float64]
+    gradient: Floats
+    gauss_newton: Floats
+    information: Floats
     by_column: ByColumn
-    further: NDArray[np.float64] | None = None
+    further: Floats | None = None
     """Addition to variances, of clusters and of modes next to their conjugate (parameters,); None for nothing."""
 
-    def covariance(self) -> NDArray[np.float64]:
+    def covariance(self) -> Floats:
         """Of the real parameters (parameters, parameters): the sandwich of information and scatter."""
         size = np.diag(self.information)
         told = np.flatnonzero(size > NOTHING * size.max(initial=0.0))
@@ -125,13 +97,8 @@ class Solution:
         return found if self.further is None else found + np.diag(self.further)
 
 
-def linearise(
-    blocks: Sequence[Block], entries: ModeParameters, start: tuple[NDArray[np.float64], ...] | None = None
-) -> Solution:
-    """Cost, gradient and matrices of the fit at these exponents, the coefficients eliminated.
-
-    `start` are coefficients near the right ones, for each block: the residual is then small, and no digits are lost.
-    """
+def linearise(blocks: Sequence[Block], entries: ModeParameters, start: tuple[Floats, ...] | None = None) -> Solution:
+    """Cost, gradient and matrices of the fit at these exponents, the coefficients eliminated."""
     columns, sines = entries.columns(), entries.sines()
     first = [None] * len(blocks) if start is None else start
     return weighted(blocks, entries, [_linear(b, columns, sines, own) for b, own in zip(blocks, first, strict=True)])
@@ -154,7 +121,7 @@ def weighted(blocks: Sequence[Block], entries: ModeParameters, linear: Sequence[
     return Solution(entries, tuple(linear), cost, *by_column.tied(entries.ties()), by_column)
 
 
-def _folded(curvature: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
+def _folded(curvature: Floats, moments: Floats) -> Floats:
     """Products of the columns' slopes by decay and by frequency (2 columns, 2 columns), of coefficients' moments."""
     half = turned(moments)
     rows = [[moments, turned(moments.T).T], [half, turned(half.T).T]]
@@ -178,10 +145,7 @@ def solve(
     It ends when a step is below `at_rest` standard deviations. With `hold`, a mode whose exponent runs away is put back
     and held there.
 
-    Raises
-    ------
-    IdentificationError
-        Without `hold`: an exponent moves by more than `FARTHEST`.
+    Raises IdentificationError where, without `hold`, an exponent moves by more than `FARTHEST`.
     """
     now = start if isinstance(start, Solution) else linearise(blocks, start)
     begin, damping, period = now.entries, 1e-6, 2.0 * np.pi / now.entries.fundamental
@@ -219,7 +183,7 @@ def solve(
     return now
 
 
-def _linear(block: Block, columns: Columns, sines: NDArray[np.bool_], start: NDArray[np.float64] | None) -> Linear:
+def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -> Linear:
     """One block: coefficients by normal equations, and again for what those leave, so that no digits are lost."""
     kept = np.concatenate([np.ones(len(sines), bool), sines])
     size = 2 * len(sines)
@@ -246,7 +210,7 @@ def _linear(block: Block, columns: Columns, sines: NDArray[np.bool_], start: NDA
     )
 
 
-def _inverse(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
+def _inverse(matrix: Floats) -> tuple[Floats, bool]:
     """The inverse of a Gram matrix, directions that are rounding left out; and whether its columns are well apart."""
     if not len(matrix):
         return matrix, True

@@ -12,27 +12,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.periodic.least_squares._sample_block import PLAIN, TREND, Columns, Sums, real_products
 
-FEWEST = 1024
-"""Samples from which pieces are quicker."""
-
-LONGEST = 256
-"""Samples of a piece."""
-
-AT_ONCE = 1 << 16
-"""Samples of a channel whose rest is formed at a time."""
-
-STEEPEST = 300.0
-"""Largest growth of a column within a piece, as the logarithm: its power is formed there."""
-
-UNEVEN = 8.0 * np.finfo(float).eps
-"""The share of the largest time by which evenly spaced times may be off."""
+FEWEST = 1024  # samples from which pieces are quicker
+LONGEST = 256  # samples of a piece
+AT_ONCE = 1 << 16  # samples of a channel whose rest is formed at a time
+STEEPEST = 300.0  # largest growth of a column within a piece, as the logarithm: its power is formed there
+UNEVEN = 8.0 * np.finfo(float).eps  # the share of the largest time by which evenly spaced times may be off
 
 
-def step_of(times: NDArray[np.float64]) -> float | None:
+def step_of(times: Floats) -> float | None:
     """The step of evenly spaced times (samples,) [s], None where they are not."""
     n = len(times)
     if n < FEWEST:
@@ -51,16 +42,11 @@ def _piece(n_samples: int) -> int:
 class Pieces:
     """Some pieces of a block, of equal length."""
 
-    slots: slice
-    """Places of their samples in the block."""
-    own: NDArray[np.complex128]
-    """e (samples of a piece, products)."""
-    first: NDArray[np.complex128]
-    """d (pieces, products)."""
-    times: NDArray[np.float64]
-    """The time of each piece [s]: where it begins (pieces,)."""
-    later: NDArray[np.float64]
-    """The time after that of its samples [s] (samples of a piece,)."""
+    slots: slice  # places of their samples in the block
+    own: Complexes  # e (samples of a piece, products)
+    first: Complexes  # d (pieces, products)
+    times: Floats  # the time of each piece [s]: where it begins (pieces,)
+    later: Floats  # the time after that of its samples [s] (samples of a piece,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,14 +57,12 @@ class EvenColumns:
     first: float
     step: float
     n_samples: int
-    middle: float
-    """Time at which the trend is zero [s]."""
-    half: float
-    """Unit of the trend [s]."""
+    middle: float  # time at which the trend is zero [s]
+    half: float  # unit of the trend [s]
 
     @classmethod
     def of(
-        cls, columns: Columns, times: NDArray[np.float64], step: float | None, *, middle: float, half: float
+        cls, columns: Columns, times: Floats, step: float | None, *, middle: float, half: float
     ) -> EvenColumns | None:
         """Those columns, None where they cannot be had in pieces."""
         if step is None or not np.isin(columns.factors, (PLAIN, TREND)).all():
@@ -110,7 +94,7 @@ class EvenColumns:
         first[:, : len(trend)][:, trend] *= ((times - self.middle) / self.half)[:, None]
         return Pieces(slice(begin, end), own, first, times, later)
 
-    def _exponentials(self, times: NDArray[np.float64], last: float) -> NDArray[np.complex128]:
+    def _exponentials(self, times: Floats, last: float) -> Complexes:
         """The columns without factors (times, columns): what grows is counted from the last."""
         columns = self.columns
         grows = columns.exponents.real > 0
@@ -118,22 +102,22 @@ class EvenColumns:
         decays[:, grows] = np.exp(np.multiply.outer(times - last, columns.exponents[grows]))
         turns, where = np.unique(columns.turns, return_inverse=True)
         turned = np.exp(1j * columns.fundamental * np.multiply.outer(times, turns))
-        z: NDArray[np.complex128] = decays[:, columns.modes] * turned[:, where]
+        z: Complexes = decays[:, columns.modes] * turned[:, where]
         return z
 
-    def _stands_for(self) -> NDArray[np.int64]:
+    def _stands_for(self) -> Integers:
         """The column of each product (products,)."""
         modes = self.columns.modes
         return np.concatenate([np.arange(len(modes)), np.flatnonzero(self.columns.factors[modes] == TREND)])
 
-    def residual(self, values: NDArray[np.float64], coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def residual(self, values: Floats, coefficients: Complexes) -> Floats:
         """Residual of the values beside the model 2 Re Σ B_j z_j (rows, samples)."""
         left, coefficients = np.empty_like(values), coefficients[self._stands_for()]
         for pieces in self.pieces():
             left[:, pieces.slots] = _rest(pieces, values, coefficients).reshape(len(values), -1)
         return left
 
-    def sums(self, values: NDArray[np.float64], coefficients: NDArray[np.complex128]) -> Sums:
+    def sums(self, values: Floats, coefficients: Complexes) -> Sums:
         """The sums of `Block.sums`."""
         stands_for, rows = self._stands_for(), len(values)
         coefficients, n = coefficients[stands_for], 2 * len(stands_for)
@@ -152,7 +136,7 @@ class EvenColumns:
         return Sums(gram, mixed, slopes, both.T @ seen, both.T @ late, left)
 
 
-def _rest(pieces: Pieces, values: NDArray[np.float64], coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _rest(pieces: Pieces, values: Floats, coefficients: Complexes) -> Floats:
     """Residual (rows, pieces, samples of a piece)."""
     shape = (len(values), len(pieces.times), len(pieces.later))
     weights = 2.0 * coefficients.T[:, None, :] * pieces.first
@@ -161,7 +145,7 @@ def _rest(pieces: Pieces, values: NDArray[np.float64], coefficients: NDArray[np.
     return values[:, pieces.slots].reshape(shape) - model
 
 
-def _met(pieces: Pieces, residual: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _met(pieces: Pieces, residual: Floats) -> tuple[Floats, Floats]:
     """Sums of the products with what is left, and of the products times t (2 products, rows)."""
     n = pieces.own.shape[1]
     timed = pieces.own * pieces.later[:, None]
@@ -172,7 +156,7 @@ def _met(pieces: Pieces, residual: NDArray[np.float64]) -> tuple[NDArray[np.floa
     return np.concatenate([seen.real, seen.imag]), np.concatenate([late.real, late.imag])
 
 
-def _products(pieces: Pieces) -> tuple[NDArray[np.float64], ...]:
+def _products(pieces: Pieces) -> tuple[Floats, ...]:
     """Sums of the products with each other, times t, and times t² (2 products, 2 products)."""
     found = []
     for of in (np.conj, np.asarray):  # with the conjugates, and with the products themselves

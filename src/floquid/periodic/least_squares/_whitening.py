@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.lifting import LAGS, filters_of
 from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
 from floquid.periodic.least_squares._sample_block import Block, complex_of
 from floquid.periodic.least_squares._solver import Solution
 
-FEWEST = 256
-"""Samples of a channel below which noise is not told from what was not fitted."""
+FEWEST = 256  # samples of a channel below which noise is not told from what was not fitted
 
 
-def residual_filter(blocks: Sequence[Block], solution: Solution, *, least: float = 0.0) -> NDArray[np.float64] | None:
+def residual_filter(blocks: Sequence[Block], solution: Solution, *, least: float = 0.0) -> Floats | None:
     """The filter of each channel that whitens what a fit leaves (channels, taps); None where that is white.
 
     By the Yule-Walker equations for the residual of all hits together; of a wandering speed one for all channels, since
@@ -48,13 +47,13 @@ def residual_filter(blocks: Sequence[Block], solution: Solution, *, least: float
     return filters_of(correlations, numbers)
 
 
-def through(blocks: Sequence[Block], taps: NDArray[np.float64] | None) -> Sequence[Block]:
+def through(blocks: Sequence[Block], taps: Floats | None) -> Sequence[Block]:
     """The blocks after a filter of each channel; as they are without one, or where too few samples would be left."""
     after = None if taps is None else filtered_blocks(blocks, taps)
     return blocks if after is None else after
 
 
-def filtered_blocks(blocks: Sequence[Block], taps: NDArray[np.float64]) -> tuple[Block, ...] | None:
+def filtered_blocks(blocks: Sequence[Block], taps: Floats) -> tuple[Block, ...] | None:
     """The blocks after a filter of each channel; None where samples are missing and too few would be left."""
     found = [
         block.filtered(taps[block.rows]) if isinstance(block, (RecordBlock, GappyBlock)) else None for block in blocks

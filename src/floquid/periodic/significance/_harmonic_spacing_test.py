@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Indices
 from floquid.core import Estimates
 from floquid.lifting import Lifted
 from floquid.periodic.least_squares import LiftedBlock, ModeParameters, linearise
 
-NOWHERE = 1e-200
-"""The information on a line, over that on the best known, below which there is none."""
+NOWHERE = 1e-200  # the information on a line, over that on the best known, below which there is none
 
 
-def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp]) -> float:
+def spacing_probability(whole: Estimates, lifted: Lifted, lines: Indices) -> float:
     r"""The probability of the responses if harmonics lie whole numbers of fundamentals from their modes; 1 without any.
 
     .. math:: Q = g^T J^{-1} g - (A^T g)^T (A^T J A)^{-1} A^T g \sim \chi^2
@@ -29,10 +28,7 @@ def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp
         return 1.0
     # Every term takes part: one that is left out would pull at the places of the others.
     count = len(whole.exponents)
-    bands = [whole.harmonics[whole.modes == mode][[0, -1]] for mode in range(count)]
-    own = np.where(whole.real, whole.exponents.real, whole.exponents)
-    entries = ModeParameters.made(own, bands, whole.fundamental, real=whole.real, offsets=0.5 * whole.half_turns)
-    rates = linearise(LiftedBlock.all_of(lifted), entries).by_column
+    rates = linearise(LiftedBlock.all_of(lifted), ModeParameters.of_terms(whole)).by_column
     modes = (whole.modes[:, None] == np.arange(count)) * whole.turning[:, None].astype(float)
     alone = (np.arange(len(whole.modes))[:, None] == lines).astype(float)
     looked_at = alone.any(axis=1, keepdims=True)
@@ -43,7 +39,7 @@ def spacing_probability(whole: Estimates, lifted: Lifted, lines: NDArray[np.intp
     return float(chdtrc(2 * len(lines), max(free - tied, 0.0)))
 
 
-def _gain(gradient: NDArray[np.float64], matrix: NDArray[np.float64]) -> float:
+def _gain(gradient: Floats, matrix: Floats) -> float:
     sizes = np.diag(matrix)
     # A line that is nowhere to be seen takes nothing.
     scale = np.where(sizes > NOWHERE * sizes.max(), sizes, np.inf) ** -0.5

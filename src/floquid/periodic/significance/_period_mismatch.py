@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 
@@ -16,14 +16,9 @@ SIGNIFICANT = 6.0
 NEGLIGIBLE_SLIP = 0.01
 """Samples of slip over the record below which a difference of periods does no harm, however significant."""
 
-LARGEST_DIFFERENCE = 0.1
-"""The relative difference of periods up to which two modes are looked at as one mode torn apart."""
-
-EVIDENT = 0.1
-"""Equal decays say something where the deviation of their difference is below this share of the decay."""
-
-WITNESSES = 3
-"""Pairs of modes that must agree on a difference of periods."""
+LARGEST_DIFFERENCE = 0.1  # relative difference of periods up to which two modes are looked at as one mode torn apart
+EVIDENT = 0.1  # equal decays say something where the deviation of their difference is below this share of the decay
+WITNESSES = 3  # pairs of modes that must agree on a difference of periods
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,19 +55,8 @@ def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
 
     Two signs are looked for: a slow turn of the harmonics within each mode (`drift`), and, where the difference is so
     large that each harmonic came out as a mode of its own, modes of equal decay spaced by something close to ω
-    (`spacing`).
-
-    Parameters
-    ----------
-    model
-        The periodic model.
-    lifted
-        The lifted responses that it was identified from.
-
-    Returns
-    -------
-    Synchrony or None
-        The one with the smaller deviation; None when the response does not tell the period.
+    (`spacing`). Returns the one with the smaller deviation; None when the response does not tell the period. The
+    `model` was identified from the responses `lifted`.
     """
     found = [sign for sign in (drift(model, lifted), spacing(model, lifted)) if sign is not None]
     return min(found, key=lambda sign: sign.std, default=None)
@@ -83,19 +67,8 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
 
     Modes a, b of equal real part with Im(λ_a - λ_b) = mω/(1 + ε), m ≠ 0. At least `WITNESSES` such pairs must agree on
     ε, and half of the modes must be in them: two close modes of nearly equal decay are no sign of a wrong period. Of
-    several ε the one with most pairs counts.
-
-    Parameters
-    ----------
-    model
-        The periodic model.
-    lifted
-        The lifted responses that it was identified from.
-
-    Returns
-    -------
-    Synchrony or None
-        None when too few pairs of modes agree, or too few modes are in them.
+    several ε the one with most pairs counts. None when too few pairs of modes agree, or too few modes are in them. The
+    `model` was identified from the responses `lifted`.
     """
     std = model.exponent_std
     if std is None:
@@ -141,20 +114,9 @@ def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     .. math:: \frac{\partial y}{\partial\epsilon} = \sum_r n \mu_r^n q_r, \qquad
               q_r = -i \omega T \sum_m m\, B_{r,m} e^{(\lambda_r + i m \omega) t_k}
 
-    up to what the residues take up. The estimate of ε is its regression on the residual beside the slopes
-    :math:`n \mu_r^n R_r` of the poles.
-
-    Parameters
-    ----------
-    model
-        The periodic model.
-    lifted
-        The lifted responses that it was identified from.
-
-    Returns
-    -------
-    Synchrony or None
-        None when no mode has more than one harmonic: then the response does not tell the period.
+    up to what the residues take up. The estimate of ε is its regression on the residual beside the slopes :math:`n
+    \mu_r^n R_r` of the poles. None when no mode has more than one harmonic: then the response does not tell the period.
+    The `model` was identified from the responses `lifted`.
     """
     times, n = lifted.phase_times, model.order
     turning = np.exp(np.multiply.outer(model.exponents, times))[:, None, None, :]
@@ -190,11 +152,7 @@ def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
 
 
 def _accumulate(
-    information: NDArray[np.float64],
-    score: NDArray[np.float64],
-    curvature: NDArray[np.complex128],
-    seen: NDArray[np.complex128],
-    rows: list[NDArray[np.complex128]],
+    information: Floats, score: Floats, curvature: Complexes, seen: Complexes, rows: list[Complexes]
 ) -> None:
     """Add one hit: the parameters are the real and imaginary parts of each ln μ, as if independent, then ε."""
     shapes, turned = rows

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, finite, frozen_array, input_error
+from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
+from floquid._checks import Rebuilt, finite, input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.findings import Finding, note, texts, warning
 from floquid.lifting import Lifted
@@ -18,17 +18,10 @@ from floquid.periodic.significance._wald import holm, noncentrality, root, wald
 HARMONICS = (1, 2)
 """Harmonics per period that are looked at: stiffness that varies once or twice a period shows in these first."""
 
-LEVEL = 0.05
-"""The probability at which chance may pass for periodicity."""
-
-POWER = 0.95
-"""The probability with which what lies above a detection limit is seen."""
-
-MISPLACED = 0.01
-"""The probability at which harmonics may pass for modes of their own."""
-
-CLEAR = 1e-6
-"""The probability at which noise may pass for a harmonic whose place is looked at."""
+LEVEL = 0.05  # the probability at which chance may pass for periodicity
+POWER = 0.95  # the probability with which what lies above a detection limit is seen
+MISPLACED = 0.01  # the probability at which harmonics may pass for modes of their own
+CLEAR = 1e-6  # the probability at which noise may pass for a harmonic whose place is looked at
 
 TWIN = 0.5
 """Least distance of a harmonic from a mode, over the sum of their decays, at which their coefficients are told apart:
@@ -47,16 +40,14 @@ class PartialTests(Rebuilt):
         The probabilities corrected for the number of all parts of the table: harmonics, modes and channels (Holm 1979).
     """
 
-    statistics: NDArray[np.float64]
-    degrees: NDArray[np.int64]
-    p_values: NDArray[np.float64]
-    adjusted: NDArray[np.float64]
+    statistics: Floats
+    degrees: Integers
+    p_values: Floats
+    adjusted: Floats
 
     def __post_init__(self) -> None:
-        for name in ("statistics", "degrees", "p_values", "adjusted"):
-            dtype = np.int64 if name == "degrees" else np.float64
-            value = frozen_array(getattr(self, name), name, "PartialTests", axes=("parts",), dtype=dtype)
-            object.__setattr__(self, name, value)
+        self._freeze(dtype=np.int64, degrees=("parts",))
+        self._freeze(statistics=("parts",), p_values=("parts",), adjusted=("parts",))
 
     @property
     def strongest(self) -> int:
@@ -70,6 +61,8 @@ class Periodicity(Rebuilt):
 
     The null hypothesis is a constant system seen by sensors that stand still in it: of every mode the zeroth harmonic
     alone is there. A sensor that moves periodically, such as one that scans, makes the response periodic as well.
+
+    Raises InputError where a shape is not possible.
 
     Parameters
     ----------
@@ -101,11 +94,6 @@ class Periodicity(Rebuilt):
     spacing_p
         The probability of the responses if what was taken for harmonics lies whole numbers of fundamentals from its
         mode. A small one says that modes of a constant system were merged. None where it was not looked at.
-
-    Raises
-    ------
-    InputError
-        A shape is not possible.
     """
 
     statistic: float
@@ -113,25 +101,23 @@ class Periodicity(Rebuilt):
     p_value: float
     level: float
     power: float
-    harmonics: NDArray[np.int64]
-    exponents: NDArray[np.complex128]
+    harmonics: Integers
+    exponents: Complexes
     channels: tuple[str, ...]
     by_harmonic: PartialTests
     by_mode: PartialTests
     by_channel: PartialTests
-    sizes: NDArray[np.float64]
-    limits: NDArray[np.float64]
-    untested: NDArray[np.int64]
-    locked: NDArray[np.int64]
+    sizes: Floats
+    limits: Floats
+    untested: Integers
+    locked: Integers
     spacing_p: float | None = None
 
     def __post_init__(self) -> None:
         of, put = "Periodicity", object.__setattr__
         put(self, "channels", tuple(self.channels))
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
-        put(self, "exponents", frozen_array(self.exponents, "exponents", of, axes=("modes",), dtype=np.complex128))
-        put(self, "untested", frozen_array(self.untested, "untested", of, axes=("cases", 2), dtype=np.int64))
-        put(self, "locked", frozen_array(self.locked, "locked", of, axes=("modes",), dtype=np.int64))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",), untested=("cases", 2), locked=("modes",))
+        self._freeze(dtype=np.complex128, exponents=("modes",))
         shape = (len(self.exponents), len(self.harmonics))
         for name in ("sizes", "limits"):
             values = np.array(getattr(self, name), np.float64)
@@ -223,6 +209,10 @@ def periodicity(
     `lifted`, what was taken for harmonics is looked at: whether it is where harmonics are, as exactly as the responses
     tell.
 
+    Returns the probability, the same for each harmonic, mode and channel, and how small a harmonic would have been
+    seen. Raises InputError where the model has no estimates of harmonics that were not selected, or a number is not
+    possible.
+
     Parameters
     ----------
     model
@@ -235,16 +225,6 @@ def periodicity(
         The probability with which what lies above the detection limits is to be seen.
     lifted
         The responses, to see whether harmonics are modes of their own; None does not look.
-
-    Returns
-    -------
-    Periodicity
-        The probability, the same for each harmonic, mode and channel, and how small a harmonic would have been seen.
-
-    Raises
-    ------
-    InputError
-        The model has no estimates of harmonics that were not selected, or a number is not possible.
     """
     orders = _orders(harmonics)
     for name, value in (("level", level), ("power", power)):
@@ -252,13 +232,9 @@ def periodicity(
             raise input_error(name, "periodicity", "lie between 0 and 1", f"is {value:g}")
     whole = model.unselected
     if whole is None:
-        raise input_error(
-            "model",
-            "periodicity",
-            "have the estimates of harmonics that were not selected, too (`unselected`)",
-            "has none",
-            "Identify with `constrained=True` and an identifier that gives deviations, and not from a file.",
-        )
+        must = "have the estimates of harmonics that were not selected, too (`unselected`)"
+        remedy = "Identify with `constrained=True` and an identifier that gives deviations, and not from a file."
+        raise input_error("model", "periodicity", must, "has none", remedy)
     asked = np.isin(np.abs(whole.harmonics), orders)
     tested = np.flatnonzero(asked & ~_on_a_mode(whole))
     every = np.arange(whole.blocks.shape[0])
@@ -292,7 +268,7 @@ def periodicity(
     )
 
 
-def _orders(harmonics: Sequence[int]) -> NDArray[np.int64]:
+def _orders(harmonics: Sequence[int]) -> Integers:
     given = np.atleast_1d(np.asarray(harmonics))
     whole = given.ndim == 1 and given.size and np.issubdtype(given.dtype, np.integer)
     if not whole or given.min() < 1 or len(np.unique(given)) < len(given):
@@ -301,7 +277,7 @@ def _orders(harmonics: Sequence[int]) -> NDArray[np.int64]:
     return np.sort(given).astype(np.int64)
 
 
-def _on_a_mode(whole: Estimates) -> NDArray[np.bool_]:
+def _on_a_mode(whole: Estimates) -> Mask:
     """Mask of terms that lie on another mode's zeroth harmonic, or on the conjugate of one (terms,)."""
     zeroth = np.flatnonzero(whole.harmonics == 0)
     places = np.concatenate([whole.rates[zeroth], whole.rates[zeroth].conj()])
@@ -310,7 +286,7 @@ def _on_a_mode(whole: Estimates) -> NDArray[np.bool_]:
     return (gaps < TWIN * decays).any(axis=1) & (whole.harmonics != 0)
 
 
-def _table(part: list[tuple[float, int, float]], adjusted: NDArray[np.float64]) -> PartialTests:
+def _table(part: list[tuple[float, int, float]], adjusted: Floats) -> PartialTests:
     statistics, degrees, p_values = zip(*part, strict=True)
     return PartialTests(
         statistics=np.array(statistics),
@@ -320,16 +296,14 @@ def _table(part: list[tuple[float, int, float]], adjusted: NDArray[np.float64]) 
     )
 
 
-def _clear(whole: Estimates, tested: NDArray[np.intp]) -> NDArray[np.intp]:
+def _clear(whole: Estimates, tested: Indices) -> Indices:
     """Harmonics that clearly rise above the noise, each by itself."""
     every = np.arange(whole.blocks.shape[0])
     found = [k for k in tested if whole.turning[k] and wald(whole, np.array([k]), every)[2] < CLEAR]
     return np.array(found, np.intp)
 
 
-def _sizes_and_limits(
-    whole: Estimates, orders: NDArray[np.int64], tested: NDArray[np.intp], least: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _sizes_and_limits(whole: Estimates, orders: Integers, tested: Indices, least: float) -> tuple[Floats, Floats]:
     r"""Size of each harmonic, and its detection limit, over the zeroth of its mode.
 
     The shape that is seen least has the largest variance, at most the sum of the largest of noise and of exponents:
@@ -356,7 +330,7 @@ def _sizes_and_limits(
     return sizes, limits
 
 
-def _untested(whole: Estimates, orders: NDArray[np.int64], tested: NDArray[np.intp]) -> NDArray[np.int64]:
+def _untested(whole: Estimates, orders: Integers, tested: Indices) -> Integers:
     """Mode and harmonic of what is asked for and not tested; of a real multiplier one of two conjugates is."""
     done = set(zip(whole.modes[tested].tolist(), whole.harmonics[tested].tolist(), strict=True))
     missing = [
@@ -368,7 +342,7 @@ def _untested(whole: Estimates, orders: NDArray[np.int64], tested: NDArray[np.in
     return np.array(missing, np.int64).reshape(-1, 2)
 
 
-def _locked(whole: Estimates) -> NDArray[np.int64]:
+def _locked(whole: Estimates) -> Integers:
     """Modes of real multipliers that share their half turns, not zero, with another."""
     turns = whole.half_turns
     return np.flatnonzero((turns != 0) & ((turns[:, None] == turns).sum(axis=1) > 1)).astype(np.int64)

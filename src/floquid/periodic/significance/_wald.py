@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Indices
 from floquid.core import Estimates
 
-ROUNDING = 1e-12
-"""The share of the largest variance of a scaled covariance below which a direction is rounding."""
+ROUNDING = 1e-12  # the share of the largest variance of a scaled covariance below which a direction is rounding
 
 
-def wald(whole: Estimates, terms: NDArray[np.intp], channels: NDArray[np.intp]) -> tuple[float, int, float]:
+def wald(whole: Estimates, terms: Indices, channels: Indices) -> tuple[float, int, float]:
     """The chi-square of some terms in some channels, its degrees of freedom and its probability."""
     from scipy.special import chdtrc
 
@@ -27,9 +26,7 @@ def wald(whole: Estimates, terms: NDArray[np.intp], channels: NDArray[np.intp]) 
     return statistic, len(values), float(chdtrc(len(values), statistic))
 
 
-def _whitened(
-    whole: Estimates, terms: NDArray[np.intp], channels: NDArray[np.intp]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _whitened(whole: Estimates, terms: Indices, channels: Indices) -> tuple[Floats, Floats]:
     """Coefficients whose noise is white, and what deviations of the exponents do to them (values, 2 modes + 1)."""
     values, slopes, both = [], [], np.concatenate([terms, terms + len(whole.modes)])
     spread, own_root = whole.spread[:, both][:, :, both], root(whole.covariance)
@@ -48,7 +45,7 @@ def _whitened(
     return np.concatenate(values), np.concatenate(slopes)
 
 
-def _whitener(spread: NDArray[np.float64]) -> NDArray[np.float64]:
+def _whitener(spread: Floats) -> Floats:
     """A matrix W with W V Wᵀ = I, of as many rows as V has rank (rank, 2 terms): what does not turn has no sine."""
     std = np.sqrt(np.diag(spread))
     there = np.flatnonzero(std > 0)
@@ -60,13 +57,13 @@ def _whitener(spread: NDArray[np.float64]) -> NDArray[np.float64]:
     return whitener
 
 
-def root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+def root(covariance: Floats) -> Floats:
     """L with L Lᵀ the covariance, which is singular where a part is no parameter."""
     sizes, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(sizes, 0.0))
 
 
-def holm(p_values: NDArray[np.float64]) -> NDArray[np.float64]:
+def holm(p_values: Floats) -> Floats:
     """Probabilities corrected for their number, by Holm's step-down method (Holm 1979)."""
     order = np.argsort(p_values, kind="stable")
     stepped = np.maximum.accumulate(p_values[order] * np.arange(len(order), 0, -1))

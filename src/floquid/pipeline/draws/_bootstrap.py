@@ -13,6 +13,7 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
+from floquid._arrays import Integers, Mask
 from floquid._bar import bar
 from floquid._checks import Rebuilt, describe, input_error, integer
 from floquid._show import Told
@@ -26,11 +27,8 @@ from floquid.pipeline.draws._spread import MATERIAL, Spread
 
 OF = "bootstrap"
 
-FEWEST = 20
-"""Draws below which nothing can be said of a deviation."""
-
-FAMILY_WISE = 0.01
-"""The probability at which the verdict is against deviations that are right, over all elements together."""
+FEWEST = 20  # draws below which nothing can be said of a deviation
+FAMILY_WISE = 0.01  # probability at which the verdict is against deviations that are right, over all elements together
 
 QUANTITIES = (
     "exponents",
@@ -54,22 +52,13 @@ class AbstractDraws(ABC):
 
     @abstractmethod
     def keep(self, draws: Sequence[Draw]) -> None:
-        """Keep these, or pass over them if that was done a moment ago.
-
-        Parameters
-        ----------
-        draws
-            All that are done, in the order of their seeds.
-        """
+        """Keep all `draws` that are done, in the order of their seeds; or pass over them if that was a moment ago."""
 
     @abstractmethod
     def write(self, draws: Sequence[Draw]) -> None:
         """Keep these.
 
-        Parameters
-        ----------
-        draws
-            All that are done, in the order of their seeds.
+        All `draws` that are done are given, in the order of their seeds.
         """
 
 
@@ -109,7 +98,7 @@ class Bootstrap(Told, Rebuilt):
     transition: Spread | None
     n_draws: int
     seed: int
-    orders: NDArray[np.int64]
+    orders: Integers
     failures: tuple[str, ...]
     whole: bool
 
@@ -141,7 +130,7 @@ class Bootstrap(Told, Rebuilt):
         return self.n_used / self.n_draws
 
     @property
-    def doubtful(self) -> dict[str, NDArray[np.bool_]]:
+    def doubtful(self) -> dict[str, Mask]:
         """Elements of `Spread.ratios` that differ from one by more than chance, by quantity; those alone that have any.
 
         Together, over all quantities, right deviations are found wrong with a probability of at most `FAMILY_WISE`
@@ -240,13 +229,13 @@ def bootstrap(
     .. math:: y^{(b)}_{c,h}(t_n) = \hat y_{c,h}(t_n) + \hat\sigma_{c,h}\, e^{(b)}_{c,h,n}, \qquad b = 1 \dots B
 
     with ŷ the response as it was fitted (harmonics that the model does not keep included) at the samples of the record,
-    and e white noise of unit variance, or coloured by the inverse of the
-    filter that whitened the record (Efron and Tibshirani 1993, "An Introduction to the Bootstrap",
-    section 6.5). In each draw the same modes with the same bands of harmonics are fitted anew, from the model on, and
-    A(t) is built from that fit as the analysis built it, with the structure that it has. What the draws show of the
-    deviations that the fit itself gave is said in words: those are right to first order in the noise alone. The
-    deviations of A(t) and Φ without a structure also count the harmonics that are left out, which are in no draw: the
-    draws may spread less than these, but not more.
+    and e white noise of unit variance, or coloured by the inverse of the filter that whitened the record (Efron and
+    Tibshirani 1993, "An Introduction to the Bootstrap", section 6.5). In each draw the same modes with the same bands
+    of harmonics are fitted anew, from the model on, and A(t) is built from that fit as the analysis built it, with the
+    structure that it has. What the draws show of the deviations that the fit itself gave is said in words: those are
+    right to first order in the noise alone. The deviations of A(t) and Φ without a structure also count the harmonics
+    that are left out, which are in no draw: the draws may spread less than these, but not more. Returns the spread of
+    each quantity, and the verdict.
 
     Parameters
     ----------
@@ -267,11 +256,6 @@ def bootstrap(
         Whether a progress bar is drawn on stderr, if that is a terminal.
     report
         Is told of each draw that is done.
-
-    Returns
-    -------
-    Bootstrap
-        The spread of each quantity, and the verdict.
 
     Raises
     ------

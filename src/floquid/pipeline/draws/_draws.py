@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import SeedSequence
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, input_error
 from floquid.core import Estimates, PeriodicModel, Record
 from floquid.errors import FloquidError, IdentificationError
@@ -29,8 +29,7 @@ NEVER = 1e-300
 """The probability below which the structure of A(t) is refused: the free model that is drawn from has a misfit already,
 and twice that much is no news of the structure."""
 
-FADED = 1e-8
-"""The share of its size that coloured noise keeps of its beginning when the record begins."""
+FADED = 1e-8  # the share of its size that coloured noise keeps of its beginning when the record begins
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +51,11 @@ class Draw(Rebuilt):
     """
 
     order: int
-    exponents: NDArray[np.complex128] | None = None
-    coefficients: NDArray[np.complex128] | None = None
+    exponents: Complexes | None = None
+    coefficients: Complexes | None = None
     period: float = 0.0
-    system: NDArray[np.float64] | None = None
-    transition: NDArray[np.float64] | None = None
+    system: Floats | None = None
+    transition: Floats | None = None
     failure: str = ""
 
 
@@ -69,7 +68,7 @@ def draw(plan: Plan, seed: SeedSequence) -> Draw:
         return Draw(0, failure=str(error).splitlines()[0] or type(error).__name__)
 
 
-def noisy(plan: Plan, generator: np.random.Generator) -> list[NDArray[np.float64]]:
+def noisy(plan: Plan, generator: np.random.Generator) -> list[Floats]:
     """The records of one draw, (channels, samples) each; noise is coloured as that which was whitened."""
     taps, found = plan.whitening, []
     for hit, clean in enumerate(plan.clean):
@@ -83,7 +82,7 @@ def noisy(plan: Plan, generator: np.random.Generator) -> list[NDArray[np.float64
     return found
 
 
-def _memory(taps: NDArray[np.float64], longest: int) -> int:
+def _memory(taps: Floats, longest: int) -> int:
     """Samples in which coloured noise forgets how it began."""
     slowest = max((float(np.abs(np.roots(own)).max(initial=0.0)) for own in taps), default=0.0)
     if slowest >= 1.0:
@@ -91,7 +90,7 @@ def _memory(taps: NDArray[np.float64], longest: int) -> int:
     return min(longest, int(np.ceil(np.log(FADED) / np.log(slowest)))) if slowest > 0.0 else 0
 
 
-def _fitted(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
+def _fitted(plan: Plan, values: Sequence[Floats]) -> Draw:
     """The same modes and bands fitted anew, and A(t) as before."""
     records = [replace(record, values=own) for record, own in zip(plan.records, values, strict=True)]
     clocks = plan.clocks
@@ -104,7 +103,7 @@ def _fitted(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
         own = {"noise": plan.noise, "whitening": plan.whitening}
         found = refit(plan.fitted, records, clocks, **own, free_period=plan.free_period, wider=wider)
 
-    def again(exponents: NDArray[np.complex128]) -> Estimates:
+    def again(exponents: Complexes) -> Estimates:
         if lifted is not None:
             return estimate_at(found, exponents, lifted=lifted)
         return estimate_at(found, exponents, records=records, clocks=clocks, noise=plan.noise, whitening=plan.whitening)
@@ -168,7 +167,7 @@ def _free(plan: Plan, lifted: Lifted, modal: ModalModel) -> PeriodicModel:
     return assemble(found, lifted, harmonics=(lifted.n_phases - 1) // 2)
 
 
-def _identified(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
+def _identified(plan: Plan, values: Sequence[Floats]) -> Draw:
     """The whole identification anew; modes are compared where the order is the same."""
     # What was done to the records before is done: hits are cut, clocks and orbits known, channels chosen. A force that
     # was named for a response stays one.
@@ -187,11 +186,8 @@ def _identified(plan: Plan, values: Sequence[NDArray[np.float64]]) -> Draw:
     return _compared(plan, found.model, again_of(found.fit, found.lifted, found.shafts, found.settings))
 
 
-def aligned(model: PeriodicModel, found: PeriodicModel) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    r"""The exponents and coefficients found, in the order, on the branches and with the harmonics of `model`.
-
-    Modes are paired by assignment, their exponents compared modulo iω; B e^{(λ + imω)t} is harmonic m + k of λ - ikω.
-    """
+def aligned(model: PeriodicModel, found: PeriodicModel) -> tuple[Complexes, Complexes]:
+    """The exponents and coefficients found, in the order, on the branches and with the harmonics of `model`."""
     exponents = np.zeros(model.order, complex)
     coefficients = np.zeros(model.coefficients.shape, complex)
     kept = (model.coefficients != 0).any(axis=(1, 2))
@@ -214,13 +210,7 @@ def _pairs(model: PeriodicModel, found: PeriodicModel) -> Iterator[tuple[int, in
 
 
 def drawn(plan: Plan, seeds: Sequence[SeedSequence], workers: int) -> Iterator[Draw]:
-    """The draws, in the order of their seeds, by so many processes; the numbers do not depend on how many.
-
-    Raises
-    ------
-    InputError
-        The processes cannot be started, or one of them dies.
-    """
+    """The draws in the order of their seeds, by so many processes; InputError where one cannot start, or dies."""
     from threadpoolctl import threadpool_limits
 
     if workers == 1:
@@ -267,11 +257,8 @@ def _sent(plan: Plan) -> bytes:
 
 
 def _unusable(why: str) -> Exception:
-    return input_error(
-        "workers",
-        "bootstrap",
-        "be a number of processes that can be started and last",
-        why,
+    remedy = (
         "Put the call of a script under `if __name__ == '__main__':`; where memory is short take fewer; `workers=1` "
-        "starts none.",
+        "starts none."
     )
+    return input_error("workers", "bootstrap", "be a number of processes that can be started and last", why, remedy)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
@@ -19,45 +19,34 @@ from floquid.pipeline._state import states_of
 from floquid.reconstruction import choices, text_of
 from floquid.sync import ShaftAngle
 
-CHUNK = 4096
-"""Samples of the response that are made at a time."""
+CHUNK = 4096  # samples of the response that are made at a time
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
     """All that a draw needs beside its seed."""
 
-    model: PeriodicModel
-    """The model drawn from, without its joint covariance."""
+    model: PeriodicModel  # the model drawn from, without its joint covariance
     fitted: PeriodicModel
     """The same with every harmonic that was fitted, also those that the model does not keep: where fits start."""
-    built: PeriodicModel
-    """The same with the harmonics alone that A(t) was built from."""
-    states: tuple[str, ...]
-    """Names of the states of A(t); none where there is no A(t)."""
-    settings: Settings
-    """Without states where there is no A(t); with the structure and the delay that were found."""
-    clean: tuple[NDArray[np.float64], ...]
+    built: PeriodicModel  # the same with the harmonics alone that A(t) was built from
+    states: tuple[str, ...]  # names of the states of A(t); none where there is no A(t)
+    settings: Settings  # without states where there is no A(t); with the structure and the delay that were found
+    clean: tuple[Floats, ...]
     """Response of all that was fitted in each record (channels, samples), NaN where a sample is missing."""
-    noise: NDArray[np.float64]
-    """(channels, hits)."""
+    noise: Floats  # (channels, hits)
     whole: bool
     estimated: bool
     """True where the model has the joint covariance of its coefficients, as those of draws should then have."""
-    free_period: bool
-    """True where the period is fitted too."""
+    free_period: bool  # true where the period is fitted too
     lifted: Lifted | None
     """The lifted responses, where they hold all that was fitted: then a fit of them is the cheaper one."""
-    modal: ModalModel | None
-    """The modal model, where residues were left free."""
-    whitening: NDArray[np.float64] | None
-    """The filter of each channel that makes its noise white; `noise` is that after it."""
+    modal: ModalModel | None  # the modal model, where residues were left free
+    whitening: Floats | None  # filter of each channel that makes its noise white; `noise` is that after it
     records: tuple[Record, ...]
     """The records that draws take the place of: with their clocks' channels for `whole`, without otherwise."""
-    rows: tuple[tuple[int, ...], ...]
-    """The rows of `records` that are responses."""
-    clocks: tuple[ConstantPeriod | ShaftAngle, ...]
-    """Clock of each record."""
+    rows: tuple[tuple[int, ...], ...]  # the rows of `records` that are responses
+    clocks: tuple[ConstantPeriod | ShaftAngle, ...]  # clock of each record
 
 
 def plan_of(analysis: Analysis, whole: bool) -> Plan:
@@ -114,9 +103,7 @@ def _choices(analysis: Analysis, bare: PeriodicModel) -> dict[str, Any]:
     return found | {"settings": replace(settings, delay=delay)}
 
 
-def _response(
-    model: PeriodicModel, hit: int, times: NDArray[np.float64], angles: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _response(model: PeriodicModel, hit: int, times: Floats, angles: Floats) -> Floats:
     """The free response of one hit (channels, samples) at times after phase zero [s] and phase angles [rad]."""
     found = np.empty((len(model.channels), len(times)))
     weights = model.coefficients[:, :, hit].transpose(1, 0, 2).reshape(len(model.channels), -1)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid._arrays import Floats, Mask
+from floquid._checks import Rebuilt, input_error
 
 STRUCTURAL = 1e-12
 """The share of a quantity's largest deviation below which one is rounding: the element is what it is by definition."""
 
-MATERIAL = 0.25
-"""The bias, over the deviation, below which it does not matter: the root-mean-square error grows by 3 %."""
+MATERIAL = 0.25  # the bias, over the deviation, below which it does not matter: the root-mean-square error grows by 3 %
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,22 +51,19 @@ class Spread(Rebuilt):
     estimate: NDArray
     draws: NDArray
     asymptotic: NDArray | None
-    distinct: NDArray[np.bool_]
+    distinct: Mask
     bound: bool = False
 
     def __post_init__(self) -> None:
-        put, of = object.__setattr__, "Spread"
         kind = np.complex128 if np.iscomplexobj(self.estimate) else np.float64
         shape = np.shape(self.estimate)
-        put(self, "estimate", frozen_array(self.estimate, "estimate", of, axes=shape, dtype=kind))
-        put(self, "draws", frozen_array(self.draws, "draws", of, axes=("draws", *shape), dtype=kind))
+        self._freeze(dtype=kind, estimate=shape, draws=("draws", *shape))
         if len(self.draws) < 2:
-            raise input_error("draws", of, "hold two draws or more", f"has {len(self.draws)}")
-        if self.asymptotic is not None:
-            put(self, "asymptotic", frozen_array(self.asymptotic, "asymptotic", of, axes=shape, dtype=kind))
+            raise input_error("draws", "Spread", "hold two draws or more", f"has {len(self.draws)}")
+        self._freeze(dtype=kind, asymptotic=shape)
         distinct = np.broadcast_to(np.asarray(self.distinct, bool), shape).copy()
         distinct.flags.writeable = False
-        put(self, "distinct", distinct)
+        object.__setattr__(self, "distinct", distinct)
 
     @property
     def std(self) -> NDArray:
@@ -98,33 +95,25 @@ class Spread(Rebuilt):
     def interval(self, level: float = 0.95) -> tuple[NDArray, NDArray]:
         """The percentile interval: both ends (...) of what holds the share `level` of the draws, as much beyond each.
 
+        Raises InputError where `level` is not between 0 and 1.
+
         Parameters
         ----------
         level
             The share, between 0 and 1.
-
-        Returns
-        -------
-        tuple of numpy.ndarray
-            The lower and the upper end.
-
-        Raises
-        ------
-        InputError
-            `level` is not between 0 and 1.
         """
         if not 0.0 < level < 1.0:
             raise input_error("level", "Spread.interval", "lie between 0 and 1", f"is {level!r}", "Pass e.g. 0.95.")
         low, high = np.quantile(_parts(self.draws), [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
         return _whole(low, self.estimate), _whole(high, self.estimate)
 
-    def ratios(self) -> NDArray[np.float64]:
+    def ratios(self) -> Floats:
         """The ratios that mean something, each once (ratios,); none where there are no asymptotic deviations."""
         if self.asymptotic is None:
             return np.zeros(0)
         return self._size()[self._tested()] / _parts(self.asymptotic)[self._tested()]
 
-    def chances(self) -> NDArray[np.float64]:
+    def chances(self) -> Floats:
         r"""Probability that chance takes a ratio at least as far from one (ratios,), in the order of `ratios`.
 
         Twice the smaller tail of (B - 1) s²/σ² against the chi-square distribution of B - 1 degrees of freedom; of a
@@ -138,43 +127,43 @@ class Spread(Rebuilt):
         score = degrees * self.ratios() ** 2
         return np.minimum(2.0 * np.minimum(chdtr(degrees, score), chdtrc(degrees, score)), 1.0)
 
-    def spare(self) -> NDArray[np.float64]:
+    def spare(self) -> Floats:
         """Probability that chance takes a ratio at least as far below one, were the deviation no bound (ratios,)."""
         from scipy.special import chdtr
 
         return chdtr(len(self.draws), len(self.draws) * self.ratios() ** 2)
 
-    def biases(self) -> NDArray[np.float64]:
+    def biases(self) -> Floats:
         """The bias of each distinct element that varies over its deviation (biases,)."""
         std, bias = _parts(self.std), _parts(self.bias)
         kept = _parts_of(self.distinct, self.estimate) & (std > STRUCTURAL * std.max(initial=0.0))
         return bias[kept] / std[kept]
 
-    def _size(self) -> NDArray[np.float64]:
+    def _size(self) -> Floats:
         """Deviation of the draws that is compared with the asymptotic one (..., parts)."""
         if not self.bound:
             return _parts(self.std)
         return np.sqrt(np.mean((_parts(self.draws) - _parts(self.estimate)) ** 2, axis=0))
 
-    def _tested(self) -> NDArray[np.bool_]:
+    def _tested(self) -> Mask:
         """Mask of parts that have a deviation to compare with, and are not listed twice (..., parts)."""
         assert self.asymptotic is not None
         own = _parts(self.asymptotic)
         return _parts_of(self.distinct, self.estimate) & (own > STRUCTURAL * own.max(initial=0.0))
 
 
-def _parts(values: NDArray) -> NDArray[np.float64]:
+def _parts(values: NDArray) -> Floats:
     """Real and imaginary part along a last axis; of real values that alone."""
     if np.iscomplexobj(values):
         return np.stack([np.real(values), np.imag(values)], axis=-1)
     return np.asarray(values, np.float64)[..., None]
 
 
-def _parts_of(mask: NDArray[np.bool_], like: NDArray) -> NDArray[np.bool_]:
+def _parts_of(mask: Mask, like: NDArray) -> Mask:
     """A mask over elements as one over their parts."""
     return np.repeat(mask[..., None], 2 if np.iscomplexobj(like) else 1, axis=-1)
 
 
-def _whole(parts: NDArray[np.float64], like: NDArray) -> NDArray:
+def _whole(parts: Floats, like: NDArray) -> NDArray:
     """The inverse of `_parts`."""
     return parts[..., 0] + 1j * parts[..., 1] if np.iscomplexobj(like) else parts[..., 0]

@@ -10,8 +10,8 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import Channel, Record
 from floquid.errors import InputError
 from floquid.io import Source
@@ -30,18 +30,14 @@ from floquid.tables import (
 )
 
 _BLOCK = 1 << 16
-_MOST_ABOVE = 100
-"""Lines of words above the numbers, at most."""
+_MOST_ABOVE = 100  # lines of words above the numbers, at most
 
 _BLANK = ' \t,;"\n'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Body:
-    """The rows under the header: the lines `first` to `last` of the file (from 1), of which `count` hold numbers.
-
-    They are read from the file each time that they are gone through, so that no text of them is kept.
-    """
+    """The rows under the header: the lines `first` to `last` of the file (from 1), of which `count` hold numbers."""
 
     path: Path
     first: int
@@ -103,11 +99,9 @@ def _refuse_other_than_text(source: Source) -> None:
             try:
                 line.decode()
             except UnicodeDecodeError as error:
-                raise source.error(
-                    "be text in UTF-8",
-                    f"has a byte 0x{line[error.start]:02x} in line {number} that is not",
-                    "Save it as CSV UTF-8; if it is not a text table at all, name it by its format.",
-                ) from None
+                got = f"has a byte 0x{line[error.start]:02x} in line {number} that is not"
+                remedy = "Save it as CSV UTF-8; if it is not a text table at all, name it by its format."
+                raise source.error("be text in UTF-8", got, remedy) from None
 
 
 def _lines(path: Path, first: int = 1, last: int | None = None) -> Iterator[tuple[int, str]]:
@@ -214,7 +208,7 @@ def _is_skipped(line: str) -> bool:
     return not line.strip() or line.lstrip().startswith("#")
 
 
-def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]) -> NDArray[np.float64]:
+def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]) -> Floats:
     """The numbers of the chosen columns (columns, rows): in one go, or cell by cell if something is odd."""
     values = np.empty((len(columns), body.count))
     try:
@@ -232,11 +226,9 @@ def _numbers(source: Source, header: Header, body: _Body, columns: Sequence[int]
         if len(cells) == len(header.cells) + 1 and cells[-1] == "":
             cells.pop()
         if len(cells) != len(header.cells):
-            raise source.error(
-                f"have {len(header.cells)} cells in every row, as in its header",
-                f"has {len(cells)} in line {number}",
-                "Mend that line; a missing sample is an empty cell or `nan`.",
-            )
+            must = f"have {len(header.cells)} cells in every row, as in its header"
+            got = f"has {len(cells)} in line {number}"
+            raise source.error(must, got, "Mend that line; a missing sample is an empty cell or `nan`.")
         for column, place in order:
             values[place, row] = _number(source, cells[column], number, header.cells[column])
     return values
@@ -246,11 +238,8 @@ def _number(source: Source, cell: str, line: int, column: str) -> float:
     remedy = f"{MISSING}, or read the other columns with `channels=`; times must be numbers, too."
     number = number_in(source, cell, line, column, remedy=remedy)
     if np.isinf(number):
-        raise source.error(
-            "have finite numbers",
-            f"has {cell[:40]!r} in line {line}, column {column!r}",
-            "Mend that cell: empty or `nan` for a missing sample.",
-        )
+        got = f"has {cell[:40]!r} in line {line}, column {column!r}"
+        raise source.error("have finite numbers", got, "Mend that cell: empty or `nan` for a missing sample.")
     return number
 
 
@@ -302,28 +291,22 @@ def find_delimiter(header: str, first_row: str) -> str:
 def parse_header(source: Source, cells: Sequence[str], line: int, stated: Stated) -> Header:
     """The columns that the header names; one that our comment line describes is taken from there."""
     if all(_is_number(cell) for cell in cells):
-        raise source.error(
-            "begin with a header row that names the columns",
-            f"begins with numbers (line {line})",
-            "Write a first line such as `time [s],x [m],y [m]`.",
-        )
+        must = "begin with a header row that names the columns"
+        got = f"begins with numbers (line {line})"
+        raise source.error(must, got, "Write a first line such as `time [s],x [m],y [m]`.")
     parts = [name_and_unit(cell) for cell in cells]
     time_column, scale = find_time(source, parts)
     columns = tuple(column for column in range(len(cells)) if column != time_column)
     if not columns:
-        raise source.error(
-            "have a column for each channel", f"has the time alone (line {line})", "Export the channels too."
-        )
+        must = "have a column for each channel"
+        raise source.error(must, f"has the time alone (line {line})", "Export the channels too.")
     own = {channel.label: channel for channel in stated.channels}
     channels = []
     for column in columns:
         name, unit = parts[column]
         if not name:
-            raise source.error(
-                "name every column in its header",
-                f"has no name for column {column + 1} (line {line})",
-                "Name it, or delete it.",
-            )
+            must = "name every column in its header"
+            raise source.error(must, f"has no name for column {column + 1} (line {line})", "Name it, or delete it.")
         channels.append(own.get(cells[column]) or make_channel(source, name=name, unit=unit or "-"))
     check_distinct(source, [channel.name for channel in channels])
     return Header(

@@ -30,8 +30,7 @@ from floquid.tables import (
 
 _KEY = b"floquid"
 _BLOCK = 1 << 16
-_INDEX = "__index_level_"
-"""Names that pandas gives an index without one: dates, or a mere count."""
+_INDEX = "__index_level_"  # names that pandas gives an index without one: dates, or a mere count
 
 
 def load_parquet(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:

@@ -14,14 +14,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import Channel, Record
 from floquid.io import Source
 from floquid.tables import numbers_of
 
-RECORD_LINE = "# floquid record: "
-"""Begin of the line in a text file."""
+RECORD_LINE = "# floquid record: "  # begin of the line in a text file
 
 _WORDS = ("name", "quantity", "unit", "location", "direction")
 
@@ -35,7 +34,7 @@ class Stated:
     period: float | None = None
     origin: float | None = None
     channels: tuple[Channel, ...] = ()
-    orbit: NDArray[np.float64] | None = None
+    orbit: Floats | None = None
 
     def of(self, channels: Sequence[Channel]) -> dict[str, Any]:
         """The fields of a table of `channels` that do not depend on the samples."""

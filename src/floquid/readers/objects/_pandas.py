@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe
 from floquid.core import Channel, Record
 from floquid.io import Source, load_package
@@ -28,8 +29,7 @@ from floquid.tables import (
 if TYPE_CHECKING:
     import pandas as pd
 
-OWN = "floquid"
-"""The entry of `attrs` that holds what a table cannot say. It is plain JSON, as Parquet keeps it."""
+OWN = "floquid"  # the entry of `attrs` that holds what a table cannot say. It is plain JSON, as Parquet keeps it.
 
 _WORDS = ("name", "quantity", "unit", "location", "direction")
 
@@ -40,20 +40,7 @@ def to_pandas(record: Record) -> pd.DataFrame:
     What a table cannot say (the exact rate, a constant period, quantities, the orbit) is in `attrs["floquid"]`, in
     plain JSON. pandas forgets it in many operations: the times and the units in the headings are left.
 
-    Parameters
-    ----------
-    record
-        The record.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The table, whose values are a copy (samples, channels).
-
-    Raises
-    ------
-    InputError
-        pandas is not installed.
+    The values are a copy (samples, channels). Raises InputError where pandas is not installed.
     """
     pandas = load_package("pandas", "to_pandas")
     said: dict[str, Any] = {"sample_rate": record.sample_rate}
@@ -86,6 +73,10 @@ def from_pandas(
     (`floquid.read`). Dates count from the first of them, at 0 s. NaN and `pandas.NA` are missing samples. A column
     that does not hold real numbers is refused, not left out.
 
+    Of what `to_pandas` gave it is the record that was, but for its provenance. Raises InputError where pandas is not
+    installed, the table has no times and no rate is given, times are uneven, or a column, a unit or a number is not
+    possible.
+
     Parameters
     ----------
     frame
@@ -99,17 +90,6 @@ def from_pandas(
         The period T of the system [s]; attaches `ConstantPeriod(period, origin)`.
     origin
         The time of phase zero [s].
-
-    Returns
-    -------
-    Record
-        The record. Of what `to_pandas` gave it is the record that was, but for its provenance.
-
-    Raises
-    ------
-    InputError
-        pandas is not installed, the table has no times and no rate is given, times are uneven, or a column, a unit
-        or a number is not possible.
     """
     source = Source(argument="frame", of="from_pandas")
     pandas = load_package("pandas", source.of)
@@ -158,9 +138,8 @@ def _own(attrs: Mapping[Any, Any], source: Source) -> Mapping[str, Any]:
     said = attrs.get(OWN, {})
     tables = [said.get(key, {}) for key in ("channels", "orbit")] if isinstance(said, Mapping) else [None]
     if not all(isinstance(table, Mapping) for table in tables):
-        raise source.error(
-            f"have `attrs[{OWN!r}]` as `to_pandas` wrote it", "has another", "Delete it: the rest is enough."
-        )
+        must = f"have `attrs[{OWN!r}]` as `to_pandas` wrote it"
+        raise source.error(must, "has another", "Delete it: the rest is enough.")
     return said
 
 
@@ -182,10 +161,7 @@ def _plain(column: pd.Series) -> NDArray[Any]:
 def _index_times(
     index: pd.Index, source: Source, parts: Sequence[tuple[str, str | None]]
 ) -> tuple[TimeColumn, tuple[str, ...]] | None:
-    """The times in an index of dates or durations, of numbers that is named so, or of fractions without a name.
-
-    Beside a column that is named as times (`parts`), fractions without a name are numbers of rows that a merge left.
-    """
+    """The times in an index of dates or durations, of numbers that is named so, or of fractions without a name."""
     pandas = load_package("pandas", source.of)
     if isinstance(index, pandas.MultiIndex):
         return None
@@ -222,9 +198,7 @@ def _channels(
     return channels
 
 
-def _orbit(
-    labels: Sequence[str], said: Mapping[str, Any], source: Source
-) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+def _orbit(labels: Sequence[str], said: Mapping[str, Any], source: Source) -> tuple[Floats | None, tuple[str, ...]]:
     """The orbit of these columns, and a note where it is not that of all of them."""
     rows = [said.get("orbit", {}).get(label) for label in labels]
     if "orbit" not in said or None in rows:

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe
 from floquid.core import Channel, Quantity, Record
 from floquid.io import Source
@@ -41,18 +41,9 @@ _NUMBERS = {"fs": True, "start": False, "period": True, "origin": False}
 def to_sep005(record: Record) -> list[dict[str, Any]]:
     """The record as dictionaries by SEP005, one a channel.
 
-    Each has `data`, `name`, `unit_str`, `fs` [Hz] and `quantity`. Keys of our own, which SEP005 allows, are `start`
-    [s] unless it is zero, `period` and `origin` [s] of a constant period, `location`, `direction` and `orbit`.
-
-    Parameters
-    ----------
-    record
-        The record.
-
-    Returns
-    -------
-    list of dict
-        The dictionaries, whose values are copies.
+    Each has `data`, `name`, `unit_str`, `fs` [Hz] and `quantity`. Keys of our own, which SEP005 allows, are `start` [s]
+    unless it is zero, `period` and `origin` [s] of a constant period, `location`, `direction` and `orbit`. Values are
+    copies.
     """
     codes = {quantity: code for code, quantity in _CODES.items() if code != "s"}
     numbers: dict[str, Any] = {"fs": record.sample_rate}
@@ -84,6 +75,9 @@ def from_sep005(
     Each has `data` (samples,), `name`, `unit_str`, and `fs` [Hz] or `time` (samples,) [s]; of the optional keys
     `quantity`, `group` and `start_timestamp` are used. A sample that is NaN or None is missing.
 
+    Of what `to_sep005` gave it is the record that was, but for its provenance. Raises InputError where a key is
+    missing, the signals were not sampled together (the message says which), or a unit or a number is not possible.
+
     Parameters
     ----------
     signals
@@ -96,17 +90,6 @@ def from_sep005(
         The period T of the system [s]; attaches `ConstantPeriod(period, origin)`.
     origin
         The time of phase zero [s].
-
-    Returns
-    -------
-    Record
-        The record. Of what `to_sep005` gave it is the record that was, but for its provenance.
-
-    Raises
-    ------
-    InputError
-        A key is missing, the signals were not sampled together (the message says which), or a unit or a number is
-        not possible.
     """
     source = Source(argument="signals", of="from_sep005")
     listed = [signals] if isinstance(signals, Mapping) else signals
@@ -150,9 +133,8 @@ def _names(signals: Sequence[Any], source: Source) -> list[str]:
         missing = [key for key in ("data", "name", "unit_str") if not isinstance(signal, Mapping) or key not in signal]
         if missing:
             words = f"`{missing[0]}`" if isinstance(signal, Mapping) else "any, being no dictionary"
-            raise source.error(
-                "be dictionaries that have `data`, `name` and `unit_str`", f"has number {position} without {words}"
-            )
+            must = "be dictionaries that have `data`, `name` and `unit_str`"
+            raise source.error(must, f"has number {position} without {words}")
     names = [str(signal["name"]) for signal in signals]
     groups = [str(signal.get("group") or "") for signal in signals]
     return [
@@ -161,16 +143,15 @@ def _names(signals: Sequence[Any], source: Source) -> list[str]:
     ]
 
 
-def _row(signal: Mapping[str, Any], name: str, source: Source) -> NDArray[np.float64]:
+def _row(signal: Mapping[str, Any], name: str, source: Source) -> Floats:
     """The samples of a channel; one that is None is missing."""
     data = signal["data"]
     if isinstance(data, Sequence) and not isinstance(data, str):
         data = [np.nan if value is None else value for value in data]
     values = np.asarray(data)
     if values.ndim != 1:
-        raise source.error(
-            "hold samples in one dimension", f"has shape {values.shape} in {name!r}", "Pass one a channel."
-        )
+        must = "hold samples in one dimension"
+        raise source.error(must, f"has shape {values.shape} in {name!r}", "Pass one a channel.")
     return real_row(values, name, source)
 
 
@@ -179,11 +160,8 @@ def _check_alike(names: Sequence[str], stated: Sequence[Any], what: str, source:
     for name, value in zip(names, stated, strict=True):
         if value != stated[0]:
             words = "" if isinstance(value, bytes) else f": {value} and {stated[0]}"
-            raise source.error(
-                "be sampled together",
-                f"has {what} of {name!r} other than of {names[0]!r}{words}",
-                "Choose signals that go together, or resample them.",
-            )
+            got = f"has {what} of {name!r} other than of {names[0]!r}{words}"
+            raise source.error("be sampled together", got, "Choose signals that go together, or resample them.")
 
 
 def _channel(signal: Mapping[str, Any], name: str, source: Source) -> Channel:
@@ -199,7 +177,7 @@ def _channel(signal: Mapping[str, Any], name: str, source: Source) -> Channel:
     )
 
 
-def _orbit(signals: Sequence[Mapping[str, Any]], source: Source) -> NDArray[np.float64] | None:
+def _orbit(signals: Sequence[Mapping[str, Any]], source: Source) -> Floats | None:
     rows = [np.asarray(signal["orbit"]) for signal in signals if signal.get("orbit") is not None]
     if not rows:
         return None

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe
 from floquid.core import Channel, Quantity, Record
 from floquid.io import Source, load_package
@@ -63,6 +63,10 @@ def from_xarray(
     the first of them; it is repaired as the times of a file are (`floquid.read`). Names are the coordinate of the
     other dimension, or those of the variables. Units are the coordinate `unit`, or `attrs["units"]`.
 
+    Of what `to_xarray` gave it is the record that was, but for its provenance. Raises InputError where xarray is not
+    installed, there are no times and no rate is given, times are uneven, or a dimension, a unit or a number is not
+    possible.
+
     Parameters
     ----------
     data
@@ -78,17 +82,6 @@ def from_xarray(
         The period T of the system [s]; attaches `ConstantPeriod(period, origin)`. None takes `attrs["period"]`.
     origin
         The time of phase zero [s].
-
-    Returns
-    -------
-    Record
-        The record. Of what `to_xarray` gave it is the record that was, but for its provenance.
-
-    Raises
-    ------
-    InputError
-        xarray is not installed, there are no times and no rate is given, times are uneven, or a dimension, a unit
-        or a number is not possible.
     """
     source = Source(argument="data", of="from_xarray")
     xarray = load_package("xarray", source.of)
@@ -125,29 +118,24 @@ def _times(data: Any, time: str, source: Source) -> tuple[TimeColumn, tuple[str,
     if coordinate.dtype.kind in "Mm" or unit in ("", *SECONDS):
         found = times_of(coordinate.values, scale=SECONDS.get(unit), label=time)
     if found is None:
-        raise source.error(
-            f"have `{time}` as numbers in one of s, ms, us, ns, min, h, as durations or as dates",
-            f"has {coordinate.dtype} in {unit!r}",
-            "Set `attrs['units']` of that coordinate.",
-        )
+        must = f"have `{time}` as numbers in one of s, ms, us, ns, min, h, as durations or as dates"
+        raise source.error(must, f"has {coordinate.dtype} in {unit!r}", "Set `attrs['units']` of that coordinate.")
     return found
 
 
-def _by_variable(data: Any, time: str, source: Source) -> tuple[NDArray[np.float64], list[Channel]]:
+def _by_variable(data: Any, time: str, source: Source) -> tuple[Floats, list[Channel]]:
     """A variable a channel, each over time alone."""
     others = [f"`{name}` with {variable.dims}" for name, variable in data.data_vars.items() if variable.dims != (time,)]
     if others or not data.data_vars:
-        raise source.error(
-            f"have the variable `response`, or variables over `{time}` alone, one a channel",
-            f"has {', '.join(others)}" if others else "has no variable",
-            "Choose among them, as in `data[['x', 'y']]`, or name the dimension by `time`.",
-        )
+        must = f"have the variable `response`, or variables over `{time}` alone, one a channel"
+        got = f"has {', '.join(others)}" if others else "has no variable"
+        raise source.error(must, got, "Choose among them, as in `data[['x', 'y']]`, or name the dimension by `time`.")
     rows = [real_row(variable.values, name, source) for name, variable in data.data_vars.items()]
     channels = [_channel(str(name), variable.attrs, source) for name, variable in data.data_vars.items()]
     return np.stack(rows), channels
 
 
-def _by_row(data: Any, time: str, source: Source) -> tuple[NDArray[np.float64], list[Channel]]:
+def _by_row(data: Any, time: str, source: Source) -> tuple[Floats, list[Channel]]:
     """One array, over time or over channels and time, in whichever order."""
     if time not in data.dims or data.ndim > 2:
         must = f"have the dimension `{time}`, and beside it one of channels at most"
@@ -182,7 +170,7 @@ def _channel(name: str, stated: Mapping[Any, Any], source: Source) -> Channel:
     return make_channel(source, name=name, **words)
 
 
-def _orbit(orbit: Any, channels: list[Channel], source: Source) -> NDArray[np.float64]:
+def _orbit(orbit: Any, channels: list[Channel], source: Source) -> Floats:
     """One period of the orbit of these channels (channels, phases)."""
     if orbit.ndim != 2 or "channel" not in orbit.dims or orbit.sizes["channel"] != len(channels):
         must = f"have `orbit` over `channel` and phases, with {len(channels)} channels"

@@ -11,20 +11,15 @@ from floquid.readers.uff._channels import OwnLines
 from floquid.readers.uff._datasets import FunctionHeader
 from floquid.tables import SECONDS, Printed, nominal_rate_of_step
 
-_TIME_KINDS = (0, 1, 17)
-"""Specific data types of an abscissa that may be a time: unknown, general, time."""
+_TIME_KINDS = (0, 1, 17)  # specific data types of an abscissa that may be a time: unknown, general, time
 
 _OVERRIDE = "Pass `rate=` [Hz] to say what it is."
-_SEEN = 0.005
-"""Samples of drift over the record from which a message says so."""
+_SEEN = 0.005  # samples of drift over the record from which a message says so
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """Time axis of the headers: the rate [Hz] (None for a column of times), the start [s], and how it was found.
-
-    `scale` is the unit of the abscissas [s].
-    """
+    """Time axis of the headers: rate [Hz] (None for times), start [s], how it was found; `scale`, the unit [s]."""
 
     sample_rate: float | None
     rate_note: str | None
@@ -47,11 +42,9 @@ def shared_axis(
     scale = SECONDS.get(header.abscissa.unit.strip("[]()- ").lower() or "s")
     if header.abscissa.kind not in _TIME_KINDS or (scale is None and not ignore_time):
         unit = f" in {header.abscissa.unit!r}" if header.abscissa.unit else ""
-        raise source.error(
-            "have times in seconds for its abscissas (specific data type 17)",
-            f"has the type {header.abscissa.kind}{unit} for {name!r}",
-            "Export the time histories, in seconds; or pass `rate=` [Hz] if only the unit's name is unknown.",
-        )
+        must = "have times in seconds for its abscissas (specific data type 17)"
+        remedy = "Export the time histories, in seconds; or pass `rate=` [Hz] if only the unit's name is unknown."
+        raise source.error(must, f"has the type {header.abscissa.kind}{unit} for {name!r}", remedy)
     scale = scale or 1.0
     start, step = (
         replace(number, value=number.value * scale, quantum=number.quantum * scale)
@@ -152,8 +145,6 @@ def _differ(source: Source, names: Sequence[str], facts: Sequence[str], one: int
     for name, words in zip(names, facts, strict=True):
         groups.setdefault(words, []).append(name)
     listing = " | ".join(", ".join(group[:12]) + (", ..." if len(group) > 12 else "") for group in groups.values())
-    return source.error(
-        "hold channels of one step, start, length and period",
-        f"has {names[one]!r} with {facts[one]} and {names[other]!r} with {facts[other]}",
-        f"Choose channels that go together with `channels=`: {listing}.",
-    )
+    must = "hold channels of one step, start, length and period"
+    got = f"has {names[one]!r} with {facts[one]} and {names[other]!r} with {facts[other]}"
+    return source.error(must, got, f"Choose channels that go together with `channels=`: {listing}.")

@@ -48,10 +48,7 @@ _WORDS = "floquid {"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnLines:
-    """Content of ID lines of ours: numbers in Hz and s, and the `words` of the channel, as far as they could be read.
-
-    `doubt` says in a sentence why they could not, or is empty.
-    """
+    """Content of ID lines of ours: numbers in Hz and s, `words` of the channel, and the `doubt` about them."""
 
     sample_rate: float
     start: float
@@ -95,11 +92,9 @@ def own_lines(source: Source, header: FunctionHeader) -> OwnLines | None:
         if not np.isfinite(numbers).all() or min(steps) <= 0.0 or (clock and _is_far(numbers[3], numbers[2])):
             raise ValueError(numbers)
     except ValueError:
-        raise source.error(
-            "have ID lines 2 and 4 as floquid wrote them",
-            f"has {header.ids[1]!r} and {header.ids[3]!r} in {where}",
-            "Mend them, or let line 2 be `NONE`: the function can be read without it.",
-        ) from None
+        must = "have ID lines 2 and 4 as floquid wrote them"
+        remedy = "Mend them, or let line 2 be `NONE`: the function can be read without it."
+        raise source.error(must, f"has {header.ids[1]!r} and {header.ids[3]!r} in {where}", remedy) from None
     words, doubt = _words(header)
     return OwnLines(
         sample_rate=numbers[0],
@@ -136,21 +131,9 @@ def _words(header: FunctionHeader) -> tuple[dict[str, str], str]:
 
 
 _QUANTITIES: dict[int, Quantity] = {
-    2: "other",
-    3: "strain",
-    5: "other",
-    6: "other",
-    8: "displacement",
+    **dict.fromkeys((2, 5, 6, *range(15, 21)), "other"),
+    **{KINDS[quantity]: quantity for quantity in ("strain", "displacement", "velocity", "acceleration", "force")},
     9: "force",
-    11: "velocity",
-    12: "acceleration",
-    13: "force",
-    15: "other",
-    16: "other",
-    17: "other",
-    18: "other",
-    19: "other",
-    20: "other",
 }
 """Quantity by the specific data type of an ordinate; 0 (unknown) and 1 (general) leave it to the unit."""
 
@@ -158,22 +141,11 @@ _SYSTEMS = {1: ("m", "N"), 2: ("ft", "lbf"), 5: ("mm", "mN"), 6: ("cm", "cN"), 7
 """Units of length and force, by the code of dataset 164; others name none that could be taken over."""
 
 _SPELLINGS = {
-    "m/s**2": "m/s^2",
-    "m/s/s": "m/s^2",
-    "m/sec^2": "m/s^2",
-    "m/sec2": "m/s^2",
+    **dict.fromkeys(("m/s**2", "m/s/s", "m/sec^2", "m/sec2", "M/S^2", "M/S2", "M/S**2"), "m/s^2"),
+    **{unit.upper(): unit for unit in ("m", "mm", "m/s", "rad", "deg", "g")},
     "m/sec": "m/s",
     "mm/s**2": "mm/s^2",
     "rad/s**2": "rad/s^2",
-    "M": "m",
-    "MM": "mm",
-    "M/S": "m/s",
-    "M/S^2": "m/s^2",
-    "M/S2": "m/s^2",
-    "M/S**2": "m/s^2",
-    "RAD": "rad",
-    "DEG": "deg",
-    "G": "g",
 }
 
 
@@ -238,8 +210,6 @@ def check_names(source: Source, headers: Sequence[FunctionHeader], names: Sequen
     first: dict[str, int] = {}
     for header, name in zip(headers, names, strict=True):
         if first.setdefault(name, header.first) != header.first:
-            raise source.error(
-                "tell its time responses apart by node, direction, entity or ID line 1",
-                f"has {name!r} twice, at bytes {first[name]} and {header.first}",
-                "Export one run a file, or name the functions in their ID lines.",
-            )
+            must = "tell its time responses apart by node, direction, entity or ID line 1"
+            got = f"has {name!r} twice, at bytes {first[name]} and {header.first}"
+            raise source.error(must, got, "Export one run a file, or name the functions in their ID lines.")

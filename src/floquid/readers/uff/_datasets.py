@@ -93,16 +93,10 @@ class FunctionHeader:
 
 
 def parse_header(source: Source, lines: Sequence[bytes], first: int) -> FunctionHeader:
-    """The header in the 11 lines of a dataset that begins at byte `first`.
-
-    Fields are taken by their columns, as the format has them, or by blanks where a program kept to none.
-    """
+    """The header in the 11 lines of a dataset that begins at byte `first`."""
     if not lines[-1].endswith(b"\n"):
-        raise source.error(
-            "hold whole datasets",
-            f"ends inside the header of the one of type 58 that begins at byte {first}: it is cut short",
-            "Copy or export it again.",
-        )
+        got = f"ends inside the header of the one of type 58 that begins at byte {first}: it is cut short"
+        raise source.error("hold whole datasets", got, "Copy or export it again.")
     texts = [_text(line) for line in lines]
     line = 6
     try:
@@ -123,11 +117,9 @@ def parse_header(source: Source, lines: Sequence[bytes], first: int) -> Function
         if line:
             raise ValueError(texts[line - 1])
     except ValueError:
-        raise source.error(
-            "have headers of dataset 58 as the format defines them",
-            f"has {texts[line - 1].strip()[:60]!r} in line {line} of the one that begins at byte {first}",
-            "Mend that line, or export or copy the file again.",
-        ) from None
+        must = "have headers of dataset 58 as the format defines them"
+        got = f"has {texts[line - 1].strip()[:60]!r} in line {line} of the one that begins at byte {first}"
+        raise source.error(must, got, "Mend that line, or export or copy the file again.") from None
     return FunctionHeader(
         first=first,
         ids=tuple(_word(text) for text in texts[:5]),
@@ -187,8 +179,7 @@ def _field(cell: str, kind: str) -> object:
 
 
 _MARK = b"    -1"
-_BLANK = b" \t\r\n\x1a"
-"""Bytes that may stand between datasets; 0x1A is the end mark of old text files."""
+_BLANK = b" \t\r\n\x1a"  # bytes that may stand between datasets; 0x1A is the end mark of old text files
 
 _CLOSING = re.compile(rb"[\r\n]{0,4}    -1[ \t]*(?:\r?\n|\Z)")
 """After a binary block: some programs begin a new line before it, some do not."""
@@ -286,11 +277,8 @@ def _binary(source: Source, text: str, place: int) -> BinaryBlock:
         if not (order in (1, 2) and form in (1, 2, 3) and 0 <= lines <= 99 and size >= 0):
             raise ValueError(text)
     except ValueError:
-        raise source.error(
-            "say the byte order (1 or 2), the float format (1 to 3), lines and bytes of each binary dataset",
-            f"has {text.strip()[:40]!r} at byte {place}",
-            _COPY,
-        ) from None
+        must = "say the byte order (1 or 2), the float format (1 to 3), lines and bytes of each binary dataset"
+        raise source.error(must, f"has {text.strip()[:40]!r} at byte {place}", _COPY) from None
     return BinaryBlock(byte_order=order, float_format=form, n_lines=lines, n_bytes=size)
 
 
@@ -302,11 +290,8 @@ def _end_of_text(source: Source, data: bytes, place: int, number: int, first: in
         if line.rstrip() == _MARK:
             return max(found, place), following
         found = following - 1
-    raise source.error(
-        "close each dataset with a line `    -1`",
-        f"ends inside the one of type {number} that begins at byte {first}: it is cut short",
-        _COPY,
-    )
+    got = f"ends inside the one of type {number} that begins at byte {first}: it is cut short"
+    raise source.error("close each dataset with a line `    -1`", got, _COPY)
 
 
 def _end_of_bytes(

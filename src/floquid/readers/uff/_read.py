@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import Channel, Record, channels_named
 from floquid.errors import InputError
 from floquid.io import Source
@@ -119,11 +120,8 @@ def _unit_system(data: bytes, datasets: Sequence[Dataset]) -> int | None:
 def _functions(source: Source, datasets: Sequence[Dataset], system: int | None) -> list[_Function]:
     found = [(d, d.header) for d in datasets if d.header is not None and d.header.function == _TIME_RESPONSE]
     if not found:
-        raise source.error(
-            "hold time responses: datasets of type 58 and function type 1",
-            f"holds {', '.join(_aside(datasets))}",
-            "Export the time histories.",
-        )
+        must = "hold time responses: datasets of type 58 and function type 1"
+        raise source.error(must, f"holds {', '.join(_aside(datasets))}", "Export the time histories.")
     headers = [header for _, header in found]
     own = [own_lines(source, header) for header in headers]
     names = name_functions(headers, own)
@@ -148,20 +146,16 @@ def _counted(count: int, what: str, number: int, known: dict[int, str]) -> str:
     return f"{count} {what}{'' if count == 1 else 's'} of type {number}{meaning}"
 
 
-def _values(
-    source: Source, data: bytes, functions: Sequence[_Function]
-) -> tuple[NDArray[np.float64], NDArray[np.floating] | None]:
+def _values(source: Source, data: bytes, functions: Sequence[_Function]) -> tuple[Floats, NDArray[np.floating] | None]:
     """The ordinates (channels, samples), and the uneven abscissas (samples,) that all must share."""
     values = np.empty((len(functions), functions[0].header.n_points))
     shared: NDArray[np.floating] | None = None
     for row, function in enumerate(functions):
         values[row], times = read_values(source, data, function.dataset, function.header, function.channel.name)
         if times is not None and shared is not None and not np.array_equal(times, shared, equal_nan=True):
-            raise source.error(
-                "hold channels of the same times",
-                f"has others for {function.channel.name!r} than for {functions[0].channel.name!r}",
-                "Choose channels that go together with `channels=`, or export them on one time axis.",
-            )
+            got = f"has others for {function.channel.name!r} than for {functions[0].channel.name!r}"
+            remedy = "Choose channels that go together with `channels=`, or export them on one time axis."
+            raise source.error("hold channels of the same times", got, remedy)
         shared = times if shared is None else shared
     return values, shared
 
@@ -223,11 +217,8 @@ def _axis(kind: int, label: str, unit: str) -> str:
 
 _ORDERS = {1: "<", 2: ">"}
 _FLOATS = {1: "DEC VMS", 3: "IBM 370"}
-_USUAL = 1e12
-"""Numbers that are measured lie between the inverse of this and this, or are zero."""
-
-_ENOUGH = 16
-"""Numbers from which their magnitudes are evidence."""
+_USUAL = 1e12  # numbers that are measured lie between the inverse of this and this, or are zero
+_ENOUGH = 16  # numbers from which their magnitudes are evidence
 
 _EXPORT = "Export or copy the file again."
 
@@ -235,22 +226,17 @@ _EXPORT = "Export or copy the file again."
 def check_size(source: Source, dataset: Dataset, header: FunctionHeader, name: str) -> None:
     """Refuse a function that cannot hold what it declares, before memory is taken for it."""
     if header.is_complex:
-        raise source.error(
-            "hold time responses of real numbers",
-            f"has complex ordinates in {name!r}",
-            "Export the time history itself, or choose the other channels with `channels=`.",
-        )
+        remedy = "Export the time history itself, or choose the other channels with `channels=`."
+        raise source.error("hold time responses of real numbers", f"has complex ordinates in {name!r}", remedy)
     size = dataset.end - dataset.start
     if dataset.binary is None:
         numbers = header.n_points * (1 if header.is_even else 2)
         if numbers > (size + 1) // 2:
             raise _count(source, header, name, f"{size} characters, which cannot hold as many")
     elif dataset.binary.float_format != 2:
-        raise source.error(
-            "hold numbers in the format IEEE 754 (2)",
-            f"declares {_FLOATS[dataset.binary.float_format]} ({dataset.binary.float_format}) for {name!r}",
-            "Export it again, as text or with IEEE numbers.",
-        )
+        must = "hold numbers in the format IEEE 754 (2)"
+        got = f"declares {_FLOATS[dataset.binary.float_format]} ({dataset.binary.float_format}) for {name!r}"
+        raise source.error(must, got, "Export it again, as text or with IEEE numbers.")
     elif size not in header.sizes:
         wanted = " or ".join(map(str, header.sizes))
         raise _count(source, header, name, f"{size} bytes, while as many take {wanted}")
@@ -258,7 +244,7 @@ def check_size(source: Source, dataset: Dataset, header: FunctionHeader, name: s
 
 def read_values(
     source: Source, data: bytes, dataset: Dataset, header: FunctionHeader, name: str
-) -> tuple[NDArray[np.float64], NDArray[np.floating] | None]:
+) -> tuple[Floats, NDArray[np.floating] | None]:
     """The ordinates (samples,), and the abscissas (samples,) where they are uneven, of a function of checked size."""
     if dataset.binary is None:
         numbers = _text_numbers(source, data[dataset.start : dataset.end], header, name)
@@ -285,14 +271,12 @@ def _check_byte_order(source: Source, raw: NDArray[np.floating], name: str, decl
     some = raw[:: len(raw) // 10000 + 1]
     some = some[~np.isnan(some)]
     if len(some) >= _ENOUGH and usual(some) < 0.5 and usual(some.view(some.dtype.newbyteorder())) > 0.9:
-        raise source.error(
-            "declare the byte order that its numbers have",
-            f"declares {declared} for {name!r}, whose numbers make sense in the other order only",
-            f"Set the first number after `58b` to {3 - declared}, or export it again.",
-        )
+        must = "declare the byte order that its numbers have"
+        got = f"declares {declared} for {name!r}, whose numbers make sense in the other order only"
+        raise source.error(must, got, f"Set the first number after `58b` to {3 - declared}, or export it again.")
 
 
-def _text_numbers(source: Source, text: bytes, header: FunctionHeader, name: str) -> NDArray[np.float64]:
+def _text_numbers(source: Source, text: bytes, header: FunctionHeader, name: str) -> Floats:
     """All numbers of a function's text: by blanks, or by the columns of the format where two numbers touch."""
     wanted = header.n_points * (1 if header.is_even else 2)
     if b"D" in text or b"d" in text:
@@ -307,7 +291,7 @@ def _text_numbers(source: Source, text: bytes, header: FunctionHeader, name: str
     return numbers
 
 
-def _parsed(text: bytes) -> NDArray[np.float64] | None:
+def _parsed(text: bytes) -> Floats | None:
     """The numbers in a text, separated by blanks; None if something else is there."""
     if not text.strip():
         return np.empty(0)
@@ -339,8 +323,6 @@ def _no_number(source: Source, text: bytes, name: str) -> InputError:
 
 
 def _count(source: Source, header: FunctionHeader, name: str, got: str) -> InputError:
-    return source.error(
-        "hold the points that it declares",
-        f"declares {header.n_points} for {name!r} and holds {got}",
-        f"Mend the second number in line 7 of its header if that is wrong. {_EXPORT}",
-    )
+    must = "hold the points that it declares"
+    got = f"declares {header.n_points} for {name!r} and holds {got}"
+    return source.error(must, got, f"Mend the second number in line 7 of its header if that is wrong. {_EXPORT}")

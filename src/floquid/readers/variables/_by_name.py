@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import describe
 from floquid.core import channels_named
 from floquid.io import Source
@@ -71,19 +71,14 @@ def time_column(source: Source, file: VariableFile, path: str, n_samples: int) -
     if array.size == max(array.shape, default=0):
         array = array.reshape(-1)
     if array.shape != (n_samples,):
-        raise source.error(
-            f"have `time` of shape (samples,) with {n_samples} samples, as in `values`",
-            f"has shape {array.shape} there",
-            "Save one time a sample [s].",
-        )
+        must = f"have `time` of shape (samples,) with {n_samples} samples, as in `values`"
+        raise source.error(must, f"has shape {array.shape} there", "Save one time a sample [s].")
     unit = file.variables[path].unit
     scale = SECONDS.get(unit) if unit not in ("", "-") else 1.0
     if scale is None:
-        raise source.error(
-            "have its times in one of s, ms, us, ns, min, h",
-            f"has `{printable(path)}` in {unit!r}",
-            "Save the times as numbers in seconds, or pass `rate=` [Hz] to ignore them.",
-        )
+        must = "have its times in one of s, ms, us, ns, min, h"
+        got = f"has `{printable(path)}` in {unit!r}"
+        raise source.error(must, got, "Save the times as numbers in seconds, or pass `rate=` [Hz] to ignore them.")
     kept = array if array.dtype == np.float32 else array.astype(np.float64)
     return TimeColumn(values=kept, scale=scale, label=printable(path))
 
@@ -95,35 +90,28 @@ def scalar(source: Source, file: VariableFile, path: str) -> float | None:
         return None
     unit = "Hz" if variable.name == "sample_rate" else "s"
     if variable.unit not in ("", "-", unit):
-        raise source.error(
-            f"have `{printable(path)}` in {unit}",
-            f"has it in {variable.unit!r}",
-            f"Save it in {unit}{', or pass `rate=` [Hz]' if unit == 'Hz' else ''}.",
-        )
+        remedy = f"Save it in {unit}{', or pass `rate=` [Hz]' if unit == 'Hz' else ''}."
+        raise source.error(f"have `{printable(path)}` in {unit}", f"has it in {variable.unit!r}", remedy)
     array = numbers(source, file, path)
     must_be_positive = variable.name in ("sample_rate", "period")
     number = float(array.reshape(())) if array.size == 1 and array.dtype.kind in "iuf" else np.nan
     if not np.isfinite(number) or (must_be_positive and number <= 0.0):
         got = f"{array.reshape(())[()]!s}" if array.size == 1 else describe(array)
-        raise source.error(
-            f"hold one finite{' positive' if must_be_positive else ''} number in `{variable.name}`",
-            f"has {got} there",
-            "Mend it, or leave it out and pass `rate=` [Hz]." if unit == "Hz" else "Mend it, or leave it out.",
-        )
+        must = f"hold one finite{' positive' if must_be_positive else ''} number in `{variable.name}`"
+        remedy = "Mend it, or leave it out and pass `rate=` [Hz]." if unit == "Hz" else "Mend it, or leave it out."
+        raise source.error(must, f"has {got} there", remedy)
     return number
 
 
-def _orbit(source: Source, array: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
+def _orbit(source: Source, array: Floats, n_channels: int) -> Floats:
     if array.ndim != 2 or array.shape[0] != n_channels or not array.shape[1] or not np.isfinite(array).all():
-        raise source.error(
-            f"have `orbit` of shape (channels, phases) with {n_channels} channels, all finite",
-            f"has shape {array.shape} there" + ("" if np.isfinite(array).all() else ", not all of it finite"),
-            "Save one period of the orbit a channel, or leave it out.",
-        )
+        must = f"have `orbit` of shape (channels, phases) with {n_channels} channels, all finite"
+        got = f"has shape {array.shape} there" + ("" if np.isfinite(array).all() else ", not all of it finite")
+        raise source.error(must, got, "Save one period of the orbit a channel, or leave it out.")
     return np.asarray(array, np.float64)
 
 
-def _values(source: Source, file: VariableFile, n_channels: int) -> NDArray[np.float64]:
+def _values(source: Source, file: VariableFile, n_channels: int) -> Floats:
     require_numbers(source, file.variables["values"])
     shape = file.variables["values"].shape
     if len(shape) != 2 or shape[0] != n_channels:
@@ -133,11 +121,8 @@ def _values(source: Source, file: VariableFile, n_channels: int) -> NDArray[np.f
             remedy = file.dialect.turn
         else:
             remedy = "Save one record a file." if len(shape) != 2 else "Name every row of `values` in `channels`."
-        raise source.error(
-            f"have `values` of shape (channels, samples) with {n_channels} channels, as in `channels`",
-            f"has shape {shape} there",
-            remedy,
-        )
+        must = f"have `values` of shape (channels, samples) with {n_channels} channels, as in `channels`"
+        raise source.error(must, f"has shape {shape} there", remedy)
     with np.errstate(over="ignore"):  # a long double too large becomes infinite, and is refused as such
         return file.numbers("values").astype(np.float64, order="C")
 
@@ -153,9 +138,7 @@ def _texts(source: Source, file: VariableFile, key: str, count: int | None = Non
         what = (
             variable.words + (", numbers" if variable.kind == "numbers" else "") if texts is None else describe(texts)
         )
-        raise source.error(
-            f"hold one text a channel{'' if count is None else f' ({count})'} in `{key}`",
-            f"has {variable.kind if variable.kind in _NOT_HELD else what} there",
-            REMEDIES[variable.kind] if variable.kind in _NOT_HELD else file.dialect.texts,
-        )
+        must = f"hold one text a channel{'' if count is None else f' ({count})'} in `{key}`"
+        got = f"has {variable.kind if variable.kind in _NOT_HELD else what} there"
+        raise source.error(must, got, REMEDIES[variable.kind] if variable.kind in _NOT_HELD else file.dialect.texts)
     return texts

@@ -13,8 +13,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.errors import InputError
 from floquid.io import Source
@@ -117,13 +117,10 @@ def _parse(source: Source, file: VariableFile, word: object) -> _Row:
     ]
     if len(own) == 1:
         return own[0]
-    raise input_error(
-        "channels",
-        source.of,
-        "name variables of the file by their paths (it has no `values` and `channels` of ours)",
-        f"has {word!r}, which is not in {source.path}. It holds:\n{listing(file) or '    nothing'}",
-        "A vector is named by its path, as in run/acc/x; row 2 of a matrix is data[2], and its column 2 data.T[2].",
-    )
+    must = "name variables of the file by their paths (it has no `values` and `channels` of ours)"
+    got = f"has {word!r}, which is not in {source.path}. It holds:\n{listing(file) or '    nothing'}"
+    remedy = "A vector is named by its path, as in run/acc/x; row 2 of a matrix is data[2], and its column 2 data.T[2]."
+    raise input_error("channels", source.of, must, got, remedy)
 
 
 def _labels(file: VariableFile, matrix: Variable, *, turned: bool) -> list[str]:
@@ -148,21 +145,13 @@ def _rows(source: Source, file: VariableFile, beside: Mapping[str, list[Variable
         return
     shape = variable.shape[::-1] if choice.turned else variable.shape
     if len(shape) != 2 or variable.size < 2:
-        raise input_error(
-            "channels",
-            source.of,
-            "name vectors of samples, or rows of matrices",
-            f"has {choice.name!r}, which is {variable.words} in {source.path}",
-            "Leave out the [ ] and the .T of a vector, and single numbers; save an array of more axes as matrices.",
-        )
+        got = f"has {choice.name!r}, which is {variable.words} in {source.path}"
+        remedy = "Leave out the [ ] and the .T of a vector, and single numbers; save an array of more axes as matrices."
+        raise input_error("channels", source.of, "name vectors of samples, or rows of matrices", got, remedy)
     if choice.row is not None and choice.row >= shape[0]:
-        raise input_error(
-            "channels",
-            source.of,
-            f"name one of the rows 0 to {shape[0] - 1} (counted from 0)",
-            f"has {choice.name!r} of {variable.words} in {source.path}",
-            "Choose one of them.",
-        )
+        must = f"name one of the rows 0 to {shape[0] - 1} (counted from 0)"
+        got = f"has {choice.name!r} of {variable.words} in {source.path}"
+        raise input_error("channels", source.of, must, got, "Choose one of them.")
     if variable.is_vector and shape[0] == 1:  # the only row of a row is all of it
         yield replace(choice, turned=False, row=None)
         return
@@ -209,13 +198,9 @@ def _check_rows(source: Source, rows: Sequence[_Row]) -> None:
     first = rows[0]
     for row in rows:
         if _length(row) != _length(first):
-            raise input_error(
-                "channels",
-                source.of,
-                "name channels of one length, sampled together",
-                f"has {first.name!r} of {_length(first)} samples and {row.name!r} of {_length(row)} in {source.path}",
-                "Choose channels of one measurement; resample first what was sampled at another rate.",
-            )
+            got = f"has {first.name!r} of {_length(first)} samples and {row.name!r} of {_length(row)} in {source.path}"
+            remedy = "Choose channels of one measurement; resample first what was sampled at another rate."
+            raise input_error("channels", source.of, "name channels of one length, sampled together", got, remedy)
 
 
 def _length(row: _Row) -> int:
@@ -224,7 +209,7 @@ def _length(row: _Row) -> int:
     return row.variable.shape[0 if row.turned else 1]
 
 
-def _values(source: Source, file: VariableFile, rows: Sequence[_Row]) -> NDArray[np.float64]:
+def _values(source: Source, file: VariableFile, rows: Sequence[_Row]) -> Floats:
     """The samples (channels, samples), each variable read once."""
     values = np.empty((0, 0))
     places: dict[str, list[int]] = {}
@@ -260,14 +245,11 @@ def _no_times(source: Source, time: Variable, named: Mapping[str, str], n_sample
     """Times that are there but cannot be those of the channels."""
     if time.path in named:
         got = f"has {named[time.path]!r}, which are the times by their name in {source.path}"
-        return input_error(
-            "channels", source.of, "leave out the times", got, "If they are none, pass `rate=` [Hz], too."
-        )
-    return source.error(
-        "have one time a sample beside its channels",
-        f"has {time.size} in `{printable(time.path)}` for {n_samples} samples",
-        "Save the times of these samples, or pass `rate=` [Hz] to ignore them.",
-    )
+        must = "leave out the times"
+        return input_error("channels", source.of, must, got, "If they are none, pass `rate=` [Hz], too.")
+    must = "have one time a sample beside its channels"
+    got = f"has {time.size} in `{printable(time.path)}` for {n_samples} samples"
+    return source.error(must, got, "Save the times of these samples, or pass `rate=` [Hz] to ignore them.")
 
 
 def _time(source: Source, file: VariableFile, times: Sequence[Variable]) -> TimeColumn:
@@ -275,11 +257,9 @@ def _time(source: Source, file: VariableFile, times: Sequence[Variable]) -> Time
     columns = [time_column(source, file, one.path, one.size) for one in times]
     for column in columns:
         if column.scale != columns[0].scale or not np.array_equal(column.values, columns[0].values, equal_nan=True):
-            raise source.error(
-                "have one vector of times for the channels named",
-                f"has others in `{columns[0].label}` than in `{column.label}`",
-                "Choose channels of one measurement, or pass `rate=` [Hz] to ignore the times.",
-            )
+            must = "have one vector of times for the channels named"
+            remedy = "Choose channels of one measurement, or pass `rate=` [Hz] to ignore the times."
+            raise source.error(must, f"has others in `{columns[0].label}` than in `{column.label}`", remedy)
     return columns[0] if times[0].unit not in ("", "-") else replace(columns[0], scale=None)
 
 
@@ -294,9 +274,6 @@ def _rate(source: Source, file: VariableFile, rows: Sequence[_Row], *, ignore_ti
                 break
     if len(set(found.values())) > 1 and not ignore_time:
         stated = " and ".join(f"{rate:.12g} Hz in `{printable(path)}`" for path, rate in list(found.items())[:2])
-        raise source.error(
-            "state one rate for the channels named",
-            f"states {stated}",
-            "Choose channels of one measurement, or pass `rate=` [Hz].",
-        )
+        must = "state one rate for the channels named"
+        raise source.error(must, f"states {stated}", "Choose channels of one measurement, or pass `rate=` [Hz].")
     return next(iter(found.values()), None)

@@ -92,13 +92,9 @@ def save_mat(record: Record, path: Path) -> None:
     import scipy.io
 
     if record.values.nbytes > _LARGEST:
-        raise input_error(
-            "record",
-            "write",
-            "have less than 2 GiB of samples to fit a MATLAB file of version 7",
-            f"has {record.values.nbytes / (1 << 30):.3g} GiB",
-            "Write it as .h5, which MATLAB reads, too (h5read).",
-        )
+        must = "have less than 2 GiB of samples to fit a MATLAB file of version 7"
+        got = f"has {record.values.nbytes / (1 << 30):.3g} GiB"
+        raise input_error("record", "write", must, got, "Write it as .h5, which MATLAB reads, too (h5read).")
     content: dict[str, Any] = {
         "values": record.values,
         **numbers_of(record),

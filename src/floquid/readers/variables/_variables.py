@@ -46,8 +46,7 @@ REMEDIES: dict[Kind, str] = {
 }
 
 _MOST_LISTED = 40
-TIME_NAMES = ("time", "Time", "TIME", "t")
-"""T is as often a torque or a temperature."""
+TIME_NAMES = ("time", "Time", "TIME", "t")  # t is as often a torque or a temperature
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,11 +148,8 @@ def numbers(source: Source, file: VariableFile, path: str) -> NDArray[Any]:
 def require_numbers(source: Source, variable: Variable) -> None:
     """Refuse what is not real numbers, with what to do about it."""
     if variable.kind != "numbers":
-        raise source.error(
-            f"hold real numbers in `{printable(variable.path)}`",
-            f"has {variable.kind} there",
-            REMEDIES.get(variable.kind, "Save it as a matrix of numbers."),
-        )
+        remedy = REMEDIES.get(variable.kind, "Save it as a matrix of numbers.")
+        raise source.error(f"hold real numbers in `{printable(variable.path)}`", f"has {variable.kind} there", remedy)
 
 
 def listing(file: VariableFile) -> str:

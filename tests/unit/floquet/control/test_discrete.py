@@ -348,13 +348,3 @@ def test_outputs_at_a_jump_are_those_after_it():
 def test_what_cannot_be_is_refused(attempt, message):
     with pytest.raises(InputError, match=message):
         attempt()
-
-
-def test_former_names_warn_and_do_the_same():
-    system = random_discrete(0)
-    with pytest.warns(DeprecationWarning, match=r"is now `floquet\.lift`"):
-        former = system.lifted("cyclic", first_phase=1)
-    assert np.array_equal(former.A, lift(system, "cyclic", first_phase=1).A)
-    with pytest.warns(DeprecationWarning, match=r"is now `floquet\.realise`"):
-        found = DiscretePeriodicSystem.from_control(lift(system).to_control(), 5)
-    assert found.multipliers() == pytest.approx(system.multipliers())
