@@ -95,6 +95,17 @@ def test_an_orbit_beside_the_inputs_is_no_mode():
     assert "steady_beside_inputs" in [own.code for own in found.findings]
 
 
+def test_a_mode_that_no_input_reaches_is_named():
+    system = mathieu()
+    values, inputs = record_of(system, 60, 20, 0.01, 4)
+    times = np.arange(values.shape[1]) * system.period / 20
+    ringing = 3.0 * values.std() * np.exp(-0.02 * times) * np.cos(0.35 * times)
+    found = identify_driven(record(system, values + ringing, inputs, 20), period=system.period, inputs=["F0"])
+    assert found.model.order == 4
+    assert [own.code for own in found.findings if own.code == "unreached"] == ["unreached"]
+    assert "is reached by no input" in found.warnings[0]
+
+
 def test_noise_alone_has_no_mode():
     system = mathieu()
     generator = np.random.default_rng(5)

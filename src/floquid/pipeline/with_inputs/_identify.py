@@ -183,11 +183,12 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
     for number, mode in enumerate(fit.at.modes):
         place, free = fit.places[number]
         size, starts = mode.gains.size, len(mode.initial)
-        if mode.real:
-            rows, flat = np.arange(1, 1 + 2 * size), np.concatenate([mode.gains.real.ravel(), mode.gains.imag.ravel()])
-        else:
-            rows = np.concatenate([np.arange(1, 1 + size), np.arange(2 + size + starts, 2 + 2 * size + starts)])
-            flat = np.concatenate([mode.gains.real.ravel(), mode.gains.imag.ravel()])
+        own = np.concatenate([mode.gains.real.ravel(), mode.gains.imag.ravel()])
+        # The imaginary part of a real multiplier's turn zero is no parameter.
+        there = np.concatenate([np.ones(size, bool), np.tile(mode.reach > 0.0, len(mode.gains)) | (not mode.real)])
+        later = 1 + size if mode.real else 2 + size + starts
+        rows = np.concatenate([np.arange(1, 1 + size), np.arange(later, later + size)])[there]
+        flat = own[there]
         if not free[rows].all():
             continue  # its scale is that of an input: that one reaches it
         index = place.start + np.cumsum(free)[rows] - 1
