@@ -22,6 +22,7 @@ from floquid.cli._terminal import (
     DEVIATIONS,
     counted,
     json_text,
+    print_lines,
     print_modes,
     print_title,
     print_warnings,
@@ -86,12 +87,7 @@ def print_driven(console: Console, analysis: DrivenAnalysis) -> None:
     meanings = note_meanings(mode_table(analysis))
     console.print("; ".join([f"±: a conjugate pair; {DEVIATIONS}", *meanings]) + ".", style="dim")
     console.print()
-    table = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column(no_wrap=True)
-    table.add_column()
-    for name, words in driven_lines(analysis).items():
-        table.add_row(name, words)
-    console.print(table)
+    print_lines(console, driven_lines(analysis))
     print_warnings(console, analysis.warnings)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -122,15 +122,20 @@ def print_found(console: Console, analysis: Analysis, *, verbose: bool = False) 
     print_modes(console, analysis)
     _print_legend(console, analysis, verbose=verbose)
     console.print()
-    table = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column(no_wrap=True)
-    table.add_column()
-    for name, words in outcome_lines(analysis).items():
-        table.add_row(name, words)
-    console.print(table)
+    print_lines(console, outcome_lines(analysis))
     if analysis.validation is not None:
         for reason in analysis.validation.reasons:
             console.print(f"  {reason}", style="yellow")
+
+
+def print_lines(console: Console, lines: Mapping[str, str]) -> None:
+    """Print names, and the words on each beside it."""
+    table = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for name, words in lines.items():
+        table.add_row(name, words)
+    console.print(table)
 
 
 def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> None:

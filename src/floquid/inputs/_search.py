@@ -38,8 +38,8 @@ LOOSE = 0.02
 REAL = 1e-3
 """The probability at which noise may move a real multiplier off the axis."""
 
-AXIS = 4.0
-"""Deviations from the axis up to which a multiplier is tried as a real one."""
+NUDGE = 1e-6
+"""The relative change of ω by which the response's slope is taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,8 +135,7 @@ def grown(samples: Samples, now: Linearisation, limits: Limits, rounds: int = GR
 def _wider(samples: Samples, now: Linearisation, number: int, limits: Limits, scores: _Scores) -> InputMode:
     """A mode with one harmonic more at each end of its bands where the residual asks for it."""
     mode, state = now.modes[number], now.states[number]
-    turns, wide = mode.turns, mode
-    channels, count = len(samples.values), len(samples.inputs)
+    turns, wide, channels = mode.turns, mode, len(samples.values)
     for end, way in [(turns[-1], 1.0)] if mode.real else [(turns[0], -1.0), (turns[-1], 1.0)]:
         for count in (1, 2):
             more = end + way * np.arange(1.0, count + 1.0)
@@ -149,7 +148,7 @@ def _wider(samples: Samples, now: Linearisation, number: int, limits: Limits, sc
     for turn in [mode.reach[-1] + 1.0] if mode.real else [mode.reach[0] - 1.0, mode.reach[-1] + 1.0]:
         if abs(turn) <= limits.highest:
             more = _with_reach(mode, turn)
-            if scores.of_input(samples, number, more, turn) > _limit(2 * count, limits.harmonic_alarm):
+            if scores.of_input(samples, number, more, turn) > _limit(2 * len(samples.inputs), limits.harmonic_alarm):
                 wide = _with_reach(wide, turn)
     return wide if len(turns) == len(mode.turns) else replace(wide, turns=turns)
 
@@ -205,6 +204,32 @@ class _Scores:
             gradient = gradient + weight * (rows @ now.left[channel])
         left = np.asarray(matrix - mixed @ _inverse(np.asarray(self.matrix)) @ np.transpose(mixed))
         return float(np.asarray(gradient) @ _inverse(left) @ np.asarray(gradient))
+
+    def step_along(self, slopes: NDArray[np.float64]) -> tuple[float, float]:
+        """The step of one parameter with these slopes (channels, samples), all others moving along, and its deviation.
+
+        Infinite where nothing is known of it.
+        """
+        now, own, pull, mixed = self.now, 0.0, 0.0, np.zeros(len(self.slopes[0]))
+        for channel, (slope, others) in enumerate(zip(slopes, self.slopes, strict=True)):
+            beyond, weight = slope - (now.columns @ slope) @ now.inverse @ now.columns, 1.0 / now.noise[channel] ** 2
+            own += weight * float(beyond @ slope)
+            pull += weight * float(beyond @ now.left[channel])
+            mixed += weight * (others @ beyond)
+        information = own - float(mixed @ _inverse(np.asarray(self.matrix)) @ mixed)
+        if not information > 1e-9 * own:
+            return 0.0, float(np.inf)
+        return pull / information, information**-0.5
+
+
+def period_step(samples: Samples, now: Linearisation) -> tuple[float, float]:
+    """(Own period - period given)/period given, as the response has it, to first order, and its deviation."""
+    ends = []
+    for sign in (1.0, -1.0):
+        moved = replace(samples, fundamental=samples.fundamental * (1.0 + sign * NUDGE))
+        ends.append(now.coefficients.T @ linearise(moved, now.modes, now.direct).columns)
+    step, std = _Scores(samples, now).step_along((ends[0] - ends[1]) / (2.0 * NUDGE))
+    return -step, std
 
 
 def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

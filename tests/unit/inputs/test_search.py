@@ -106,6 +106,19 @@ def test_a_mode_that_no_input_reaches_is_named():
     assert "is reached by no input" in found.warnings[0]
 
 
+@pytest.mark.parametrize(("off", "told"), [(0.0, False), (3e-4, True), (-3e-4, True)])
+def test_a_period_that_is_a_little_off_is_told(off, told):
+    system = mathieu()
+    values, inputs = record_of(system, 60, 20, 0.02, 0)
+    given = system.period * (1.0 + off)
+    found = identify_driven(record(system, values, inputs, 20), period=given, inputs=["F0"])
+    own = [finding for finding in found.findings if finding.code == "inputs_period"]
+    assert bool(own) == told
+    assert found.passed == (not told)
+    if told:
+        assert abs(own[0].numbers["own"] - system.period) < 0.2 * abs(off) * system.period
+
+
 def test_noise_alone_has_no_mode():
     system = mathieu()
     generator = np.random.default_rng(5)
@@ -145,6 +158,9 @@ def test_few_periods_are_refused():
         ({"inputs": ["G"]}, "`inputs` of `identify_driven`"),
         ({"inputs": ["F0"], "hold": "second"}, "`hold` of `Settings`"),
         ({"inputs": ["F0", "y0"]}, "`inputs` of `identify_driven`"),
+        ({"inputs": ["F0"], "order": 2}, "`order` of `identify_driven` must be left as it is"),
+        ({"inputs": ["F0"], "skip": 3.0}, "`skip` of `identify_driven` must be left as it is"),
+        ({"inputs": ["F0"], "harmonics": 10}, "`harmonics` of `identify_driven` must be less than half"),
     ],
 )
 def test_what_is_not_possible_is_named(options, words):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,11 @@ from floquid.findings import Finding, failure, note, warning
 from floquid.inputs import (
     Limits,
     Linearisation,
+    Samples,
     Uncertainty,
     linearise,
     model_of,
+    period_step,
     samples_of,
     searched,
     slopes_of,
@@ -37,6 +39,15 @@ HIGHEST = 12
 
 MOST_UNTOLD = 3.0
 """What deviations of the fit to a part may make of the prediction, over the noise: more is no model to predict with."""
+
+SIGNIFICANT = 5.0
+"""Deviations from which on the period is another one than that given."""
+
+TAKEN = (
+    *("period", "tach", "azimuth", "channels", "inputs", "hold", "harmonics", "forced", "validate"),
+    *("mode_false_alarm", "harmonic_false_alarm", "pulses_per_revolution"),
+)
+"""Settings that this chain takes, and clocks, which it refuses by name."""
 
 LAGS = 20
 """Lags of the correlation of what is left."""
@@ -73,8 +84,8 @@ def identify_driven(
     report
         Is told what is being done, a phrase a stage.
     **options
-        Fields of `Settings`. Of them `period`, `channels`, `inputs`, `hold`, `harmonics`, `forced`, `validate` and the
-        probabilities of false alarm count here.
+        Fields of `Settings`: `period`, `channels`, `inputs`, `hold`, `harmonics`, `forced`, `validate` and the
+        probabilities of false alarm. Others are refused.
 
     Returns
     -------
@@ -92,6 +103,11 @@ def identify_driven(
     if not chosen.inputs:
         remedy = 'Name the channels that drive the system: `inputs=["force"]`. Of free responses use `identify`.'
         raise input_error("inputs", OF, "name a channel", "is empty", remedy)
+    usual = Settings()
+    for name in (field.name for field in fields(Settings) if field.name not in TAKEN):
+        if getattr(chosen, name) != getattr(usual, name):
+            must, got = "be left as it is with measured inputs", f"is {getattr(chosen, name)!r:.60}"
+            raise input_error(name, OF, must, got, f"What counts with inputs: {', '.join(sorted(TAKEN))}.")
     with own_names(OF):
         used = clocked(records, chosen, OF)
         with blas_threads(used):
@@ -104,6 +120,9 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     own = parted(records, settings)
     samples = own.samples
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
+    if settings.harmonics is not None and 2 * settings.harmonics >= phases:
+        must = f"be less than half the {phases:.6g} samples a period"
+        raise input_error("harmonics", OF, must, f"is {settings.harmonics}", "Ask for fewer, or sample faster.")
     limits = Limits(
         mode_alarm=settings.mode_false_alarm,
         harmonic_alarm=settings.harmonic_false_alarm,
@@ -131,7 +150,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         fit=fit,
         noise=found.noise[:, None],
         held_out=held_out,
-        findings=(*_done(own), *_unreached(fit), *_against(found, held_out)),
+        findings=(*_done(own), *_unreached(fit), *_against(found, held_out), *_period(samples, found)),
     )
 
 
@@ -196,6 +215,15 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
         if float(flat @ np.linalg.pinv(spread, hermitian=True) @ flat) < chdtri(len(index), REACHED):
             found.append(warning("unreached", frequency=abs(mode.exponent) / (2.0 * np.pi)))
     return tuple(found)
+
+
+def _period(samples: Samples, found: Linearisation) -> tuple[Finding, ...]:
+    """Finding on a period that is not that of the response, to first order."""
+    step, std = period_step(samples, found)
+    if abs(step) <= SIGNIFICANT * std:
+        return ()
+    given = 2.0 * np.pi / samples.fundamental
+    return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
 
 
 def _against(found: Linearisation, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
