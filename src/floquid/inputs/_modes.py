@@ -37,6 +37,8 @@ class InputMode(Rebuilt):
         The harmonics m, ascending (turns,); of a real multiplier from 0 or ½ on.
     initial
         z at the first sample of each record (records,).
+    sizes
+        The state that a gain of 1 makes of each input, about (inputs,): b counts by it beside z at the begin.
     """
 
     exponent: complex
@@ -45,6 +47,12 @@ class InputMode(Rebuilt):
     gains: NDArray[np.complex128]
     turns: NDArray[np.float64]
     initial: NDArray[np.complex128]
+    sizes: NDArray[np.float64]
+
+    @property
+    def strengths(self) -> NDArray[np.float64]:
+        """Factors by which b and z at the begin are compared, whatever the units of the inputs (parts,)."""
+        return np.concatenate([np.repeat(self.sizes, len(self.reach)), np.ones(len(self.initial))])
 
     @property
     def free(self) -> NDArray[np.bool_]:
@@ -56,12 +64,13 @@ class InputMode(Rebuilt):
         size, starts = self.gains.size, len(self.initial)
         flat = np.concatenate([self.gains.ravel(), self.initial])
         if not self.real:
-            fixed = 1 + int(np.argmax(np.abs(flat)))
+            fixed = 1 + int(np.argmax(np.abs(flat) * self.strengths))
             mask = np.ones(1 + size + starts, bool)
             mask[fixed] = False
             return np.tile(mask, 2)
         turning = np.tile(self.reach > 0.0, len(self.gains))
         mask = np.concatenate([[True], np.ones(size, bool), turning, np.ones(starts, bool)])
+        flat = flat * self.strengths
         parts = np.concatenate([flat.real[:size], flat.imag[:size] * turning, flat.real[size:]])
         mask[1 + int(np.argmax(np.abs(parts)))] = False
         return mask
@@ -84,7 +93,7 @@ class InputMode(Rebuilt):
     def scaled(self) -> InputMode:
         """With the part of b and z that is largest made 1."""
         flat = np.concatenate([self.gains.ravel(), self.initial])
-        largest = flat[np.argmax(np.abs(flat))]
+        largest = flat[np.argmax(np.abs(flat) * self.strengths)]
         by = abs(largest) if self.real else largest
         return replace(self, gains=self.gains / by, initial=self.initial / by) if by else self
 

@@ -117,6 +117,7 @@ def relaxed(
     the first left singular vector of X.
     """
     count, starts = len(samples.inputs), len(samples.records)
+    longest = samples.step * max(own.stop - own.start for own in samples.records)
     bare = InputMode(
         exponent=exponent,
         real=real,
@@ -124,6 +125,7 @@ def relaxed(
         gains=np.ones((count, len(reach)), complex),
         turns=turns,
         initial=np.ones(starts, complex),
+        sizes=samples.input_size * np.sqrt(samples.step / max(abs(exponent.real), 1.0 / longest)),
     )
     drives = reached_by(samples, bare)
     columns = np.concatenate([columns_of(samples, bare, state) for state in drives])

@@ -106,6 +106,19 @@ def test_a_mode_that_no_input_reaches_is_named():
     assert "is reached by no input" in found.warnings[0]
 
 
+@pytest.mark.parametrize(("outputs", "forces"), [(1e6, 1.0), (1e-9, 1.0), (1.0, 1e6), (1.0, 1e-9)])
+def test_units_change_nothing(outputs, forces):
+    system = mathieu()
+    values, inputs = record_of(system, 60, 20, 0.02, 0)
+    own, other = (
+        identify_driven(record(system, a * values, b * inputs, 20), period=system.period, inputs=["F0"])
+        for a, b in ((1.0, 1.0), (outputs, forces))
+    )
+    assert other.passed
+    assert other.model.exponents == pytest.approx(own.model.exponents, rel=1e-5)
+    assert other.transfer([0.2]).values == pytest.approx(own.transfer([0.2]).values * outputs / forces, rel=1e-4)
+
+
 @pytest.mark.parametrize(("off", "told"), [(0.0, False), (3e-4, True), (-3e-4, True)])
 def test_a_period_that_is_a_little_off_is_told(off, told):
     system = mathieu()

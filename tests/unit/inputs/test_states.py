@@ -32,6 +32,7 @@ def mode(*, real=False):
         gains=gains,
         turns=reach,
         initial=np.array([0.7 + (0.0 if real else 0.2j)]),
+        sizes=np.ones(2),
     )
 
 
