@@ -11,8 +11,8 @@ from floquid.inputs._result import transfer_of as transfer_of
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
 from floquid.inputs._samples import samples_of as samples_of
+from floquid.inputs._scores import period_step as period_step
 from floquid.inputs._search import Limits as Limits
-from floquid.inputs._search import period_step as period_step
 from floquid.inputs._search import searched as searched
 from floquid.inputs._solver import Linearisation as Linearisation
 from floquid.inputs._solver import linearise as linearise

@@ -138,29 +138,51 @@ def carried(samples: Samples, shape: NDArray[np.complex128], turns: Sequence[flo
     return shape @ np.array([samples.turned(turn) for turn in turns])
 
 
-def slopes_of(samples: Samples, at: Linearisation, channel: int, states: Sequence[NDArray]) -> NDArray[np.float64]:
-    """Derivatives of a channel's response by the free parameters, c and D held (parameters, samples)."""
+def slopes_of(
+    samples: Samples, at: Linearisation, channel: int, states: Sequence[NDArray], weight: float = 1.0
+) -> NDArray[np.float64]:
+    """Derivatives of a channel's response by the free parameters, c and D held (parameters, samples), times a weight.
+
+    Of the precision that the derivatives of the states have.
+    """
     found = []
     for number, (mode, slopes) in enumerate(zip(at.modes, states, strict=True)):
         shape = at.shape(number)[:, channel]
-        moved = carried(samples, shape, mode.turns.tolist()) * slopes
+        whole = weight * carried(samples, shape, mode.turns.tolist())
+        precision = np.complex64 if slopes.dtype in (np.float32, np.complex64) else np.complex128
+        moved = whole.astype(precision) * slopes
         both = moved.real if mode.real else np.concatenate([moved.real, -moved.imag])
         found.append(both[mode.free])
     return np.concatenate(found)
 
 
-def normal_equations(samples: Samples, at: Linearisation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Gauss-Newton matrix and gradient of the free parameters, of all channels over their noise."""
-    states = state_slopes(samples, at)
-    matrix: NDArray[np.float64] | float = 0.0
-    gradient: NDArray[np.float64] | float = 0.0
+def normal_equations(
+    samples: Samples, at: Linearisation, *, rough: bool = False
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gauss-Newton matrix and gradient of the free parameters, of all channels over their noise.
+
+    A rough one is made in single precision, slopes as multiples of their size.
+    """
+    states, columns, left = state_slopes(samples, at), at.columns, at.left / at.noise[:, None]
+    sizes = [np.sqrt(np.mean(np.abs(own) ** 2, axis=1)) + 1e-300 for own in states]
+    scale = np.concatenate(
+        [(own if mode.real else np.tile(own, 2))[mode.free] for mode, own in zip(at.modes, sizes, strict=True)]
+    )
+    of_columns = np.sqrt(np.einsum("kk->k", at.inverse)) + 1e-300
+    number = np.float32 if rough else np.float64
+    states = [
+        (own / size[:, None]).astype(np.result_type(number, 1j) if np.iscomplexobj(own) else number)
+        for own, size in zip(states, sizes, strict=True)
+    ]
+    columns = (columns * of_columns[:, None]).astype(number)
+    inverse = at.inverse / np.outer(of_columns, of_columns)
+    matrix, gradient = np.zeros((len(scale), len(scale))), np.zeros(len(scale))
     for channel in range(len(samples.values)):
-        slopes = slopes_of(samples, at, channel, states)
-        along = slopes @ at.columns.T
-        weight = 1.0 / at.noise[channel] ** 2
-        matrix = matrix + weight * (slopes @ slopes.T - along @ at.inverse @ along.T)
-        gradient = gradient + weight * (slopes @ at.left[channel])
-    return np.asarray(matrix), np.asarray(gradient)
+        slopes = slopes_of(samples, at, channel, states, 1.0 / at.noise[channel])
+        along = (slopes @ columns.T).astype(float)
+        matrix += slopes @ slopes.T - along @ inverse @ along.T
+        gradient += slopes @ left[channel].astype(number)
+    return matrix * np.outer(scale, scale), gradient * scale
 
 
 def solve(
@@ -170,14 +192,18 @@ def solve(
     *,
     iterations: int = ITERATIONS,
     at_rest: float = 1e-3,
+    rough: bool = False,
 ) -> Linearisation:
-    """The least squares near these modes: Levenberg-Marquardt, until a step gains less than `at_rest`."""
+    """The least squares near these modes: Levenberg-Marquardt, until a step gains less than `at_rest`.
+
+    Rough steps are made in single precision.
+    """
     now, damping = linearise(samples, [mode.scaled() for mode in modes], direct), 1e-6
     if not modes:
         return now
     period = 2.0 * np.pi / samples.fundamental
     for _ in range(iterations):
-        matrix, gradient = normal_equations(samples, now)
+        matrix, gradient = normal_equations(samples, now, rough=rough)
         scale = _scale(matrix)
         system, aim = matrix / np.outer(scale, scale), gradient / scale
         before, gained = now, 0.0

@@ -9,6 +9,7 @@ filter in time commutes with that system, so that all is thinned to the band tha
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -21,14 +22,20 @@ from floquid.inputs._solver import ROUNDING, columns_of
 SIDEBANDS = (3, 2, 1)
 """Harmonics of the modulated inputs, the most that there are samples for."""
 
-SCALES = ((1, 12), (2, 14), (4, 14), (8, 14), (4, 8))
-"""Samples thinned by a factor, and the samples that predictions look back and ahead."""
+THINNED = (1, 2, 4, 8)
+"""Samples are thinned by these factors."""
 
-ORDER = 14
+ORDERS = (8, 14, 20, 28, 36, 48, 60)
 """Poles of each look."""
+
+DEEPEST = 60
+"""Poles that the past and the future can tell, about."""
 
 MOST_ROWS = 0.5
 """Rows of the past and the future over the columns, at most."""
+
+MOST = 24
+"""Candidates at most."""
 
 FASTEST = 1.5
 """The largest decay between two samples of a candidate [nepers]."""
@@ -40,66 +47,151 @@ GROWN = 3.0
 """The largest growth of one over a record [nepers]."""
 
 
-def candidates(samples: Samples, response: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Exponents that may be in a response (channels, samples) to the inputs, in the strip 0 ≤ Im λ ≤ ω/2."""
-    found = []
-    for thinned, depth in SCALES:
-        for sidebands in SIDEBANDS:
-            poles = _poles(samples, response, sidebands, thinned, depth)
-            if poles is not None:
-                found.append(poles)
-                break
-    poles = np.asarray(np.concatenate(found) if found else np.zeros(0), np.complex128)
+def candidates(samples: Samples, response: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Exponents that may be in a response (channels, samples) to the inputs, and how often they come up (candidates,).
+
+    A pole of the system comes up at every order and every rate that it is looked for at, as in a diagram of
+    stabilisation (Peeters and De Roeck 1999), one of noise does not: those that come up in most looks are first, each
+    on the branch on which it came up most.
+    """
+    found, turns, ages = [], [], []
     omega = samples.fundamental
-    poles = poles.real + 1j * np.abs(poles.imag - omega * np.rint(poles.imag / omega))
+    for number, thinned in enumerate(THINNED):
+        poles = _poles(samples, response, thinned)
+        for place, own in enumerate(poles):
+            turn = np.rint(own.imag / omega)
+            found.append(own - 1j * turn * omega)
+            turns.append(turn)
+            ages.append(np.full(len(own), number * len(ORDERS) + place))
+    if not found:
+        return np.zeros(0, np.complex128), np.zeros(0)
+    poles = np.asarray(np.concatenate(found), np.complex128)
+    branch, look = np.asarray(np.concatenate(turns), np.float64), np.concatenate(ages)
     longest = samples.step * max(own.stop - own.start for own in samples.records)
-    poles = poles[(poles.real * samples.step > -FASTEST) & (poles.real * longest < GROWN)]
+    good = (poles.real * samples.step > -FASTEST) & (poles.real * longest < GROWN)
+    # Of a pair both folds are there: the one of positive frequency is kept.
+    poles, branch, look = poles[good], branch[good], look[good]
+    below = poles.imag < 0.0
+    poles = np.asarray(np.where(below, poles.conj(), poles), np.complex128)
+    branch = np.where(below, -branch, branch)
     apart: list[complex] = []
-    for pole in poles.tolist():
-        near = ALIKE * (abs(pole.real) + 1.0 / longest)
-        if all(abs(pole - other) > near for other in apart):
-            apart.append(pole)
-    return np.array(apart, np.complex128)
+    shares: list[float] = []
+    looks = (look[:, None] == np.unique(look)).astype(float)
+    near = np.abs(poles[:, None] - poles) < ALIKE * (np.abs(poles.real) + 1.0 / longest)[:, None]
+    free = np.ones(len(poles), bool)
+    while free.any() and len(apart) < MOST:
+        votes = np.count_nonzero((near & free) @ looks, axis=1) * free
+        best = int(np.argmax(votes))
+        own = near[best] & free
+        shares.append(float(votes[best]) / looks.shape[1])
+        centre = np.median(poles[own].real) + 1j * np.median(poles[own].imag)
+        values, counts = np.unique(branch[own], return_counts=True)
+        turn = values[np.argmax(counts - 1e-3 * np.abs(values))]
+        apart.append(complex(centre + 1j * turn * omega))
+        free &= ~own
+    return np.array(apart, np.complex128), np.array(shares)
 
 
-def _poles(
-    samples: Samples, response: NDArray[np.float64], sidebands: int, thinned: int, depth: int
-) -> NDArray[np.complex128] | None:
-    """Poles by past outputs and inputs as instruments (Verhaegen 1994); None where there are too few samples."""
+def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> list[NDArray[np.complex128]]:
+    """Poles of several orders, by past outputs and inputs as instruments (Verhaegen 1994); none of too few samples."""
     from scipy.signal import firwin, lfilter
 
+    taps = firwin(8 * thinned + 1, 0.9 / thinned) if thinned > 1 else np.ones(1)
+    count = len(response)
+    lengths = [(own.stop - own.start - len(taps) + thinned) // thinned for own in samples.records]
+    for sidebands in SIDEBANDS:
+        signals = len(samples.inputs) * (1 + 2 * sidebands) + count
+        depth = min(int(np.ceil(DEEPEST / count)) + 2, 40)
+        while depth >= 6 and 2 * depth * signals > MOST_ROWS * sum(max(n - 2 * depth + 1, 0) for n in lengths):
+            depth -= 2
+        if depth >= 6:
+            break
+    else:
+        return []
     turned = [samples.turned(turn) * samples.inputs for turn in range(1, sidebands + 1)]
     signals = np.concatenate([samples.inputs, *(part for own in turned for part in (own.real, own.imag)), response])
     size = signals.std(axis=1, keepdims=True)
     signals = signals / np.where(size > 0.0, size, 1.0)
-    taps = firwin(8 * thinned + 1, 0.9 / thinned) if thinned > 1 else np.ones(1)
-    count, blocks = len(response), []
+    rows = 2 * depth * len(signals)
+    gram = np.zeros((rows, rows))
     for own in samples.records:
         part = np.asarray(lfilter(taps, 1.0, signals[:, own], axis=1))[:, len(taps) - 1 :: thinned]
-        columns = part.shape[1] - 2 * depth + 1
-        if columns < 1:
-            continue
-        rows = [
-            np.concatenate([part[:, lag : lag + columns] for lag in range(first, first + depth)])
-            for first in (0, depth)
-        ]
-        place = np.arange(depth)[:, None] * len(part) + np.arange(len(part))
-        inputs, outputs = place[:, :-count].ravel(), place[:, -count:].ravel()
-        blocks.append(np.concatenate([rows[1][inputs], rows[0], rows[1][outputs]]))
-    if not blocks:
-        return None
-    table = np.concatenate(blocks, axis=1)
-    if len(table) > MOST_ROWS * table.shape[1]:
-        return None
-    lower = np.transpose(np.asarray(np.linalg.qr(table.T, mode="r")))
-    first, last = depth * (len(signals) - count), len(table) - depth * count
+        if part.shape[1] > 2 * depth:
+            gram += _products_of_lags(part, 2 * depth)
+    place = np.arange(2 * depth)[:, None] * len(signals) + np.arange(len(signals))
+    past, inputs, outputs = place[:depth].ravel(), place[depth:, :-count].ravel(), place[depth:, -count:].ravel()
+    order = np.concatenate([inputs, past, outputs])
+    gram = gram[np.ix_(order, order)]
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-12 * np.diag(gram).max()))
+    lower = _lower(gram / np.outer(scale, scale)) * scale[:, None]
+    first, last = len(inputs), len(inputs) + len(past)
     left, values, _ = np.linalg.svd(lower[last:, first:last], full_matrices=False)
-    order = min(ORDER, (depth - 1) * count)
-    observed = left[:, :order] * np.sqrt(values[:order])
-    shift = np.linalg.lstsq(observed[:-count], observed[count:], rcond=None)[0]
-    multipliers = np.asarray(np.linalg.eigvals(shift), np.complex128)
-    poles = np.asarray(np.log(multipliers + 1e-300) / (samples.step * thinned), np.complex128)
-    return poles[poles.imag >= 0.0]
+    found = []
+    for wanted in ORDERS:
+        if wanted > (depth - 1) * count:
+            break
+        observed = left[:, :wanted] * np.sqrt(values[:wanted])
+        shift = np.linalg.lstsq(observed[:-count], observed[count:], rcond=None)[0]
+        multipliers = np.asarray(np.linalg.eigvals(shift), np.complex128)
+        found.append(np.log(multipliers + 1e-300) / (samples.step * thinned))
+    return found
+
+
+def _lower(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The triangular factor of a matrix of products, with as much more on its diagonal as rounding needs."""
+    for more in (1e-12, 1e-9, 1e-6):
+        with suppress(np.linalg.LinAlgError):
+            return np.asarray(np.linalg.cholesky(matrix + more * np.eye(len(matrix))), np.float64)
+    return np.asarray(np.linalg.cholesky(matrix + 1e-3 * np.eye(len(matrix))), np.float64)
+
+
+def _products_of_lags(signals: NDArray[np.float64], lags: int) -> NDArray[np.float64]:
+    """Products of signals at lags, summed over the samples (lags · signals, lags · signals).
+
+    The block one lag later of both is the block less its first sample, and one sample more.
+    """
+    count, columns = len(signals), signals.shape[1] - lags + 1
+    found = np.zeros((lags, count, lags, count))
+    for lag in range(lags):
+        found[0, :, lag] = signals[:, :columns] @ signals[:, lag : lag + columns].T
+    ends = np.stack([signals[:, : lags - 1], signals[:, columns : columns + lags - 1]], axis=1)
+    for row in range(1, lags):
+        gone = np.tensordot(ends[:, :, row - 1] * [1.0, -1.0], ends[:, :, row - 1 :], (1, 1))
+        found[row, :, row:] = found[row - 1, :, row - 1 : -1] - np.moveaxis(gone, 1, 2)
+    for row in range(1, lags):
+        found[row, :, :row] = found[:row, :, row].transpose(2, 0, 1)
+    return found.reshape(lags * count, lags * count)
+
+
+def bare_mode(
+    samples: Samples, exponent: complex, reach: NDArray[np.float64], turns: NDArray[np.float64], *, real: bool = False
+) -> InputMode:
+    """A mode of which the exponent and the harmonics alone are known."""
+    count, starts = len(samples.inputs), len(samples.records)
+    longest = samples.step * max(own.stop - own.start for own in samples.records)
+    return InputMode(
+        exponent=exponent,
+        real=real,
+        reach=reach,
+        gains=np.ones((count, len(reach)), complex),
+        turns=turns,
+        initial=np.ones(starts, complex),
+        sizes=samples.input_size * np.sqrt(samples.step / max(abs(exponent.real), 1.0 / longest)),
+    )
+
+
+def split_products(bare: InputMode, drives: NDArray, products: NDArray[np.float64], channels: int) -> InputMode:
+    """A mode by its products c b (drives · columns, channels): b is their first left singular vector."""
+    # Each drive counts by what it does to the state.
+    strength = np.sqrt(np.mean(np.abs(drives) ** 2, axis=1))
+    shapes = _shapes(bare, products.reshape(len(drives), -1), channels) * strength[:, None]
+    left, _, _ = np.linalg.svd(shapes, full_matrices=False)
+    weights = left[:, 0] / np.where(strength > 0.0, strength, np.inf)
+    inner = bare.gains.size
+    if bare.real:
+        weights = np.concatenate([weights[:inner] + 1j * weights[inner : 2 * inner], weights[2 * inner :]])
+    own = np.asarray(weights, np.complex128)
+    return replace(bare, gains=own[:inner].reshape(bare.gains.shape), initial=own[inner:]).scaled()
 
 
 def relaxed(
@@ -116,17 +208,7 @@ def relaxed(
     With λ given the response is linear in the products :math:`X_{m,(i,l)} = c_m b_{i,l}`, which are fitted freely; b is
     the first left singular vector of X.
     """
-    count, starts = len(samples.inputs), len(samples.records)
-    longest = samples.step * max(own.stop - own.start for own in samples.records)
-    bare = InputMode(
-        exponent=exponent,
-        real=real,
-        reach=reach,
-        gains=np.ones((count, len(reach)), complex),
-        turns=turns,
-        initial=np.ones(starts, complex),
-        sizes=samples.input_size * np.sqrt(samples.step / max(abs(exponent.real), 1.0 / longest)),
-    )
+    bare = bare_mode(samples, exponent, reach, turns, real=real)
     drives = reached_by(samples, bare)
     columns = np.concatenate([columns_of(samples, bare, state) for state in drives])
     both = np.concatenate([columns, samples.known])
@@ -140,16 +222,7 @@ def relaxed(
     fitted = solved.T @ both
     before, after = np.mean(response**2, axis=1), np.mean((response - fitted) ** 2, axis=1)
     gain = float(response.shape[1] * np.sum(np.log(before / after)))
-    products = solved[: len(columns)].reshape(len(drives), -1)
-    # Each drive counts by what it does to the state.
-    strength = np.sqrt(np.mean(np.abs(drives) ** 2, axis=1))
-    left, _, _ = np.linalg.svd(_shapes(bare, products, len(response)) * strength[:, None], full_matrices=False)
-    weights = left[:, 0] / np.where(strength > 0.0, strength, np.inf)
-    inner = count * len(reach)
-    if real:
-        weights = np.concatenate([weights[:inner] + 1j * weights[inner : 2 * inner], weights[2 * inner :]])
-    own = np.asarray(weights, np.complex128)
-    return gain, replace(bare, gains=own[:inner].reshape(count, -1), initial=own[inner:]).scaled()
+    return gain, split_products(bare, drives, solved[: len(columns)], len(response))
 
 
 def _shapes(mode: InputMode, products: NDArray[np.float64], channels: int) -> NDArray:

@@ -34,7 +34,7 @@ from floquid.pipeline.with_inputs._prepare import OF, Parted, parted
 KEPT = 0.75
 """The share of each record that a model is fitted to for the check on the rest."""
 
-HIGHEST = 12
+HIGHEST = 24
 """Harmonics of inputs and outputs at most."""
 
 MOST_UNTOLD = 3.0

@@ -31,6 +31,9 @@ STEADY_LINES = 12
 BESIDE = (1, 2, 3, 4)
 """Lines on either side of a harmonic by which the level there is judged."""
 
+PERIODS_A_LINE = 4.0
+"""Periods of the records over the harmonics that are fitted, at least, where all are."""
+
 LOUD = 8.0
 """The amplitude at a harmonic over that beside it from which on it is fitted."""
 
@@ -160,19 +163,24 @@ def _off_harmonics(values: NDArray[np.float64], rate: float, period: float) -> f
 
 
 def _steady(values: Sequence[NDArray[np.float64]], rate: float, period: float) -> tuple[int, ...]:
-    """Harmonics at which a response stands far above what is beside them: an orbit, gravity, an imbalance."""
+    """Harmonics of a response that repeats: an orbit, gravity, an imbalance.
+
+    Where one stands far above what is beside it all are fitted, as far as the records are long enough: a smaller one
+    that is left out would be taken for a mode that never decays.
+    """
     highest = min(STEADY_LINES, int(0.5 * rate * period - 1e-6))
-    found = []
-    for harmonic in range(1, highest + 1):
-        for own in values:
-            periods = own.shape[1] / (rate * period)
-            offsets = np.array([0.0, *(sign * k for k in BESIDE for sign in (1.0, -1.0))]) / periods
-            angles = 2.0 * np.pi * np.multiply.outer(harmonic + offsets, np.arange(own.shape[1])) / (rate * period)
-            lines = np.abs((own - own.mean(axis=1, keepdims=True)) @ np.exp(-1j * angles).T)
-            if (lines[:, 0] > LOUD * np.sqrt(np.mean(lines[:, 1:] ** 2, axis=1))).any():
-                found.append(harmonic)
-                break
-    return tuple(found)
+    loud = [harmonic for harmonic in range(1, highest + 1) if any(_loud(own, rate, period, harmonic) for own in values)]
+    periods = sum(own.shape[1] for own in values) / (rate * period)
+    return tuple(range(1, highest + 1)) if loud and periods > PERIODS_A_LINE * highest else tuple(loud)
+
+
+def _loud(values: NDArray[np.float64], rate: float, period: float, harmonic: int) -> bool:
+    """True where the line at a harmonic stands far above those beside it in a channel."""
+    periods = values.shape[1] / (rate * period)
+    offsets = np.array([0.0, *(sign * k for k in BESIDE for sign in (1.0, -1.0))]) / periods
+    angles = 2.0 * np.pi * np.multiply.outer(harmonic + offsets, np.arange(values.shape[1])) / (rate * period)
+    lines = np.abs((values - values.mean(axis=1, keepdims=True)) @ np.exp(-1j * angles).T)
+    return bool((lines[:, 0] > LOUD * np.sqrt(np.mean(lines[:, 1:] ** 2, axis=1))).any())
 
 
 def _asked(settings: Settings) -> tuple[int, ...]:

@@ -1,0 +1,110 @@
+"""Start of a search: modes chosen together from many candidates, all that is linear in them fitted at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.inputs._modes import InputMode, reached_by
+from floquid.inputs._samples import Samples
+from floquid.inputs._solver import columns_of
+from floquid.inputs._start import bare_mode, split_products
+
+REACH = 1
+"""Harmonics of inputs and outputs on either side of the largest that a candidate has."""
+
+COLLINEAR = 1e-5
+"""The share of the largest below which a direction of a candidate's columns, less those chosen, is none."""
+
+PROBABILITY = 1e-9
+"""The probability at which noise may pass for a candidate."""
+
+
+def chosen_together(samples: Samples, exponents: NDArray[np.complex128], most: int) -> list[InputMode]:
+    r"""Modes of some of many exponents (candidates,), one after another by what they explain beside those chosen.
+
+    With all λ given the response is linear in the products :math:`c_m b_{i,l}` of every candidate: groups of columns
+    enter by the gain in likelihood (orthogonal matching pursuit, Pati et al. 1993; Swirszcz et al. 2009 for groups).
+    """
+    from scipy.special import chdtri
+
+    turns = np.arange(-REACH, REACH + 1.0)
+    bare = [bare_mode(samples, exponent, turns, turns) for exponent in exponents.tolist()]
+    drives = [reached_by(samples, mode) for mode in bare]
+    groups = [
+        np.concatenate([columns_of(samples, mode, state) for state in own])
+        for mode, own in zip(bare, drives, strict=True)
+    ]
+    known = samples.known
+    direct = np.concatenate([samples.inputs, known])
+    columns = np.concatenate([direct, *groups])
+    size = np.sqrt(np.einsum("kn,kn->k", columns, columns))
+    columns /= np.where(size > 0.0, size, np.inf)[:, None]
+    gram, seen = columns @ columns.T, columns @ samples.values.T
+    begins = np.cumsum([len(direct), *(len(own) for own in groups)])
+    places = [slice(a, b) for a, b in pairwise(begins.tolist())]
+    energy = np.sum(samples.values**2, axis=1)
+    gram, seen, energy = _less(gram, seen, energy, slice(0, len(direct)))
+    taken: list[int] = []
+    while len(taken) < most:
+        gains = [-np.inf if k in taken else _gain(gram, seen, energy, own, samples) for k, own in enumerate(places)]
+        best = int(np.argmax(gains)) if gains else 0
+        if not gains or gains[best] < chdtri(len(groups[best]) * len(energy), PROBABILITY):
+            break
+        taken.append(best)
+        gram, seen, energy = _less(gram, seen, energy, places[best])
+    return fitted_together(samples, samples.values, [bare[k] for k in taken])
+
+
+def fitted_together(samples: Samples, response: NDArray[np.float64], bare: Sequence[InputMode]) -> list[InputMode]:
+    """Modes of which exponents and harmonics are known, from a response (channels, samples): all products together."""
+    if not bare:
+        return []
+    drives = [reached_by(samples, mode) for mode in bare]
+    groups = [
+        np.concatenate([columns_of(samples, mode, state) for state in own])
+        for mode, own in zip(bare, drives, strict=True)
+    ]
+    columns = np.concatenate([samples.inputs, samples.known, *groups])
+    size = np.sqrt(np.einsum("kn,kn->k", columns, columns))
+    size = np.where(size > 0.0, size, np.inf)
+    columns /= size[:, None]
+    values, vectors = np.linalg.eigh(columns @ columns.T)
+    good = values > COLLINEAR * values[-1]
+    solved = ((vectors[:, good] / values[good]) @ (vectors[:, good].T @ (columns @ response.T))) / size[:, None]
+    found, place = [], len(columns) - sum(len(own) for own in groups)
+    for mode, own, group in zip(bare, drives, groups, strict=True):
+        found.append(split_products(mode, own, solved[place : place + len(group)], len(response)))
+        place += len(group)
+    return found
+
+
+def _inverse_root(gram: NDArray[np.float64]) -> NDArray[np.float64]:
+    """W with W Wᵀ the inverse of a matrix of products, but for directions that others have taken."""
+    values, vectors = np.linalg.eigh(gram)
+    good = values > COLLINEAR * max(1.0, values[-1])
+    return vectors[:, good] / np.sqrt(values[good])
+
+
+def _gain(
+    gram: NDArray[np.float64],
+    seen: NDArray[np.float64],
+    energy: NDArray[np.float64],
+    place: slice,
+    samples: Samples,
+) -> float:
+    """The gain in twice the logarithm of the likelihood by a group of columns."""
+    explained = np.sum((_inverse_root(gram[place, place]).T @ seen[place]) ** 2, axis=0)
+    return float(samples.n_samples * np.sum(-np.log1p(-np.minimum(explained / energy, 1.0 - 1e-12))))
+
+
+def _less(
+    gram: NDArray[np.float64], seen: NDArray[np.float64], energy: NDArray[np.float64], place: slice
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Products of all columns less their projections on a group."""
+    root = _inverse_root(gram[place, place])
+    along, own = gram[:, place] @ root, root.T @ seen[place]
+    return gram - along @ along.T, seen - along @ own, energy - np.sum(own**2, axis=0)

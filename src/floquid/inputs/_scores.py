@@ -1,0 +1,158 @@
+"""Gains of a fit by more of its harmonics, to first order, all else moving along: one linearisation for all tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.inputs._modes import reached_by
+from floquid.inputs._samples import Samples
+from floquid.inputs._solver import Linearisation, carried, linearise, slopes_of, state_slopes
+
+NUDGE = 1e-6
+"""The relative change of ω by which the response's slope is taken."""
+
+MEANT = 1e-9
+"""The share of the largest below which a direction of the information is rounding."""
+
+ROUGHLY = 1e-5
+"""The same in single precision."""
+
+
+class Scores:
+    """Gains in twice the logarithm of the likelihood by groups of columns or parameters more (score tests).
+
+    Of a group with gradient g the gain is g' S⁻¹ g, S its information less what all that is fitted takes of it.
+    """
+
+    def __init__(self, samples: Samples, now: Linearisation, *, rough: bool = True) -> None:
+        self.samples, self.now = samples, now
+        self.number = np.float32 if rough else np.float64
+        least = ROUGHLY if rough else MEANT
+        inner = np.complex64 if rough else np.complex128
+        states = [own.astype(inner if np.iscomplexobj(own) else self.number) for own in state_slopes(samples, now)]
+        self.weights = 1.0 / now.noise
+        self.columns = now.columns.astype(self.number)
+        self.left = (now.left * self.weights[:, None]).astype(self.number)
+        self.slopes = [slopes_of(samples, now, c, states, w) for c, w in enumerate(self.weights)] if now.modes else []
+        self.along = [(own @ self.columns.T).astype(float) @ now.inverse for own in self.slopes]
+        matrix = np.zeros((len(self.slopes[0]),) * 2) if self.slopes else np.zeros((0, 0))
+        for own, along in zip(self.slopes, self.along, strict=True):
+            matrix += own @ own.T - along @ (self.columns @ own.T)
+        self.root = inverse_root(matrix, least)
+        self.matrix, self.least = matrix, least
+
+    def by_columns(self, groups: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """The gains by groups of columns, each linear in every channel (columns, samples) (groups,)."""
+        if not groups:
+            return np.zeros(0)
+        extra = np.concatenate(groups).astype(self.number)
+        beyond = extra - ((extra @ self.columns.T).astype(float) @ self.now.inverse).astype(self.number) @ self.columns
+        pull, information = (beyond @ self.left.T).astype(float), (beyond @ beyond.T).astype(float)
+        size = np.einsum("kn,kn->k", extra, extra).astype(float)
+        mixed = [self.root.T @ (own @ beyond.T) for own in self.slopes]
+        found, place, channels = [], 0, len(self.left)
+        for own in groups:
+            rows = slice(place, place + len(own))
+            place += len(own)
+            left = np.asarray(np.kron(np.eye(channels), information[rows, rows]), np.float64)
+            if mixed:
+                both = np.concatenate([part[:, rows] for part in mixed], axis=1)
+                left -= both.T @ both
+            found.append(_gain(left, pull[rows].T.ravel(), np.tile(size[rows], channels), self.least))
+        return np.array(found)
+
+    def by_inputs(self, asked: Sequence[tuple[int, float]]) -> NDArray[np.float64]:
+        """The gains by the inputs at a harmonic more that a mode does not have yet: of modes and harmonics (asked,)."""
+        if not asked:
+            return np.zeros(0)
+        now, samples, drives = self.now, self.samples, []
+        for mode, turn in asked:
+            own = now.modes[mode]
+            alone = replace(own, reach=np.array([turn]), gains=np.ones((len(own.gains), 1), complex))
+            drives.append(reached_by(samples, alone)[: (2 if own.real else 1) * len(own.gains)])
+        counts = [len(own) if now.modes[m].real else 2 * len(own) for own, (m, _) in zip(drives, asked, strict=True)]
+        ends = np.cumsum([0, *counts])
+        information, pull, size = np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1]), np.zeros(ends[-1])
+        mixed = np.zeros((self.root.shape[1], ends[-1]))
+        for channel, (own, along) in enumerate(zip(self.slopes, self.along, strict=True)):
+            rows = np.empty((ends[-1], samples.n_samples), self.number)
+            for k, (part, (mode, _)) in enumerate(zip(drives, asked, strict=True)):
+                shape, turns = now.shape(mode)[:, channel], now.modes[mode].turns.tolist()
+                moved = self.weights[channel] * carried(samples, shape, turns) * part
+                real = now.modes[mode].real
+                rows[ends[k] : ends[k + 1]] = moved.real if real else np.concatenate([moved.real, -moved.imag])
+            seen = (rows @ self.columns.T).astype(float)
+            products = rows @ rows.T
+            size += np.diag(products)
+            information += products - seen @ now.inverse @ seen.T
+            mixed += self.root.T @ (own @ rows.T - along @ seen.T)
+            pull += rows @ self.left[channel]
+        left = information - mixed.T @ mixed
+        places = [slice(a, b) for a, b in pairwise(ends.tolist())]
+        return np.array([_gain(left[own, own], pull[own], size[own], self.least) for own in places])
+
+    def of_modes(self) -> NDArray[np.float64]:
+        """Squared deviations of the shape of each mode from zero, all else moving along (Wald tests) (modes,)."""
+        found, now = [], self.now
+        root = inverse_root(self.matrix, self.least, floor=True)
+        for own, _ in now.slices():
+            spread = np.kron(np.eye(len(self.left)), now.inverse[own, own])
+            along = np.concatenate([part[:, own] for part in self.along], axis=1).T @ root
+            shape = (now.coefficients[own] * self.weights).T.ravel()
+            whole = spread + along @ along.T
+            found.append(_gain(whole, shape, np.diag(whole), MEANT))
+        return np.array(found)
+
+    def step_along(self, slopes: NDArray[np.float64]) -> tuple[float, float]:
+        """The step of one parameter with these slopes (channels, samples), all others moving along, and its deviation.
+
+        Infinite where nothing is known of it.
+        """
+        now, own, pull, mixed = self.now, 0.0, 0.0, np.zeros(self.root.shape[1])
+        for channel, weight in enumerate(self.weights):
+            slope = weight * slopes[channel]
+            beyond = slope - (now.columns @ slope) @ now.inverse @ now.columns
+            own += float(beyond @ slope)
+            pull += float(beyond @ self.left[channel])
+            mixed += self.root.T @ (self.slopes[channel] @ beyond)
+        information = own - float(mixed @ mixed)
+        if not information > MEANT * own:
+            return 0.0, float(np.inf)
+        return pull / information, information**-0.5
+
+
+def period_step(samples: Samples, now: Linearisation) -> tuple[float, float]:
+    """(Own period - period given)/period given, as the response has it, to first order, and its deviation."""
+    ends = []
+    for sign in (1.0, -1.0):
+        moved = replace(samples, fundamental=samples.fundamental * (1.0 + sign * NUDGE))
+        ends.append(now.coefficients.T @ linearise(moved, now.modes, now.direct).columns)
+    step, std = Scores(samples, now, rough=False).step_along((ends[0] - ends[1]) / (2.0 * NUDGE))
+    return -step, std
+
+
+def inverse_root(matrix: NDArray[np.float64], least: float = MEANT, *, floor: bool = False) -> NDArray[np.float64]:
+    """W with W W' the inverse of a matrix of products, directions that are rounding left out, or taken for that."""
+    if not len(matrix):
+        return matrix
+    own = np.diag(matrix)
+    size = np.sqrt(np.maximum(own, 1e-12 * own.max() + 1e-300))
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    low = least * max(values[-1], 1e-300)
+    good = np.full(len(values), True) if floor else values > low
+    return vectors[:, good] / np.sqrt(np.maximum(values[good], low)) / size[:, None]
+
+
+def _gain(
+    information: NDArray[np.float64], pull: NDArray[np.float64], size: NDArray[np.float64], least: float
+) -> float:
+    """The gain by parameters of this information and gradient; `size` is that before others took their share of it."""
+    scale = np.sqrt(np.maximum(size, 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    good = values > least
+    return float(np.sum((vectors[:, good].T @ (pull / scale)) ** 2 / values[good]))
