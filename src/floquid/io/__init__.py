@@ -7,22 +7,7 @@ from floquid.io._matlab import letters, load_variables, mat_order
 from floquid.io._source import DamagedError, Source, load_package, refuse_wrong_name
 
 __all__ = [
-    "GUARD",
-    "DamagedError",
-    "Source",
-    "array_in",
-    "as_path",
-    "atomic_path",
-    "attribute",
-    "flush",
-    "flush_folder",
-    "is_elsewhere",
-    "is_whole",
-    "letters",
-    "load_package",
-    "load_variables",
-    "mat_order",
-    "readable_file",
-    "refuse_wrong_name",
-    "texts_in",
-]
+    "GUARD", "DamagedError", "Source", "array_in", "as_path", "atomic_path", "attribute", "flush", "flush_folder",
+    "is_elsewhere", "is_whole", "letters", "load_package", "load_variables", "mat_order", "readable_file",
+    "refuse_wrong_name", "texts_in",
+]  # fmt: skip

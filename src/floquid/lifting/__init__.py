@@ -4,14 +4,6 @@ from floquid.lifting._lift import Lifted, floor_of, largest_values, lift, refuse
 from floquid.lifting._whiten import LAGS, filters_of, whitened, whitening_filter
 
 __all__ = [
-    "LAGS",
-    "Lifted",
-    "filters_of",
-    "floor_of",
-    "largest_values",
-    "lift",
-    "refuse_values",
-    "unlift",
-    "whitened",
+    "LAGS", "Lifted", "filters_of", "floor_of", "largest_values", "lift", "refuse_values", "unlift", "whitened",
     "whitening_filter",
-]
+]  # fmt: skip

@@ -16,21 +16,7 @@ from floquid.lti.likelihood import Evidence, MaximumLikelihood
 from floquid.lti.rational import LSCF, PolyLSCF
 
 __all__ = [
-    "AMI",
-    "ERA",
-    "LSCF",
-    "WHITE",
-    "AbstractIdentifier",
-    "Composites",
-    "Evidence",
-    "MaximumLikelihood",
-    "ModalModel",
-    "Outcome",
-    "PolyLSCF",
-    "TimeResponses",
-    "composites",
-    "compress",
-    "fit_residues",
-    "weighted_blocks",
+    "AMI", "ERA", "LSCF", "WHITE", "AbstractIdentifier", "Composites", "Evidence", "MaximumLikelihood", "ModalModel",
+    "Outcome", "PolyLSCF", "TimeResponses", "composites", "compress", "fit_residues", "weighted_blocks",
     "white_noise_std",
-]
+]  # fmt: skip

@@ -10,15 +10,6 @@ from floquid.order._scan import scan, stability
 from floquid.order._types import Criteria, Indicators, OrderScan, Stability, Tolerances
 
 __all__ = [
-    "Choice",
-    "Criteria",
-    "Indicators",
-    "OrderScan",
-    "Stability",
-    "Tolerances",
-    "choose",
-    "indicators",
-    "judge",
-    "scan",
+    "Choice", "Criteria", "Indicators", "OrderScan", "Stability", "Tolerances", "choose", "indicators", "judge", "scan",
     "stability",
-]
+]  # fmt: skip

@@ -63,10 +63,7 @@ class Choice(Brief):
 
 
 def choose(
-    data: TimeResponses,
-    identifier: AbstractIdentifier | None = None,
-    *,
-    report: Callable[[str], None] = lambda _: None,
+    data: TimeResponses, identifier: AbstractIdentifier | None = None, *, report: Callable[[str], None] = lambda _: None
 ) -> Choice:
     r"""The order that the data support.
 
@@ -105,11 +102,7 @@ def judge(data: TimeResponses, model: ModalModel) -> Choice:
     if model.outcome is not Outcome.SUCCESS:
         findings.append(warning(model.outcome.value))
     return Choice(
-        order=model.order,
-        model=model,
-        findings=tuple(findings),
-        runner_up=_runner_up(evidence),
-        evidence=evidence,
+        order=model.order, model=model, findings=tuple(findings), runner_up=_runner_up(evidence), evidence=evidence
     )
 
 

@@ -9,16 +9,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import input_error, integer
-from floquid.lti import (
-    ERA,
-    LSCF,
-    AbstractIdentifier,
-    ModalModel,
-    Outcome,
-    PolyLSCF,
-    TimeResponses,
-    weighted_blocks,
-)
+from floquid.lti import ERA, LSCF, AbstractIdentifier, ModalModel, Outcome, PolyLSCF, TimeResponses, weighted_blocks
 from floquid.order._indicators import both_compressed, indicators_of
 from floquid.order._types import Criteria, OrderScan, Stability, Tolerances
 

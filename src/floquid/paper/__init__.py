@@ -12,15 +12,6 @@ from floquid.paper._rows import numbers
 from floquid.paper._text import figure_text, page, table
 
 __all__ = [
-    "Draw",
-    "Estimate",
-    "Number",
-    "PaperFigure",
-    "Reproduction",
-    "figure_text",
-    "figures",
-    "numbers",
-    "page",
-    "reproduce",
-    "table",
-]
+    "Draw", "Estimate", "Number", "PaperFigure", "Reproduction", "figure_text", "figures", "numbers", "page",
+    "reproduce", "table",
+]  # fmt: skip

@@ -72,8 +72,7 @@ CUTS: Mapping[str, tuple[tuple[str, str], Cut]] = MappingProxyType(
         "turntable_one_harmonic": (TURNTABLE, lambda model: lowest(model, 1)),
         "turntable_two_harmonics": (TURNTABLE, lambda model: lowest(model, 2)),
     }
-)
-"""Ways to cut the Fourier series short before A(t) is rebuilt, and the states."""
+)  # ways to cut the Fourier series short before A(t) is rebuilt, and the states
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -131,6 +131,10 @@ def fit(
     Missing samples (NaN) take no part. Where the speed wanders, F is let follow it to second order. Returns model,
     forced response and noise.
 
+    Raises InputError where records or clocks do not belong together, or the forced response or the harmonics cannot be
+    what is asked for; IdentificationError where no mode rises above the noise, or what does is no mode that could be
+    fitted.
+
     Parameters
     ----------
     records
@@ -162,13 +166,6 @@ def fit(
         The probabilities that noise passes for a mode, and for a harmonic of any mode.
     report
         Is told of each stage.
-
-    Raises
-    ------
-    InputError
-        Records or clocks do not belong together, or the forced response or the harmonics cannot be what is asked for.
-    IdentificationError
-        No mode rises above the noise, or what does is no mode that could be fitted.
     """
     if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
         raise input_error("free_period", "fit", "be false with a tachometer", "is true", "The shaft tells the period.")

@@ -53,6 +53,9 @@ def estimate_at(
     step, by which a two-step fit loses no efficiency (Söderström and Stoica 1989). They have the same modes and terms
     as those of the model.
 
+    Raises InputError where the model has no estimates, or responses and model do not belong together;
+    IdentificationError where the record does not determine the exponents there.
+
     Parameters
     ----------
     model
@@ -70,13 +73,6 @@ def estimate_at(
         With records: the filter of each channel along the record that makes its noise white (channels, taps).
     forced
         With records: the forced response that was taken off them, whose deviations are shared.
-
-    Raises
-    ------
-    InputError
-        The model has no estimates, or responses and model do not belong together.
-    IdentificationError
-        The record does not determine the exponents there.
     """
     known = model.unselected if model.unselected is not None else model.estimates
     if known is None:

@@ -56,6 +56,9 @@ def refit(
     shaft. Of records that are whole samples a period, with whole cycles left out, it costs as little as of lifted
     responses: no sample's exponentials are formed. Exponents, coefficients and deviations are those of these samples.
 
+    Raises InputError where records, clocks, noise and model do not belong together, or the period of a measured angle
+    is to be fitted; IdentificationError where there is no such fit near the model's exponents.
+
     Parameters
     ----------
     model
@@ -76,13 +79,6 @@ def refit(
         Whether the period is fitted too, where constant periods tie the records to the phase.
     wider
         Whether the fit with several harmonics more on each side of every band is made too (`unselected`).
-
-    Raises
-    ------
-    InputError
-        Records, clocks, noise and model do not belong together, or the period of a measured angle is to be fitted.
-    IdentificationError
-        There is no such fit near the model's exponents.
     """
     if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
         must, got = "be false where the angle of a shaft is measured", "is true"

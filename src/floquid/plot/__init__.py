@@ -23,22 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
 
 __all__ = [
-    "FIGURES",
-    "coefficients",
-    "composite",
-    "exponents",
-    "indicators",
-    "periodic_shapes",
-    "residues",
-    "save_figure",
-    "save_figures",
-    "spectra",
-    "speed",
-    "stabilisation",
-    "stability_map",
-    "synchronisation",
-    "synthesis",
-    "system_elements",
-    "time_record",
-    "transfer",
-]
+    "FIGURES", "coefficients", "composite", "exponents", "indicators", "periodic_shapes", "residues", "save_figure",
+    "save_figures", "spectra", "speed", "stabilisation", "stability_map", "synchronisation", "synthesis",
+    "system_elements", "time_record", "transfer",
+]  # fmt: skip

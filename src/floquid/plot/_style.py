@@ -23,9 +23,7 @@ Thing = TypeVar("Thing")
 LONGEST = 38  # the longest text that fits beside or above the axes, in characters
 PLAIN_FROM, PLAIN_TO = 5e-3, 1e4  # values of this size are written out
 SIZE = 9.0  # of all text [pt]
-
 ACROSS, HANDLE = 100, 9  # characters that a row of a legend holds, and those that a handle and the gaps about it take
-
 INTERVAL = 1.96  # the standard deviations to each side within which 95 % of estimates lie
 
 _LOOK = {
@@ -69,8 +67,7 @@ LOOKS = tuple(
         (_CROSS, GREEN, "-.", 0.9),
         (_PLUS, PURPLE, ":", 1.2),
     )
-)
-"""Told apart by form as well as by colour."""
+)  # told apart by form as well as by colour
 
 
 @contextmanager

@@ -6,33 +6,11 @@ the contract tests take it from there.
 
 from floquid.readers._read import FORMATS, SUFFIXES, WRITTEN, Format, read, write
 from floquid.readers._summary import ChannelSummary, ClockCandidate, ClockKind, FileSummary, describe_file
-from floquid.readers.objects import (
-    from_pandas,
-    from_sep005,
-    from_xarray,
-    record_to_xarray,
-    to_pandas,
-    to_sep005,
-)
+from floquid.readers.objects import from_pandas, from_sep005, from_xarray, record_to_xarray, to_pandas, to_sep005
 from floquid.readers.uff import KINDS as UFF_KINDS
 
 __all__ = [
-    "FORMATS",
-    "SUFFIXES",
-    "UFF_KINDS",
-    "WRITTEN",
-    "ChannelSummary",
-    "ClockCandidate",
-    "ClockKind",
-    "FileSummary",
-    "Format",
-    "describe_file",
-    "from_pandas",
-    "from_sep005",
-    "from_xarray",
-    "read",
-    "record_to_xarray",
-    "to_pandas",
-    "to_sep005",
-    "write",
-]
+    "FORMATS", "SUFFIXES", "UFF_KINDS", "WRITTEN", "ChannelSummary", "ClockCandidate", "ClockKind", "FileSummary",
+    "Format", "describe_file", "from_pandas", "from_sep005", "from_xarray", "read", "record_to_xarray", "to_pandas",
+    "to_sep005", "write",
+]  # fmt: skip

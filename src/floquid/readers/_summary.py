@@ -24,11 +24,9 @@ _CLOCK_NAME = re.compile(
     r"(?<![a-z])(tacho?s?|tachometer|pulses?|key ?phas\w*|encoder|azimuth|trigger|revs?|revolutions?"
     r"|(?:shaft|rotor|crank|phase) ?(?:angle|position|phase)|theta|psi|rpm)(?![a-z])",
     re.IGNORECASE,
-)
-"""A word in the name of a channel that may be a clock."""
+)  # a word in the name of a channel that may be a clock
 
 _TURNS = {"deg": 360.0, "rad": 6.283185307179586}  # a revolution in the units of an angle
-
 _SPEEDS = ("rpm", "RPM", "Hz", "rad/s", "deg/s")
 
 

@@ -11,17 +11,6 @@ from floquid.reconstruction._structure import AbstractStructure, Block, FirstOrd
 from floquid.reconstruction._structure_text import structure_of, text_of
 
 __all__ = [
-    "MOST_TIMES",
-    "AbstractStructure",
-    "Block",
-    "FirstOrder",
-    "Form",
-    "Refinement",
-    "SecondOrder",
-    "StateModel",
-    "choices",
-    "reconstruct",
-    "refine",
-    "structure_of",
-    "text_of",
-]
+    "MOST_TIMES", "AbstractStructure", "Block", "FirstOrder", "Form", "Refinement", "SecondOrder", "StateModel",
+    "choices", "reconstruct", "refine", "structure_of", "text_of",
+]  # fmt: skip

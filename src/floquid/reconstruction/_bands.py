@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers, Mask
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.reconstruction._modal_matrix import Jacobian, Shapes, Terms, by_system, modal_at
@@ -13,20 +13,13 @@ FALSE_ALARM = 1e-3
 """The probability at which noise may pass for a harmonic, over all that are tried: one that is false is multiplied by
 the square of its frequency in A(t), and one that is missing leaves out its own size alone."""
 
-GAP = 3
-"""Harmonics of no significance that a band may go on over, to one that the model keeps."""
-
-INSTANTS = 16
-"""Instants of the period at which the error is looked at."""
-
-MOST = 8
-"""Choices that are compared."""
-
-UNSEEN = 2.0
-"""Standard deviations that a harmonic which is left out may be larger than it was seen."""
+GAP = 3  # harmonics of no significance that a band may go on over, to one that the model keeps
+INSTANTS = 16  # instants of the period at which the error is looked at
+MOST = 8  # choices that are compared
+UNSEEN = 2.0  # standard deviations that a harmonic which is left out may be larger than it was seen
 
 
-def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> NDArray[np.bool_]:
+def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> Mask:
     r"""The terms that A(t) is built from (terms,).
 
     From the strongest harmonic of each mode its band grows on either side while the next one rises above the noise in
@@ -60,7 +53,7 @@ def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> NDArray[np.boo
     return least
 
 
-def scores(estimates: Estimates, rows: NDArray[np.bool_]) -> NDArray[np.float64]:
+def scores(estimates: Estimates, rows: Mask) -> Floats:
     """The sum of squares of each term over its deviations in some of the channels (terms,).
 
     Without such a harmonic it is a chi-square of two degrees of freedom a channel and hit.
@@ -72,7 +65,7 @@ def scores(estimates: Estimates, rows: NDArray[np.bool_]) -> NDArray[np.float64]
     return np.sum(real**2 + imag**2, axis=(1, 2))
 
 
-def _grown(model: PeriodicModel, estimates: Estimates, score: NDArray[np.float64], responses: int) -> NDArray[np.bool_]:
+def _grown(model: PeriodicModel, estimates: Estimates, score: Floats, responses: int) -> Mask:
     """A contiguous band of each mode about its strongest term, as far as it rises above the noise (terms,)."""
     from scipy.special import chdtri
 
@@ -95,7 +88,7 @@ def _grown(model: PeriodicModel, estimates: Estimates, score: NDArray[np.float64
     return band
 
 
-def _nested(estimates: Estimates, score: NDArray[np.float64], band: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _nested(estimates: Estimates, score: Floats, band: Mask) -> Integers:
     """The terms that may be left out, in the order in which they are: the weakest end of a band first."""
     left, order = band.copy(), []
     while True:
@@ -114,7 +107,7 @@ def _nested(estimates: Estimates, score: NDArray[np.float64], band: NDArray[np.b
         order.append(int(weakest))
 
 
-def _modal(shapes: Shapes, terms: Terms, kept: NDArray[np.bool_], times: NDArray[np.float64]):
+def _modal(shapes: Shapes, terms: Terms, kept: Mask, times: Floats):
     own = terms.mask(kept, shapes)
     try:
         return own, modal_at(own, times)
@@ -122,14 +115,7 @@ def _modal(shapes: Shapes, terms: Terms, kept: NDArray[np.bool_], times: NDArray
         return None
 
 
-def _risk(
-    shapes: Shapes,
-    terms: Terms,
-    candidate: NDArray[np.bool_],
-    largest: tuple,
-    band: NDArray[np.bool_],
-    times: NDArray[np.float64],
-) -> float:
+def _risk(shapes: Shapes, terms: Terms, candidate: Mask, largest: tuple, band: Mask, times: Floats) -> float:
     """The expected sum of squared errors of A(t), the states in units of their sizes in the modes."""
     found = _modal(shapes, terms, candidate, times)
     if found is None:
@@ -148,7 +134,7 @@ def _risk(
     return total
 
 
-def sizes_left_out(estimates: Estimates, kept: NDArray[np.bool_], rows: NDArray[np.bool_]) -> NDArray[np.float64]:
+def sizes_left_out(estimates: Estimates, kept: Mask, rows: Mask) -> Floats:
     r"""The size that the first harmonic left out on each side of a band may have (terms, channels, hits).
 
     .. math:: b = \min\Big(|B_L| \frac{\lVert B_L \rVert}{\lVert B_{L'} \rVert},\ |\hat B| + 2\sigma\Big)
@@ -183,6 +169,6 @@ def sizes_left_out(estimates: Estimates, kept: NDArray[np.bool_], rows: NDArray[
     return sizes
 
 
-def spread_of(sizes: NDArray[np.float64], slopes: Jacobian) -> NDArray[np.float64]:
+def spread_of(sizes: Floats, slopes: Jacobian) -> Floats:
     """The variance that coefficients of these sizes and of any phase add to the elements (states, states)."""
     return 0.5 * np.einsum("ijkch,kch->ij", np.abs(slopes.by_coefficient) ** 2, sizes**2)

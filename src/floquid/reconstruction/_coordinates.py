@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error
 from floquid.core import Channel, PeriodicModel
 from floquid.errors import IdentificationError
 
 OF = "reconstruct"
-
-DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}
-"""The derivative of a displacement that a quantity is."""
+DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}  # derivative of a displacement that a quantity is
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +25,7 @@ class Part:
     channel: int
     gain: float = 1.0
     power: int = 0
-    delay: float = 0.0
-    """τ: how much later the channel is seen [s]."""
+    delay: float = 0.0  # τ: how much later the channel is seen [s]
 
     def weight(self, rates: NDArray[Any]) -> NDArray[Any]:
         """The factor at each rate."""
@@ -49,15 +47,14 @@ class State:
 
     name: str
     parts: tuple[Part, ...]
-    noise: tuple[float, ...] = ()
-    """The deviation of the channel of each part of an average; empty for a sum."""
+    noise: tuple[float, ...] = ()  # the deviation of the channel of each part of an average; empty for a sum
 
     def derivative(self) -> State:
         """The rate of change of this state."""
         parts = tuple(Part(part.channel, part.gain, part.power + 1, part.delay) for part in self.parts)
         return State(f"d/dt {self.name}", parts, self.noise)
 
-    def weights(self, rates: NDArray[np.complex128], count: int) -> tuple[NDArray, NDArray]:
+    def weights(self, rates: Complexes, count: int) -> tuple[NDArray, NDArray]:
         """Factors of `count` channels (..., channels), and their slopes by the rate."""
         weights, slopes = np.zeros((2, *rates.shape, count), complex)
         own = [part.weight(rates) for part in self.parts]
@@ -82,15 +79,12 @@ class Coordinates:
 
     states: tuple[State, ...]
     n_channels: int
-    form: str
-    """"second-order", "first-order" or "delayed"."""
-    words: str
-    """The states in words."""
-    mixing: NDArray[np.float64] | None = None
+    form: str  # "second-order", "first-order" or "delayed"
+    words: str  # the states in words
+    mixing: Floats | None = None
     """Of states from all channels: what each channel is of the displacements (channels, displacements)."""
-    chosen: tuple[int, ...] = ()
-    """The channels that are the displacements themselves then, but for noise."""
-    loose: NDArray[np.complex128] | None = None
+    chosen: tuple[int, ...] = ()  # the channels that are the displacements themselves then, but for noise
+    loose: Complexes | None = None
     """Slopes of E by the coefficients of the model (displacements, displacements, modes, channels, hits, harmonics): by
     the errors of `mixing` the displacements are (1 + E) times those of the chosen channels."""
 
@@ -105,7 +99,7 @@ class Coordinates:
         half = len(self.states) // 2 if self.form == "second-order" else len(self.states)
         return ", ".join(self.names[:half])
 
-    def weights(self, rates: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def weights(self, rates: Complexes) -> tuple[Complexes, Complexes]:
         """Weights of the channels (modes, harmonics, states, channels), and their slopes by the rate."""
         both = [state.weights(rates, self.n_channels) for state in self.states]
         return np.stack([one for one, _ in both], axis=-2), np.stack([other for _, other in both], axis=-2)
@@ -133,7 +127,7 @@ def refuse_rest(model: PeriodicModel, states: Sequence[State]) -> None:
         )
 
 
-def channel_noise(model: PeriodicModel) -> NDArray[np.float64]:
+def channel_noise(model: PeriodicModel) -> Floats:
     """The noise of each channel, or its size where no noise is known (channels,)."""
     reference = model.coefficients if model.coefficient_std is None else model.coefficient_std
     size = np.sqrt(np.max(np.abs(reference) ** 2, axis=(0, 2, 3)))

@@ -20,11 +20,8 @@ from floquid.errors import IdentificationError
 
 Array = NDArray[Any]
 
-STEPS = 25
-"""Newton steps at most."""
-
-DONE = 1e-13
-"""The relative step at which they end."""
+STEPS = 25  # newton steps at most
+DONE = 1e-13  # the relative step at which they end
 
 
 class NoModeError(IdentificationError):
@@ -36,18 +33,15 @@ class Mode:
     """A Floquet mode."""
 
     exponent: complex
-    coefficients: Array
-    """(harmonics, displacements)."""
+    coefficients: Array  # (harmonics, displacements)
 
 
 @dataclass(frozen=True, slots=True)
 class Slopes:
     """Derivatives of a mode with respect to the parameters, and to ω last."""
 
-    exponent: Array
-    """(parameters + 1,)."""
-    coefficients: Array
-    """(parameters + 1, harmonics, displacements)."""
+    exponent: Array  # (parameters + 1,)
+    coefficients: Array  # (parameters + 1, harmonics, displacements)
 
     def with_gap(self, count: int) -> Slopes:
         """With so many parameters more, before ω, that move nothing."""
@@ -81,13 +75,7 @@ def solved(matrices: Array, mode: Mode, anchor: Array, fundamental: float) -> tu
     raise NoModeError("No mode of the structured equation of motion lies near the one identified.")
 
 
-def _equations(
-    matrices: Array,
-    lam: complex,
-    u: Array,
-    turns: Array,
-    anchor: Array,
-) -> tuple[Array, Array]:
+def _equations(matrices: Array, lam: complex, u: Array, turns: Array, anchor: Array) -> tuple[Array, Array]:
     """F (harmonics, displacements), and its Jacobian by u and λ, bordered by the normalisation."""
     degree, size = len(matrices), u.size
     rates = lam + turns
@@ -126,13 +114,7 @@ def _by_rates(bands: Array, rates: Array, u: Array) -> Array:
     return by_rate
 
 
-def slopes_of(
-    basis: Array,
-    matrices: Array,
-    mode: Mode,
-    jacobian: Array,
-    fundamental: float,
-) -> Slopes:
+def slopes_of(basis: Array, matrices: Array, mode: Mode, jacobian: Array, fundamental: float) -> Slopes:
     """Derivatives of a mode with respect to the parameters of a basis (parameters, d, harmonics, n, n), and to ω."""
     u, count = mode.coefficients, len(mode.coefficients)
     width, most, degree = count // 2, matrices.shape[1] // 2, len(matrices)

@@ -27,8 +27,7 @@ from floquid.reconstruction._structure import Basis
 
 Array = NDArray[Any]
 
-SHARES = np.linspace(0.0, 1.0, 2001)[1:]
-"""Values of B that are summed over."""
+SHARES = np.linspace(0.0, 1.0, 2001)[1:]  # values of B that are summed over
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +35,9 @@ class Hidden:
     """What a wider structure adds to the second moments about the fit of the chosen one."""
 
     basis: Basis
-    point: Point
-    """The fit, as one of the wider structure."""
-    moment: Array
-    """Of its unknowns (unknowns, unknowns)."""
-    of_parameters: Array
-    """Of the parameters of the chosen structure (parameters, parameters)."""
+    point: Point  # the fit, as one of the wider structure
+    moment: Array  # of its unknowns (unknowns, unknowns)
+    of_parameters: Array  # of the parameters of the chosen structure (parameters, parameters)
 
 
 def hidden_in(problem: Problem, name: str, chosen: Point, basis: Basis) -> tuple[Hidden | None, Finding]:

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Integers
 from floquid.core import Estimates
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note
@@ -30,20 +31,14 @@ from floquid.reconstruction._structure import AbstractStructure, Basis, Block, S
 
 Array = NDArray[Any]
 
-ITERATIONS = 60
-"""Steps at most."""
-
-AT_REST = 1e-4
-"""Standard deviations that the last step may have."""
+ITERATIONS = 60  # steps at most
+AT_REST = 1e-4  # standard deviations that the last step may have
 
 UNDETERMINED = 1e-12
 """The least eigenvalue of the scaled information, over the largest, at which the parameters count as determined."""
 
-SURE = 1e-3
-"""The probability of what a wider structure gains by chance, below which it is taken."""
-
-MOST = 12
-"""Steps at most."""
+SURE = 1e-3  # the probability of what a wider structure gains by chance, below which it is taken
+MOST = 12  # steps at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,14 +57,10 @@ class Problem:
     basis: Basis
     anchors: tuple[Array, ...]
     """First shapes of the displacements, one a mode of the estimates (harmonics, displacements)."""
-    whiteners: tuple[Array, ...]
-    """L⁻¹ of each V, without what does not turn."""
-    parts: NDArray[np.int64]
-    """Mask of the parameters in p."""
-    root: Array
-    """L⁻¹ of the covariance of these."""
-    mixed: tuple[int, ...] = ()
-    """Indices of `seen` with an unknown gain: a parameter more, after those of the basis."""
+    whiteners: tuple[Array, ...]  # L⁻¹ of each V, without what does not turn
+    parts: Integers  # mask of the parameters in p
+    root: Array  # L⁻¹ of the covariance of these
+    mixed: tuple[int, ...] = ()  # indices of `seen` with an unknown gain: a parameter more, after those of the basis
 
     @property
     def n_amplitudes(self) -> int:
@@ -82,16 +73,12 @@ class Point:
     """Parameters, and what follows from them."""
 
     parameters: Array
-    amplitudes: Array
-    """(modes, hits)."""
+    amplitudes: Array  # (modes, hits)
     fundamental: float
     modes: tuple[Mode, ...]
-    rest: Array
-    """The whitened differences."""
-    slopes: Array
-    """Of what the structure predicts, whitened (differences, unknowns)."""
-    mode_slopes: tuple
-    """Of each mode."""
+    rest: Array  # the whitened differences
+    slopes: Array  # of what the structure predicts, whitened (differences, unknowns)
+    mode_slopes: tuple  # of each mode
 
     @property
     def cost(self) -> float:
@@ -137,11 +124,7 @@ def _inverse_root(matrix: Array) -> Array:
 
 
 def at(
-    problem: Problem,
-    parameters: Array,
-    amplitudes: NDArray | None,
-    fundamental: float,
-    near: tuple[Mode, ...],
+    problem: Problem, parameters: Array, amplitudes: NDArray | None, fundamental: float, near: tuple[Mode, ...]
 ) -> Point:
     """Everything at these parameters; amplitudes None are those of least squares."""
     own, basis = problem.estimates, problem.basis
@@ -228,7 +211,7 @@ def _differences(problem: Problem, point: Point, amplitudes: Array) -> tuple[Arr
     return np.concatenate(rest), np.concatenate(slopes)
 
 
-def _predicted(problem: Problem, point: Point, channel: int, moved: NDArray[np.int64]) -> tuple[Array, Array]:
+def _predicted(problem: Problem, point: Point, channel: int, moved: Integers) -> tuple[Array, Array]:
     """The signal of a channel at unit amplitude (terms,), and its slopes by parameters and ω (terms, parameters)."""
     own = problem.estimates
     value = np.zeros(len(own.modes), complex)

@@ -5,42 +5,35 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.reconstruction._coordinates import Coordinates, channel_noise
 
-LARGEST_CONDITION = 1e8
-"""The condition number of the equilibrated modal matrix beyond which its inverse is noise."""
+LARGEST_CONDITION = 1e8  # the condition number of the equilibrated modal matrix beyond which its inverse is noise
 
 
 @dataclass(frozen=True, slots=True)
 class Shapes:
     """The shapes of a model in the coordinates of the states, the hits combined."""
 
-    exponents: NDArray[np.complex128]
-    """(modes,)."""
-    harmonics: NDArray[np.int64]
+    exponents: Complexes  # (modes,)
+    harmonics: Integers
     fundamental: float
-    coefficients: NDArray[np.complex128]
-    """Of the channels (modes, channels, harmonics)."""
-    hits: NDArray[np.complex128]
-    """The factor of each hit in them (modes, hits)."""
-    weights: NDArray[np.complex128]
-    """The factor of each channel in each state (modes, harmonics, states, channels)."""
-    slopes: NDArray[np.complex128]
-    """The slope of the weights by the rate (modes, harmonics, states, channels)."""
-    kept: NDArray[np.bool_]
-    """Mask of the coefficients that count (modes, harmonics)."""
+    coefficients: Complexes  # of the channels (modes, channels, harmonics)
+    hits: Complexes  # the factor of each hit in them (modes, hits)
+    weights: Complexes  # the factor of each channel in each state (modes, harmonics, states, channels)
+    slopes: Complexes  # the slope of the weights by the rate (modes, harmonics, states, channels)
+    kept: Mask  # mask of the coefficients that count (modes, harmonics)
 
     @property
-    def rates(self) -> NDArray[np.complex128]:
+    def rates(self) -> Complexes:
         """λ + imω (modes, harmonics) [1/s]."""
         return self.exponents[:, None] + 1j * self.fundamental * self.harmonics
 
     @property
-    def states(self) -> NDArray[np.complex128]:
+    def states(self) -> Complexes:
         """The coefficients of the states (modes, harmonics, states)."""
         return np.einsum("rmic,rcm->rmi", self.weights, self.coefficients * self.kept[:, None, :])
 
@@ -50,14 +43,12 @@ class Terms:
     """Places of the terms of estimates in `Shapes`."""
 
     estimates: Estimates
-    modes: NDArray[np.int64]
-    places: NDArray[np.int64]
-    """Of the harmonics (terms,)."""
-    mirror_modes: NDArray[np.int64]
-    mirror_places: NDArray[np.int64]
-    """The same of their mirror images (terms,)."""
+    modes: Integers
+    places: Integers  # of the harmonics (terms,)
+    mirror_modes: Integers
+    mirror_places: Integers  # the same of their mirror images (terms,)
 
-    def mask(self, kept: NDArray[np.bool_], like: Shapes) -> Shapes:
+    def mask(self, kept: Mask, like: Shapes) -> Shapes:
         """The shapes with some of the terms alone (terms,), and their mirror images."""
         whole = np.zeros_like(like.kept)
         whole[self.modes[kept], self.places[kept]] = True
@@ -111,7 +102,7 @@ def terms_of(model: PeriodicModel, estimates: Estimates) -> Terms:
     return Terms(estimates, own, estimates.harmonics - low, mirrored, mirror - low)
 
 
-def at_terms(slopes: NDArray[np.complex128], model: PeriodicModel, terms: Terms) -> NDArray[np.complex128]:
+def at_terms(slopes: Complexes, model: PeriodicModel, terms: Terms) -> Complexes:
     """Slopes by the coefficients of a model, (..., modes, channels, hits, harmonics), as those by terms.
 
     That of the mirror image of a real multiplier's term is in its own.
@@ -138,16 +129,13 @@ def _ends(model: PeriodicModel, estimates: Estimates) -> tuple[int, int]:
 class Modal:
     """Ψ and A at some instants."""
 
-    modal: NDArray[np.complex128]
-    """Ψ (times, states, modes)."""
-    inverse: NDArray[np.complex128]
-    system: NDArray[np.complex128]
-    """A (times, states, states), real but for rounding."""
-    condition: NDArray[np.float64]
-    """Of the equilibrated Ψ (times,)."""
+    modal: Complexes  # Ψ (times, states, modes)
+    inverse: Complexes
+    system: Complexes  # a (times, states, states), real but for rounding
+    condition: Floats  # of the equilibrated Ψ (times,)
 
 
-def modal_at(shapes: Shapes, times: NDArray[np.float64], names: str = "these states") -> Modal:
+def modal_at(shapes: Shapes, times: Floats, names: str = "these states") -> Modal:
     """Ψ(t) and A(t) = (Ψ' + ΨΛ) Ψ⁻¹ (Allen 2009, eqs. 18 and 21, as corrected)."""
     states, phases = shapes.states, np.exp(1j * shapes.fundamental * np.multiply.outer(times, shapes.harmonics))
     modal = np.einsum("rmi,tm->tir", states, phases)
@@ -165,7 +153,7 @@ def modal_at(shapes: Shapes, times: NDArray[np.float64], names: str = "these sta
     return Modal(modal, inverse, moved @ inverse, condition)
 
 
-def condition_of(modal: NDArray[np.complex128]) -> NDArray[np.float64]:
+def condition_of(modal: Complexes) -> Floats:
     """The condition numbers (times,) of Ψ (times, states, modes), states and modes brought to one size."""
     least = np.finfo(float).tiny
     scaled = modal / np.maximum(np.sqrt(np.mean(np.abs(modal) ** 2, axis=(0, 2))), least)[:, None]
@@ -176,17 +164,14 @@ def condition_of(modal: NDArray[np.complex128]) -> NDArray[np.float64]:
 class Jacobian:
     """Slopes of the elements of a matrix (states, states), at one instant."""
 
-    by_coefficient: NDArray[np.complex128]
-    """(states, states, terms, channels, hits)."""
-    by_rate: NDArray[np.complex128]
-    """(states, states, terms)."""
-    by_exponent: NDArray[np.complex128] | None = None
-    """(states, states, modes of the estimates)."""
+    by_coefficient: Complexes  # (states, states, terms, channels, hits)
+    by_rate: Complexes  # (states, states, terms)
+    by_exponent: Complexes | None = None  # (states, states, modes of the estimates)
 
     def __sub__(self, other: Jacobian) -> Jacobian:
         return Jacobian(self.by_coefficient - other.by_coefficient, self.by_rate - other.by_rate)
 
-    def loosened(self, matrix: NDArray[np.float64], loose: NDArray[np.complex128]) -> Jacobian:
+    def loosened(self, matrix: Floats, loose: Complexes) -> Jacobian:
         """With what the errors E of states from all channels do: δA = DA - AD, D = diag(E, E).
 
         `loose` are the slopes of E (displacements, displacements, terms, channels, hits).
@@ -199,7 +184,7 @@ class Jacobian:
             total += np.multiply.outer(off @ matrix - matrix @ off, loose[i, j])
         return Jacobian(total, self.by_rate, self.by_exponent)
 
-    def variance(self, estimates: Estimates) -> NDArray[np.float64]:
+    def variance(self, estimates: Estimates) -> Floats:
         """The variance of the elements (states, states)."""
         n, rest = self.by_rate.shape[0], self.by_rate.shape[2:]
         return estimates.variance(
@@ -209,7 +194,7 @@ class Jacobian:
         ).reshape(n, n)
 
 
-def by_system(shapes: Shapes, modal: Modal, times: NDArray[np.float64], t: int, terms: Terms) -> Jacobian:
+def by_system(shapes: Shapes, modal: Modal, times: Floats, t: int, terms: Terms) -> Jacobian:
     r"""The slopes of A at instant number t.
 
     .. math:: \delta A = (\delta(\dot\Psi + \Psi\Lambda) - A\, \delta\Psi)\, \Psi^{-1}
@@ -229,7 +214,7 @@ def by_system(shapes: Shapes, modal: Modal, times: NDArray[np.float64], t: int, 
     )
 
 
-def by_transition(shapes: Shapes, modal: Modal, times: NDArray[np.float64], t: int, terms: Terms) -> Jacobian:
+def by_transition(shapes: Shapes, modal: Modal, times: Floats, t: int, terms: Terms) -> Jacobian:
     r"""The slopes of Φ(t, t0) at instant number t, t0 the first.
 
     .. math:: \delta\Phi = \delta\Psi(t)\, e^{\Lambda (t - t_0)} \Psi(t_0)^{-1}

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from floquid._arrays import Floats, Mask
 from floquid._checks import frozen_array, input_error, integer
 from floquid.core import PeriodicModel
 from floquid.reconstruction._bands import chosen, sizes_left_out, spread_of
@@ -55,6 +56,10 @@ def reconstruct(
     deviations are those of the estimates, propagated to first order, and what the next harmonic on either side of each
     band would do, if the series goes on falling as it does (`refine` has no such part).
 
+    Raises InputError where a channel is unknown, is not a motion, or the channels chosen cannot span the modes; or an
+    option is not possible; IdentificationError where the shapes of the modes in the chosen channels are linearly
+    dependent.
+
     Parameters
     ----------
     model
@@ -77,14 +82,6 @@ def reconstruct(
         the estimates go. Without estimates, those of the model.
     times
         Instants after phase zero [s], or how many equally spaced ones over a period, 10,000 at most.
-
-    Raises
-    ------
-    InputError
-        A channel is unknown, is not a motion, or the channels chosen cannot span the modes; or an option is not
-        possible.
-    IdentificationError
-        The shapes of the modes in the chosen channels are linearly dependent.
     """
     instants = instants_of(times, model.period, "reconstruct")
     coordinates = coordinates_of(model, states, form, delay)
@@ -92,8 +89,8 @@ def reconstruct(
     modal = modal_at(shapes, instants, coordinates.said)
     growth = np.exp(np.multiply.outer(instants - instants[0], model.exponents))
     transition = (modal.modal * growth[:, None, :]) @ modal.inverse[0]
-    system_std: NDArray[np.float64] | None = None
-    transition_std: NDArray[np.float64] | None = None
+    system_std: Floats | None = None
+    transition_std: Floats | None = None
     if terms is not None:
         own, rows = terms.estimates, (shapes.weights != 0).any(axis=(0, 1, 2))
         sizes = sizes_left_out(own, kept, rows)
@@ -125,7 +122,7 @@ def reconstruct(
 
 def _built_from(
     model: PeriodicModel, coordinates: Coordinates, harmonics: str | int
-) -> tuple[Shapes, Terms | None, NDArray[np.bool_]]:
+) -> tuple[Shapes, Terms | None, Mask]:
     """The shapes that A(t) is built from, where the estimates are that tell their deviations, and which count."""
     if isinstance(harmonics, str) and harmonics not in ("auto", "model"):
         must = 'be "auto", "model" or a whole number'
@@ -151,7 +148,7 @@ def _built_from(
     return terms.mask(kept, whole), terms, kept
 
 
-def instants_of(times: ArrayLike | int, period: float, of: str) -> NDArray[np.float64]:
+def instants_of(times: ArrayLike | int, period: float, of: str) -> Floats:
     """The instants [s] that are meant: given, or so many over a period."""
     if isinstance(times, (int, np.integer)):
         count = integer(times, "times", of, at_least=0, at_most=MOST_TIMES, remedy="Give the instants themselves.")
@@ -181,7 +178,7 @@ def coordinates_of(model: PeriodicModel, states: Names, form: str, delay: float 
 
 def choices(
     model: PeriodicModel, states: Names, *, form: Form = "second-order", delay: float | None = None
-) -> tuple[float | None, NDArray[np.bool_] | None]:
+) -> tuple[float | None, Mask | None]:
     """The delay, and the terms of the estimates, that A(t) is built from with `harmonics="auto"`, to build it again.
 
     `model`, `states`, `form`, `delay` and the errors are those of `reconstruct`.

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import finite, input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
@@ -17,15 +18,7 @@ from floquid.findings import Finding
 from floquid.reconstruction._coordinates import Coordinates, Part, State, derivative_of
 from floquid.reconstruction._harmonic_balance import Mode, NoModeError
 from floquid.reconstruction._hidden import Hidden, hidden_in
-from floquid.reconstruction._invariance import (
-    Point,
-    Problem,
-    Seen,
-    covariance_of,
-    fitted,
-    found_structure,
-    problem_of,
-)
+from floquid.reconstruction._invariance import Point, Problem, Seen, covariance_of, fitted, found_structure, problem_of
 from floquid.reconstruction._modal_matrix import modal_at, shapes_of
 from floquid.reconstruction._propagation import transition_of, variances
 from floquid.reconstruction._reconstruct import coordinates_of, instants_of
@@ -39,18 +32,10 @@ Array = NDArray[Any]
 OF = "refine"
 
 REMEDY = 'Give it more harmonics or less symmetry, let it be found (`structure="auto"`), or use `reconstruct`.'
-
-REFUSED = 1e-5
-"""The probability of what is left below which a structure is refused."""
-
-BEYOND = 3
-"""Harmonics of the shapes beyond those of the estimates, in harmonics of the equation of motion."""
-
-WIDENED = 4
-"""Times that these may be more."""
-
-SAME = 0.02
-"""Deviations that an exponent may move when the shapes are given more harmonics."""
+REFUSED = 1e-5  # the probability of what is left below which a structure is refused
+BEYOND = 3  # harmonics of the shapes beyond those of the estimates, in harmonics of the equation of motion
+WIDENED = 4  # times that these may be more
+SAME = 0.02  # deviations that an exponent may move when the shapes are given more harmonics
 
 
 def refine(
@@ -73,6 +58,9 @@ def refine(
     do not rise above the noise take part: that they are small is knowledge too. This is the extended invariance
     principle (Söderström and Stoica 1989), asymptotically as good as the fit of the record itself.
 
+    Raises InputError where the model has no estimates, or states and structure do not belong together;
+    IdentificationError where the structure contradicts the data, or the data do not determine it.
+
     Parameters
     ----------
     model
@@ -94,13 +82,6 @@ def refine(
         step is then made (`floquid.identify(..., output_error=True)` passes it).
     report
         Is told what is being done.
-
-    Raises
-    ------
-    InputError
-        The model has no estimates, or states and structure do not belong together.
-    IdentificationError
-        The structure contradicts the data, or the data do not determine it.
     """
     estimates = model.unselected if model.unselected is not None else model.estimates
     if estimates is None:
@@ -154,11 +135,9 @@ class _Fit:
     seen: tuple[Seen, ...]
     shapes: tuple[Array, ...]
     """Of the displacements, one a mode of the estimates (harmonics of the model, displacements)."""
-    system: NDArray[np.float64]
-    """A(t) of the free model."""
-    times: NDArray[np.float64]
-    gains: dict[int, float]
-    """First values of the gains in `seen` that are unknown."""
+    system: Floats  # A(t) of the free model
+    times: Floats
+    gains: dict[int, float]  # first values of the gains in `seen` that are unknown
 
     @staticmethod
     def made(model: PeriodicModel, states: Names, degree: int, estimates: Estimates) -> _Fit:
@@ -182,11 +161,7 @@ class _Fit:
         system = modal_at(free, times).system.real
         return _Fit(model, coordinates, estimates, tuple(seen), tuple(own), system, times, gains)
 
-    def at(
-        self,
-        structure: AbstractStructure,
-        near: tuple[Point, Basis] | None = None,
-    ) -> tuple[Point, Basis]:
+    def at(self, structure: AbstractStructure, near: tuple[Point, Basis] | None = None) -> tuple[Point, Basis]:
         """The best fit of a structure near A(t) of the free model, or near that of another fit.
 
         Raises IdentificationError where there is none.
@@ -307,7 +282,7 @@ def _refinement(
     structure: AbstractStructure,
     basis: Basis,
     point: Point,
-    times: NDArray[np.float64],
+    times: Floats,
     findings: tuple[Finding, ...],
     hidden: Sequence[Hidden],
 ) -> Refinement:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, frozen_array
 from floquid._show import Drawings, Drawn
 from floquid.core import Provenance
@@ -37,14 +37,14 @@ class StateModel(Drawn, Rebuilt):
         Where the model comes from.
     """
 
-    times: NDArray[np.float64]
-    transition: NDArray[np.float64]
-    system: NDArray[np.float64]
-    condition: NDArray[np.float64]
+    times: Floats
+    transition: Floats
+    system: Floats
+    condition: Floats
     states: tuple[str, ...]
     coordinates: str = ""
-    system_std: NDArray[np.float64] | None = None
-    transition_std: NDArray[np.float64] | None = None
+    system_std: Floats | None = None
+    transition_std: Floats | None = None
     provenance: Provenance = field(default_factory=Provenance)
 
     def _figures(self) -> Drawings:
@@ -86,11 +86,11 @@ class Refinement(Rebuilt):
 
     state: StateModel
     structure: AbstractStructure
-    parameters: NDArray[np.float64]
+    parameters: Floats
     names: tuple[str, ...]
-    covariance: NDArray[np.float64]
-    exponents: NDArray[np.complex128]
-    exponent_std: NDArray[np.complex128]
+    covariance: Floats
+    exponents: Complexes
+    exponent_std: Complexes
     chi_square: float
     degrees: int
     p_value: float
@@ -119,6 +119,6 @@ class Refinement(Rebuilt):
         return tuple(f"no {own.numbers['name']}" for own in self.findings if own.code == "structure_conditional")
 
     @property
-    def std(self) -> NDArray[np.float64]:
+    def std(self) -> Floats:
         """The deviations of the parameters (parameters,)."""
         return np.sqrt(np.diag(self.covariance))

@@ -8,25 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import input_error, positive
 from floquid.core import Channel, PeriodicModel, channels_named
 from floquid.errors import IdentificationError
 from floquid.reconstruction._coordinates import OF, Coordinates, Part, State, channel_noise, derivative_of, refuse_rest
 from floquid.reconstruction._modal_matrix import condition_of
 
-ALL = "all"
-"""The word for all channels, each state a weighted sum of them."""
+ALL = "all"  # the word for all channels, each state a weighted sum of them
 
 Names = str | Sequence[str | Sequence[str]]
 
-TRIED = 200
-"""Delays that are tried."""
-
-PHASES = 24
-"""Instants of the period at which each is judged."""
-
-NO_CHANCE = 1e-6
-"""The probability of what is left at which the channels are no constant combinations of the displacements."""
+TRIED = 200  # delays that are tried
+PHASES = 24  # instants of the period at which each is judged
+NO_CHANCE = 1e-6  # probability of what is left at which the channels are no constant combinations of the displacements
 
 
 def second_order(model: PeriodicModel, states: Names) -> Coordinates:
@@ -158,7 +153,7 @@ def _condition(model: PeriodicModel, rows: Sequence[int], delay: float) -> float
     count = -(-model.order // len(rows))
     later = delay * np.arange(count)[:, None] + np.arange(PHASES) * model.period / PHASES
     hits = np.argmax(np.sum(np.abs(model.coefficients) ** 2, axis=(1, 3)), axis=1)
-    shapes: NDArray[np.complex128] = model.shapes(later.ravel())[np.arange(model.order), :, hits][:, list(rows)]
+    shapes: Complexes = model.shapes(later.ravel())[np.arange(model.order), :, hits][:, list(rows)]
     shapes = shapes.reshape(model.order, len(rows), count, PHASES)
     grown = shapes * np.exp(np.multiply.outer(model.exponents, delay * np.arange(count)))[:, None, :, None]
     modal = grown.transpose(3, 2, 1, 0).reshape(PHASES, -1, model.order)[:, : model.order]
@@ -209,13 +204,8 @@ def combined(model: PeriodicModel, count: int) -> Coordinates:
 
 
 def _loose(
-    table: NDArray[np.float64],
-    units: NDArray[np.complex128],
-    vectors: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    chosen: NDArray[Any],
-    mixing: NDArray[np.float64],
-) -> NDArray[np.complex128]:
+    table: Floats, units: Complexes, vectors: Floats, noise: Floats, chosen: NDArray[Any], mixing: Floats
+) -> Complexes:
     r"""Slopes of the error that the errors of V make in the displacements.
 
     .. math:: E = N_c\, (\Pi_\perp\, \delta M\, U^+)_c
@@ -233,8 +223,8 @@ def _loose(
 
 
 def _table(
-    model: PeriodicModel, powers: NDArray[np.int64], noise: NDArray[np.float64], count: int
-) -> tuple[NDArray[np.float64], NDArray[np.complex128] | None, int, float]:
+    model: PeriodicModel, powers: Integers, noise: Floats, count: int
+) -> tuple[Floats, Complexes | None, int, float]:
     """Displacement coefficients over their noise (channels, numbers), and what that makes of each coefficient.
 
     With degrees and chi-square of what is left. Without deviations they are as they are.

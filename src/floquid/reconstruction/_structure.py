@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, finite, input_error, integer
 from floquid._show import Brief
 
@@ -22,6 +22,8 @@ class Block(Rebuilt):
 
     .. math:: M(t) = M_0 + \sum_{k=1}^{H} M_k^c \cos k\omega t + M_k^s \sin k\omega t
 
+    Raises InputError where a value is not possible.
+
     Parameters
     ----------
     harmonics
@@ -31,11 +33,6 @@ class Block(Rebuilt):
     known
         Elements that are known to be constant, and their values, by row and column from zero: {(0, 1): 0.0}. With a
         symmetry, their mirror images are known too.
-
-    Raises
-    ------
-    InputError
-        A value is not possible.
     """
 
     harmonics: int = 0
@@ -68,7 +65,7 @@ class Block(Rebuilt):
                     found.append([(i, j, 1.0), (j, i, 1.0 if self.symmetry == "symmetric" else -1.0)])
         return found
 
-    def constant(self, n: int) -> NDArray[np.float64]:
+    def constant(self, n: int) -> Floats:
         """The known elements (n, n)."""
         matrix = np.zeros((n, n))
         for (i, j), value in self._fixed(n).items():
@@ -95,15 +92,12 @@ class Basis:
               A^{(p)}(t) = \sum_k \Big(A^{(p)}_{0,k} + \sum_j \theta_j E^{(p)}_{j,k}\Big) e^{ik\omega t}
     """
 
-    matrices: NDArray[np.complex128]
-    """E (parameters, d, harmonics, n, n), k from -H to H."""
-    known: NDArray[np.complex128]
-    """(d, harmonics, n, n)."""
-    names: tuple[str, ...]
-    """The meaning of each parameter."""
+    matrices: Complexes  # E (parameters, d, harmonics, n, n), k from -H to H
+    known: Complexes  # (d, harmonics, n, n)
+    names: tuple[str, ...]  # the meaning of each parameter
 
     @property
-    def harmonics(self) -> NDArray[np.int64]:
+    def harmonics(self) -> Integers:
         """K (harmonics,)."""
         most = self.known.shape[1] // 2
         return np.arange(-most, most + 1)
@@ -113,11 +107,11 @@ class Basis:
         """The order d of the highest derivative."""
         return self.known.shape[0]
 
-    def at(self, parameters: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def at(self, parameters: Floats) -> Complexes:
         """The coefficient matrices (d, harmonics, n, n)."""
         return self.known + np.tensordot(parameters, self.matrices, axes=1)
 
-    def in_time(self, turns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def in_time(self, turns: Floats) -> tuple[Floats, Floats]:
         """The state matrix with no parameter, and its slopes, at these angles ωt.
 
         They are (times, states, states) and (parameters, times, states, states).
@@ -195,6 +189,8 @@ class SecondOrder(Brief, AbstractStructure):
 
     .. math:: \ddot u + (D(t) + G(t))\, \dot u + K(t)\, u = 0
 
+    Raises InputError where the gyroscopic block is not skew, or stands beside a damping block that could hold it.
+
     Parameters
     ----------
     stiffness
@@ -203,11 +199,6 @@ class SecondOrder(Brief, AbstractStructure):
         D, over the mass.
     gyroscopic
         G, skew, over the mass; None where there is none, or where `damping` has no symmetry and so holds it.
-
-    Raises
-    ------
-    InputError
-        The gyroscopic block is not skew, or stands beside a damping block that could hold it.
     """
 
     degree: ClassVar[int] = 2

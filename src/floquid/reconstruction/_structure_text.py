@@ -23,6 +23,10 @@ def structure_of(text: str) -> AbstractStructure | Literal["auto"]:
     .. math:: \text{text} = \text{"auto"} \;|\; \text{block}\,(\text{"; "}\ \text{block})^*, \qquad
               \text{block} = \text{name}\ H\ [\text{symmetry}]\ [\text{"known"}\ (i\text{","}j\text{"="}value)^+]
 
+    Returns `SecondOrder` or `FirstOrder`; "auto" for the one that the data do not contradict.
+
+    Raises InputError where the text says no structure.
+
     Parameters
     ----------
     text
@@ -30,16 +34,6 @@ def structure_of(text: str) -> AbstractStructure | Literal["auto"]:
         harmonics, its symmetry (none, symmetric, skew, diagonal; none when left out, gyroscopic is always skew) and its
         known elements, rows and columns from zero: "stiffness 1 symmetric; damping 0 known 0,1=0 1,0=0". Without
         damping there is a constant one; "damping 0 diagonal known 0,0=0 1,1=0" says that there is none.
-
-    Returns
-    -------
-    AbstractStructure or str
-        `SecondOrder` or `FirstOrder`; "auto" for the one that the data do not contradict.
-
-    Raises
-    ------
-    InputError
-        The text says no structure.
     """
     if not isinstance(text, str) or not text.strip():
         raise input_error("text", OF, "say a structure", f"is {text!r:.60}", EXAMPLES)
@@ -64,10 +58,7 @@ def structure_of(text: str) -> AbstractStructure | Literal["auto"]:
 def text_of(structure: AbstractStructure | str) -> str:
     """The text of a structure, one line, which `structure_of` reads back to the same structure.
 
-    Raises
-    ------
-    InputError
-        The structure is neither `SecondOrder` nor `FirstOrder` nor "auto".
+    Raises InputError where the structure is neither `SecondOrder` nor `FirstOrder` nor "auto".
     """
     if isinstance(structure, str) and structure == AUTO:
         return AUTO

@@ -10,28 +10,7 @@ from floquid.sync._segment import rejoin, samples_per_period, segment
 from floquid.sync._shaft_angle import ShaftAngle, shaft_angle
 
 __all__ = [
-    "AngleSpline",
-    "Clipping",
-    "Dropout",
-    "Gap",
-    "Impact",
-    "ShaftAngle",
-    "Wrapping",
-    "bandwidth",
-    "clipped",
-    "dropouts",
-    "find_hits",
-    "find_impacts",
-    "gaps",
-    "half_width",
-    "interpolate",
-    "interpolation_error",
-    "pulse_times",
-    "rejoin",
-    "resample",
-    "samples_per_period",
-    "segment",
-    "shaft_angle",
-    "split_hits",
-    "wrapped",
-]
+    "AngleSpline", "Clipping", "Dropout", "Gap", "Impact", "ShaftAngle", "Wrapping", "bandwidth", "clipped", "dropouts",
+    "find_hits", "find_impacts", "gaps", "half_width", "interpolate", "interpolation_error", "pulse_times", "rejoin",
+    "resample", "samples_per_period", "segment", "shaft_angle", "split_hits", "wrapped",
+]  # fmt: skip

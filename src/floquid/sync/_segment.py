@@ -23,14 +23,9 @@ def segment(records: Record | Sequence[Record]) -> tuple[Cycles, ...]:
     first one's phase; a part of a period at the end is left out, and the provenance says so. `records` is one record,
     or one a hit on the same system: the same channels, rate and period.
 
-    Raises
-    ------
-    NotSynchronousError
-        A record is not a whole number of samples a period, or is sampled at another rate than the first, or at other
-        phases.
-    InputError
-        A record has no clock, holds no whole period, has missing samples, or differs from the first in period or
-        channels.
+    Raises NotSynchronousError where a record is not a whole number of samples a period, or is sampled at another rate
+    than the first, or at other phases; InputError where a record has no clock, holds no whole period, has missing
+    samples, or differs from the first in period or channels.
     """
     several = (records,) if isinstance(records, Record) else tuple(records)
     if not several:
@@ -46,12 +41,8 @@ def segment(records: Record | Sequence[Record]) -> tuple[Cycles, ...]:
 def samples_per_period(record: Record) -> int:
     """The whole number P of samples a period.
 
-    Raises
-    ------
-    NotSynchronousError
-        The period is not a whole number of samples over the length of the record.
-    InputError
-        The record has no clock, or its period is shorter than a sample or longer than the record.
+    Raises NotSynchronousError where the period is not a whole number of samples over the length of the record;
+    InputError where the record has no clock, or its period is shorter than a sample or longer than the record.
     """
     period = _clock(record).period
     exact = period * record.sample_rate

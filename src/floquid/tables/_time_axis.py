@@ -122,10 +122,7 @@ def repair(column: TimeColumn, source: Source) -> TimeAxis:
         notes += (f"`{column.label}` has no unit: its times are taken for seconds (others would be `time [ms]`).",)
     has_gaps = positions[-1] + 1 > len(times)
     return TimeAxis(
-        sample_rate=rate,
-        start=start,
-        positions=positions.astype(np.int64) if has_gaps else None,
-        notes=notes,
+        sample_rate=rate, start=start, positions=positions.astype(np.int64) if has_gaps else None, notes=notes
     )
 
 

@@ -56,12 +56,8 @@ def assert_exponents_close(actual: ArrayLike, expected: ArrayLike, period: float
 
     `actual` and `expected` are on any branch, in any order, equal in number (modes,) [1/s], `period` is T [s].
 
-    Raises
-    ------
-    AssertionError
-        The numbers of exponents differ, or a part differs by more than `atol`.
-    InputError
-        A value is not finite.
+    Raises AssertionError where the numbers of exponents differ, or a part differs by more than `atol`; InputError where
+    a value is not finite.
     """
     found, wanted = np.atleast_1d(actual), np.atleast_1d(expected)
     if len(found) != len(wanted):

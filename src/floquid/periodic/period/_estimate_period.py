@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Integers
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
@@ -19,23 +19,12 @@ from floquid.periodic.period._harmonic_families import averaged, entries_of, gro
 from floquid.periodic.period._orbit_lines import OrbitLines, orbit_of
 from floquid.periodic.period._spectral_lines import Lines, beside, find_lines, raw_blocks, with_noise_left
 
-CERTAIN = float(np.log(1e2))
-"""The odds of a fundamental against chance from which on it counts as seen, as a logarithm."""
-
-DISTINCT = float(np.log(10.0))
-"""The odds of a fundamental against another one."""
-
-ROUNDS = 3
-"""Rounds in which bands may grow."""
-
-AGREE = 6.0
-"""Standard deviations within which the fit keeps the fundamental of the lines."""
-
-EXACT = 0.3
-"""The share of a period within which one by modes must be known to be told from the next fraction of an orbit."""
-
-SHOWN = 8
-"""Candidates that are reported."""
+CERTAIN = float(np.log(1e2))  # the odds of a fundamental against chance from which on it counts as seen, as a logarithm
+DISTINCT = float(np.log(10.0))  # the odds of a fundamental against another one
+ROUNDS = 3  # rounds in which bands may grow
+AGREE = 6.0  # standard deviations within which the fit keeps the fundamental of the lines
+EXACT = 0.3  # share of a period within which one by modes must be known to be told from the next fraction of an orbit
+SHOWN = 8  # candidates that are reported
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,8 +84,8 @@ class PeriodEstimate(Rebuilt):
     findings: tuple[Finding, ...]
     candidates: tuple[PeriodCandidate, ...]
     model: PeriodicModel | None
-    lines: NDArray[np.complex128]
-    undamped: NDArray[np.complex128]
+    lines: Complexes
+    undamped: Complexes
     orbit: OrbitLines | None = None
 
     def __post_init__(self) -> None:
@@ -112,12 +101,8 @@ class PeriodEstimate(Rebuilt):
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """The period's interval [s] at a level of confidence.
 
-        Raises
-        ------
-        InputError
-            `level` is not between 0 and 1.
-        IdentificationError
-            The record does not tell the period.
+        Raises InputError where `level` is not between 0 and 1; IdentificationError where the record does not tell the
+        period.
         """
         from scipy.special import ndtri
 
@@ -154,6 +139,10 @@ def estimate_period(
     decay tell nothing, their own fundamental is the period, or twice it where they are its odd multiples alone, as of
     an orbit that is half-wave symmetric, x(t + T) = -x(t).
 
+    Returns the period with its deviation, or why the record does not tell it.
+
+    Raises InputError where records do not belong together, or the bounds leave no period.
+
     Parameters
     ----------
     records
@@ -165,16 +154,6 @@ def estimate_period(
         The probabilities that noise passes for a line, and for a harmonic of any mode.
     report
         Is told of each stage.
-
-    Returns
-    -------
-    PeriodEstimate
-        The period with its deviation, or why the record does not tell it.
-
-    Raises
-    ------
-    InputError
-        Records do not belong together, or the bounds leave no period.
     """
     longest, shortest = _bounds(records, longest, shortest)
     report("searching for lines")
@@ -304,7 +283,7 @@ def _free(tones: Lines, fundamental: float) -> ModeParameters:
 
 def _grown(
     blocks: Sequence[Block], entries: ModeParameters, families: int, most: int, false_alarm: float
-) -> tuple[Solution, NDArray[np.int64]]:
+) -> tuple[Solution, Integers]:
     """The fit with one harmonic beyond each band of the families, and the bands that rise above the noise."""
     own = (np.arange(len(entries.bands)) < families)[:, None]
     rounds = 0

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
@@ -39,10 +39,10 @@ class Family(Rebuilt):
 
     exponent: complex
     exponent_std: complex
-    lines: NDArray[np.complex128]
-    line_std: NDArray[np.complex128]
-    harmonics: NDArray[np.int64]
-    conjugated: NDArray[np.bool_]
+    lines: Complexes
+    line_std: Complexes
+    harmonics: Integers
+    conjugated: Mask
 
     def __post_init__(self) -> None:
         put, n = object.__setattr__, len(self.lines)
@@ -72,11 +72,11 @@ class FSE(Rebuilt):
 
     model: PeriodicModel
     families: tuple[Family, ...]
-    alone: NDArray[np.complex128]
-    undamped: NDArray[np.complex128]
+    alone: Complexes
+    undamped: Complexes
     misfit: float
     degrees: int
-    noise: NDArray[np.float64]
+    noise: Floats
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -105,6 +105,12 @@ def fse(
     strongest line. Amplitudes are the least squares at these averages, over the harmonics from the lowest to the
     highest line. `fit` enforces the spacing from the start, and then sees weaker harmonics too.
 
+    Returns the model, with its covariance; the families; and the lines that belong to none.
+
+    Raises InputError where `records` do not belong together, have missing samples that the identifier cannot do
+    without, or `period` is not a period that the sampling shows; IdentificationError where no family rises above the
+    noise.
+
     Parameters
     ----------
     records
@@ -122,19 +128,6 @@ def fse(
         The probability at which noise may pass for a line.
     report
         Is told of each stage.
-
-    Returns
-    -------
-    FSE
-        The model, with its covariance; the families; and the lines that belong to none.
-
-    Raises
-    ------
-    InputError
-        `records` do not belong together, have missing samples that the identifier cannot do without, or `period` is
-        not a period that the sampling shows.
-    IdentificationError
-        No family rises above the noise.
     """
     fundamental = 2.0 * np.pi / positive(period, "period", "fse", unit="s")
     if period * min(r.sample_rate for r in records) < 2.0:
@@ -174,10 +167,10 @@ def model_at(
     records: Sequence[Record],
     raw: Sequence[RecordBlock],
     entries: ModeParameters,
-    covariance: NDArray[np.float64],
-    others: NDArray[np.complex128],
-    bands: NDArray[np.int64],
-    noise: NDArray[np.float64],
+    covariance: Floats,
+    others: Complexes,
+    bands: Integers,
+    noise: Floats,
 ) -> PeriodicModel:
     """The periodic model of modes whose exponents and their covariance are known, its amplitudes by least squares.
 

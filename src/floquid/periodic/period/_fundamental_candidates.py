@@ -6,16 +6,13 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.periodic.period._harmonic_families import APART, Group, averaged, grouped
 from floquid.periodic.period._spectral_lines import Lines
 
-PARTS = 6
-"""A spacing is taken for this many fundamentals at most."""
-
-ON_TONE = 4.0
-"""Standard deviations within which a tone is a multiple of half the fundamental."""
+PARTS = 6  # a spacing is taken for this many fundamentals at most
+ON_TONE = 4.0  # standard deviations within which a tone is a multiple of half the fundamental
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +24,9 @@ class Spacing:
     groups: tuple[Group, ...]
     misfit: float
     degrees: int
-    evidence: float
-    """The logarithm of the odds against lines that have nothing to do with one another."""
-    certainty: float
-    """The same of their frequencies alone, equal decays being taken for granted."""
-    tones: int
-    """Undamped lines at multiples of half the fundamental."""
+    evidence: float  # the logarithm of the odds against lines that have nothing to do with one another
+    certainty: float  # the same of their frequencies alone, equal decays being taken for granted
+    tones: int  # undamped lines at multiples of half the fundamental
 
     @property
     def partition(self) -> frozenset[frozenset[int]]:
@@ -72,7 +66,7 @@ def spacings_of(lines: Lines, tones: Lines, least: float, most: float) -> list[S
     return sorted(kept, key=lambda one: -one.evidence)
 
 
-def _fundamentals(lines: Lines, least: float, most: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _fundamentals(lines: Lines, least: float, most: float) -> tuple[Floats, Floats]:
     """Spacings of lines of equal decay and parts of these [rad/s], with their variances."""
     from scipy.special import chdtri
 

@@ -11,16 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.periodic.least_squares import ModeParameters
 from floquid.periodic.period._spectral_lines import Lines
 
-APART = 1e-6
-"""The probability at which two lines of one mode may be taken for lines of two."""
-
-ON_AXIS = 4.0
-"""Standard deviations within which a multiplier is real."""
+APART = 1e-6  # the probability at which two lines of one mode may be taken for lines of two
+ON_AXIS = 4.0  # standard deviations within which a multiplier is real
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +27,7 @@ class Group:
     lines: tuple[int, ...]
     signs: tuple[int, ...]
     harmonics: tuple[int, ...]
-    half_turns: int | None = None
-    """κ where the multiplier is real, its lines being at (m + κ/2)ω; else None."""
+    half_turns: int | None = None  # κ where the multiplier is real, its lines being at (m + κ/2)ω; else None
 
     def joined(self, line: int, sign: int, harmonic: int) -> Group:
         """With one more line."""
@@ -42,13 +38,11 @@ class Group:
 class Average:
     """Modes from the lines of each, by least squares with the inverse covariance as weight."""
 
-    exponents: NDArray[np.complex128]
+    exponents: Complexes
     """λ of each group on the branch of its strongest line; of a real multiplier the decay alone (groups,)."""
     fundamental: float
-    covariance: NDArray[np.float64]
-    """Of the decays, of the frequencies of pairs, and of the fundamental where that was free."""
-    misfit: float
-    """A chi-square of `degrees` degrees of freedom."""
+    covariance: Floats  # of the decays, of the frequencies of pairs, and of the fundamental where that was free
+    misfit: float  # a chi-square of `degrees` degrees of freedom
     degrees: int
     log_volume: float
     """ln of √(|cov θ|/|cov lines|)/√(2π)^degrees: the density of the lines at the average, less the misfit."""

@@ -7,30 +7,23 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Integers
 from floquid.errors import IdentificationError
 from floquid.periodic.least_squares import RecordBlock, forced_entries, linearise, solve
 from floquid.periodic.period._spectral_lines import Lines, beside, with_noise_left
 
-PARTS = 12
-"""The highest harmonic that the lowest line of an orbit may be."""
-
-WITHIN = 4.0
-"""Standard deviations within which a line is a multiple of the fundamental, or two decays are one."""
+PARTS = 12  # the highest harmonic that the lowest line of an orbit may be
+WITHIN = 4.0  # standard deviations within which a line is a multiple of the fundamental, or two decays are one
 
 RESOLVED, PEAKED = 0.02, 0.1
 """The least and the largest error of a line's frequency by what is beside it, over the resolution of the record."""
 
-CERTAIN = float(np.log(1e2))
-"""The odds of the fundamental against chance from which on it counts as seen, as a logarithm."""
+CERTAIN = float(np.log(1e2))  # odds of the fundamental against chance from which on it counts as seen, as a logarithm
 
 
-STEADY = 0.3
-"""The decay over the record, in nepers, below which a line may be one of an orbit."""
-
-HIGHEST = 40
-"""The highest harmonic of an orbit that is fitted for its period."""
+STEADY = 0.3  # the decay over the record, in nepers, below which a line may be one of an orbit
+HIGHEST = 40  # the highest harmonic of an orbit that is fitted for its period
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +69,7 @@ def _seen(tones: Lines, lines: Lines, least: float, most: float, duration: float
     turns = np.abs(tones.exponents.imag)
     # Where lines that decay are not told apart, the deviations of all are lost: a line is where its peak is.
     sigma = np.clip(tones.std.imag, RESOLVED * 2.0 * np.pi / duration, PEAKED * 2.0 * np.pi / duration)
-    best: tuple[float, float, float, NDArray[np.int64]] | None = None
+    best: tuple[float, float, float, Integers] | None = None
     for base in range(len(turns)):
         for part in range(1, PARTS + 1):
             omega = float(turns[base]) / part

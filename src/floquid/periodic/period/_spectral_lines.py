@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Mask
 from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Record
 from floquid.errors import IdentificationError
@@ -30,44 +31,27 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search import Limits, State, with_lines, without_needless
 
-MOST_LINES = 60
-"""Lines that are looked for at most, a pair counted once."""
-
-UNDAMPED = 4.0
-"""Standard deviations within which the decay of an undamped line is zero."""
-
-SUSTAINED = 2.0
-"""The most by which an undamped line may decay or grow over a record, as a logarithm: it hardly shows."""
-
-PIECES = 64
-"""Pieces of a record whose power is looked at, to see where the response has died."""
-
-DEAD = 1.2
-"""Power over that of the end of the record at which a piece is taken for noise."""
-
-ALIVE = 4.0
-"""Power over that of the end that the first piece has where a record may be cut at all."""
+MOST_LINES = 60  # lines that are looked for at most, a pair counted once
+UNDAMPED = 4.0  # standard deviations within which the decay of an undamped line is zero
+SUSTAINED = 2.0  # the most by which an undamped line may decay or grow over a record, as a logarithm: it hardly shows
+PIECES = 64  # pieces of a record whose power is looked at, to see where the response has died
+DEAD = 1.2  # power over that of the end of the record at which a piece is taken for noise
+ALIVE = 4.0  # power over that of the end that the first piece has where a record may be cut at all
 
 
 @dataclass(frozen=True, slots=True)
 class Lines:
     """Lines of a real response, a conjugate pair once, on the upper half of the plane."""
 
-    exponents: NDArray[np.complex128]
-    """(lines,) [1/s]."""
-    real: NDArray[np.bool_]
-    """Mask of the lines without a frequency (lines,)."""
-    covariance: NDArray[np.float64]
-    """Of decays, then of angular frequencies (2 lines, 2 lines); zero where a line does not turn."""
-    strength: NDArray[np.float64]
-    """The norm of each amplitude over the noise (lines,)."""
-    undamped: NDArray[np.bool_]
-    """Mask of the pure tones, as far as the record tells (lines,)."""
-    noise: NDArray[np.float64]
-    """The deviation of what is left (channels, hits)."""
+    exponents: Complexes  # (lines,) [1/s]
+    real: Mask  # mask of the lines without a frequency (lines,)
+    covariance: Floats  # of decays, then of angular frequencies (2 lines, 2 lines); zero where a line does not turn
+    strength: Floats  # the norm of each amplitude over the noise (lines,)
+    undamped: Mask  # mask of the pure tones, as far as the record tells (lines,)
+    noise: Floats  # the deviation of what is left (channels, hits)
 
     @property
-    def std(self) -> NDArray[np.complex128]:
+    def std(self) -> Complexes:
         """Deviations of decays and angular frequencies (lines,)."""
         std = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         return std[: len(self.exponents)] + 1j * std[len(self.exponents) :]
@@ -166,12 +150,8 @@ def lines_by(
 ) -> Lines:
     """Lines by an identifier of LTI systems; one without covariance starts the least squares of its poles.
 
-    Raises
-    ------
-    InputError
-        Samples are missing, or the rates of the records differ.
-    IdentificationError
-        The identifier finds no pole.
+    Raises InputError where samples are missing, or the rates of the records differ; IdentificationError where the
+    identifier finds no pole.
     """
     if any(np.isnan(r.values).any() for r in records) or len({r.sample_rate for r in records}) > 1:
         must = "have all samples, at one rate, with an `identifier`"
@@ -246,9 +226,7 @@ def _alive(block: RecordBlock) -> RecordBlock:
     return replace(block, times=block.times[:end], values=block.values[:, :end])
 
 
-def _strengths(
-    blocks: Sequence[Block], solution: Solution, *, relative: bool = False
-) -> tuple[NDArray[np.float64], int]:
+def _strengths(blocks: Sequence[Block], solution: Solution, *, relative: bool = False) -> tuple[Floats, int]:
     """The norm of the amplitude of each line over the noise, or over its own deviation; and the responses seen."""
     both = shapes(blocks, solution)
     place = int(np.flatnonzero(both.harmonics == 0)[0])

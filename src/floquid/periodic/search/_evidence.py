@@ -6,39 +6,22 @@ from dataclasses import replace
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, note, warning
 from floquid.periodic.least_squares import shapes
 from floquid.periodic.search._result import SearchResult
 
-LOUD = 2.0
-"""Times what noise has from which on a peak that is left is a doubt."""
-
-NEAR = 0.1
-"""Largest distance of a sum of two exponents from a third, over its decay, to be taken for it."""
-
-FAR = 0.6
-"""The same where a record is known to be nonlinear."""
-
-DOUBLE = 0.5
-"""Decays that two modes must be apart, modulo the fundamental, to be surely two."""
-
-CHANCE = 0.01
-"""The tolerance, over the fundamental, beyond which a sum agrees by chance too often to say anything."""
-
-CERTAIN = 5.0
-"""The same in standard deviations."""
-
-LOPSIDED = 1.3
-"""The loudest band over the quietest, in amplitude, below which colour does little harm."""
-
-COLOURED = 1e-4
-"""The probability at which white noise may pass for coloured."""
-
-ENOUGH_LINES = 12
-"""Lines of a band, at least, for its level to be looked at."""
+LOUD = 2.0  # times what noise has from which on a peak that is left is a doubt
+NEAR = 0.1  # largest distance of a sum of two exponents from a third, over its decay, to be taken for it
+FAR = 0.6  # the same where a record is known to be nonlinear
+DOUBLE = 0.5  # decays that two modes must be apart, modulo the fundamental, to be surely two
+CHANCE = 0.01  # the tolerance, over the fundamental, beyond which a sum agrees by chance too often to say anything
+CERTAIN = 5.0  # the same in standard deviations
+LOPSIDED = 1.3  # the loudest band over the quietest, in amplitude, below which colour does little harm
+COLOURED = 1e-4  # the probability at which white noise may pass for coloured
+ENOUGH_LINES = 12  # lines of a band, at least, for its level to be looked at
 
 SPREAD = 0.82
 """The variance of the logarithm of the median level of a band of white noise, times its lines: 1/(2 ln 2)² for lines
@@ -124,12 +107,12 @@ def combinations(found: SearchResult) -> tuple[Finding, ...]:
     return _products(values, _deviations(found, free), _sizes(found, free), entries.fundamental)
 
 
-def combinations_of(
-    model: PeriodicModel, noise: NDArray[np.float64], *, nonlinear: bool = False
-) -> tuple[Finding, ...]:
+def combinations_of(model: PeriodicModel, noise: Floats, *, nonlinear: bool = False) -> tuple[Finding, ...]:
     r"""Modes of a model that a nonlinearity makes of others.
 
     .. math:: \lambda_c = \lambda_a + \lambda_b + i m \omega
+
+    Returns one finding a mode.
 
     Parameters
     ----------
@@ -140,11 +123,6 @@ def combinations_of(
     nonlinear
         Whether the record is known not to be one of modes alone: then sums are looked for from farther away, since
         several may have come out as one.
-
-    Returns
-    -------
-    tuple of Finding
-        One a mode.
     """
     chosen, std = list(model.upper_modes), model.exponent_std
     if std is None or not chosen:
@@ -156,13 +134,7 @@ def combinations_of(
 
 
 def _products(
-    values: NDArray[np.complex128],
-    std: NDArray[np.float64],
-    size: NDArray[np.float64],
-    omega: float,
-    *,
-    near: float = NEAR,
-    chance: float = CHANCE,
+    values: Complexes, std: Floats, size: Floats, omega: float, *, near: float = NEAR, chance: float = CHANCE
 ) -> tuple[Finding, ...]:
     r"""Exponents that are sums of those of two larger modes.
 
@@ -187,7 +159,7 @@ def _products(
     return tuple(products)
 
 
-def _sizes(found: SearchResult, free: NDArray[np.int64]) -> NDArray[np.float64]:
+def _sizes(found: SearchResult, free: Integers) -> Floats:
     """The largest coefficient of each mode over the noise (modes,)."""
     both = shapes(found.blocks, found.solution)
     noise = np.full(both.coefficients.shape[1:3], np.inf)
@@ -196,7 +168,7 @@ def _sizes(found: SearchResult, free: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.abs(both.coefficients[free] / noise[:, :, None]).max(axis=(1, 2, 3))
 
 
-def _deviations(found: SearchResult, free: NDArray[np.int64]) -> NDArray[np.float64]:
+def _deviations(found: SearchResult, free: Integers) -> Floats:
     """The larger deviation of the parts of each exponent by noise alone (modes,)."""
     entries = found.solution.entries
     std = np.sqrt(np.maximum(np.diag(replace(found.solution, further=None).covariance()), 0.0))

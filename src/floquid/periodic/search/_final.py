@@ -7,8 +7,8 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.errors import IdentificationError
 from floquid.periodic.expansion import GAP
 from floquid.periodic.least_squares import (
@@ -29,45 +29,26 @@ from floquid.periodic.search._result import SearchResult
 from floquid.periodic.search._scores import differences, equality, spread_of_harmonics, sure_columns
 from floquid.periodic.search._state import STRICT, Limits, State, coefficients_of
 
-LOOSE = 0.02
-"""The probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm."""
-
-PADDING = 1
-"""Harmonics fitted beyond each end of a band: weak ones that are left out bend the exponents."""
+LOOSE = 0.02  # probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm
+PADDING = 1  # harmonics fitted beyond each end of a band: weak ones that are left out bend the exponents
 
 CROWDED = 0.15
 """The difference of two exponents, over both decays, within which lines that both have tell hardly anything apart."""
 
-BESIDE = 1.0
-"""The same within which what one mode lacks bends the other."""
-
-DOUBTFUL = 1e-3
-"""The probability of harmonics of one exponent at which a mode gets more room."""
-
-CLUSTER = 1e-3
-"""The same at which a mode is taken for several that are not told apart."""
-
-ROOM = 2
-"""Harmonics more on each side then."""
-
-AXIS = 4.0
-"""Deviations from the axis up to which it is tried to take a multiplier for a real one."""
-
-REAL = 1e-3
-"""The probability at which noise may move a real multiplier off the axis."""
+BESIDE = 1.0  # the same within which what one mode lacks bends the other
+DOUBTFUL = 1e-3  # the probability of harmonics of one exponent at which a mode gets more room
+CLUSTER = 1e-3  # the same at which a mode is taken for several that are not told apart
+ROOM = 2  # harmonics more on each side then
+AXIS = 4.0  # deviations from the axis up to which it is tried to take a multiplier for a real one
+REAL = 1e-3  # the probability at which noise may move a real multiplier off the axis
 
 UNTOLD = 0.5
 """The deviation of an exponent, over its decay, from which on it is a column that is there and no mode to report."""
 
 
-FARTHEST = 3
-"""Harmonics of a mode, at most, that its branch is looked for at."""
-
-BETTER = 9.0
-"""The reduction of the cost from which on a branch is the better one, and within which none is."""
-
-LASTING = 0.5
-"""The decay over the record, in nepers, within two deviations of which a tone is steady as far as can be told."""
+FARTHEST = 3  # harmonics of a mode, at most, that its branch is looked for at
+BETTER = 9.0  # the reduction of the cost from which on a branch is the better one, and within which none is
+LASTING = 0.5  # decay over the record, in nepers, within two deviations of which a tone is steady as far as can be told
 
 
 def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -> SearchResult:
@@ -101,7 +82,7 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
     )
 
 
-def _misfit(state: State, residuals: list[Residual], noise: NDArray[np.float64]) -> float:
+def _misfit(state: State, residuals: list[Residual], noise: Floats) -> float:
     """The rms of what is left over the level of its noise, the largest of all responses."""
     shares = [
         noise[block.rows, block.hit] / residual.noise for block, residual in zip(state.blocks, residuals, strict=True)
@@ -109,7 +90,7 @@ def _misfit(state: State, residuals: list[Residual], noise: NDArray[np.float64])
     return float(np.max(np.concatenate(shares)))
 
 
-def with_final_bands(state: State, limits: Limits) -> tuple[State, NDArray[np.int64]]:
+def with_final_bands(state: State, limits: Limits) -> tuple[State, Integers]:
     """The fit at rest with bands on the safe side, and the bands that rise above the noise (entries, 2)."""
     entries = state.solution.entries
     if not limits.choose or not (~entries.fixed).any():
@@ -134,14 +115,14 @@ def with_final_bands(state: State, limits: Limits) -> tuple[State, NDArray[np.in
     return state.with_fit(solve(state.blocks, state.solution, hold=True)), entries.bands
 
 
-def _sure(state: State) -> NDArray[np.bool_]:
+def _sure(state: State) -> Mask:
     """Mask of columns that are surely no noise: the demands of others say nothing (columns,)."""
     from scipy.special import chdtri
 
     return sure_columns(state.blocks, state.solution, float(chdtri(2 * state.rows, STRICT)))
 
 
-def _doubtful(solution: Solution, sure: NDArray[np.bool_], alarm: float) -> list[int]:
+def _doubtful(solution: Solution, sure: Mask, alarm: float) -> list[int]:
     """The modes whose harmonics do not have one exponent, but for that probability each."""
     from scipy.special import chdtrc
 
@@ -219,7 +200,7 @@ def _mirrored(entries: ModeParameters) -> Iterator[tuple[int, float, ModeParamet
             yield int(entry), off, replace(entries, bands=bands)
 
 
-def centred(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.int64]]:
+def centred(state: State, bands: Integers) -> tuple[State, Integers]:
     """The same fit, each mode on the branch whose zeroth harmonic carries most of the energy of its shape.
 
     Channels are weighted by the inverse of their noise; ties go to the larger frequency.
@@ -244,14 +225,14 @@ def centred(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.i
 
 
 def _branch(
-    m: int, exponent: complex, fitted: NDArray[np.int64], kept: NDArray[np.int64], omega: float
-) -> tuple[complex, NDArray[np.int64], NDArray[np.int64]]:
+    m: int, exponent: complex, fitted: Integers, kept: Integers, omega: float
+) -> tuple[complex, Integers, Integers]:
     """Exponent and bands of a mode counted from its harmonic `m`, the frequency not negative."""
     exponent, fitted, kept = exponent + 1j * m * omega, fitted - m, kept - m
     return (exponent, fitted, kept) if exponent.imag >= 0.0 else (exponent.conjugate(), -fitted[::-1], -kept[::-1])
 
 
-def on_steady_branches(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.int64]]:
+def on_steady_branches(state: State, bands: Integers) -> tuple[State, Integers]:
     r"""The fit at a speed that wanders, each mode on the branch whose frequency does not follow the speed.
 
     .. math:: e^{\lambda t + i m \theta} = e^{(\lambda + i k \omega) t + i (m - k) \theta + i k (\theta - \omega t)}
@@ -280,9 +261,7 @@ def on_steady_branches(state: State, bands: NDArray[np.int64]) -> tuple[State, N
                 found = solve(state.blocks, found, at_rest=1e-2, iterations=10, hold=True)
                 if state.solution.cost - found.cost > BETTER:
                     state, bands = state.with_fit(found), kept
-        likely: NDArray[np.complex128] = np.array(
-            [one.exponents[entry] for value, *_, one in tried if value < cost + BETTER]
-        )
+        likely: Complexes = np.array([one.exponents[entry] for value, *_, one in tried if value < cost + BETTER])
         own = state.solution.entries.exponents[entry]
         # A branch whose frequency would be negative is that of the conjugate.
         gaps = [
@@ -304,7 +283,7 @@ def _with_spread(state: State, spread: dict[int, complex]) -> State:
     return state.with_fit(replace(state.solution, further=further))
 
 
-def _padded(entries: ModeParameters, bands: NDArray[np.int64], most: int) -> ModeParameters:
+def _padded(entries: ModeParameters, bands: Integers, most: int) -> ModeParameters:
     """The entries with these bands and a harmonic more on each side, but for harmonics where another mode has one.
 
     There the two would tell nothing apart, and the other one takes what is left out.
@@ -337,7 +316,7 @@ def _simpler(state: State, found: Solution) -> bool:
     return fewer > 0 and found.cost - state.solution.cost < float(chdtri(fewer, REAL))
 
 
-def _with_real_ones(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.int64]]:
+def _with_real_ones(state: State, bands: Integers) -> tuple[State, Integers]:
     """With each pair whose multipliers may be one real multiplier taken for that, where noise explains the rest."""
     for entry in np.flatnonzero(~state.solution.entries.fixed & ~state.solution.entries.real):
         entries = state.solution.entries
@@ -363,7 +342,7 @@ def _with_real_ones(state: State, bands: NDArray[np.int64]) -> tuple[State, NDAr
     return state, bands
 
 
-def _without_untold(state: State, bands: NDArray[np.int64]) -> tuple[State, NDArray[np.int64]]:
+def _without_untold(state: State, bands: Integers) -> tuple[State, Integers]:
     """With the modes whose own information is next to none held: they would ruin the deviations of all others."""
     entries = state.solution.entries
     free = np.flatnonzero(~entries.fixed)
@@ -380,7 +359,7 @@ def _without_untold(state: State, bands: NDArray[np.int64]) -> tuple[State, NDAr
     return state.with_fit(solve(state.blocks, solution, hold=True)), bands
 
 
-def _without_steady(state: State, bands: NDArray[np.int64]) -> State:
+def _without_steady(state: State, bands: Integers) -> State:
     """With the pairs of one harmonic that do not decay held as steady tones: interference, and no modes."""
     entries = state.solution.entries
     free = np.flatnonzero(~entries.fixed)

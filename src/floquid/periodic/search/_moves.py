@@ -7,8 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Integers
 from floquid.errors import IdentificationError
 from floquid.periodic.expansion import GAP
 from floquid.periodic.least_squares import ModeParameters, Solution, solve
@@ -27,8 +27,7 @@ from floquid.periodic.search._state import (
 REFITTED = 20.0
 """Times the limit of noise up to which it is tried whether the others, fitted again, can do without a mode."""
 
-JOINED = 60.0
-"""The chi-square of the difference of two exponents up to which it is tried to take them for one mode."""
+JOINED = 60.0  # the chi-square of the difference of two exponents up to which it is tried to take them for one mode
 
 
 def without_needless(state: State, limits: Limits) -> State:
@@ -131,7 +130,7 @@ def unshared(state: State, limits: Limits) -> State:
     return state
 
 
-def _narrower(entries: ModeParameters) -> Iterator[tuple[int, int, NDArray[np.int64]]]:
+def _narrower(entries: ModeParameters) -> Iterator[tuple[int, int, Integers]]:
     """Bands without a harmonic at one end of a mode's, on a line of one that folds next to it: mode, end and bands."""
     free = np.flatnonzero(~entries.fixed & ~entries.real)
     for entry in free:

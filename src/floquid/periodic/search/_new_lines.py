@@ -23,33 +23,20 @@ from floquid.periodic.search._peaks import Peak, peaks
 from floquid.periodic.search._scores import score_step
 from floquid.periodic.search._state import ROUGHLY, Limits, State, coefficients_of, limit_of, modes_of, with_bands
 
-AT_ONCE = 3
-"""Peaks that are tried together."""
-
-EXPECTED = 1.0
-"""Peaks of noise expected among those that are tried: it is the fit that decides."""
-
-STEPS = 8
-"""Steps that a fit with a further line may take before it is judged."""
+AT_ONCE = 3  # peaks that are tried together
+EXPECTED = 1.0  # peaks of noise expected among those that are tried: it is the fit that decides
+STEPS = 8  # steps that a fit with a further line may take before it is judged
 
 PROMISED = 0.8
 """The share of what a mode must take out of the cost that a peak has to promise: it may lie between the lines."""
 
-LOUD = 100.0
-"""Times the limit from which on a line cannot be a peak of noise that is coloured."""
-
-REFUSALS = 3
-"""Peaks in turn that may come to nothing before the search ends."""
-
-BEYOND = 4
-"""Harmonics beyond a band in which a peak may be a further harmonic of the mode."""
+LOUD = 100.0  # times the limit from which on a line cannot be a peak of noise that is coloured
+REFUSALS = 3  # peaks in turn that may come to nothing before the search ends
+BEYOND = 4  # harmonics beyond a band in which a peak may be a further harmonic of the mode
 
 
 def with_lines(
-    state: State,
-    limits: Limits,
-    report: Callable[[str], None] = lambda _: None,
-    passed: list[float] | None = None,
+    state: State, limits: Limits, report: Callable[[str], None] = lambda _: None, passed: list[float] | None = None
 ) -> State:
     """With what the spectrum of the residual holds beside the fit, the strongest peaks first.
 

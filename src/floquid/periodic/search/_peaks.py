@@ -16,27 +16,19 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.periodic.least_squares import Block, Residual, squared
 
-DECAYS = 8
-"""Decay rates looked at, from one over the record to `FASTEST` over a period."""
-
-FEW_DECAYS = 4
-"""The same where nothing is to be fitted, and a look is enough."""
-
+DECAYS = 8  # decay rates looked at, from one over the record to `FASTEST` over a period
+FEW_DECAYS = 4  # the same where nothing is to be fitted, and a look is enough
 FASTEST = 0.7
-
-GROWTH = (2.0, 6.0)
-"""Growth over the record of the growing exponentials looked at, as logarithms."""
-
-DIED = 8.0
-"""Decays after which an exponential has died."""
+GROWTH = (2.0, 6.0)  # growth over the record of the growing exponentials looked at, as logarithms
+DIED = 8.0  # decays after which an exponential has died
 
 NEAR = 1e4
 """Times the noise up to which single precision shows every line of a residual: beyond, its rounding makes lines."""
 
-SKIRT = 10.0
-"""Times what a decaying line has beside its peak below which another peak may be that."""
+SKIRT = 10.0  # times what a decaying line has beside its peak below which another peak may be that
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +40,7 @@ class Peak:
     limit: float
 
 
-def strongest(
-    blocks: Sequence[Block],
-    residuals: Sequence[Residual],
-    period: float,
-    false_alarm: float,
-) -> Peak:
+def strongest(blocks: Sequence[Block], residuals: Sequence[Residual], period: float, false_alarm: float) -> Peak:
     """The exponential that takes most out of the residuals; noise alone passes its limit by `false_alarm`."""
     return peaks(blocks, residuals, period, false_alarm, most=0, decays=FEW_DECAYS)[0]
 
@@ -106,7 +93,7 @@ def peaks(
     return largest, found
 
 
-def _gains(spectra: Sequence[_Spectra], rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _gains(spectra: Sequence[_Spectra], rate: float) -> tuple[Floats, Floats]:
     """Reduction of the misfit by an exponential of each frequency and one decay, and the frequencies (lines,)."""
     from scipy.fft import next_fast_len
 
@@ -132,7 +119,7 @@ class _Spectra:
         self.values = scaled.astype(np.float32 if np.abs(scaled).max() < NEAR else np.float64)
         self.weights: dict[int, NDArray[np.floating]] = {}
 
-    def gain(self, decay: float, omega: NDArray[np.float64], lines: int) -> NDArray[np.float64]:
+    def gain(self, decay: float, omega: Floats, lines: int) -> Floats:
         """Reduction of the misfit by an exponential of each frequency (lines,)."""
         from scipy.fft import rfft
 

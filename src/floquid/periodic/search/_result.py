@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from floquid._arrays import Integers
 from floquid.periodic.least_squares import Block, Residual, Solution
 from floquid.periodic.search._peaks import Peak
 
@@ -17,11 +15,8 @@ class SearchResult:
 
     blocks: tuple[Block, ...]
     solution: Solution
-    bands: NDArray[np.int64]
+    bands: Integers
     peak: Peak
-    residuals: tuple[Residual, ...]
-    """Residual of each block."""
-    misfit: float = 1.0
-    """The rms of what is left over the level of its noise, the largest of all responses."""
-    clusters: tuple[int, ...] = ()
-    """The entries whose harmonics do not have one exponent."""
+    residuals: tuple[Residual, ...]  # residual of each block
+    misfit: float = 1.0  # the rms of what is left over the level of its noise, the largest of all responses
+    clusters: tuple[int, ...] = ()  # the entries whose harmonics do not have one exponent

@@ -5,20 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from floquid._arrays import Floats
 from floquid.periodic.least_squares import Block, ModeParameters, filtered_blocks, residual_filter, solve
 from floquid.periodic.search._final import on_steady_branches
 from floquid.periodic.search._moves import joined, parted, unshared, without_needless
 from floquid.periodic.search._new_lines import with_lines
 from floquid.periodic.search._state import ROUGHLY, Limits, State, released, with_bands
 
-ROUNDS = 4
-"""Rounds in which modes and bands may change."""
-
-STRONG = 0.1
-"""The sum of squared correlations from which on what modes leave is coloured noise and no weak mode."""
+ROUNDS = 4  # rounds in which modes and bands may change
+STRONG = 0.1  # the sum of squared correlations from which on what modes leave is coloured noise and no weak mode
 
 Report = Callable[[str], None]
 
@@ -52,7 +47,7 @@ def searched(state: State, limits: Limits, search: bool, report: Report) -> Stat
     return unshared(state, limits)
 
 
-def searched_white(state: State, limits: Limits, report: Report) -> tuple[State, NDArray[np.float64] | None]:
+def searched_white(state: State, limits: Limits, report: Report) -> tuple[State, Floats | None]:
     """The same after the filter that whitens what is left, and that filter (channels, taps); None where it is white.
 
     The colour is judged twice: by what few modes leave, none of which is noise yet, and by what all of them leave.
@@ -67,7 +62,7 @@ def searched_white(state: State, limits: Limits, report: Report) -> tuple[State,
     return with_bands(again, limits), taps
 
 
-def _whitened(state: State, limits: Limits, report: Report) -> tuple[State, NDArray[np.float64] | None]:
+def _whitened(state: State, limits: Limits, report: Report) -> tuple[State, Floats | None]:
     """The fit of the samples after the filter that whitens what is left, and that filter; None where it is white."""
     taps = residual_filter(state.blocks, state.solution, least=STRONG)
     after = None if taps is None else filtered_blocks(state.blocks, taps)

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Indices, Mask
 from floquid.periodic.least_squares import Block, ModeParameters, Solution
 
-SINGULAR = 1e-12
-"""The share of the largest eigenvalue of a scaled matrix below which a direction says nothing."""
+SINGULAR = 1e-12  # the share of the largest eigenvalue of a scaled matrix below which a direction says nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,11 +20,10 @@ class Cut:
     entry: int
     harmonic: int
     gain: float
-    moved: tuple[complex, complex]
-    """By how much the exponents of the lower and of the upper part move [1/s]."""
+    moved: tuple[complex, complex]  # by how much the exponents of the lower and of the upper part move [1/s]
 
 
-def removal_rises(blocks: Sequence[Block], solution: Solution) -> NDArray[np.float64]:
+def removal_rises(blocks: Sequence[Block], solution: Solution) -> Floats:
     r"""The rise of the cost where a mode is taken away, all exponents as they are (entries,).
 
     .. math:: \Delta_e = \sum_{c,h} \frac{1}{\sigma_{c,h}^2} \beta_e^T (G^{-1})_{ee}^{-1} \beta_e
@@ -70,17 +68,17 @@ class ColumnsLeft:
             self._spread[number] = spread[np.ix_(residual, residual)] - both.T @ _solved(spread[np.ix_(own, own)], both)
         self._left = self._left[residual]
 
-    def _own(self, column: int) -> NDArray[np.intp]:
+    def _own(self, column: int) -> Indices:
         return np.flatnonzero(self._left % self._n == column)
 
 
-def sure_columns(blocks: Sequence[Block], solution: Solution, limit: float) -> NDArray[np.bool_]:
+def sure_columns(blocks: Sequence[Block], solution: Solution, limit: float) -> Mask:
     """Mask of columns that would raise the cost by more than the limit if they were taken away (columns,)."""
     left = ColumnsLeft(blocks, solution)
     return np.array([left.rise(column) > limit for column in range(len(solution.entries.sines()))], bool)
 
 
-def equality(solution: Solution, entry: int, sure: NDArray[np.bool_]) -> tuple[float, int]:
+def equality(solution: Solution, entry: int, sure: Mask) -> tuple[float, int]:
     """The chi-square of the sure harmonics of a mode having one exponent, and its degrees of freedom (Rao's test)."""
     columns, ties = np.flatnonzero((solution.entries.columns().modes == entry) & sure), solution.entries.ties()
     if len(columns) < 2:
@@ -89,7 +87,7 @@ def equality(solution: Solution, entry: int, sure: NDArray[np.bool_]) -> tuple[f
     return max(gain, 0.0), 2 * (len(columns) - 1)
 
 
-def spread_of_harmonics(solution: Solution, entry: int, sure: NDArray[np.bool_]) -> tuple[float, float]:
+def spread_of_harmonics(solution: Solution, entry: int, sure: Mask) -> tuple[float, float]:
     r"""The weighted variance of the exponents that the sure harmonics of a mode ask for, of both parts [1/s²].
 
     .. math:: s^2 = \sum_m w_m (\lambda_m - \bar\lambda)^2 \Big/ \sum_m w_m, \qquad w_m = 1/\operatorname{var} \lambda_m
@@ -106,7 +104,7 @@ def spread_of_harmonics(solution: Solution, entry: int, sure: NDArray[np.bool_])
     return found[0], found[1]
 
 
-def _parted(ties: NDArray[np.float64], columns: NDArray[np.intp]) -> NDArray[np.float64]:
+def _parted(ties: Floats, columns: Indices) -> Floats:
     """The ties of the other modes, then a decay of its own for each of these columns, then a frequency."""
     count, rows = ties.shape[1] // 2, np.eye(ties.shape[1])
     others = ties[~ties[:, np.concatenate([columns, count + columns])].any(axis=1)]
@@ -132,14 +130,14 @@ def best_cut(solution: Solution, entry: int) -> Cut | None:
     return best
 
 
-def score_step(solution: Solution, ties: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def score_step(solution: Solution, ties: Floats) -> tuple[Floats, float]:
     """The Gauss-Newton step of parameters that tie columns as given, and what it takes off the cost."""
     gradient, matrix, _ = solution.by_column.tied(ties)
     step = _solved(matrix, gradient[:, None])[:, 0]
     return step, float(step @ gradient)
 
 
-def score_gain(solution: Solution, ties: NDArray[np.float64]) -> float:
+def score_gain(solution: Solution, ties: Floats) -> float:
     """Reduction of the cost by a Gauss-Newton step of parameters that tie columns as given."""
     return score_step(solution, ties)[1]
 
@@ -173,7 +171,7 @@ def differences(entries: ModeParameters, one: int, other: int) -> tuple[int, int
     return best
 
 
-def _solved(matrix: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+def _solved(matrix: Floats, target: Floats) -> Floats:
     """The least-squares solution of a symmetric system, scaled; directions that say nothing are left out."""
     size = np.diag(matrix)
     scale = np.sqrt(np.where(size > 0.0, size, np.inf))

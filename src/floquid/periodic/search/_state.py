@@ -6,8 +6,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers, Mask
 from floquid.errors import IdentificationError
 from floquid.periodic.expansion import GAP
 from floquid.periodic.least_squares import (
@@ -24,17 +24,13 @@ from floquid.periodic.least_squares import (
 from floquid.periodic.search._peaks import Peak
 from floquid.periodic.search._scores import ColumnsLeft
 
-ROUGHLY = 0.1
-"""Standard deviations at which a fit counts as settled while modes may still change."""
+ROUGHLY = 0.1  # standard deviations at which a fit counts as settled while modes may still change
 
 STRICT = 1e-6
 """The probability at which noise may pass for a harmonic, or for a difference of exponents, while modes may change."""
 
-GROWTHS = 4
-"""Rounds in which narrow bands may grow."""
-
-NEAR = 0.02
-"""Fundamentals within which a column is taken for one that there was before."""
+GROWTHS = 4  # rounds in which narrow bands may grow
+NEAR = 0.02  # fundamentals within which a column is taken for one that there was before
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +65,7 @@ class Limits:
     modes: int
     mode_alarm: float
     harmonic_alarm: float
-    forced: NDArray[np.float64]
+    forced: Floats
     choose: bool = True
     width: int = 0
     floor: float = 1e-12
@@ -84,15 +80,14 @@ class State:
 
     blocks: tuple[Block, ...]
     solution: Solution
-    peak: Peak | None = None
-    """The strongest peak that the last search of the residual saw; None where there was none."""
+    peak: Peak | None = None  # the strongest peak that the last search of the residual saw; None where there was none
 
     @property
     def rows(self) -> int:
         """Responses: channels of all hits."""
         return sum(len(block.rows) for block in self.blocks)
 
-    def carried(self, entries: ModeParameters) -> tuple[NDArray[np.float64], ...]:
+    def carried(self, entries: ModeParameters) -> tuple[Floats, ...]:
         """First values of the coefficients of other entries: those of the columns that there are, nearest in rate."""
         old, new = self.solution.entries.columns(), entries.columns()
         apart = np.abs(np.subtract.outer(new.rates.imag, old.rates.imag)) + 1e-3 * np.abs(
@@ -138,7 +133,7 @@ def released(state: State) -> State:
     return state.with_fit(weighted(state.blocks, free, state.solution.linear)) if those.any() else state
 
 
-def modes_of(entries: ModeParameters) -> NDArray[np.bool_]:
+def modes_of(entries: ModeParameters) -> Mask:
     """Mask of the entries that are modes, fixed ones too: not the forced response (entries,)."""
     return ~entries.fixed | (entries.exponents != 0.0)
 
@@ -200,7 +195,7 @@ def with_bands(state: State, limits: Limits, level: float = STRICT, *, refused: 
     return state if solution is None else state.with_fit(solution)
 
 
-def _refitted(state: State, bands: NDArray[np.int64], most: int, level: float) -> State | None:
+def _refitted(state: State, bands: Integers, most: int, level: float) -> State | None:
     """The fit with narrower bands that grow again as they need; None where noise does not explain what that costs.
 
     Where modes share lines, exponents follow the noise until none of the shared harmonics can be done without.
@@ -226,7 +221,7 @@ def _refitted(state: State, bands: NDArray[np.int64], most: int, level: float) -
     return None
 
 
-def _narrowed(state: State, level: float) -> NDArray[np.int64]:
+def _narrowed(state: State, level: float) -> Integers:
     """The bands without the harmonics at their ends that noise explains, taken away one after another (entries, 2)."""
     from scipy.special import chdtri
 

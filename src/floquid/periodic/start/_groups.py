@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic.expansion import expansion
 from floquid.periodic.least_squares import ModeParameters
 
-SEEN = 1e-6
-"""The probability at which noise may pass for a harmonic of a pole."""
-
-APART = 2
-"""Harmonics of one pole that are further apart than this start as modes of their own."""
-
-EQUAL = 4.0
-"""Deviations of their difference within which two multipliers are one."""
+SEEN = 1e-6  # the probability at which noise may pass for a harmonic of a pole
+APART = 2  # harmonics of one pole that are further apart than this start as modes of their own
+EQUAL = 4.0  # deviations of their difference within which two multipliers are one
 
 OFF_AXIS = 0.05
 """The imaginary part that a real exponent starts with, over its decay: on the axis, nothing says which way it lies."""
@@ -84,7 +79,7 @@ def distinct_multipliers(model: PeriodicModel) -> int:
     return int(np.sum(np.where(np.abs(model.multipliers.imag[kept]) > 1e-12, 2, 1)))
 
 
-def _score(coefficients: NDArray[np.complex128], std: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _score(coefficients: Complexes, std: Complexes) -> Floats:
     """The chi-square of each harmonic over channels and hits (harmonics,)."""
     total = np.zeros(coefficients.shape[-1])
     for value, deviation in ((coefficients.real, std.real), (coefficients.imag, std.imag)):

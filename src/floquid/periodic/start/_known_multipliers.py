@@ -10,37 +10,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.lifting import Lifted, largest_values, whitened, whitening_filter
 from floquid.lti import ERA, ModalModel, TimeResponses
 
-GENEROUS = 64
-"""Poles that take any free response with them; at most one in three cycles."""
-
-FEWEST = 8
-"""Cycles below which what is known is not told from a free response, for each of its multipliers."""
+GENEROUS = 64  # poles that take any free response with them; at most one in three cycles
+FEWEST = 8  # cycles below which what is known is not told from a free response, for each of its multipliers
 
 MERGED = 1.0
 """Over the record: a pole that decays or turns by less than this beside a known multiplier is not told from it."""
 
-TOLD = 1e-3
-"""The share of a known column beyond the poles below which it is not told from them."""
-
-BESIDE = (2, 3, 4, 5, 6)
-"""Lines beside that of a known multiplier by which the noise there is judged."""
-
-ENOUGH = 6
-"""Columns that must be left beside the poles for that."""
-
-ROUNDING = 1e-10
-"""The same below which it is rounding."""
-
-ALMOST_ALL = 1e-6
-"""The share of the squares that is left below which a difference of sums has lost too many digits."""
-
-CERTAIN = 1e-9
-"""The probability at which noise may pass for a forced response."""
+TOLD = 1e-3  # the share of a known column beyond the poles below which it is not told from them
+BESIDE = (2, 3, 4, 5, 6)  # lines beside that of a known multiplier by which the noise there is judged
+ENOUGH = 6  # columns that must be left beside the poles for that
+ROUNDING = 1e-10  # the same below which it is rounding
+ALMOST_ALL = 1e-6  # the share of the squares that is left below which a difference of sums has lost too many digits
+CERTAIN = 1e-9  # the probability at which noise may pass for a forced response
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +50,7 @@ class Known:
     def __bool__(self) -> bool:
         return bool(self.roots) or self.drift
 
-    def basis(self, n_cycles: int) -> NDArray[np.float64]:
+    def basis(self, n_cycles: int) -> Floats:
         """Orthonormal columns over the `n_cycles` of a hit (n_cycles, columns)."""
         columns = [part for root in self.roots for part in columns_of(root, n_cycles)]
         if self.drift:
@@ -73,19 +59,19 @@ class Known:
         return np.asarray(q, np.float64)
 
 
-def columns_of(root: float, n_cycles: int) -> list[NDArray[np.float64]]:
+def columns_of(root: float, n_cycles: int) -> list[Floats]:
     """Real columns of the multiplier e^{2πip} (cycles,)."""
     angles = 2.0 * np.pi * root * np.arange(n_cycles)
     return [np.cos(angles)] if root in (0.0, 0.5) else [np.cos(angles), np.sin(angles)]
 
 
-def _drift(n_cycles: int) -> NDArray[np.float64]:
+def _drift(n_cycles: int) -> Floats:
     return np.linspace(-1.0, 1.0, n_cycles)
 
 
 def without_known(
-    lifted: Lifted, nu: float, *, speeds: Sequence[NDArray[np.float64]] | None = None, halves: bool = False
-) -> tuple[Lifted, Known, NDArray[np.float64] | None]:
+    lifted: Lifted, nu: float, *, speeds: Sequence[Floats] | None = None, halves: bool = False
+) -> tuple[Lifted, Known, Floats | None]:
     """The `lifted` responses without the forced response in them, that response, and filters that whiten the rest.
 
     Generous poles take the free response with them, so that what is left to the known columns is theirs. There are `nu`
@@ -125,7 +111,7 @@ def generous_poles(lifted: Lifted) -> ModalModel:
     return era.extract(era.prepare(lifted.responses), order)
 
 
-def _apart(modal: ModalModel, roots: Sequence[float], n_cycles: int) -> NDArray[np.complex128]:
+def _apart(modal: ModalModel, roots: Sequence[float], n_cycles: int) -> Complexes:
     """Logarithms of the multipliers, of the upper half, that are told from the known ones."""
     logs = np.asarray(np.log(modal.multipliers), np.complex128)
     logs = logs[(logs.imag >= -1e-12) & (logs.real > -4.0) & (logs.real < 2.0)]
@@ -134,27 +120,27 @@ def _apart(modal: ModalModel, roots: Sequence[float], n_cycles: int) -> NDArray[
     return np.asarray(logs, np.complex128)
 
 
-def _columns(poles: NDArray[np.complex128], n_cycles: int) -> NDArray[np.float64]:
+def _columns(poles: Complexes, n_cycles: int) -> Floats:
     """Real columns of the poles (cycles, columns), what grows being counted from the end."""
     counts = np.arange(n_cycles)[:, None] - np.where(poles.real > 0, n_cycles - 1, 0)
     powers = np.asarray(np.exp(counts * poles), np.complex128)
     return np.concatenate([powers.real, powers.imag], axis=1)
 
 
-def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+def _orthonormal(columns: Floats) -> Floats:
     """A basis of columns, but for those that are rounding (cycles, rank)."""
     size = np.linalg.norm(columns, axis=0)
     left, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
     return left[:, values > ROUNDING * values.max(initial=1e-300)]
 
 
-def _beyond(basis: NDArray[np.float64], columns: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+def _beyond(basis: Floats, columns: Floats, least: float) -> Floats:
     """A basis of what orthonormal columns have beyond another basis, where it is that share at least (cycles, rank)."""
     left, values, _ = np.linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)
     return left[:, values > least]
 
 
-def _squares_left(values: NDArray[np.float64], basis: NDArray[np.float64]) -> NDArray[np.float64]:
+def _squares_left(values: Floats, basis: Floats) -> Floats:
     """The sum of squares that orthonormal columns leave of responses (responses,)."""
     taken = values @ basis
     whole = np.einsum("rn,rn->r", values, values)
@@ -164,7 +150,7 @@ def _squares_left(values: NDArray[np.float64], basis: NDArray[np.float64]) -> ND
     return np.sum((values - taken @ basis.T) ** 2, axis=1)
 
 
-def _gain(lifted: Lifted, bases: Sequence[NDArray[np.float64]], less: Known, more: Known) -> float:
+def _gain(lifted: Lifted, bases: Sequence[Floats], less: Known, more: Known) -> float:
     """Reduction of the misfit by the columns of `more` beyond those of `less`, over the noise.
 
     Beside orthonormal columns of the poles, one array a hit (cycles, rank).
@@ -189,7 +175,7 @@ def _gain(lifted: Lifted, bases: Sequence[NDArray[np.float64]], less: Known, mor
     return total
 
 
-def _neighbours(less: Known, more: Known, n_cycles: int) -> NDArray[np.float64]:
+def _neighbours(less: Known, more: Known, n_cycles: int) -> Floats:
     """Columns of frequencies beside those that only the second has, over the cycles (cycles, columns)."""
     roots = set(more.roots) - set(less.roots) or {0.0}
     turns = [root + sign * k / n_cycles for root in roots for k in BESIDE for sign in (1, -1)]
@@ -198,7 +184,7 @@ def _neighbours(less: Known, more: Known, n_cycles: int) -> NDArray[np.float64]:
     return np.asarray(np.linalg.qr(columns)[0], np.float64) if n_cycles > columns.shape[1] else columns[:, :0]
 
 
-def _least(lifted: Lifted) -> NDArray[np.float64]:
+def _least(lifted: Lifted) -> Floats:
     """The least variance that the noise is taken to have (channels, hits)."""
     return (lifted.floor * largest_values(lifted.responses.values, lifted.n_channels)) ** 2 + 1e-300
 
@@ -214,10 +200,7 @@ def _limit(lifted: Lifted, less: Known, more: Known) -> float:
 
 
 def _subtracted(
-    lifted: Lifted,
-    poles: NDArray[np.complex128],
-    known: Known,
-    speeds: Sequence[NDArray[np.float64]] | None,
+    lifted: Lifted, poles: Complexes, known: Known, speeds: Sequence[Floats] | None
 ) -> tuple[Lifted, tuple[float, ...]]:
     """The responses without the known columns, and the turns a period of their harmonics above the noise."""
     data = lifted.responses
@@ -246,13 +229,7 @@ def _subtracted(
     return replace(lifted, responses=free), tuple(turns)
 
 
-def _harmonics(
-    lifted: Lifted,
-    roots: Sequence[float],
-    amplitudes: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    spread: NDArray[np.float64],
-) -> set[float]:
+def _harmonics(lifted: Lifted, roots: Sequence[float], amplitudes: Floats, noise: Floats, spread: Floats) -> set[float]:
     """Turns a period of the harmonics of known columns that rise above the noise."""
     from scipy.special import chdtri
 

@@ -134,8 +134,7 @@ _QUANTITIES: dict[int, Quantity] = {
     **dict.fromkeys((2, 5, 6, *range(15, 21)), "other"),
     **{KINDS[quantity]: quantity for quantity in ("strain", "displacement", "velocity", "acceleration", "force")},
     9: "force",
-}
-"""Quantity by the specific data type of an ordinate; 0 (unknown) and 1 (general) leave it to the unit."""
+}  # quantity by the specific data type of an ordinate; 0 (unknown) and 1 (general) leave it to the unit
 
 _SYSTEMS = {1: ("m", "N"), 2: ("ft", "lbf"), 5: ("mm", "mN"), 6: ("cm", "cN"), 7: ("in", "lbf")}
 """Units of length and force, by the code of dataset 164; others name none that could be taken over."""

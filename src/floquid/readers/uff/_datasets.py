@@ -21,8 +21,7 @@ DIRECTIONS = {0: ""} | {
     sign * number: f"{'+' if sign > 0 else '-'}{word}"
     for number, word in enumerate(("X", "Y", "Z", "RX", "RY", "RZ"), start=1)
     for sign in (1, -1)
-}
-"""The directions of a degree of freedom; R is a rotation, 0 a scalar."""
+}  # the directions of a degree of freedom; R is a rotation, 0 a scalar
 
 _POINT = (5, 10, 5, 10, 11, 10, 4, 11, 10, 4)
 _FORM = (10, 10, 10, 13, 13, 13)

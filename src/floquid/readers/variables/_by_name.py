@@ -29,12 +29,7 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
     words = {key: _texts(source, file, key, len(names)) if key in held else None for key in _WORDS}
     units = words["units"] or ([held["values"].unit] * len(names) if held["values"].unit else None)
     named = make_channels(
-        source,
-        names,
-        units,
-        quantity=words["quantities"],
-        location=words["locations"],
-        direction=words["directions"],
+        source, names, units, quantity=words["quantities"], location=words["locations"], direction=words["directions"]
     )
     orbit = None
     if "orbit" in held:

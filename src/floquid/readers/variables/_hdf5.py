@@ -135,10 +135,7 @@ def save_hdf5(record: Record, path: Path) -> None:
     content = BytesIO()
     with h5py.File(content, "w", libver=("v108", "v108")) as file:  # its heads have checksums
         values = file.create_dataset(
-            "values",
-            data=record.values,
-            chunks=(1, min(record.n_samples, _BLOCK)),
-            fletcher32=True,
+            "values", data=record.values, chunks=(1, min(record.n_samples, _BLOCK)), fletcher32=True
         )
         values.attrs["axes"] = "channels, samples"
         for key, orbit in orbit_of(record).items():
