@@ -6,10 +6,9 @@ python-control and back.
 
 from floquid.periodic._control import from_control, to_control
 from floquid.periodic._fit_records import Fit, OrderError, fit
-from floquid.periodic._forced_response import ForcedResponse
+from floquid.periodic._forced_part import ForcedResponse
 from floquid.periodic._output_error_step import estimate_at
-from floquid.periodic._refit import instants, own_period, refit, unexplained
-from floquid.periodic._single_lines import line_amplitudes, without_lines
+from floquid.periodic._refit import instants, line_amplitudes, own_period, refit, unexplained, without_lines
 from floquid.periodic.expansion import assemble, participation, physical_exponents, select_bands
 from floquid.periodic.least_squares import ModeParameters
 from floquid.periodic.period import FSE, Family, PeriodCandidate, PeriodEstimate, estimate_period, fse

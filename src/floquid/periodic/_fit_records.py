@@ -13,8 +13,15 @@ from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Rec
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, texts, warning
 from floquid.lifting import Lifted
-from floquid.periodic._forced_part import angle_std, forced_base, forced_of, forced_turns, free_records, without_noise
-from floquid.periodic._forced_response import ForcedResponse
+from floquid.periodic._forced_part import (
+    ForcedResponse,
+    angle_std,
+    forced_base,
+    forced_of,
+    forced_turns,
+    free_records,
+    without_noise,
+)
 from floquid.periodic.least_squares import (
     Block,
     LiftedBlock,

@@ -13,8 +13,7 @@ from floquid._checks import frozen_array, input_error
 from floquid.core import ConstantPeriod, Estimates, PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.lifting import Lifted
-from floquid.periodic._forced_part import forced_base
-from floquid.periodic._forced_response import ForcedResponse
+from floquid.periodic._forced_part import ForcedResponse, forced_base
 from floquid.periodic._refit import noise_of_records
 from floquid.periodic.least_squares import (
     Block,

@@ -4,7 +4,6 @@ from floquid.periodic.search._evidence import coloured, combinations_of, evidenc
 from floquid.periodic.search._final import finished
 from floquid.periodic.search._moves import without_needless
 from floquid.periodic.search._new_lines import with_lines
-from floquid.periodic.search._result import SearchResult
 from floquid.periodic.search._rounds import begun, searched, searched_white
 from floquid.periodic.search._scores import period_step
-from floquid.periodic.search._state import Limits, State
+from floquid.periodic.search._state import Limits, SearchResult, State

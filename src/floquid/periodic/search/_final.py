@@ -25,9 +25,8 @@ from floquid.periodic.least_squares import (
 from floquid.periodic.search._moves import joined
 from floquid.periodic.search._new_lines import EXPECTED
 from floquid.periodic.search._peaks import strongest
-from floquid.periodic.search._result import SearchResult
 from floquid.periodic.search._scores import differences, equality, spread_of_harmonics, sure_columns
-from floquid.periodic.search._state import STRICT, Limits, State, coefficients_of
+from floquid.periodic.search._state import STRICT, Limits, SearchResult, State, coefficients_of
 
 LOOSE = 0.02  # probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm
 PADDING = 1  # harmonics fitted beyond each end of a band: weak ones that are left out bend the exponents

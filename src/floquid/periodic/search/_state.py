@@ -14,6 +14,7 @@ from floquid.periodic.least_squares import (
     PLAIN,
     Block,
     ModeParameters,
+    Residual,
     Solution,
     chosen_bands,
     linearise,
@@ -241,3 +242,16 @@ def _narrowed(state: State, level: float) -> Integers:
             return bands
         left.take(place[entry, int(bands[entry, side])])
         bands[entry, side] += 1 - 2 * side
+
+
+@dataclass(frozen=True, slots=True)
+class SearchResult:
+    """The blocks with the noise that is left, the fit, the bands that are reported, and the strongest peak left."""
+
+    blocks: tuple[Block, ...]
+    solution: Solution
+    bands: Integers
+    peak: Peak
+    residuals: tuple[Residual, ...]  # residual of each block
+    misfit: float = 1.0  # the rms of what is left over the level of its noise, the largest of all responses
+    clusters: tuple[int, ...] = ()  # the entries whose harmonics do not have one exponent

@@ -12,8 +12,7 @@ from floquid._checks import Rebuilt, finite, input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.findings import Finding, note, texts, warning
 from floquid.lifting import Lifted
-from floquid.periodic.significance._harmonic_spacing_test import spacing_probability
-from floquid.periodic.significance._wald import holm, noncentrality, root, wald
+from floquid.periodic.significance._wald import holm, noncentrality, root, spacing_probability, wald
 
 HARMONICS = (1, 2)
 """Harmonics per period that are looked at: stiffness that varies once or twice a period shows in these first."""
