@@ -144,8 +144,8 @@ def test_the_figures_are_those_of_plot(results):
             method, function = getattr(one.plot, name), getattr(plot, name)
             assert list(signature(method).parameters) == list(signature(function).parameters)[1:]
             assert method.__doc__ == function.__doc__
-    assert len(found.plot.spectra(channels=["X"], points=100).axes) >= 2
-    assert results["scan"].plot.indicators(points=100).axes
+    assert len(found.plot.spectra(channels=["X"], angular=True).axes) >= 2
+    assert results["scan"].plot.indicators(angular=True).axes
     with pytest.raises(AttributeError, match="this Analysis has no figure 'stabilisation'; those it has: coeff"):
         found.plot.stabilisation()
 

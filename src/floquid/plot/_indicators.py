@@ -7,12 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from floquid._checks import integer
 from floquid.lti import WHITE, composites
 from floquid.order import Indicators
 from floquid.pipeline import Analysis
 from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
-from floquid.plot._style import drawing, frequency_unit, keep_sizes, plain, plain_decades, several, whole_numbers
+from floquid.plot._style import (
+    POINTS,
+    drawing,
+    frequency_unit,
+    keep_sizes,
+    plain,
+    plain_decades,
+    several,
+    whole_numbers,
+)
 from floquid.views import envelope
 
 if TYPE_CHECKING:
@@ -25,7 +33,7 @@ LOOKS = ((BLUE, "-", 1.8), (ORANGE, "-", 1.2), (GREEN, (0, (4, 1.5)), 1.2), (PUR
 DEEP = 20  # how many singular values are shown beyond those above the noise
 
 
-def indicators(found: Indicators | Mapping[str, Indicators], *, points: int = 4000, angular: bool = False) -> Figure:
+def indicators(found: Indicators | Mapping[str, Indicators], *, angular: bool = False) -> Figure:
     """Mode indicator functions over the band 0 to ω/2, and the singular values of the responses, both over the noise.
 
     On the left, 1 is where white noise alone would lie: of the mode indicator functions (CMIF) its expected end, of the
@@ -38,19 +46,16 @@ def indicators(found: Indicators | Mapping[str, Indicators], *, points: int = 40
     ----------
     found
         What `order.indicators` found, or several of them by name: then a row each.
-    points
-        The most points a curve is drawn with.
     angular
         Frequencies in rad/s instead of Hz.
     """
     of = "indicators"
     named = several(found, Indicators, "found", of)
-    integer(points, "points", of, at_least=2)
     turn, unit = frequency_unit(angular=angular)
     with drawing(3.8 if len(named) == 1 else 0.8 + 2.8 * len(named)) as figure:
         panels = figure.subplots(len(named), 2, squeeze=False, width_ratios=(3, 2))
         for (left, right), (name, one) in zip(panels, named.items(), strict=True):
-            _draw_curves(left, one, points, turn)
+            _draw_curves(left, one, turn)
             _draw_values(right, one)
             if name:
                 left.set_title(plain(name), loc="left")
@@ -59,15 +64,15 @@ def indicators(found: Indicators | Mapping[str, Indicators], *, points: int = 40
     return figure
 
 
-def _draw_curves(axes: Axes, found: Indicators, points: int, turn: float) -> None:
+def _draw_curves(axes: Axes, found: Indicators, turn: float) -> None:
     """The mode indicator functions and the composites, over white noise."""
     x = found.angles * turn / (2.0 * np.pi * found.dt)
     for number, (curve, (color, dashes, width)) in enumerate(zip(found.cmif.T, LOOKS, strict=False), start=1):
         look = {"color": color, "linestyle": dashes, "linewidth": width}
-        axes.plot(*envelope(x, curve, points), **look, label=f"CMIF {number}")
-    axes.plot(*envelope(x, found.composite / WHITE, points), color=GREY, linewidth=1.0, label="composite", zorder=1.9)
+        axes.plot(*envelope(x, curve, POINTS), **look, label=f"CMIF {number}")
+    axes.plot(*envelope(x, found.composite / WHITE, POINTS), color=GREY, linewidth=1.0, label="composite", zorder=1.9)
     if found.residual is not None:
-        curve = envelope(x, found.residual / WHITE, points)
+        curve = envelope(x, found.residual / WHITE, POINTS)
         axes.plot(*curve, color=VERMILION, linewidth=0.8, label="composite, data − model")
     axes.axhline(1.0, color=BLACK, linestyle="--", linewidth=0.9, label="white noise alone")
     axes.set(yscale="log", xlim=(0.0, x[-1]), ylabel="magnitude / white noise [-]")
@@ -92,7 +97,7 @@ def _draw_values(axes: Axes, found: Indicators) -> None:
     axes.text(0.97, 0.96, f"{found.n_above} above the noise", transform=axes.transAxes, ha="right", va="top")
 
 
-def composite(analysis: Analysis | Mapping[str, Analysis], *, points: int = 4000, angular: bool = False) -> Figure:
+def composite(analysis: Analysis | Mapping[str, Analysis], *, angular: bool = False) -> Figure:
     """Composites of the data, of the model and of their difference, over the band 0 to ω/2 of the lifted responses.
 
     A composite is the mean magnitude of the spectra of all lifted responses, each over the standard deviation of its
@@ -105,8 +110,6 @@ def composite(analysis: Analysis | Mapping[str, Analysis], *, points: int = 4000
     ----------
     analysis
         What `identify` found, or several analyses by name: then one panel each.
-    points
-        The most points a curve is drawn with.
     angular
         Frequencies in rad/s instead of Hz.
     """
@@ -115,7 +118,7 @@ def composite(analysis: Analysis | Mapping[str, Analysis], *, points: int = 4000
     with drawing(4.0 if len(named) == 1 else 1.0 + 2.6 * len(named)) as figure:
         panels = figure.subplots(len(named), sharex=True, squeeze=False)[:, 0]
         for axes, (name, one) in zip(panels, named.items(), strict=True):
-            _draw_composites(axes, one, points, turn)
+            _draw_composites(axes, one, turn)
             filtered = "" if one.lifted.whitening is None else ",\nafter the whitening filter"
             axes.set_ylabel(f"mean magnitude / noise [-]{filtered}")
             if name:
@@ -125,7 +128,7 @@ def composite(analysis: Analysis | Mapping[str, Analysis], *, points: int = 4000
     return figure
 
 
-def _draw_composites(axes: Axes, analysis: Analysis, points: int, turn: float) -> None:
+def _draw_composites(axes: Axes, analysis: Analysis, turn: float) -> None:
     """The composites of one analysis, the level of white noise, and its modes, at `turn` times frequencies in Hz."""
     found = analysis.modal.composites or composites(analysis.lifted.responses, analysis.modal)
     scale = turn / (2.0 * np.pi * analysis.lifted.period)
@@ -135,7 +138,7 @@ def _draw_composites(axes: Axes, analysis: Analysis, points: int, turn: float) -
         "data − model": (found.difference, {"color": VERMILION, "linewidth": 0.8}),
     }
     for name, (values, look) in curves.items():
-        axes.plot(*envelope(found.angles * scale, values, points), **look, label=name)
+        axes.plot(*envelope(found.angles * scale, values, POINTS), **look, label=name)
     axes.axhline(WHITE, color=BLACK, linestyle="--", linewidth=0.9, label="white noise alone")
     for number, angle in enumerate(np.unique(np.abs(np.angle(analysis.modal.multipliers)))):
         label = "modes, folded" if number == 0 else None

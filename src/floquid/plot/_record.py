@@ -11,7 +11,7 @@ from floquid._checks import index, input_error, integer
 from floquid.core import Cycles, channels_named
 from floquid.pipeline import Analysis
 from floquid.plot._colours import BLACK, BLUE, GREY, ORANGE, VERMILION
-from floquid.plot._style import INTERVAL, degrees_a_period, drawing, keep_sizes, label_values, plain
+from floquid.plot._style import INTERVAL, POINTS, degrees_a_period, drawing, keep_sizes, label_values, plain
 from floquid.views import Synthesis, envelope, lifted_points
 from floquid.views import synthesis as synthesis_of
 
@@ -35,7 +35,6 @@ def time_record(
     *,
     hit: int = 0,
     inset_cycles: int = 5,
-    points: int = 4000,
     periods_per_revolution: int | None = None,
 ) -> Figure:
     """The free response of one channel, and circles at the samples of one phase: one lifted response.
@@ -56,8 +55,6 @@ def time_record(
         Which of the records, from 0.
     inset_cycles
         The number of cycles in the inset.
-    points
-        The most points a curve is drawn with.
     periods_per_revolution
         Name the phase by the angles of the shaft, which turns once in this many periods; not given, by its number.
     """
@@ -67,7 +64,6 @@ def time_record(
     row = 0 if channel is None else channels_named(record.channels, [channel], argument="channel", of=of)[0]
     index(phase, "phase", of, cycles.n_phases)
     integer(inset_cycles, "inset_cycles", of, at_least=1)
-    integer(points, "points", of, at_least=2)
     times, values = record.times, record.values[row]
     period = analysis.model.period
     instants = lifted_points(analysis, row, hit)[0] + phase / cycles.n_phases * period
@@ -76,19 +72,19 @@ def time_record(
         axes = figure.add_subplot()
         shown = record.channels[row]
         label = plain(shown.name) + (f", hit {hit + 1}" if len(analysis.cycles) > 1 else "")
-        axes.plot(*envelope(times, values, points), color=BLUE, linewidth=0.7, label=label)
+        axes.plot(*envelope(times, values, POINTS), color=BLUE, linewidth=0.7, label=label)
         marks = _marks(cycles, phase, periods_per_revolution)
         ring = {**_RING, "color": VERMILION}
-        axes.plot(*envelope(instants, samples, points), **ring, markersize=2.5, markeredgewidth=0.6, label=marks)
+        axes.plot(*envelope(instants, samples, POINTS), **ring, markersize=2.5, markeredgewidth=0.6, label=marks)
         axes.set(xlabel="time [s]", xlim=(times[0], times[-1]))
         largest = float(np.nanmax(np.abs(values)))
         label_values(axes, shown.name, shown.unit, largest)
         _make_room(axes, times, values)
         end = int(np.searchsorted(times, instants[0] + inset_cycles * period + 0.5 / record.sample_rate))
         inset = axes.inset_axes(INSET)
-        inset.plot(*envelope(times[:end], values[:end], points), color=BLUE)
+        inset.plot(*envelope(times[:end], values[:end], POINTS), color=BLUE)
         near = instants <= times[end - 1]
-        inset.plot(*envelope(instants[near], samples[near], points), **ring, markersize=5.0, markeredgewidth=1.0)
+        inset.plot(*envelope(instants[near], samples[near], POINTS), **ring, markersize=5.0, markeredgewidth=1.0)
         inset.margins(x=0.02, y=0.12)
         label_values(inset, "", shown.unit, largest)
         inset.set_title(f"the first {min(inset_cycles, cycles.n_cycles)} periods, same units", fontsize=8.0, pad=3.0)
@@ -118,9 +114,7 @@ def _make_room(axes: Axes, times: Floats, values: Floats) -> None:
     axes.set_ylim(bottom, max(top, needed))
 
 
-def synthesis(
-    analysis: Analysis, channel: str | None = None, *, hit: int = 0, close_cycles: int = 4, points: int = 4000
-) -> Figure:
+def synthesis(analysis: Analysis, channel: str | None = None, *, hit: int = 0, close_cycles: int = 4) -> Figure:
     """A channel of the record with the model's response over it: the first cycles, the whole record, what is left.
 
     Below, what is left lies between the broken lines, 1.96 deviations of the noise, where the model has explained all
@@ -139,15 +133,12 @@ def synthesis(
         Which of the hits, from 0.
     close_cycles
         The number of cycles close up.
-    points
-        The most points a curve is drawn with.
     """
     of = "synthesis"
     if not isinstance(analysis, Analysis):
         raise input_error("analysis", of, "be an Analysis", f"is {analysis!r:.60}", "Pass what `identify` gives.")
     index(hit, "hit", of, analysis.model.n_hits)
     integer(close_cycles, "close_cycles", of, at_least=1)
-    integer(points, "points", of, at_least=2)
     shown = analysis.model.channels
     row = 0 if channel is None else channels_named(shown, [channel], argument="channel", of=of)[0]
     found = synthesis_of(analysis, row, hit)
@@ -155,8 +146,8 @@ def synthesis(
     with drawing(6.2) as figure:
         close, whole, left = figure.subplots(3, 1, height_ratios=(1.2, 1.2, 1.0))
         _draw_close(close, found, close_cycles * analysis.model.period)
-        _draw_whole(whole, found, points)
-        _draw_left(left, found, points)
+        _draw_whole(whole, found)
+        _draw_left(left, found)
         largest = float(np.nanmax(np.abs(found.measured)))
         label_values(close, "response", unit, largest)
         label_values(whole, "response", unit, largest)
@@ -183,15 +174,15 @@ def _draw_close(axes: Axes, found: Synthesis, length: float) -> None:
     axes.set_xlim(times[0], times[-1])
 
 
-def _draw_whole(axes: Axes, found: Synthesis, points: int) -> None:
-    axes.plot(*envelope(found.times, found.measured, points), color=BLUE, linewidth=0.8, label="measured")
-    axes.plot(*envelope(found.times, found.predicted, points), **_MODEL, linewidth=0.5, label="model")
+def _draw_whole(axes: Axes, found: Synthesis) -> None:
+    axes.plot(*envelope(found.times, found.measured, POINTS), color=BLUE, linewidth=0.8, label="measured")
+    axes.plot(*envelope(found.times, found.predicted, POINTS), **_MODEL, linewidth=0.5, label="model")
     axes.set_xlim(found.times[0], found.times[-1])
 
 
-def _draw_left(axes: Axes, found: Synthesis, points: int) -> None:
+def _draw_left(axes: Axes, found: Synthesis) -> None:
     """Residual between the lines of the noise, and its rms stretch by stretch."""
-    axes.plot(*envelope(found.times, found.residual, points), color=GREY, linewidth=0.5, label="measured − model")
+    axes.plot(*envelope(found.times, found.residual, POINTS), color=GREY, linewidth=0.5, label="measured − model")
     for side in (-INTERVAL, INTERVAL):
         axes.axhline(side * found.noise, color=BLACK, linestyle="--", linewidth=0.9, label="95 % of the noise")
     edges, rms = _steps(found)

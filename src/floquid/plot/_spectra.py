@@ -12,7 +12,7 @@ from floquid._checks import index, input_error, integer, positive
 from floquid.core import channels_named
 from floquid.pipeline import Analysis
 from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
-from floquid.plot._style import SIZE, columns_that_fit, degrees_a_period, drawing, frequency_unit, plain
+from floquid.plot._style import POINTS, SIZE, columns_that_fit, degrees_a_period, drawing, frequency_unit, plain
 from floquid.views import Family, envelope, families, lifted_spectrum, record_spectrum
 
 if TYPE_CHECKING:
@@ -35,7 +35,6 @@ def spectra(
     angular: bool = False,
     limit: float | None = None,
     periods_per_revolution: int | None = None,
-    points: int = 4000,
 ) -> Figure:
     r"""Magnitudes of the transforms of a record and, below, of its lifted responses at some phases.
 
@@ -68,8 +67,6 @@ def spectra(
         above the highest peak marked, at most the Nyquist frequency.
     periods_per_revolution
         Name the phases by the angle of the shaft, which turns once in this many periods; not given, by their own.
-    points
-        The most points a curve is drawn with.
     """
     of = "spectra"
     cycles = analysis.cycles
@@ -81,7 +78,6 @@ def spectra(
     chosen = _phases((0,) if phases is None else phases, cycles[hit].n_phases, of)
     if not 1 <= len(rows) <= len(COLORS):
         raise input_error("channels", of, f"name one to {len(COLORS)} channels", f"names {len(rows)}", "Choose some.")
-    integer(points, "points", of, at_least=2)
     turn, unit = frequency_unit(angular=angular)
     scale = turn / (2.0 * np.pi)
     shown = _shown(analysis, rows)
@@ -97,8 +93,8 @@ def spectra(
         grid = figure.add_gridspec(3, 1, height_ratios=(2.5, strip, 2.5))
         panels = [figure.add_subplot(grid[row]) for row in (0, 2)]
         below = figure.add_subplot(grid[1], sharex=panels[0])
-        _draw_record(panels[0], analysis, rows, hit, marks, turn=turn, end=end, points=points)
-        _draw_lifted(panels[1], analysis, rows, angles, hit, turn=turn, points=points)
+        _draw_record(panels[0], analysis, rows, hit, marks, turn=turn, end=end)
+        _draw_lifted(panels[1], analysis, rows, angles, hit, turn=turn)
         upper = analysis.model.upper_modes
         numbers = [upper.index(family.mode) + 1 for family in shown]
         _draw_families(below, shown, numbers, scale=scale, end=end)
@@ -117,15 +113,7 @@ def spectra(
 
 
 def _draw_record(
-    axes: Axes,
-    analysis: Analysis,
-    rows: Sequence[int],
-    hit: int,
-    marks: Floats,
-    *,
-    turn: float,
-    end: float,
-    points: int,
+    axes: Axes, analysis: Analysis, rows: Sequence[int], hit: int, marks: Floats, *, turn: float, end: float
 ) -> None:
     """The transforms of the record's whole periods, up to the frequency `end`, and the families' peaks."""
     levels = []
@@ -134,7 +122,7 @@ def _draw_record(
         x = found.omega * turn / (2.0 * np.pi)
         levels.append((x, found.noise))
         inside = x <= end
-        curve = envelope(x[inside], found.values[inside], points)
+        curve = envelope(x[inside], found.values[inside], POINTS)
         axes.plot(*curve, color=color, linewidth=0.8, label=plain(analysis.lifted.channels[row].name))
     _draw_levels(axes, levels)
     for number, mark in enumerate(np.unique(marks.round(12))):
@@ -169,7 +157,7 @@ def _draw_families(axes: Axes, shown: Sequence[Family], numbers: Sequence[int], 
 
 
 def _draw_lifted(
-    axes: Axes, analysis: Analysis, rows: Sequence[int], angles: dict[int, str], hit: int, *, turn: float, points: int
+    axes: Axes, analysis: Analysis, rows: Sequence[int], angles: dict[int, str], hit: int, *, turn: float
 ) -> None:
     """The transforms of the lifted responses of the channels at the phases, each named by its angle."""
     levels = []
@@ -178,7 +166,7 @@ def _draw_lifted(
         for number, (phase, angle) in enumerate(angles.items()):
             found = lifted_spectrum(analysis, row, phase, hit)
             x = found.omega * turn / (2.0 * np.pi)
-            curve = envelope(x, found.values, points)
+            curve = envelope(x, found.values, POINTS)
             axes.plot(*curve, color=color, linestyle=DASHES[number], linewidth=1.0, label=f"{name}, {angle}")
             if not number:
                 levels.append((x, found.noise))

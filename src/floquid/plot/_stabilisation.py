@@ -13,14 +13,13 @@ from floquid.lti import Outcome
 from floquid.order import OrderScan, Stability
 from floquid.pipeline import Analysis
 from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
-from floquid.plot._style import drawing, frequency_unit, plain, plain_decades, several, whole_numbers
+from floquid.plot._style import POINTS, drawing, frequency_unit, plain, plain_decades, several, whole_numbers
 from floquid.views import envelope, families, record_spectrum, unfolded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Behind = Literal["cmif", "composite"]
 Axis = Literal["folded", "unfolded"]
 
 MARKS: dict[Stability, tuple[str, dict[str, Any]]] = {  # told apart by form as well as by colour
@@ -30,8 +29,6 @@ MARKS: dict[Stability, tuple[str, dict[str, Any]]] = {  # told apart by form as 
     Stability.SHAPE: ("and shape", {"marker": "o", "color": BLUE, "markersize": 4.0}),
 }
 
-CURVES = {"cmif": "largest CMIF / white noise [-]", "composite": "composite / noise [-]"}
-
 
 def stabilisation(
     scan: OrderScan | Mapping[str, OrderScan],
@@ -39,14 +36,12 @@ def stabilisation(
     chosen: int | Mapping[str, int] | None = None,
     axis: Axis = "folded",
     analysis: Analysis | Mapping[str, Analysis] | None = None,
-    behind: Behind = "cmif",
-    points: int = 4000,
     angular: bool = False,
 ) -> Figure:
     """The frequencies of the poles of each order, marked by how far they agree with those of the order before.
 
     Lifted responses fold all frequencies into the band from 0 to ω/2. Real multipliers lie on its edges. Behind the
-    poles is the largest mode indicator function or the composite, on the axis to the right.
+    poles is the largest mode indicator function, on the axis to the right.
 
     On the unfolded axis each pole is at |Im λ| on the branch whose zeroth harmonic carries most of its residues
     (`views.unfolded`), where it is to be looked for on the machine; dotted lines are multiples of ω/2, where the band
@@ -67,18 +62,11 @@ def stabilisation(
         "folded" or "unfolded".
     analysis
         What `identify` found in the same responses, for the unfolded axis; of several scans, by name.
-    behind
-        "cmif" or "composite", on the folded axis.
-    points
-        The most points a curve is drawn with.
     angular
         Frequencies in rad/s instead of Hz.
     """
     of = "stabilisation"
     named = several(scan, OrderScan, "scan", of)
-    if behind not in get_args(Behind):
-        raise input_error("behind", of, 'be "cmif" or "composite"', f"is {behind!r}")
-    integer(points, "points", of, at_least=2)
     orders = _chosen(chosen, named)
     turn, unit = frequency_unit(angular=angular)
     sources = _sources(axis, analysis, named)
@@ -87,10 +75,10 @@ def stabilisation(
         for axes, (name, one) in zip(panels, named.items(), strict=True):
             source = sources.get(name)
             if source is None:
-                _draw_indicator(axes, one, behind, points, turn)
+                _draw_indicator(axes, one, turn)
                 end = np.pi / one.indicators.dt
             else:
-                _draw_spectrum(axes, source, points, turn)
+                _draw_spectrum(axes, source, turn)
                 # Half a fundamental beyond the highest line: past it there are poles of noise alone.
                 highest = max(line for family in families(source) for line in family.omega)
                 end = highest + np.pi / source.lifted.period
@@ -171,22 +159,21 @@ def _finish(axes: Axes, scan: OrderScan, chosen: int | None, end: float) -> None
     whole_numbers(axes.yaxis)
 
 
-def _draw_spectrum(axes: Axes, analysis: Analysis, points: int, turn: float) -> None:
+def _draw_spectrum(axes: Axes, analysis: Analysis, turn: float) -> None:
     """The mean of the record's spectra over the noise, of the longest hit."""
     hit = int(np.argmax([cycles.n_cycles for cycles in analysis.cycles]))
     found = [record_spectrum(analysis, row, hit) for row in range(len(analysis.lifted.channels))]
     mean = np.mean([one.values / one.noise for one in found], axis=0)
     look = {"linewidth": 1.0, "label": "spectrum of the record"}
-    curve = envelope(found[0].omega * turn / (2.0 * np.pi), mean, points)
+    curve = envelope(found[0].omega * turn / (2.0 * np.pi), mean, POINTS)
     _draw_behind(axes, curve, look, "spectrum of the record / noise [-]", bottom=0.5)
 
 
-def _draw_indicator(axes: Axes, scan: OrderScan, behind: Behind, points: int, turn: float) -> None:
-    """The largest mode indicator function or the composite."""
+def _draw_indicator(axes: Axes, scan: OrderScan, turn: float) -> None:
+    """The largest mode indicator function."""
     found = scan.indicators
-    values, label = (found.cmif[:, 0], "CMIF") if behind == "cmif" else (found.composite, "composite")
-    curve = envelope(found.angles * turn / (2.0 * np.pi * found.dt), values, points)
-    _draw_behind(axes, curve, {"linewidth": 1.2, "label": label}, CURVES[behind])
+    curve = envelope(found.angles * turn / (2.0 * np.pi * found.dt), found.cmif[:, 0], POINTS)
+    _draw_behind(axes, curve, {"linewidth": 1.2, "label": "CMIF"}, "largest CMIF / white noise [-]")
 
 
 def _draw_behind(axes: Axes, curve: Any, look: dict[str, Any], name: str, bottom: float | None = None) -> None:

@@ -151,7 +151,6 @@ def test_small_and_large_values_have_their_power_in_the_unit(found, factor, unit
         ({"phase": -1}, "Argument `phase` of `time_record`"),
         ({"hit": 2}, "Argument `hit` of `time_record` must be less than 2"),
         ({"inset_cycles": 0}, "Argument `inset_cycles`"),
-        ({"points": 1}, "Argument `points`"),
     ],
 )
 def test_time_record_refuses(found, arguments, words):
@@ -206,8 +205,9 @@ def test_a_short_curve_is_kept_whole():
     assert envelope(x, y, 5)[1] is y
 
 
-def test_a_long_record_is_thinned_in_the_figure(found):
-    (axes,) = time_record(found, points=100).axes
+def test_a_long_record_is_thinned_in_the_figure(found, monkeypatch):
+    monkeypatch.setattr("floquid.plot._record.POINTS", 100)
+    (axes,) = time_record(found).axes
     times, values = drawn(axes, "X")
     record = found.records[0].values[0]
     assert len(times) <= 100 < len(record)

@@ -169,7 +169,6 @@ def test_spectra_labels(found):
         ({"phases": range(5)}, "Argument `phases` of `spectra` must name one to 4"),
         ({"hit": 2}, "Argument `hit` of `spectra` must be less than 2"),
         ({"limit": -1.0}, "Argument `limit`"),
-        ({"points": 1}, "Argument `points`"),
         ({"periods_per_revolution": 0}, "Argument `periods_per_revolution` of `spectra`"),
     ],
 )
