@@ -62,7 +62,7 @@ from floquid.floquet.monodromy_matrix import (
     transition,
     upper_modes,
 )
-from floquid.floquet.stability_maps import Instability, StabilityMap, stability_map, transitions
+from floquid.floquet.stability_maps import Instability, StabilityMap, stability_map
 
 __all__ = [
     "AbstractPeriodicMatrix", "AzimuthResolution", "AzimuthRole", "DiscretePeriodicSystem", "FloquetLyapunov",
@@ -72,6 +72,6 @@ __all__ = [
     "Stability", "StabilityMap", "StateMatrix", "Verdict", "common_period", "compare", "discretise", "exponents",
     "floquet_lyapunov", "gramian", "h2_norm", "hankel_norm", "harmonic_transfer", "hill", "lift", "linf_norm", "modes",
     "monodromy", "multiplier_is_real", "multipliers", "read_lin", "read_matrix", "read_openfast", "realise", "simulate",
-    "sine_response", "stability", "stability_map", "state_participation", "transition", "transitions", "upper_modes",
+    "sine_response", "stability", "stability_map", "state_participation", "transition", "upper_modes",
     "zeros",
 ]  # fmt: skip

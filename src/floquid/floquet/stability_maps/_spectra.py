@@ -32,11 +32,11 @@ class Spectra(NamedTuple):
 def spectra(of: Family, points: Floats) -> Spectra:
     """The spectra at the points (points, parameters); each as if it were alone."""
     periods = of.periods(points)
-    return _eigen(of, *products(of, points, periods, (0.0, 1.0)), periods)
+    return _eigen(of, *_products(of, points, periods), periods)
 
 
-def products(of: Family, points: Floats, periods: Floats, span: tuple[float, float]) -> tuple[Floats, Integers, Floats]:
-    """Φ / 2^power over `span`, in periods (points, n, n), in balanced units; the power; the errors' gain (points,)."""
+def _products(of: Family, points: Floats, periods: Floats) -> tuple[Floats, Integers, Floats]:
+    """Φ(T) / 2^power (points, n, n), in balanced units; the power; the errors' gain (points,)."""
     n = len(of.scale)
     product = np.empty((len(points), n, n))
     power, gain = np.zeros(len(points), dtype=np.int64), np.empty(len(points))
@@ -44,7 +44,7 @@ def products(of: Family, points: Floats, periods: Floats, span: tuple[float, flo
     if not of.breaks.size:
         for group, series, size in _resolved(of, points, periods):
             product[group], power[group], gain[group] = _monodromy(
-                of, points[group], size, _evaluator(series), span, smooth=True
+                of, points[group], size, _evaluator(series), smooth=True
             )
             rest = np.setdiff1d(rest, group, assume_unique=True)
     if rest.size:
@@ -54,7 +54,7 @@ def products(of: Family, points: Floats, periods: Floats, span: tuple[float, flo
         def direct(owner: Indices, fractions: Floats) -> Floats:
             return of.at(values[owner], fractions * spans[owner, None]) * spans[owner, None, None, None]
 
-        product[rest], power[rest], gain[rest] = _monodromy(of, values, sizes, direct, span, smooth=False)
+        product[rest], power[rest], gain[rest] = _monodromy(of, values, sizes, direct, smooth=False)
     return product, power, gain
 
 
@@ -142,14 +142,12 @@ def _monodromy(
     points: Floats,
     sizes: Floats,
     evaluate: Callable[..., Floats],
-    span: tuple[float, float],
     *,
     smooth: bool,
 ) -> tuple[Floats, Integers, Floats]:
-    """Φ / 2^power over `span` [periods], in balanced units (points, n, n); the power, the errors' gain (points,)."""
+    """Φ(T) / 2^power, in balanced units (points, n, n); the power, the errors' gain (points,)."""
     n = len(of.scale)
-    jumps = np.add.outer(np.arange(np.floor(span[0]), np.ceil(span[1])), of.breaks).ravel()
-    ends = np.concatenate([[span[0]], jumps[(jumps > span[0]) & (jumps < span[1])], [span[1]]])
+    ends = np.concatenate([[0.0], of.breaks[of.breaks > 0.0], [1.0]])
     longest = np.minimum(0.5, stages(n) / (3.0 * np.maximum(sizes, 1e-300)))
     steps = np.maximum(1, np.ceil(np.diff(ends) / longest[:, None] - 1e-9))
     if steps.sum(axis=1).max() > MOST:
