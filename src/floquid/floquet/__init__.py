@@ -10,7 +10,6 @@ from floquid.floquet.control import (
     LiftedSystem,
     PeakGain,
     PeriodicSystem,
-    SineResponse,
     discretise,
     gramian,
     h2_norm,
@@ -20,7 +19,6 @@ from floquid.floquet.control import (
     linf_norm,
     realise,
     simulate,
-    sine_response,
     zeros,
 )
 from floquid.floquet.files import (
@@ -68,10 +66,10 @@ __all__ = [
     "AbstractPeriodicMatrix", "AzimuthResolution", "AzimuthRole", "DiscretePeriodicSystem", "FloquetLyapunov",
     "FloquetModes", "FunctionMatrix", "HarmonicMatrix", "HarmonicSystem", "HarmonicTransfer", "HillModes",
     "HillOutcome", "Instability", "LiftedSystem", "LinFile", "LinSignals", "MatrixFile", "ModesOutcome",
-    "OpenFastLinearisation", "PeakGain", "PeriodicSystem", "PiecewiseMatrix", "SampledMatrix", "SineResponse",
+    "OpenFastLinearisation", "PeakGain", "PeriodicSystem", "PiecewiseMatrix", "SampledMatrix",
     "Stability", "StabilityMap", "StateMatrix", "Verdict", "common_period", "compare", "discretise", "exponents",
     "floquet_lyapunov", "gramian", "h2_norm", "hankel_norm", "harmonic_transfer", "hill", "lift", "linf_norm", "modes",
     "monodromy", "multiplier_is_real", "multipliers", "read_lin", "read_matrix", "read_openfast", "realise", "simulate",
-    "sine_response", "stability", "stability_map", "state_participation", "transition", "upper_modes",
+    "stability", "stability_map", "state_participation", "transition", "upper_modes",
     "zeros",
 ]  # fmt: skip

@@ -6,6 +6,5 @@ from floquid.floquet.control._harmonic_state_space import HarmonicSystem, Harmon
 from floquid.floquet.control._lifted import LiftedSystem, lift, realise
 from floquid.floquet.control._linf_norm import PeakGain, linf_norm
 from floquid.floquet.control._simulate import simulate
-from floquid.floquet.control._sine_response import SineResponse, sine_response
 from floquid.floquet.control._system import PeriodicSystem
 from floquid.floquet.control._zeros import zeros

@@ -184,11 +184,11 @@ def harmonic_transfer(
         Whether a truncation that does not suffice is an error; else see `error`.
     """
     of = "floquet.harmonic_transfer"
-    inputs = with_inputs(system, of)[1].shape[1]
+    with_inputs(system, of)
     lines = frozen_array(omega, "omega", of, axes=("lines",))
     if lines.size:
         refuse_undamped(hill(system.A, raises=False), lines, of)
-    found = respond(system, lines, np.eye(inputs), n_harmonics, tolerance, raises, of)
+    found = _respond(system, lines, n_harmonics, tolerance, raises, of)
     return HarmonicTransfer(
         omega=lines,
         values=found.values,
@@ -201,25 +201,24 @@ def harmonic_transfer(
     )
 
 
-class Responses(NamedTuple):
-    """The outputs' harmonics for some columns of input amplitudes."""
+class _Responses(NamedTuple):
+    """The outputs' harmonics for a unit of each input."""
 
-    values: Complexes  # (outputs, columns, harmonics, lines)
+    values: Complexes  # (outputs, inputs, harmonics, lines)
     harmonics: Integers
     truncation: int
-    error: Floats  # (outputs, columns)
+    error: Floats  # (outputs, inputs)
 
 
-def respond(
+def _respond(
     system: PeriodicSystem,
     omega: Floats,
-    columns: Complexes | Floats,
     n_harmonics: int | None,
     tolerance: float,
     raises: bool,
     of: str,
-) -> Responses:
-    """The response to `columns` (inputs, columns) e^{iΩt}, settled to `tolerance`."""
+) -> _Responses:
+    """The responses to e^{iΩt} in each input, settled to `tolerance`."""
     accuracy = checked_tolerance(tolerance, of, largest=1e-2)
     wanted = None if n_harmonics is None else integer(n_harmonics, "n_harmonics", of, at_least=0)
     lifted = with_inputs(system, of)
@@ -227,7 +226,7 @@ def respond(
     lifted = _smooth(*lifted)
     wanted, truncations = _truncations(lifted, jumps, wanted, accuracy, of)
     highest = truncations[-1] if wanted is None else wanted
-    shape = (system.n_outputs, columns.shape[1], 2 * highest + 1, len(omega))
+    shape = (system.n_outputs, system.n_inputs, 2 * highest + 1, len(omega))
     values = np.zeros(shape, dtype=np.complex128)
     change = np.full((*shape[:2], len(omega)), np.inf)
     left, used, first = np.arange(len(omega)), truncations[0], True
@@ -235,7 +234,7 @@ def respond(
         if not left.size:
             break
         used = truncation
-        now = _solved(lifted, system, omega[left], columns, truncation, highest, of)
+        now = _solved(lifted, system, omega[left], truncation, highest, of)
         if not first:
             change[..., left] = np.abs(now - values[..., left]).max(axis=2)
         values[..., left], first = now, False
@@ -252,25 +251,24 @@ def respond(
         raise input_error("omega" if not np.isfinite(values).all() else "system", of, must, got, remedy)
     kept = min(highest, used)
     values = values[:, :, highest - kept : highest + kept + 1]
-    return Responses(values, np.arange(-kept, kept + 1), used, error)
+    return _Responses(values, np.arange(-kept, kept + 1), used, error)
 
 
 def _solved(
     lifted: Matrices,
     system: PeriodicSystem,
     omega: Floats,
-    columns: Complexes | Floats,
     truncation: int,
     reach: int,
     of: str,
 ) -> Complexes:
-    """The outputs' harmonics up to `reach` at one truncation (outputs, columns, harmonics, lines)."""
+    """The outputs' harmonics up to `reach` at one truncation (outputs, inputs, harmonics, lines)."""
     A, B, C, D = lifted
-    n_columns = columns.shape[1]
+    n_inputs = system.n_inputs
     matrix = block_toeplitz(fourier(A, 2 * truncation), truncation)
     matrix -= np.diag(speeds(system.n_states, truncation, 2.0 * np.pi / system.period))
-    drive = np.einsum("nih,ic->hnc", fourier(B, truncation), columns).reshape(-1, n_columns)
-    inner = np.empty((len(drive), n_columns, len(omega)), dtype=np.complex128)
+    drive = fourier(B, truncation).transpose(2, 0, 1).reshape(-1, n_inputs)
+    inner = np.empty((len(drive), n_inputs, len(omega)), dtype=np.complex128)
     diagonal = np.eye(len(drive))
     for index, line in enumerate(omega.tolist()):
         try:
@@ -278,14 +276,13 @@ def _solved(
         except np.linalg.LinAlgError:
             must = "keep off the exponents"
             raise input_error("omega", of, must, f"Ω = {line:g} rad/s is one of an undamped mode") from None
-    out = np.zeros((system.n_outputs, n_columns, 2 * reach + 1, len(omega)), dtype=np.complex128)
+    out = np.zeros((system.n_outputs, n_inputs, 2 * reach + 1, len(omega)), dtype=np.complex128)
     kept = min(truncation, reach)
     middle = slice(reach - kept, reach + kept + 1)
     rows = slice((truncation - kept) * system.n_outputs, (truncation + kept + 1) * system.n_outputs)
     read = block_toeplitz(fourier(C, 2 * truncation), truncation)[rows]
-    through = np.tensordot(read, inner, 1).reshape(2 * kept + 1, system.n_outputs, n_columns, len(omega))
-    direct = np.einsum("oih,ic->och", fourier(D, kept), columns)
-    out[:, :, middle] = through.transpose(1, 2, 0, 3) + direct[..., None]
+    through = np.tensordot(read, inner, 1).reshape(2 * kept + 1, system.n_outputs, n_inputs, len(omega))
+    out[:, :, middle] = through.transpose(1, 2, 0, 3) + fourier(D, kept)[..., None]
     return out
 
 

@@ -2,5 +2,5 @@
 
 from floquid.floquet.hill_method._hill import hill
 from floquid.floquet.hill_method._hill_matrix import block_toeplitz, speeds
-from floquid.floquet.hill_method._hill_modes import HillModes, HillOutcome, growth_doubt, refuse_undamped
+from floquid.floquet.hill_method._hill_modes import HillModes, HillOutcome, refuse_undamped
 from floquid.floquet.hill_method._smoothing import smoothed

@@ -190,7 +190,9 @@ def _normalised(shapes: Complexes) -> Complexes:
 def refuse_undamped(modes: HillModes, omega: Floats, of: str) -> None:
     """Refuse lines that meet an exponent on the imaginary axis, modulo iω."""
     known = np.minimum(modes.change, np.sqrt(_ON_AXIS) * modes.fundamental)
-    rests = np.abs(modes.exponents.real) <= growth_doubt(modes)
+    # Within this a real part cannot be told from zero.
+    doubt = _ON_AXIS * np.maximum(np.abs(modes.exponents), modes.fundamental) + known
+    rests = np.abs(modes.exponents.real) <= doubt
     apart = np.abs(modulo(np.subtract.outer(1j * omega, modes.exponents), modes.fundamental))
     met = rests & (apart <= np.sqrt(_ON_AXIS) * modes.fundamental + known)
     if met.any():
@@ -198,9 +200,3 @@ def refuse_undamped(modes: HillModes, omega: Floats, of: str) -> None:
         must = "keep off the undamped exponents, modulo the fundamental"
         got = f"{omega[line]:g} rad/s meets Im λ = {modes.exponents[mode].imag:.6g} rad/s"
         raise input_error("omega", of, must, got, "There the response grows without end.")
-
-
-def growth_doubt(modes: HillModes) -> Floats:
-    """Within what a real part cannot be told from zero (modes,) [1/s]."""
-    known = np.minimum(modes.change, np.sqrt(_ON_AXIS) * modes.fundamental)
-    return _ON_AXIS * np.maximum(np.abs(modes.exponents), modes.fundamental) + known
