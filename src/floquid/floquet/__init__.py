@@ -19,7 +19,6 @@ from floquid.floquet.control import (
     linf_norm,
     realise,
     simulate,
-    zeros,
 )
 from floquid.floquet.files import (
     AzimuthResolution,
@@ -71,5 +70,5 @@ __all__ = [
     "floquet_lyapunov", "gramian", "h2_norm", "hankel_norm", "harmonic_transfer", "hill", "lift", "linf_norm", "modes",
     "monodromy", "multiplier_is_real", "multipliers", "read_lin", "read_matrix", "read_openfast", "realise", "simulate",
     "stability", "stability_map", "state_participation", "transition", "upper_modes",
-    "zeros",
+
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Periodic systems with inputs and outputs: responses, norms, zeros, lifted forms."""
+"""Periodic systems with inputs and outputs: responses, norms, lifted forms."""
 
 from floquid.floquet.control._discrete import DiscretePeriodicSystem, discretise
 from floquid.floquet.control._gramians import gramian, h2_norm, hankel_norm
@@ -7,4 +7,3 @@ from floquid.floquet.control._lifted import LiftedSystem, lift, realise
 from floquid.floquet.control._linf_norm import PeakGain, linf_norm
 from floquid.floquet.control._simulate import simulate
 from floquid.floquet.control._system import PeriodicSystem
-from floquid.floquet.control._zeros import zeros

@@ -272,7 +272,9 @@ def _inverse(matrix: AbstractPeriodicMatrix, of: str) -> AbstractPeriodicMatrix:
     """The inverse at every time, refused where there is none."""
     values = matrix.at(stretches(matrix))
     sizes = np.linalg.svd(values, compute_uv=False)
-    if (sizes[..., -1] <= _SINGULAR * sizes[..., 0]).any() or changes_sign(values):
+    # Between two breaks a determinant is continuous: one of both signs has a zero, whether or not an instant met it.
+    signs = np.linalg.slogdet(values)[0]
+    if (sizes[..., -1] <= _SINGULAR * sizes[..., 0]).any() or (signs != signs[:, :1]).any():
         must = "leave the loop a solution at all times"
         got = "I ∓ D₁(t) D₂(t) is singular at some time"
         raise input_error("other", of, must, got, "Take the direct term out of one of the two, or change the gain.")
@@ -321,12 +323,3 @@ def with_inputs(system: PeriodicSystem, of: str, argument: str = "system") -> Ma
     assert system.B is not None
     assert system.D is not None
     return system.A, system.B, system.C, system.D
-
-
-def changes_sign(values: Floats) -> bool:
-    """True if a determinant has both signs between two breaks, of values (stretches, instants, n, n).
-
-    There it is continuous, and so has a zero, whether or not an instant met it.
-    """
-    signs = np.linalg.slogdet(values)[0]
-    return bool((signs != signs[:, :1]).any())

@@ -1,11 +1,11 @@
-"""Responses of a periodic system in time, and its transmission zeros."""
+"""Responses of a periodic system in time."""
 
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
-from scipy.linalg import eig, expm
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.signal import StateSpace, lsim, step
 
 from floquid.errors import InputError
@@ -18,7 +18,6 @@ from floquid.floquet import (
     harmonic_transfer,
     simulate,
     transition,
-    zeros,
 )
 
 T = 1.3
@@ -258,123 +257,3 @@ def test_outputs_at_a_jump_are_those_after_it():
 def test_what_cannot_be_simulated_is_refused(attempt, message):
     with pytest.raises(InputError, match=message):
         attempt(smooth_system())
-
-
-def zhou_hagiwara(t):
-    return [[-1 - np.sin(2 * t) ** 2, 2 - 0.5 * np.sin(4 * t)], [-2 - 0.5 * np.sin(4 * t), -1 - np.cos(2 * t) ** 2]]
-
-
-@pytest.mark.parametrize("beta", [0.0, 0.2, 0.45])
-def test_zeros_of_zhou_and_hagiwara(beta):
-    """Zhou and Hagiwara 2002, Automatica 38: with C = [1 1] the zero is -3.5; Zhou 2009: with [0 1] it is -1.5."""
-    A = matrix(zhou_hagiwara, np.pi)
-    kinked = matrix(lambda t: [[0.0], [1 - 2 * beta * max(np.sin(2 * t), 0.0)]], np.pi, breaks=[0.0, np.pi / 2])
-    assert zeros(PeriodicSystem(A=A, B=kinked, C=[[1.0, 1.0]])) == pytest.approx([-3.5], abs=1e-11)
-    smooth = matrix(lambda t: [[0.0], [1 - 2 * beta * np.cos(2 * t)]], np.pi)
-    assert zeros(PeriodicSystem(A=A, B=smooth, C=[[0.0, 1.0]])) == pytest.approx([-1.5], abs=1e-11)
-
-
-def test_zero_of_bittanti_and_colaneri():
-    """Bittanti and Colaneri 2009, Periodic Systems, p. 26: the mean of (-2 + 3 sin t) / (2 - sin t)."""
-    system = PeriodicSystem(
-        A=matrix(lambda t: [[-1 + np.sin(t), 0], [1 - np.cos(t), -3]], 2 * np.pi),
-        B=matrix(lambda t: [[-1 - np.cos(t)], [2 - np.sin(t)]], 2 * np.pi),
-        C=[[0.0, 1.0]],
-    )
-    mean = quad(lambda t: (-2 + 3 * np.sin(t)) / (2 - np.sin(t)), 0.0, 2 * np.pi, epsabs=1e-13)[0] / (2 * np.pi)
-    assert zeros(system) == pytest.approx([mean], abs=1e-11)
-
-
-@pytest.mark.parametrize("degree", [0, 1, (1, 2), 2])
-def test_zeros_of_a_constant_system_that_turns(degree):
-    """Those of Rosenbrock's pencil; outputs reached at once, after one derivative, or after two."""
-    generator = np.random.default_rng(1)
-    A, B, C = (0.6 * generator.normal(size=shape) for shape in ((6, 6), (6, 2), (2, 6)))
-    D = generator.normal(size=(2, 2)) if degree == 0 else np.zeros((2, 2))
-    for row in {0: [], 1: [], (1, 2): [1], 2: [0, 1]}[degree]:
-        C[row] -= C[row] @ B @ np.linalg.pinv(B)
-    pencil = eig(np.block([[A, B], [C, D]]), np.diag([1.0] * 6 + [0.0] * 2), right=False)
-    wanted = pencil[np.isfinite(pencil) & (np.abs(pencil) < 1e3)]
-    assert len(wanted) == {0: 6, 1: 4, (1, 2): 3, 2: 2}[degree]
-    found = zeros(turned(A, B, C, D))
-    assert len(found) == len(wanted)
-    apart = np.abs(np.subtract.outer(np.exp(found * T), np.exp(wanted * T)))
-    assert apart.min(axis=0).max() < 1e-9
-    assert apart.min(axis=1).max() < 1e-9
-
-
-def test_a_zero_has_an_input_that_does_not_show():
-    """u = -E⁻¹ K x from a state of the zero's shape leaves the output at zero, while the state goes with the zero."""
-    system = PeriodicSystem(
-        A=matrix(lambda t: [[0, 1, 0], [-3 - np.cos(W * t), -0.4, 1], [0.3, 0, -0.5 - 0.2 * np.sin(W * t)]]),
-        B=matrix(lambda t: [[0.0], [2 + np.sin(W * t)], [1.0]]),
-        C=[[1.0, 0.0, 0.0]],
-    )
-    (found,) = zeros(system)
-
-    def log_size(t):  # y = ẏ = 0, so ÿ = x₃ + (2 + sin ωt) u = 0 gives u, and x₃' = (-0.5 - 0.2 sin ωt) x₃ + u
-        return quad(lambda s: -0.5 - 0.2 * np.sin(W * s) - 1 / (2 + np.sin(W * s)), 0.0, t, epsabs=1e-13)[0]
-
-    assert found == pytest.approx(log_size(T) / T, abs=1e-11)
-    times = np.linspace(0.0, 2 * T, 801)
-    hidden = [[-np.exp(log_size(t)) / (2 + np.sin(W * t)) for t in times]]
-    outputs = simulate(system, hidden, times, initial=[0.0, 0.0, 1.0])
-    assert np.abs(simulate(system, None, times, initial=[0.0, 0.0, 1.0])).max() > 0.1
-    assert np.abs(outputs).max() < 1e-5  # of the straight lines between the samples
-
-
-def test_zeros_of_displacements_are_none_under_as_many_forces():
-    system = jumping_system()
-    forced = PeriodicSystem(A=system.A, B=[[0.0], [1.0]], C=[[1.0, 0.0]])
-    assert zeros(forced).shape == (0,)
-    (velocity,) = zeros(PeriodicSystem(A=system.A, B=[[0.0], [1.0]], C=[[0.0, 1.0]]))
-    assert velocity == pytest.approx(0.0, abs=1e-12)
-
-
-@pytest.mark.parametrize("unit", [1e-8, 1e8])
-def test_units_do_not_matter_to_zeros(unit):
-    generator, change = np.random.default_rng(2), np.diag([1.0, unit, 1.0, 1.0 / unit])
-    A, B, C = (generator.normal(size=shape) for shape in ((4, 4), (4, 2), (2, 4)))
-    plain, back = turned(A, B, C), np.linalg.inv(change)
-    B, C = back @ plain.B @ np.diag([unit**2, 1.0]), np.diag([1.0, unit**2]) @ plain.C @ change
-    found = zeros(PeriodicSystem(A=back @ plain.A @ change, B=B, C=C))
-    assert len(found) == 2
-    assert found == pytest.approx(zeros(plain), rel=1e-8)
-
-
-def test_zeros_whose_multipliers_are_far_apart():
-    D = np.diag([1.0, 2.0, -1.0])
-    A = matrix(lambda t: np.diag([-1.0 + np.cos(W * t), -30.0, -70.0]) + 0.0)
-    system = PeriodicSystem(A=A, B=np.eye(3), C=np.diag([1.0, 3.0, 5.0]), D=D)
-    assert np.sort(zeros(system).real) == pytest.approx([-65.0, -31.5, -2.0], rel=1e-10)
-
-
-@pytest.mark.parametrize(
-    ("attempt", "message"),
-    [
-        (lambda: zeros(constant([[1.0]])), "`system` of `floquet.zeros` must be a PeriodicSystem"),
-        (lambda: zeros(smooth_system()), "as many inputs as outputs, but has 2 inputs and 3 outputs"),
-        (lambda: zeros(PeriodicSystem(A=smooth_system().A)), "must have inputs"),
-        (
-            lambda: zeros(PeriodicSystem(A=constant(-np.eye(2)), B=[[1.0], [0.0]], C=[[0.0, 1.0]])),
-            "its output 'y1' is reached by none",
-        ),
-        (
-            lambda: zeros(PeriodicSystem(A=constant([[-1.0]]), B=matrix(lambda t: [[np.sin(W * t)]]))),
-            r"E\(t\) is singular at some time",
-        ),
-        (
-            lambda: zeros(
-                PeriodicSystem(
-                    A=constant([[-1.0]]),
-                    B=[[1.0]],
-                    C=PiecewiseMatrix(values=np.array([[[1.0, 2.0]]]), edges=[0.0, 0.5], period=T),
-                )
-            ),
-            "its output 'y1' jumps",
-        ),
-    ],
-)
-def test_zeros_that_are_not_found_are_refused(attempt, message):
-    with pytest.raises(InputError, match=message):
-        attempt()
