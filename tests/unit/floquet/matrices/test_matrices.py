@@ -115,66 +115,6 @@ def test_rounding_makes_no_series_complex():
         assert np.abs(rest.at(TIMES)).max() < 1e-11
 
 
-def random_system(seed, n, n_inputs, n_outputs, period=2.0, direct=True):
-    generator = np.random.default_rng(seed)
-
-    def series(rows, columns):
-        mean, cosine, sine = generator.uniform(-1.0, 1.0, (3, rows, columns))
-        return HarmonicMatrix.from_cosines(mean, 0.3 * cosine[..., None], 0.3 * sine[..., None], period=period)
-
-    D = 0.2 * series(n_outputs, n_inputs) if direct else None
-    return PeriodicSystem(A=series(n, n), B=series(n, n_inputs), C=series(n_outputs, n), D=D)
-
-
-def slopes_and_outputs(system, t, x, u):
-    """dx/dt and y of a system at one time."""
-    return system.A.at(t) @ x + system.B.at(t) @ u, system.C.at(t) @ x + system.D.at(t) @ u
-
-
-@pytest.mark.parametrize("period", [2.0, 3.0])
-def test_connections_are_those_of_the_signals(period):
-    """At any time, state and input, slopes and outputs are those of the signals passed from one to the other."""
-    first, second = random_system(0, 2, 3, 2), random_system(1, 3, 2, 3, period=period)
-    third = random_system(2, 1, 3, 2, period=period)
-    generator = np.random.default_rng(3)
-    assert (second @ first).period == pytest.approx(common_period(2.0, period))
-    for t in TIMES[:20]:
-        x1, x2, x3, u = (generator.normal(size=size) for size in (2, 3, 1, 3))
-        slope1, y1 = slopes_and_outputs(first, t, x1, u)
-        slope2, y2 = slopes_and_outputs(second, t, x2, y1)
-        slope, y = slopes_and_outputs(second @ first, t, np.concatenate([x1, x2]), u)
-        assert slope == pytest.approx(np.concatenate([slope1, slope2]), abs=1e-13)
-        assert y == pytest.approx(y2, abs=1e-13)
-        slope3, y3 = slopes_and_outputs(third, t, x3, u)
-        slope, y = slopes_and_outputs(first - third, t, np.concatenate([x1, x3]), u)
-        assert slope == pytest.approx(np.concatenate([slope1, slope3]), abs=1e-13)
-        assert y == pytest.approx(y1 - y3, abs=1e-13)
-        for sign in (-1, 1):
-            closed = first.feedback(second, sign=sign)
-            slope, y = slopes_and_outputs(closed, t, np.concatenate([x1, x2]), u)
-            back = second.C.at(t) @ x2 + second.D.at(t) @ y
-            slope1, y1 = slopes_and_outputs(first, t, x1, u + sign * back)
-            assert y == pytest.approx(y1, abs=1e-12)
-            assert slope == pytest.approx(np.concatenate([slope1, second.A.at(t) @ x2 + second.B.at(t) @ y]), abs=1e-12)
-
-
-def test_connections_without_a_direct_term_keep_the_harmonics():
-    first, second = random_system(0, 2, 1, 1, direct=False), random_system(1, 2, 1, 1, direct=False)
-    for system in (first.feedback(second), second @ first, first + second):
-        assert all(isinstance(matrix, HarmonicMatrix) for matrix in (system.A, system.B, system.C, system.D))
-        assert len(set(system.states)) == 4
-
-
-def test_a_loop_without_a_solution_is_refused():
-    gain = HarmonicMatrix.from_cosines([[0.0]], [[[2.0]]], [[[0.0]]], period=1.0)
-    first = PeriodicSystem(A=[[-1.0]], B=[[1.0]], D=gain)
-    second = PeriodicSystem(A=gain, B=[[1.0]], D=[[1.0]])
-    with pytest.raises(InputError, match=r"`other` of `PeriodicSystem\.feedback` must leave the loop a solution"):
-        first.feedback(second)  # 1 + 2 cos ωt passes through zero between any two probes
-    small = PeriodicSystem(A=[[-1.0]], B=[[1.0]], D=0.4 * gain)
-    assert small.feedback(second).D.at(0.0) == pytest.approx(0.8 / 1.8)
-
-
 def test_a_system_has_one_period_and_names():
     system = PeriodicSystem(A=A, B=JUMPING, C=[[1.0, 0.0]], states=["x", "v"], inputs=["left", "right"])
     assert system.period == 2.0
@@ -210,16 +150,3 @@ def test_a_system_has_one_period_and_names():
 def test_systems_that_do_not_fit_are_refused(keywords, message):
     with pytest.raises(InputError, match=message):
         PeriodicSystem(**keywords)
-
-
-def test_connections_that_do_not_fit_are_refused():
-    two, three = random_system(0, 2, 2, 2), random_system(1, 2, 3, 3)
-    for attempt in (lambda: two @ three, lambda: two + three, lambda: two.feedback(three)):
-        with pytest.raises(InputError, match="outputs"):
-            attempt()
-    with pytest.raises(InputError, match=r"`left` of `\+` must have inputs, but has none"):
-        PeriodicSystem(A=A) + PeriodicSystem(A=A)
-    with pytest.raises(InputError, match="`sign` of"):
-        two.feedback(two, sign=2)
-    with pytest.raises(TypeError):
-        two @ 3.0
