@@ -108,13 +108,10 @@ class Coordinates:
 def derivative_of(channel: Channel) -> int:
     """The derivative of a displacement that a channel measures."""
     if channel.quantity not in DERIVATIVES:
-        raise input_error(
-            "states",
-            OF,
-            "name channels of displacement, velocity or acceleration",
-            f"channel {channel.name!r} measures {channel.quantity} [{channel.unit}]",
-            "Choose motions, or give the channel its quantity.",
-        )
+        must = "name channels of displacement, velocity or acceleration"
+        got = f"channel {channel.name!r} measures {channel.quantity} [{channel.unit}]"
+        remedy = "Choose motions, or give the channel its quantity."
+        raise input_error("states", OF, must, got, remedy)
     return DERIVATIVES[str(channel.quantity)]
 
 

@@ -85,13 +85,9 @@ def refine(
     """
     estimates = model.unselected if model.unselected is not None else model.estimates
     if estimates is None:
-        raise input_error(
-            "model",
-            OF,
-            "have the joint covariance of its coefficients (`estimates`)",
-            "has none",
-            "Identify with maximum likelihood and `constrained=True`, the defaults.",
-        )
+        must = "have the joint covariance of its coefficients (`estimates`)"
+        remedy = "Identify with maximum likelihood and `constrained=True`, the defaults."
+        raise input_error("model", OF, must, "has none", remedy)
     if not 0.0 <= finite(refuse, "refuse", OF) < 1.0:
         raise input_error("refuse", OF, "be a probability below one", f"is {refuse:g}")
     if isinstance(structure, str):

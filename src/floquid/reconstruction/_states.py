@@ -27,13 +27,10 @@ NO_CHANCE = 1e-6  # probability of what is left at which the channels are no con
 def second_order(model: PeriodicModel, states: Names) -> Coordinates:
     """Displacements and their velocities; an entry of `states` may be several channels of one motion."""
     if model.order % 2:
-        raise input_error(
-            "model",
-            OF,
-            "have an even number of modes: a channel gives two states, displacement and velocity",
-            f"has {model.order}",
-            'Identify again with an even `order`, pass `form="delayed"`, or leave A(t) out.',
-        )
+        must = "have an even number of modes: a channel gives two states, displacement and velocity"
+        got = f"has {model.order}"
+        remedy = 'Identify again with an even `order`, pass `form="delayed"`, or leave A(t) out.'
+        raise input_error("model", OF, must, got, remedy)
     if states == ALL and ALL not in {channel.name for channel in model.channels}:
         return combined(model, model.order // 2)
     groups = groups_of(model.channels, states)
