@@ -28,23 +28,14 @@ HIGHEST = 40  # the highest harmonic of an orbit that is fitted for its period
 
 @dataclass(frozen=True, slots=True)
 class OrbitLines:
-    """A fundamental of which lines that do not decay are multiples.
+    """A fundamental of which lines that do not decay are multiples."""
 
-    Parameters
-    ----------
-    fundamental, std
-        The angular frequency and its deviation [rad/s].
-    harmonics
-        The multiples that are there, ascending (lines,).
-    symmetric
-        True where the second half of the orbit is the first one with the opposite sign, and nothing that decays says
-        that the system tells the halves apart.
-    """
-
-    fundamental: float
-    std: float
-    harmonics: tuple[int, ...]
+    fundamental: float  # [rad/s]
+    std: float  # its deviation [rad/s]
+    harmonics: tuple[int, ...]  # the multiples that are there, ascending (lines,)
     symmetric: bool
+    """True where the second half of the orbit is the first one with the opposite sign, and nothing that decays says that
+    the system tells the halves apart."""
 
 
 def orbit_of(blocks: Sequence[RecordBlock], lines: Lines, least: float, most: float) -> OrbitLines | None:

@@ -36,43 +36,19 @@ NEAR = 0.02  # fundamentals within which a column is taken for one that there wa
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of a fit.
+    """Limits of a fit."""
 
-    Parameters
-    ----------
-    most
-        The highest harmonic of the axis that the sampling shows.
-    modes
-        Modes, a pair counted once, that may be found, at most.
-    mode_alarm, harmonic_alarm
-        The probabilities that noise passes for a mode, and for a harmonic of any mode.
-    forced
-        Turns a period of the harmonics that a forced response may have; empty when none is looked for (harmonics,).
-    choose
-        Whether bands are chosen; else each mode has `width` harmonics on each side.
-    width
-        See `choose`.
-    floor
-        The share of the largest free response that the noise is taken to be at least.
-    angle_std
-        The deviation of the system's angle in each hit [rad]; empty where a constant period says it (hits,).
-    loud
-        Whether lines are looked for that are far above any noise alone, coloured or not.
-    steady
-        Whether a line that does not decay is taken for interference at the end, and not for a mode.
-    """
-
-    most: int
-    modes: int
-    mode_alarm: float
-    harmonic_alarm: float
-    forced: Floats
-    choose: bool = True
+    most: int  # the highest harmonic of the axis that the sampling shows
+    modes: int  # modes, a pair counted once, that may be found, at most
+    mode_alarm: float  # the probability that noise passes for a mode
+    harmonic_alarm: float  # the probability that it passes for a harmonic of any mode
+    forced: Floats  # turns a period that a forced response may have; empty when none is looked for (harmonics,)
+    choose: bool = True  # whether bands are chosen; else each mode has `width` harmonics on each side
     width: int = 0
-    floor: float = 1e-12
-    angle_std: tuple[float, ...] = ()
-    loud: bool = False
-    steady: bool = False
+    floor: float = 1e-12  # the share of the largest free response that the noise is taken to be at least
+    angle_std: tuple[float, ...] = ()  # of the system's angle in each hit [rad]; empty by a constant period (hits,)
+    loud: bool = False  # whether lines are looked for that are far above any noise alone, coloured or not
+    steady: bool = False  # whether a line that does not decay is taken for interference at the end, and for no mode
 
 
 @dataclass(frozen=True, slots=True)
