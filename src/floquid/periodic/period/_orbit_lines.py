@@ -34,8 +34,8 @@ class OrbitLines:
     std: float  # its deviation [rad/s]
     harmonics: tuple[int, ...]  # the multiples that are there, ascending (lines,)
     symmetric: bool
-    """True where the second half of the orbit is the first one with the opposite sign, and nothing that decays says that
-    the system tells the halves apart."""
+    """True where the second half of the orbit is the first one with the opposite sign, and nothing that decays says
+    that the system tells the halves apart."""
 
 
 def orbit_of(blocks: Sequence[RecordBlock], lines: Lines, least: float, most: float) -> OrbitLines | None:
