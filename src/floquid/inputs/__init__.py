@@ -4,6 +4,7 @@
 make a model and transfer functions of both: `floquid.identify_driven` is the chain.
 """
 
+from floquid.inputs._bands import Limits as Limits
 from floquid.inputs._modes import InputMode as InputMode
 from floquid.inputs._result import Uncertainty as Uncertainty
 from floquid.inputs._result import model_of as model_of
@@ -12,7 +13,6 @@ from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
 from floquid.inputs._samples import samples_of as samples_of
 from floquid.inputs._scores import period_step as period_step
-from floquid.inputs._search import Limits as Limits
 from floquid.inputs._search import searched as searched
 from floquid.inputs._solver import Linearisation as Linearisation
 from floquid.inputs._solver import linearise as linearise

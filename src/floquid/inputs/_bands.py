@@ -1,0 +1,224 @@
+"""Bands of harmonics of a fit with inputs: what rises above the noise is added, what noise explains is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.inputs._modes import InputMode
+from floquid.inputs._samples import Samples
+from floquid.inputs._scores import Scores
+from floquid.inputs._solver import Linearisation, columns_of, covariance, solve
+
+ROUGH = 3
+"""Steps of a fit that is not the last."""
+
+GROWTHS = 12
+"""Rounds in which bands may grow."""
+
+MINOR = 0.05
+"""The share of the largest gain of a round below which a harmonic waits for the next."""
+
+STRIDE = 3
+"""Harmonics beyond the end of a band that are looked at in a round."""
+
+NARROW = 1e-12
+"""The probability at which noise may make up for harmonics that are left out together."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of a search.
+
+    Parameters
+    ----------
+    mode_alarm, harmonic_alarm
+        The probabilities that noise passes for a mode, and for a harmonic.
+    highest
+        The highest harmonic of input and output.
+    modes
+        Modes that may be found, at most.
+    """
+
+    mode_alarm: float = 1e-9
+    harmonic_alarm: float = 1e-6
+    highest: int = 12
+    modes: int = 20
+
+
+def limit_of(degrees: int, probability: float) -> float:
+    """What noise exceeds in χ² of some degrees of freedom with a probability."""
+    from scipy.special import chdtri
+
+    return float(chdtri(degrees, probability))
+
+
+def grown(samples: Samples, now: Linearisation, limits: Limits, rounds: int = GROWTHS) -> Linearisation:
+    """The fit with the harmonics beside its bands whose scores rise above the noise."""
+    for _ in range(rounds):
+        scores = Scores(samples, now)
+        wider = _wider(samples, now, limits, scores)
+        direct = _more_direct(samples, now, limits, scores)
+        if all(a is b for a, b in zip(wider, now.modes, strict=True)) and direct == now.direct:
+            return now
+        modes = [centred(samples, mode, now, k) for k, mode in enumerate(wider)]
+        now = solve(samples, modes, direct, iterations=ROUGH, rough=True)
+    return now
+
+
+def _wider(samples: Samples, now: Linearisation, limits: Limits, scores: Scores) -> list[InputMode]:
+    """The modes with the harmonics beyond the ends of their bands that the residual asks for, up to `STRIDE`."""
+    seen, reached = [], []
+    for number, mode in enumerate(now.modes):
+        for band, beyond in ((mode.turns, seen), (mode.reach, reached)):
+            ends = [(band[-1], 1.0)] if mode.real else [(band[0], -1.0), (band[-1], 1.0)]
+            for end, way in ends:
+                more = end + way * np.arange(1.0, STRIDE + 1.0)
+                beyond.append((number, more[np.abs(more) <= limits.highest]))
+    extra = [
+        columns_of(samples, replace(now.modes[number], turns=more[k : k + 1]), now.states[number])
+        for number, more in seen
+        for k in range(len(more))
+    ]
+    gains = [scores.by_columns(extra), scores.by_inputs([(number, turn) for number, more in reached for turn in more])]
+    least = [limit_of(2 * len(rows), limits.harmonic_alarm) for rows in (samples.values, samples.inputs)]
+    most = MINOR * max((float(own.max(initial=0.0)) for own in gains), default=0.0)
+    found = list(now.modes)
+    for kind, beyond in enumerate((seen, reached)):
+        place = 0
+        for number, more in beyond:
+            own = gains[kind][place : place + len(more)]
+            place += len(more)
+            far = np.flatnonzero(own > max(least[kind], most))
+            if not len(far):
+                continue
+            kept, mode = more[: far[-1] + 1], found[number]
+            if kind:
+                for turn in kept.tolist():
+                    mode = with_reach(mode, turn)
+            else:
+                mode = replace(mode, turns=np.sort(np.append(mode.turns, kept)))
+            found[number] = mode
+    return found
+
+
+def with_reach(mode: InputMode, turn: float) -> InputMode:
+    """With one more harmonic of the inputs, of no gain yet."""
+    place = int(np.searchsorted(mode.reach, turn))
+    gains = np.insert(mode.gains, place, 0.0, axis=1)
+    return replace(mode, reach=np.insert(mode.reach, place, turn), gains=gains)
+
+
+def _more_direct(samples: Samples, now: Linearisation, limits: Limits, scores: Scores) -> tuple[float, ...]:
+    """Harmonics of the direct term, with the next one where the residual asks for it."""
+    turn = float(len(now.direct))
+    if turn > limits.highest:
+        return now.direct
+    both = samples.turned(turn) * samples.inputs
+    extra = np.concatenate([both.real, both.imag]) if turn else both.real
+    limit = limit_of(len(extra) * len(samples.values), limits.harmonic_alarm)
+    return (*now.direct, turn) if scores.by_columns([extra])[0] > limit else now.direct
+
+
+def centred(samples: Samples, mode: InputMode, now: Linearisation, number: int) -> InputMode:
+    """A mode on the branch whose zeroth harmonic is seen most; a pair with a frequency that is not negative."""
+    if mode.real:
+        return mode
+    own, shape = now.modes[number], np.abs(now.shape(number)) / now.noise
+    energy = np.sum(shape**2, axis=1)
+    turn = float(own.turns[int(np.argmax(energy))])
+    begins = samples.times[list(samples.begins[:-1])]
+    exponent = mode.exponent + 1j * turn * samples.fundamental
+    found = replace(
+        mode,
+        exponent=exponent,
+        turns=mode.turns - turn,
+        reach=mode.reach + turn,
+        initial=mode.initial * np.exp(1j * turn * samples.fundamental * begins),
+    )
+    if exponent.imag >= 0.0:
+        return found
+    return replace(
+        found,
+        exponent=exponent.conjugate(),
+        turns=-found.turns[::-1],
+        reach=-found.reach[::-1],
+        gains=found.gains[:, ::-1].conj(),
+        initial=found.initial.conj(),
+    )
+
+
+def narrowed(samples: Samples, now: Linearisation, limits: Limits) -> Linearisation:
+    """Without the harmonics at the ends of bands that noise explains."""
+    for _ in range(GROWTHS if now.modes else 0):
+        found, spread, place = [], covariance(samples, now), 0
+        seen, reached = (_ends(2 * len(rows), limits) for rows in (samples.values, samples.inputs))
+        for number, mode in enumerate(now.modes):
+            block = slice(place, place + int(mode.free.sum()))
+            place = block.stop
+            columns, turning = now.slices()[number]
+            turns = seen(len(mode.turns), mode.real, lambda which: _weight(now, columns, turning, which))  # noqa: B023
+            reach = reached(
+                len(mode.reach),
+                mode.real,
+                lambda which: _input_weight(mode, spread[block, block], which),  # noqa: B023
+            )
+            found.append(
+                replace(mode, turns=mode.turns[turns], reach=mode.reach[reach], gains=mode.gains[:, reach])
+                if turns.stop - turns.start < len(mode.turns) or reach.stop - reach.start < len(mode.reach)
+                else mode
+            )
+        if all(a is b for a, b in zip(found, now.modes, strict=True)):
+            return now
+        trial = solve(samples, found, now.direct, iterations=ROUGH, rough=True)
+        if now.log_likelihood - trial.log_likelihood > limit_of(now.n_parameters - trial.n_parameters, NARROW):
+            return now
+        now = trial
+    return now
+
+
+def _ends(degrees: int, limits: Limits) -> Callable[[int, bool, Callable[[NDArray[np.int64]], float]], slice]:
+    """Judge of the part of a band to keep: the outermost harmonics together are what noise explains."""
+
+    def kept(count: int, real: bool, weight: Callable[[NDArray[np.int64]], float]) -> slice:
+        first, last = 0, count
+        while last - first > 1 and weight(np.arange(last - 1, count)) < limit_of(
+            degrees * (count - last + 1), limits.harmonic_alarm
+        ):
+            last -= 1
+        while (
+            not real
+            and last - first > 1
+            and weight(np.arange(first + 1)) < limit_of(degrees * (first + 1), limits.harmonic_alarm)
+        ):
+            first += 1
+        return slice(first, last)
+
+    return kept
+
+
+def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], which: NDArray[np.int64]) -> float:
+    """How far the coefficients of some harmonics are from zero, all channels, in squared deviations."""
+    later = len(turning) + np.cumsum(turning) - 1
+    index = columns.start + np.concatenate([which, later[which[turning[which]]]])
+    own = now.coefficients[index] / now.noise
+    return float(np.sum(own * np.linalg.solve(now.inverse[np.ix_(index, index)], own)))
+
+
+def _input_weight(mode: InputMode, spread: NDArray[np.float64], which: NDArray[np.int64]) -> float:
+    """How far the gains of some harmonics of the inputs are from zero, in squared deviations.
+
+    Infinite where one is the scale of the mode.
+    """
+    free, size, starts = mode.free, mode.gains.size, len(mode.initial)
+    at = 1 + (which[:, None] + len(mode.reach) * np.arange(len(mode.gains))).ravel()
+    flat, index = mode.gains.ravel()[at - 1], np.concatenate([at, at + size if mode.real else at + 1 + size + starts])
+    own = np.concatenate([flat.real, flat.imag])
+    if not free[index].all() and not mode.real:
+        return np.inf
+    own, index = own[free[index]], index[free[index]]
+    place = np.cumsum(free)[index] - 1
+    return float(own @ np.linalg.solve(spread[np.ix_(place, place)], own)) if len(own) else np.inf
