@@ -71,9 +71,9 @@ def identify_driven(
     .. math:: \dot z_r = \lambda_r z_r + \sum_{i,l} b_{r,i,l}\, e^{i l \omega t} u_i, \qquad
               y = \sum_r \sum_m c_{r,m}\, e^{i m \omega t} z_r + \sum_{i,n} D_{i,n}\, e^{i n \omega t} u_i + e
 
-    with e white in each output. Candidates for λ come from a subspace method on modulated inputs, one after another
-    from what is left; harmonics, modes and real multipliers are decided by tests; all is finished by maximum
-    likelihood. The state at the begin of each record is free: a decay after a measured blow is the same fit.
+    with e white in each output. Candidates for λ come from a subspace method on modulated inputs, those together that
+    come up most, then others from what is left; harmonics, modes and real multipliers are decided by tests; all is
+    finished by maximum likelihood. The state at the begin of each record is free: a decay after a measured blow is the same fit.
 
     Parameters
     ----------
