@@ -73,7 +73,8 @@ def identify_driven(
 
     with e white in each output. Candidates for λ come from a subspace method on modulated inputs, those together that
     come up most, then others from what is left; harmonics, modes and real multipliers are decided by tests; all is
-    finished by maximum likelihood. The state at the begin of each record is free: a decay after a measured blow is the same fit.
+    finished by maximum likelihood. The state at the begin of each record is free: a decay after a measured blow is the
+    same fit.
 
     Parameters
     ----------
