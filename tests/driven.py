@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.systems import JeffcottRotor
+
 Matrix = Callable[[float], NDArray[np.float64]]
 
 
@@ -106,6 +108,17 @@ def two_masses():
         B=lambda t: np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.2 * np.cos(t)], [0.0, 1.0]]),
         C=lambda t: np.array([[1.0, 0.0, 0.0, 0.0], [0.3 * np.cos(t), 1.0, 0.0, 0.0]]),
         period=2.0 * np.pi,
+    )
+
+
+def paper_rotor():
+    """The rotor of Allen's paper, a force on the mass along each axis that stands still."""
+    rotor = JeffcottRotor()
+    return Driven(
+        A=rotor.system,
+        B=lambda _: np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+        C=rotor.outputs,
+        period=rotor.period,
     )
 
 

@@ -104,12 +104,12 @@ def hits(generator, samples):
     return forces
 
 
-def write(name, outputs, inputs, period, exponents, channels, units):
+def write(name, outputs, inputs, period, phases, exponents, channels, units):
     """Write a record with its truth."""
     np.savez_compressed(
         HERE / f"{name}.npz",
         values=np.concatenate([outputs, inputs]).astype(np.float32),
-        sample_rate=round(period**-1 * (PHASES if "rotor" in name else 64), 9),
+        sample_rate=round(phases / period, 9),
         period=period,
         exponents=exponents,
         channels=np.array(channels),
@@ -127,7 +127,8 @@ def rotor(name, turns_a_second, periods, forces, **gravity):
         seen, state = system.sample(state, number, own)
         outputs.append(seen)
     names = ["housing_x", "housing_y", "disc_x", "disc_y", "force_housing", "force_disc"]
-    write(name, np.array(outputs).T, inputs, system.period, system.exponents(orbit), names, ["m"] * 4 + ["N"] * 2)
+    exponents, units = system.exponents(orbit), ["m"] * 4 + ["N"] * 2
+    write(name, np.array(outputs).T, inputs, system.period, PHASES, exponents, names, units)
 
 
 def circuit(name, periods=200, phases=64):
@@ -167,7 +168,9 @@ def circuit(name, periods=200, phases=64):
         outputs.append([state[0] / pumped(number * step), state[2]])
         state = maps[number % phases] @ np.concatenate([state, own])
     exponents = np.log(np.linalg.eigvals(whole).astype(complex)) / period
-    write(name, np.array(outputs).T, inputs, period, exponents, ["v", "i", "source", "feed"], ["V", "A", "V", "A"])
+    write(
+        name, np.array(outputs).T, inputs, period, phases, exponents, ["v", "i", "source", "feed"], ["V", "A", "V", "A"]
+    )
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from scipy.optimize import linear_sum_assignment
 from floquid import Channel, Record, identify_driven
 
 DATA = Path(__file__).parents[1] / "data"
+DRAWS = 10
 
 
 @pytest.mark.slow
@@ -19,7 +20,7 @@ def test_every_mode_is_found_and_none_is_false(name, noise):
         own = dict(file)
     values = own["values"].astype(float)
     outputs, period = len(values) - 2, float(own["period"])
-    for seed in range(2):
+    for seed in range(DRAWS):
         noisy = values.copy()
         generator = np.random.default_rng(1000 + seed)
         size = values[:outputs].std(axis=1, keepdims=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.driven import flapping, mathieu, pulls, record_of, two_masses
+from tests.driven import flapping, mathieu, paper_rotor, pulls, record_of, two_masses
 
 from floquid import Channel, Record, identify_driven
 
@@ -23,12 +23,21 @@ def found(system, periods, phases, noise, seed):
 @pytest.mark.parametrize(
     ("system", "periods", "phases", "noise", "order"),
     [
+        (paper_rotor(), 128, 50, 0.02, 4),
+        (paper_rotor(), 32, 50, 0.02, 4),
         (mathieu(), 60, 20, 0.05, 2),
         (two_masses(), 50, 24, 0.02, 4),
         (flapping(8.0, 0.5), 150, 32, 0.03, 2),
         (flapping(), 150, 32, 0.01, 2),
     ],
-    ids=["Mathieu", "two masses", "a blade of high damping", "two real negative multipliers"],
+    ids=[
+        "the paper's rotor",
+        "a quarter of it",
+        "Mathieu",
+        "two masses",
+        "a blade of high damping",
+        "two real negative multipliers",
+    ],
 )
 def test_deviations_hold(system, periods, phases, noise, order):
     off, errors, missed = [], [], 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,22 +156,19 @@ def narrowed(samples: Samples, now: Linearisation, limits: Limits) -> Linearisat
     """Without the harmonics at the ends of bands that noise explains."""
     for _ in range(GROWTHS if now.modes else 0):
         found, spread, place = [], covariance(samples, now), 0
-        seen, reached = (_ends(2 * len(rows), limits) for rows in (samples.values, samples.inputs))
         for number, mode in enumerate(now.modes):
             block = slice(place, place + int(mode.free.sum()))
             place = block.stop
             columns, turning = now.slices()[number]
-            turns = seen(len(mode.turns), mode.real, lambda which: _weight(now, columns, turning, which))  # noqa: B023
-            reach = reached(
-                len(mode.reach),
-                mode.real,
-                lambda which: _input_weight(mode, spread[block, block], which),  # noqa: B023
-            )
-            found.append(
-                replace(mode, turns=mode.turns[turns], reach=mode.reach[reach], gains=mode.gains[:, reach])
-                if turns.stop - turns.start < len(mode.turns) or reach.stop - reach.start < len(mode.reach)
-                else mode
-            )
+            seen, reached = partial(_weight, now, columns, turning), partial(_input_weight, mode, spread[block, block])
+            turns = _kept(len(mode.turns), mode.real, seen, 2 * len(samples.values), limits.harmonic_alarm)
+            reach = _kept(len(mode.reach), mode.real, reached, 2 * len(samples.inputs), limits.harmonic_alarm)
+            if len(mode.turns[turns]) < len(mode.turns) or len(mode.reach[reach]) < len(mode.reach):
+                found.append(
+                    replace(mode, turns=mode.turns[turns], reach=mode.reach[reach], gains=mode.gains[:, reach])
+                )
+            else:
+                found.append(mode)
         if all(a is b for a, b in zip(found, now.modes, strict=True)):
             return now
         trial = solve(samples, found, now.direct, iterations=ROUGH, rough=True)
@@ -180,24 +178,19 @@ def narrowed(samples: Samples, now: Linearisation, limits: Limits) -> Linearisat
     return now
 
 
-def _ends(degrees: int, limits: Limits) -> Callable[[int, bool, Callable[[NDArray[np.int64]], float]], slice]:
-    """Judge of the part of a band to keep: the outermost harmonics together are what noise explains."""
+def _kept(
+    count: int, real: bool, weight: Callable[[NDArray[np.int64]], float], degrees: int, probability: float
+) -> slice:
+    """The part of a band of some harmonics to keep: those beyond, together, are what noise explains.
 
-    def kept(count: int, real: bool, weight: Callable[[NDArray[np.int64]], float]) -> slice:
-        first, last = 0, count
-        while last - first > 1 and weight(np.arange(last - 1, count)) < limit_of(
-            degrees * (count - last + 1), limits.harmonic_alarm
-        ):
-            last -= 1
-        while (
-            not real
-            and last - first > 1
-            and weight(np.arange(first + 1)) < limit_of(degrees * (first + 1), limits.harmonic_alarm)
-        ):
-            first += 1
-        return slice(first, last)
-
-    return kept
+    `weight` has the squared deviations of some of them from zero, of `degrees` each.
+    """
+    first, last = 0, count
+    while last - first > 1 and weight(np.arange(last - 1, count)) < limit_of(degrees * (count - last + 1), probability):
+        last -= 1
+    while not real and last - first > 1 and weight(np.arange(first + 1)) < limit_of(degrees * (first + 1), probability):
+        first += 1
+    return slice(first, last)
 
 
 def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], which: NDArray[np.int64]) -> float:

@@ -33,53 +33,62 @@ def chosen_together(samples: Samples, exponents: NDArray[np.complex128], most: i
 
     turns = np.arange(-REACH, REACH + 1.0)
     bare = [bare_mode(samples, exponent, turns, turns) for exponent in exponents.tolist()]
-    drives = [reached_by(samples, mode) for mode in bare]
-    groups = [
-        np.concatenate([columns_of(samples, mode, state) for state in own])
-        for mode, own in zip(bare, drives, strict=True)
-    ]
-    known = samples.known
-    direct = np.concatenate([samples.inputs, known])
-    columns = np.concatenate([direct, *groups])
-    size = np.sqrt(np.einsum("kn,kn->k", columns, columns))
-    columns /= np.where(size > 0.0, size, np.inf)[:, None]
-    gram, seen = columns @ columns.T, columns @ samples.values.T
-    begins = np.cumsum([len(direct), *(len(own) for own in groups)])
-    places = [slice(a, b) for a, b in pairwise(begins.tolist())]
-    energy = np.sum(samples.values**2, axis=1)
-    gram, seen, energy = _less(gram, seen, energy, slice(0, len(direct)))
+    columns, places, _ = _columns(samples, bare)
+    columns /= _size(columns)[:, None]
+    gram, seen, energy = columns @ columns.T, columns @ samples.values.T, np.sum(samples.values**2, axis=1)
+    gram, seen, energy = _less(gram, seen, energy, slice(0, places[0].start if places else len(columns)))
     taken: list[int] = []
-    while len(taken) < most:
+    while len(taken) < min(most, len(bare)):
         gains = [-np.inf if k in taken else _gain(gram, seen, energy, own, samples) for k, own in enumerate(places)]
-        best = int(np.argmax(gains)) if gains else 0
-        if not gains or gains[best] < chdtri(len(groups[best]) * len(energy), PROBABILITY):
+        best = int(np.argmax(gains))
+        if gains[best] < chdtri((places[best].stop - places[best].start) * len(energy), PROBABILITY):
             break
         taken.append(best)
         gram, seen, energy = _less(gram, seen, energy, places[best])
-    return fitted_together(samples, samples.values, [bare[k] for k in taken])
+    return fitted_together(samples, samples.values, [bare[k] for k in taken])[1]
 
 
-def fitted_together(samples: Samples, response: NDArray[np.float64], bare: Sequence[InputMode]) -> list[InputMode]:
-    """Modes of which exponents and harmonics are known, from a response (channels, samples): all products together."""
-    if not bare:
-        return []
+def fitted_together(
+    samples: Samples, response: NDArray[np.float64], bare: Sequence[InputMode]
+) -> tuple[float, list[InputMode]]:
+    """Modes of which exponents and harmonics are known, from a response (channels, samples): all products together.
+
+    With the gain in twice the logarithm of the likelihood, the products free.
+    """
+    columns, places, drives = _columns(samples, bare)
+    size = _size(columns)
+    columns /= size[:, None]
+    values, vectors = np.linalg.eigh(columns @ columns.T)
+    good = values > COLLINEAR * values[-1]
+    solved = (vectors[:, good] / values[good]) @ (vectors[:, good].T @ (columns @ response.T))
+    left = response - solved.T @ columns
+    gain = response.shape[1] * float(np.sum(np.log(np.mean(response**2, axis=1) / np.mean(left**2, axis=1))))
+    products = solved / size[:, None]
+    modes = [
+        split_products(mode, own, products[place], len(response))
+        for mode, own, place in zip(bare, drives, places, strict=True)
+    ]
+    return gain, modes
+
+
+def _columns(
+    samples: Samples, bare: Sequence[InputMode]
+) -> tuple[NDArray[np.float64], list[slice], list[NDArray[np.complex128]]]:
+    """Columns of the inputs, of what is known and of the products of modes; the place, and the drives, of each mode."""
     drives = [reached_by(samples, mode) for mode in bare]
     groups = [
         np.concatenate([columns_of(samples, mode, state) for state in own])
         for mode, own in zip(bare, drives, strict=True)
     ]
-    columns = np.concatenate([samples.inputs, samples.known, *groups])
+    first = len(samples.inputs) + len(samples.known)
+    ends = np.cumsum([first, *(len(own) for own in groups)]).tolist()
+    return np.concatenate([samples.inputs, samples.known, *groups]), [slice(a, b) for a, b in pairwise(ends)], drives
+
+
+def _size(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The length of each column, infinite of one that is nothing, as the imaginary part of turn zero (columns,)."""
     size = np.sqrt(np.einsum("kn,kn->k", columns, columns))
-    size = np.where(size > 0.0, size, np.inf)
-    columns /= size[:, None]
-    values, vectors = np.linalg.eigh(columns @ columns.T)
-    good = values > COLLINEAR * values[-1]
-    solved = ((vectors[:, good] / values[good]) @ (vectors[:, good].T @ (columns @ response.T))) / size[:, None]
-    found, place = [], len(columns) - sum(len(own) for own in groups)
-    for mode, own, group in zip(bare, drives, groups, strict=True):
-        found.append(split_products(mode, own, solved[place : place + len(group)], len(response)))
-        place += len(group)
-    return found
+    return np.where(size > 0.0, size, np.inf)
 
 
 def _inverse_root(gram: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -68,7 +68,7 @@ def _as_real(samples: Samples, now: Linearisation, pairs: Sequence[int], limits:
     for starts in ((float(np.mean(decays)),), ends):
         bare = [bare_mode(samples, own, max(reach, key=len), max(turns, key=len), real=True) for own in starts]
         with suppress(np.linalg.LinAlgError):
-            modes = fitted_together(samples, left, bare)
+            _, modes = fitted_together(samples, left, bare)
             found = solve(samples, [*rest, *modes], now.direct, iterations=AS_REAL, rough=True)
             found = solve(samples, grown(samples, found, limits).modes, now.direct, iterations=AS_REAL, rough=True)
             fewer = now.n_parameters - found.n_parameters

@@ -16,11 +16,11 @@ from floquid.inputs._solver import Linearisation, carried, linearise, slopes_of,
 NUDGE = 1e-6
 """The relative change of ω by which the response's slope is taken."""
 
-MEANT = 1e-9
-"""The share of the largest below which a direction of the information is rounding."""
+DOUBLE = 1e-9
+"""The share of the largest below which a direction of the information is rounding in double precision."""
 
-ROUGHLY = 1e-5
-"""The same in single precision."""
+SINGLE = 1e-5
+"""The share in single precision."""
 
 
 class Scores:
@@ -31,13 +31,13 @@ class Scores:
 
     def __init__(self, samples: Samples, now: Linearisation, *, rough: bool = True) -> None:
         self.samples, self.now = samples, now
-        self.number = np.float32 if rough else np.float64
-        least = ROUGHLY if rough else MEANT
+        self.precision = np.float32 if rough else np.float64
+        least = SINGLE if rough else DOUBLE
         inner = np.complex64 if rough else np.complex128
-        states = [own.astype(inner if np.iscomplexobj(own) else self.number) for own in state_slopes(samples, now)]
+        states = [own.astype(inner if np.iscomplexobj(own) else self.precision) for own in state_slopes(samples, now)]
         self.weights = 1.0 / now.noise
-        self.columns = now.columns.astype(self.number)
-        self.left = (now.left * self.weights[:, None]).astype(self.number)
+        self.columns = now.columns.astype(self.precision)
+        self.left = (now.left * self.weights[:, None]).astype(self.precision)
         self.slopes = [slopes_of(samples, now, c, states, w) for c, w in enumerate(self.weights)] if now.modes else []
         self.along = [(own @ self.columns.T).astype(float) @ now.inverse for own in self.slopes]
         matrix = np.zeros((len(self.slopes[0]),) * 2) if self.slopes else np.zeros((0, 0))
@@ -50,8 +50,10 @@ class Scores:
         """The gains by groups of columns, each linear in every channel (columns, samples) (groups,)."""
         if not groups:
             return np.zeros(0)
-        extra = np.concatenate(groups).astype(self.number)
-        beyond = extra - ((extra @ self.columns.T).astype(float) @ self.now.inverse).astype(self.number) @ self.columns
+        extra = np.concatenate(groups).astype(self.precision)
+        beyond = (
+            extra - ((extra @ self.columns.T).astype(float) @ self.now.inverse).astype(self.precision) @ self.columns
+        )
         pull, information = (beyond @ self.left.T).astype(float), (beyond @ beyond.T).astype(float)
         size = np.einsum("kn,kn->k", extra, extra).astype(float)
         mixed = [self.root.T @ (own @ beyond.T) for own in self.slopes]
@@ -80,7 +82,7 @@ class Scores:
         information, pull, size = np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1]), np.zeros(ends[-1])
         mixed = np.zeros((self.root.shape[1], ends[-1]))
         for channel, (own, along) in enumerate(zip(self.slopes, self.along, strict=True)):
-            rows = np.empty((ends[-1], samples.n_samples), self.number)
+            rows = np.empty((ends[-1], samples.n_samples), self.precision)
             for k, (part, (mode, _)) in enumerate(zip(drives, asked, strict=True)):
                 shape, turns = now.shape(mode)[:, channel], now.modes[mode].turns.tolist()
                 moved = self.weights[channel] * carried(samples, shape, turns) * part
@@ -105,7 +107,7 @@ class Scores:
             along = np.concatenate([part[:, own] for part in self.along], axis=1).T @ root
             shape = (now.coefficients[own] * self.weights).T.ravel()
             whole = spread + along @ along.T
-            found.append(_gain(whole, shape, np.diag(whole), MEANT))
+            found.append(_gain(whole, shape, np.diag(whole), DOUBLE))
         return np.array(found)
 
     def step_along(self, slopes: NDArray[np.float64]) -> tuple[float, float]:
@@ -121,7 +123,7 @@ class Scores:
             pull += float(beyond @ self.left[channel])
             mixed += self.root.T @ (self.slopes[channel] @ beyond)
         information = own - float(mixed @ mixed)
-        if not information > MEANT * own:
+        if not information > DOUBLE * own:
             return 0.0, float(np.inf)
         return pull / information, information**-0.5
 
@@ -136,7 +138,7 @@ def period_step(samples: Samples, now: Linearisation) -> tuple[float, float]:
     return -step, std
 
 
-def inverse_root(matrix: NDArray[np.float64], least: float = MEANT, *, floor: bool = False) -> NDArray[np.float64]:
+def inverse_root(matrix: NDArray[np.float64], least: float = DOUBLE, *, floor: bool = False) -> NDArray[np.float64]:
     """W with W W' the inverse of a matrix of products, directions that are rounding left out, or taken for that."""
     if not len(matrix):
         return matrix

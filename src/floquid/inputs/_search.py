@@ -1,4 +1,4 @@
-"""Search for modes with inputs: candidates of the residual one after another, bands by scores, and what noise does."""
+"""Search for modes with inputs: some together, those of the residual one after another, without what noise explains."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from floquid.inputs._bands import ROUGH, Limits, grown, limit_of, narrowed, with_reach
-from floquid.inputs._joint import chosen_together
+from floquid.inputs._joint import chosen_together, fitted_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._real import with_real_ones
 from floquid.inputs._samples import Samples
 from floquid.inputs._scores import Scores
 from floquid.inputs._solver import Linearisation, solve
-from floquid.inputs._start import candidates, relaxed
+from floquid.inputs._start import bare_mode, candidates
 
 TRIED = 4
 """Candidates that are fitted beside the modes before the search ends."""
@@ -106,14 +106,14 @@ def _padded(mode: InputMode, limits: Limits) -> InputMode:
 
 def _with_one_more(samples: Samples, now: Linearisation, limits: Limits) -> Linearisation | None:
     """The fit with the candidate that explains most of the residual; None where noise does."""
-    ranked = []
-    for exponent in candidates(samples, now.left)[0].tolist():
-        reach, turns = (np.arange(-most, most + 1.0) for most in START)
-        with suppress(np.linalg.LinAlgError):
-            ranked.append(relaxed(samples, now.left, exponent, reach, turns))
+    reach, turns = (np.arange(-most, most + 1.0) for most in START)
+    ranked = [
+        fitted_together(samples, now.left, [bare_mode(samples, exponent, reach, turns)])
+        for exponent in candidates(samples, now.left)[0].tolist()
+    ]
     ranked.sort(key=lambda one: -one[0])
     tried: list[complex] = []
-    for _, mode in ranked:
+    for _, (mode,) in ranked:
         if any(abs(mode.exponent - other) < 0.5 * abs(other.real) for other in tried):
             continue
         tried.append(mode.exponent)

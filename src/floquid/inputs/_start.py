@@ -15,9 +15,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs._modes import InputMode, reached_by
+from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
-from floquid.inputs._solver import ROUNDING, columns_of
 
 SIDEBANDS = (3, 2, 1)
 """Harmonics of the modulated inputs, the most that there are samples for."""
@@ -192,37 +191,6 @@ def split_products(bare: InputMode, drives: NDArray, products: NDArray[np.float6
         weights = np.concatenate([weights[:inner] + 1j * weights[inner : 2 * inner], weights[2 * inner :]])
     own = np.asarray(weights, np.complex128)
     return replace(bare, gains=own[:inner].reshape(bare.gains.shape), initial=own[inner:]).scaled()
-
-
-def relaxed(
-    samples: Samples,
-    response: NDArray[np.float64],
-    exponent: complex,
-    reach: NDArray[np.float64],
-    turns: NDArray[np.float64],
-    *,
-    real: bool = False,
-) -> tuple[float, InputMode]:
-    r"""The mode of an exponent that explains a response best, and the gain in twice the logarithm of its likelihood.
-
-    With λ given the response is linear in the products :math:`X_{m,(i,l)} = c_m b_{i,l}`, which are fitted freely; b is
-    the first left singular vector of X.
-    """
-    bare = bare_mode(samples, exponent, reach, turns, real=real)
-    drives = reached_by(samples, bare)
-    columns = np.concatenate([columns_of(samples, bare, state) for state in drives])
-    both = np.concatenate([columns, samples.known])
-    size = np.sqrt(np.einsum("kn,kn->k", both, both))
-    # A drive that is nothing, as the imaginary part of turn zero, has no column.
-    size = np.where(size > 0.0, size, np.inf)
-    values, vectors = np.linalg.eigh(both @ both.T / np.outer(size, size))
-    good = values > ROUNDING**0.5 * values[-1]
-    seen = (both @ response.T) / size[:, None]
-    solved = ((vectors[:, good] / values[good]) @ (vectors[:, good].T @ seen)) / size[:, None]
-    fitted = solved.T @ both
-    before, after = np.mean(response**2, axis=1), np.mean((response - fitted) ** 2, axis=1)
-    gain = float(response.shape[1] * np.sum(np.log(before / after)))
-    return gain, split_products(bare, drives, solved[: len(columns)], len(response))
 
 
 def _shapes(mode: InputMode, products: NDArray[np.float64], channels: int) -> NDArray:

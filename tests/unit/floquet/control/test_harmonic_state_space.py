@@ -105,6 +105,16 @@ def test_transfer_of_a_system_that_jumps():
     )
 
 
+def test_transfers_of_several_lines_are_those_of_each():
+    system = smooth_system()
+    found = harmonic_transfer(system, [0.0, 1.3, 7.0], n_harmonics=6, tolerance=1e-12)
+    assert found.values.shape == (3, 2, 13, 3)
+    assert found.inputs == ("force", "base")
+    for number, omega in enumerate(found.omega):
+        one = harmonic_transfer(system, [omega], n_harmonics=6, tolerance=1e-12)
+        assert found.values[..., number] == pytest.approx(one.values[..., 0], abs=1e-12)
+
+
 def test_transfer_repeats_with_the_fundamental():
     """The lifted matrix at s + iω is that at s with rows and columns moved by a harmonic."""
     lifted = HarmonicSystem.from_system(smooth_system(), 25)
