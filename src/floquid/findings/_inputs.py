@@ -37,5 +37,10 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "inputs_colour": "What is left is not white (squared correlations sum to {squares:.2g}): the noise is coloured or "
     "drives the system itself, or the input between its samples is not what `hold` says. Deviations are too small or "
     "too large.",
+    "inputs_modes": "The search ended at the most modes that it may find ({most}): there may be more.",
+    "inputs_harmonics": "A mode has as many harmonics as are looked for ({most}): what it has beyond them is missing. "
+    "Name a number that is enough: `harmonics`.",
+    "inputs_copies": "Two modes are nearly one, and have as many harmonics as are looked for ({most}): one is likely a "
+    "copy that makes up for harmonics beyond them. Name a number that is enough, `harmonics`, or sample faster.",
 }
 """By code."""

@@ -66,6 +66,11 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
 
 def _crowded(samples: Samples, now: Linearisation) -> bool:
     """True where modes of a fit are nearly one, or inputs reach one by very many harmonics."""
+    return nearly_one(samples, now) or max((len(mode.reach) for mode in now.modes), default=0) > WIDE
+
+
+def nearly_one(samples: Samples, now: Linearisation) -> bool:
+    """True where two modes of a fit differ by less than they decay, apart from a multiple of the fundamental."""
     omega, found = samples.fundamental, [mode.exponent for mode in now.modes]
     for number, one in enumerate(found):
         for other in found[:number]:
@@ -73,7 +78,7 @@ def _crowded(samples: Samples, now: Linearisation) -> bool:
             near = min(abs(gap - 1j * omega * round(gap.imag / omega)) for gap in gaps)
             if near < TOO_NEAR * min(abs(one.real), abs(other.real)):
                 return True
-    return max((len(mode.reach) for mode in now.modes), default=0) > WIDE
+    return False
 
 
 def _found(

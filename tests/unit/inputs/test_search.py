@@ -7,6 +7,7 @@ import pytest
 from tests.driven import flapping, mathieu, pulls, record_of, two_masses
 
 from floquid import Channel, IdentificationError, InputError, Record, identify_driven
+from floquid.pipeline.with_inputs._analysis import HELD_OUT
 
 NAMES = {"unit": "m"}, {"unit": "N"}
 
@@ -130,6 +131,21 @@ def test_a_period_that_is_a_little_off_is_told(off, told):
     assert found.passed == (not told)
     if told:
         assert abs(own[0].numbers["own"] - system.period) < 0.2 * abs(off) * system.period
+
+
+def test_a_copy_of_a_mode_that_makes_up_for_harmonics_not_looked_for_does_not_pass():
+    found = identified(mathieu(), 60, 20, 0.01, seed=3, harmonics=1)
+    assert found.model.order > 2
+    assert (found.held_out < HELD_OUT).all()
+    assert not found.passed
+    assert "`harmonics`" in found.warnings[0]
+
+
+def test_limits_at_which_a_search_ends_are_told(monkeypatch):
+    monkeypatch.setattr("floquid.pipeline.with_inputs._identify.HIGHEST", 2)
+    found = identified(mathieu(), 60, 20, 0.01, seed=3)
+    assert found.model.order == 2
+    assert any("as many harmonics as are looked for (2)" in text for text in found.warnings)
 
 
 def test_noise_alone_has_no_mode():

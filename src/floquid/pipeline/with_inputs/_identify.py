@@ -19,6 +19,7 @@ from floquid.inputs import (
     Uncertainty,
     linearise,
     model_of,
+    nearly_one,
     period_step,
     samples_of,
     searched,
@@ -151,7 +152,13 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         fit=fit,
         noise=found.noise[:, None],
         held_out=held_out,
-        findings=(*_done(own), *_unreached(fit), *_against(found, held_out), *_period(samples, found)),
+        findings=(
+            *_done(own),
+            *_unreached(fit),
+            *_against(found, held_out),
+            *_ended(samples, found, limits),
+            *_period(samples, found),
+        ),
     )
 
 
@@ -225,6 +232,18 @@ def _period(samples: Samples, found: Linearisation) -> tuple[Finding, ...]:
         return ()
     given = 2.0 * np.pi / samples.fundamental
     return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
+
+
+def _ended(samples: Samples, found: Linearisation, limits: Limits) -> tuple[Finding, ...]:
+    """Findings on limits at which the search ended, and what may be beyond them."""
+    ended = [warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []
+    widest = max(max(abs(mode.turns).max(), abs(mode.reach).max()) for mode in found.modes)
+    if widest >= limits.highest:
+        if nearly_one(samples, found):  # harmonics beyond the limit are made up for by a copy of the mode
+            ended.append(failure("inputs_copies", most=limits.highest))
+        elif limits.highest == HIGHEST:
+            ended.append(warning("inputs_harmonics", most=HIGHEST))
+    return tuple(ended)
 
 
 def _against(found: Linearisation, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
