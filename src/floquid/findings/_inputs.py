@@ -38,6 +38,8 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "drives the system itself, or the input between its samples is not what `hold` says. Deviations are too small or "
     "too large.",
     "inputs_modes": "The search ended at the most modes that it may find ({most}): there may be more.",
+    "inputs_undetermined": "The decay of a mode is not determined: modes make up for one another, or one dies at "
+    "once. There may be fewer modes, or others.",
     "inputs_harmonics": "A mode has as many harmonics as are looked for ({most}): what it has beyond them is missing. "
     "Name a number that is enough: `harmonics`.",
     "inputs_copies": "Two modes are nearly one, and have as many harmonics as are looked for ({most}): one is likely a "

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import Provenance, Record
+from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, failure, note, warning
 from floquid.inputs import (
@@ -156,7 +156,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             *_done(own),
             *_unreached(fit),
             *_against(found, held_out),
-            *_ended(samples, found, limits),
+            *_ended(samples, found, model, limits),
             *_period(samples, found),
         ),
     )
@@ -234,9 +234,12 @@ def _period(samples: Samples, found: Linearisation) -> tuple[Finding, ...]:
     return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
 
 
-def _ended(samples: Samples, found: Linearisation, limits: Limits) -> tuple[Finding, ...]:
-    """Findings on limits at which the search ended, and what may be beyond them."""
+def _ended(samples: Samples, found: Linearisation, model: PeriodicModel, limits: Limits) -> tuple[Finding, ...]:
+    """Findings on limits at which the search ended, and on modes that the record does not determine."""
     ended = [warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []
+    assert model.exponent_std is not None
+    if (model.period * model.exponent_std.real > 1.0).any():
+        ended.append(failure("inputs_undetermined"))
     widest = max(max(abs(mode.turns).max(), abs(mode.reach).max()) for mode in found.modes)
     if widest >= limits.highest:
         if nearly_one(samples, found):  # harmonics beyond the limit are made up for by a copy of the mode
