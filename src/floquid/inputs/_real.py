@@ -73,16 +73,6 @@ def _as_real(samples: Samples, now: Linearisation, pairs: Sequence[int], limits:
             found = solve(samples, grown(samples, found, limits).modes, now.direct, iterations=AS_REAL, rough=True)
             fewer = now.n_parameters - found.n_parameters
             rise = now.log_likelihood - found.log_likelihood
-            if rise < (limit_of(fewer, REAL) if fewer > 0 else 0.0) and _determined(samples, found):
+            if rise < (limit_of(fewer, REAL) if fewer > 0 else 0.0):
                 return found
     return None
-
-
-def _determined(samples: Samples, found: Linearisation) -> bool:
-    """False where real multipliers are near enough to make up for one another: noise moves them at will."""
-    spread, place = np.sqrt(np.diag(covariance(samples, found))), 0
-    for mode in found.modes:
-        if mode.real and spread[place] > samples.fundamental / (2.0 * np.pi):
-            return False
-        place += int(mode.free.sum())
-    return True

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from tests.driven import flapping, mathieu, pulls, record_of, two_masses
 
 from floquid import Channel, IdentificationError, InputError, Record, identify_driven
-from floquid.inputs import linearise
-from floquid.inputs._real import _determined
 from floquid.pipeline.with_inputs._analysis import HELD_OUT
 
 NAMES = {"unit": "m"}, {"unit": "N"}
@@ -143,14 +139,6 @@ def test_a_copy_of_a_mode_that_makes_up_for_harmonics_not_looked_for_does_not_pa
     assert (found.held_out < HELD_OUT).all()
     assert not found.passed
     assert "`harmonics`" in found.warnings[0]
-
-
-def test_real_multipliers_that_make_up_for_one_another_are_not_determined():
-    found = identified(flapping(), 120, 24, 0.005)
-    samples, at = found.fit.samples, found.fit.at
-    assert _determined(samples, at)
-    one = at.modes[0]
-    assert not _determined(samples, linearise(samples, [one, replace(one, exponent=1.0001 * one.exponent)], at.direct))
 
 
 def test_limits_at_which_a_search_ends_are_told(monkeypatch):
