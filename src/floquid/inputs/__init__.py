@@ -5,7 +5,10 @@ make a model and transfer functions of both: `floquid.identify_driven` is the ch
 """
 
 from floquid.inputs._bands import Limits as Limits
+from floquid.inputs._bands import limit_of as limit_of
+from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import InputMode as InputMode
+from floquid.inputs._modes import input_gain as input_gain
 from floquid.inputs._result import Uncertainty as Uncertainty
 from floquid.inputs._result import model_of as model_of
 from floquid.inputs._result import transfer_of as transfer_of
@@ -20,6 +23,8 @@ from floquid.inputs._solver import linearise as linearise
 from floquid.inputs._solver import slopes_of as slopes_of
 from floquid.inputs._solver import solve as solve
 from floquid.inputs._solver import state_slopes as state_slopes
+from floquid.inputs._start import bare_mode as bare_mode
+from floquid.inputs._start import candidates as candidates
 from floquid.inputs._transfer import TransferFunctions, transfer_functions
 
 __all__ = ["Hold", "TransferFunctions", "transfer_functions"]

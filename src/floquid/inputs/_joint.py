@@ -49,13 +49,14 @@ def chosen_together(samples: Samples, exponents: NDArray[np.complex128], most: i
 
 
 def fitted_together(
-    samples: Samples, response: NDArray[np.float64], bare: Sequence[InputMode]
+    samples: Samples, response: NDArray[np.float64], bare: Sequence[InputMode], *, acting: int | None = None
 ) -> tuple[float, list[InputMode]]:
     """Modes of which exponents and harmonics are known, from a response (channels, samples): all products together.
 
-    With the gain in twice the logarithm of the likelihood, the products free.
+    With the gain in twice the logarithm of the likelihood, the products free. The first inputs, `acting` of them, act
+    on the response at once as well: all by default.
     """
-    columns, places, drives = _columns(samples, bare)
+    columns, places, drives = _columns(samples, bare, acting)
     size = _size(columns)
     columns /= size[:, None]
     values, vectors = np.linalg.eigh(columns @ columns.T)
@@ -72,7 +73,7 @@ def fitted_together(
 
 
 def _columns(
-    samples: Samples, bare: Sequence[InputMode]
+    samples: Samples, bare: Sequence[InputMode], acting: int | None = None
 ) -> tuple[NDArray[np.float64], list[slice], list[NDArray[np.complex128]]]:
     """Columns of the inputs, of what is known and of the products of modes; the place, and the drives, of each mode."""
     drives = [reached_by(samples, mode) for mode in bare]
@@ -80,9 +81,10 @@ def _columns(
         np.concatenate([columns_of(samples, mode, state) for state in own])
         for mode, own in zip(bare, drives, strict=True)
     ]
-    first = len(samples.inputs) + len(samples.known)
+    inputs = samples.inputs[:acting]
+    first = len(inputs) + len(samples.known)
     ends = np.cumsum([first, *(len(own) for own in groups)]).tolist()
-    return np.concatenate([samples.inputs, samples.known, *groups]), [slice(a, b) for a, b in pairwise(ends)], drives
+    return np.concatenate([inputs, samples.known, *groups]), [slice(a, b) for a, b in pairwise(ends)], drives
 
 
 def _size(columns: NDArray[np.float64]) -> NDArray[np.float64]:

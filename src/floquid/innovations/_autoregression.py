@@ -1,0 +1,61 @@
+"""Innovations by a long periodic autoregression: the first step of Hannan and Rissanen (1982)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.inputs import Samples
+
+LAGS = (4, 8, 16, 32)
+"""Samples of the past that are tried."""
+
+HARMONICS = (0, 1, 2)
+"""Harmonics of the coefficients that are tried."""
+
+MOST = 0.05
+"""Coefficients of one channel over the samples, at most."""
+
+
+def first_innovations(samples: Samples) -> NDArray[np.float64]:
+    r"""Innovations (channels, samples) by least squares on the samples before, zero at the begin of each record.
+
+    .. math:: y_k = \sum_{j \ge 1} \alpha_j(t_k)\, y_{k-j} + \sum_{j \ge 0} \beta_j(t_k)\, u_{k-j} + e_k
+
+    Lags and harmonics of α and β are those of the least criterion of Schwarz (1978).
+    """
+    best, found = np.inf, np.zeros_like(samples.values)
+    for harmonics in HARMONICS:
+        for lags in LAGS:
+            rows = _regressors(samples, lags, harmonics)
+            used = np.ones(samples.n_samples, bool)
+            for own in samples.records:
+                used[own.start : min(own.start + lags, own.stop)] = False
+            count = int(used.sum())
+            if len(rows) > MOST * count:
+                break
+            rows, values = rows[:, used], samples.values[:, used]
+            gram = rows @ rows.T
+            size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+            system = gram / np.outer(size, size) + 1e-10 * np.eye(len(size))
+            left = values - (np.linalg.solve(system, rows @ values.T / size[:, None]) / size[:, None]).T @ rows
+            criterion = count * np.linalg.slogdet(left @ left.T / count)[1] + len(rows) * len(values) * np.log(count)
+            if criterion / count < best:
+                best, found = criterion / count, np.zeros_like(samples.values)
+                found[:, used] = left
+    return found
+
+
+def _regressors(samples: Samples, lags: int, harmonics: int) -> NDArray[np.float64]:
+    """Known columns, samples before and inputs before and now, those but the first turned (regressors, samples)."""
+    signals = np.concatenate([samples.values, samples.inputs])
+    rows = [samples.each(signals, lambda own, lag=lag: _late(own, lag)) for lag in range(1, lags + 1)]
+    late = np.concatenate([samples.inputs, *rows])
+    turned = [samples.turned(turn) for turn in range(1, harmonics + 1)]
+    return np.concatenate([samples.known, late, *(part * late for own in turned for part in (own.real, own.imag))])
+
+
+def _late(values: NDArray, lag: int) -> NDArray:
+    found = np.zeros_like(values)
+    found[:, lag:] = values[:, :-lag] if lag < values.shape[1] else 0.0
+    return found
