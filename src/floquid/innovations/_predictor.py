@@ -167,12 +167,12 @@ def predicted(
     drive = drive + np.einsum("kni,ik->kn", gains, beside)
     states = np.empty((samples.n_samples, len(system)))
     limit = LARGEST * np.abs(samples.values).max()
-    for begin, own in zip(initial, samples.records, strict=True):
-        state = begin
-        for k in range(own.start, own.stop):
-            states[k] = state
-            state = moved[k] @ state + drive[k]
-    innovations = beside - np.einsum("kin,kn->ik", seen, states)
+    with np.errstate(all="ignore"):
+        for state, own in zip(initial, samples.records, strict=True):
+            for now, transition, more in zip(states[own], moved[own], drive[own], strict=True):
+                now[:] = state
+                state = transition @ state + more
+        innovations = beside - np.einsum("kin,kn->ik", seen, states)
     if not np.isfinite(innovations).all() or np.abs(innovations).max() > limit:
         return None
     return Predictor(tuple(modes), columns, initial, innovations, states)
@@ -203,57 +203,73 @@ def _matrices(
     return system, gains, seen, drive
 
 
-def turning(samples: Samples, turns: NDArray[np.float64]) -> NDArray[np.complex128]:
+def turning(samples: Samples, turns: NDArray[np.float64], own: slice = slice(None)) -> NDArray[np.complex128]:
     """e^{imωt} of some harmonics (turns, samples)."""
-    return np.array([samples.turned(turn) for turn in turns.tolist()]).reshape(len(turns), samples.n_samples)
+    return np.array([samples.turned(turn)[own] for turn in turns.tolist()]).reshape(len(turns), -1)
 
 
-def slopes(samples: Samples, at: Predictor) -> Iterator[tuple[slice, NDArray[np.float64]]]:
-    """Derivatives of the innovations by all parameters, some samples at once (samples, channels, parameters).
+def slopes(
+    samples: Samples, at: Predictor, root: NDArray[np.float64], *, rough: bool = False
+) -> Iterator[tuple[slice, NDArray]]:
+    """Derivatives of W e by all parameters, for W (channels, channels) (samples, channels, parameters), in parts.
 
     Parameters are those of `Mode.moved` of each mode, the coefficients of the known columns by channel, and the first
-    states of each record.
+    states of each record. Rough ones are made in single precision.
     """
+    number = np.float32 if rough else np.float64
     system, gains, seen, _ = _matrices(samples, at.modes)
-    moved = system - gains @ seen
+    moved, white = (system - gains @ seen).astype(number), (root @ seen).astype(number)
+    gains, root = gains.astype(number), root.astype(number)
     width = sum(sum(mode.sizes) for mode in at.modes) + at.columns.size + at.initial.size
-    for number, record in enumerate(samples.records):
-        now = np.zeros((len(system), width))
-        first = width - at.initial.size + number * len(system)
-        now[:, first : first + len(system)] = np.eye(len(system))
+    states = np.empty((TOGETHER + 1, len(system), width), number)
+    for place, record in enumerate(samples.records):
+        states[0] = 0.0
+        first = width - at.initial.size + place * len(system)
+        states[0, :, first : first + len(system)] = np.eye(len(system))
         for begin in range(record.start, record.stop, TOGETHER):
             own = slice(begin, min(begin + TOGETHER, record.stop))
-            direct, forcing = _forcing(samples, at, gains, own, width)
-            states = np.empty((own.stop - own.start + 1, *now.shape))
-            states[0] = now
-            for k in range(own.stop - own.start):
-                np.matmul(moved[own.start + k], states[k], out=states[k + 1])
-                states[k + 1] += forcing[k]
-            now = states[-1]
-            yield own, direct - seen[own] @ states[:-1]
+            count = own.stop - own.start
+            signals = list(_signals(samples, at, own, number))
+            _force(states[1 : count + 1], samples, at, gains[own], own, signals)
+            for before, after, transition in zip(states[:count], states[1 : count + 1], moved[own], strict=True):
+                after += transition @ before
+            found = white[own] @ states[:count]
+            np.negative(found, out=found)
+            for start, part in signals:
+                for channel in range(len(root)):
+                    where = slice(start + channel * len(part), start + (channel + 1) * len(part))
+                    for row in np.flatnonzero(root[:, channel]):
+                        found[:, row, where] -= root[row, channel] * part.T
+            yield own, found
+            states[0] = states[count]
 
 
-def _forcing(
-    samples: Samples, at: Predictor, gains: NDArray[np.float64], own: slice, width: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The derivatives of e, and those of the next state, at a state that is held (samples, channels | states, width)."""
-    count, channels = own.stop - own.start, len(samples.values)
-    direct = np.zeros((count, channels, width))
-    forcing = np.zeros((count, gains.shape[1], width))
+def _signals(samples: Samples, at: Predictor, own: slice, number: type) -> Iterator[tuple[int, NDArray]]:
+    """Signals that each channel holds a share of, and the place of the shares, channels first (signals, samples)."""
+    place = row = 0
+    for mode in at.modes:
+        state = at.states[own, row] + (0j if mode.real else 1j * at.states[own, row + mode.rows - 1])
+        carried = turning(samples, mode.turns, own) * state
+        place += mode.rows + 2 * mode.gains.size
+        yield place, carried.real.astype(number)
+        yield place + mode.shape.size, -carried.imag.astype(number)
+        place += 2 * mode.shape.size
+        row += mode.rows
+    yield place, samples.known[:, own].astype(number)
+
+
+def _force(
+    forcing: NDArray, samples: Samples, at: Predictor, gains: NDArray, own: slice, signals: list[tuple[int, NDArray]]
+) -> None:
+    """Put the derivatives of the next state, at a state that is held, into an array (samples, states, parameters)."""
+    forcing[:] = 0.0
+    for start, part in signals:
+        for channel in range(gains.shape[2]):
+            where = slice(start + channel * len(part), start + (channel + 1) * len(part))
+            forcing[:, :, where] = -gains[:, :, channel, None] * part.T[:, None, :]
     drives = np.concatenate([samples.inputs[:, own], at.innovations[:, own]])
     place = row = 0
-
-    def seen_by_all(signals: NDArray[np.float64], place: int) -> int:
-        """Signals (signals, samples) that each channel may hold a share of, channels first."""
-        for channel in range(channels):
-            where = slice(place, place + len(signals))
-            direct[:, channel, where] = -signals.T
-            forcing[:, :, where] = -gains[own, :, channel, None] * signals.T[:, None, :]
-            place += len(signals)
-        return place
-
     for mode in at.modes:
-        rows = slice(row, row + mode.rows)
         state = at.states[own, row] + (0j if mode.real else 1j * at.states[own, row + mode.rows - 1])
         late = samples.step * np.exp(mode.exponent * samples.step) * state
         forcing[:, row, place] = late.real
@@ -261,22 +277,10 @@ def _forcing(
             forcing[:, row + 1, place], forcing[:, row, place + 1] = late.imag, -late.imag
             forcing[:, row + 1, place + 1] = late.real
         place += mode.rows
-        turned = turning_of(samples, mode.reach, own)
-        driven = (drives[:, None] * turned).reshape(-1, count).T
-        half = driven.shape[1]
-        forcing[:, row, place : place + half], forcing[:, row, place + half : place + 2 * half] = driven.real, -driven.imag
+        driven = (drives[:, None] * turning(samples, mode.reach, own)).reshape(mode.gains.size, -1).T
+        real, imag = slice(place, place + mode.gains.size), slice(place + mode.gains.size, place + 2 * mode.gains.size)
+        forcing[:, row, real], forcing[:, row, imag] = driven.real, -driven.imag
         if not mode.real:
-            forcing[:, row + 1, place : place + half] = driven.imag
-            forcing[:, row + 1, place + half : place + 2 * half] = driven.real
-        place += 2 * half
-        carried = turning_of(samples, mode.turns, own) * state
-        place = seen_by_all(carried.real, place)
-        place = seen_by_all(-carried.imag, place)
-        row = rows.stop
-    place = seen_by_all(samples.known[:, own], place)
-    return direct, forcing
-
-
-def turning_of(samples: Samples, turns: NDArray[np.float64], own: slice) -> NDArray[np.complex128]:
-    """e^{imωt} of some harmonics at some samples (turns, samples)."""
-    return np.array([samples.turned(turn)[own] for turn in turns.tolist()]).reshape(len(turns), -1)
+            forcing[:, row + 1, real], forcing[:, row + 1, imag] = driven.imag, driven.real
+        place = imag.stop + 2 * mode.shape.size
+        row += mode.rows

@@ -19,9 +19,6 @@ STABLE = 0.8
 TRIED = 0.1
 """The share from which on it is tried later."""
 
-ROUGH = 4
-"""Steps of a fit that is not the last."""
-
 ROUNDS = 10
 """Rounds in which bands may grow."""
 
@@ -30,6 +27,9 @@ STRIDE = 2
 
 SHRUNK = (1.0, 0.7, 0.4, 0.2, 0.05)
 """Factors of the gains of the innovations at which a predictor is tried."""
+
+HOPELESS = 5.0
+"""The loss by leaving a mode out, over the limit, from which on no harmonics of others are grown to make it up."""
 
 LOOSE = 1e-2
 """The probability at which noise may pass for a harmonic at the end: one that is missing does more harm."""
@@ -79,7 +79,8 @@ def _with(
     turns = np.arange(-1.0, 2.0)
     bare = [bare_mode(driven, exponent, turns, turns) for exponent in exponents]
     gain, driven_modes = fitted_together(driven, now.innovations, bare, acting=len(samples.inputs))
-    if gain < limit_of(len(now.innovations) * len(turns) * 2 * len(bare), limits.mode_alarm):
+    products = 2 * len(turns) * (len(turns) * len(driven.inputs) + len(samples.records))
+    if gain < limit_of(len(now.innovations) * products * len(bare), limits.mode_alarm):
         return None
     seen = linearise(replace(driven, values=now.innovations), driven_modes)
     modes = []
@@ -100,7 +101,7 @@ def _with(
         shrunk = [replace(mode, gains=share * mode.gains) for mode in modes]
         trial = _rebuilt(samples, now, [*now.modes, *shrunk])
         if trial is not None:
-            return _grown(samples, solve(samples, trial, iterations=ROUGH), limits)
+            return _grown(samples, solve(samples, trial, rough=True), limits)
     return None
 
 
@@ -118,7 +119,7 @@ def _grown(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     for _ in range(ROUNDS):
         padded = _rebuilt(samples, now, [mode.padded(STRIDE, limits.highest) for mode in now.modes])
         assert padded is not None
-        normal = normal_of(samples, padded)
+        normal = normal_of(samples, padded, rough=True)
         bands = [
             tuple(np.isin(new, old) for new, old in ((wide.turns, own.turns), (wide.reach, own.reach)))
             for wide, own in zip(padded.modes, now.modes, strict=True)
@@ -143,7 +144,7 @@ def _grown(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
             return now
         start = _rebuilt(samples, now, modes)
         assert start is not None
-        now = _centred(samples, solve(samples, start, iterations=ROUGH))
+        now = _centred(samples, solve(samples, start, rough=True))
     return now
 
 
@@ -167,7 +168,7 @@ def _score(normal: Normal, inverse: NDArray[np.float64], rows: NDArray[np.int64]
 def _narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """Without the harmonics at the ends of bands that noise explains."""
     for _ in range(ROUNDS if now.modes else 0):
-        inverse, modes = normal_of(samples, now).inverse(), []
+        inverse, modes = normal_of(samples, now, rough=True).inverse(), []
         for mode, place in zip(now.modes, places(now.modes), strict=True):
             spread = inverse[place, place]
             turns, reach = np.ones(len(mode.turns), bool), np.ones(len(mode.reach), bool)
@@ -187,7 +188,7 @@ def _narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
         trial = _rebuilt(samples, now, modes)
         if trial is None:
             return now
-        trial = solve(samples, trial, iterations=ROUGH)
+        trial = solve(samples, trial, rough=True)
         if now.log_likelihood - trial.log_likelihood > limit_of(now.n_parameters - trial.n_parameters, limits.mode_alarm):
             return now
         now = trial
@@ -216,10 +217,14 @@ def _needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
             modes = [mode for k, mode in enumerate(now.modes) if k != number]
             trial = _rebuilt(samples, replace(now, initial=np.zeros((len(samples.records), 0))), modes)
             if trial is not None:
-                trials.append(solve(samples, trial, iterations=ROUGH))
+                trials.append(solve(samples, trial, rough=True))
         if not trials:
             return now
-        best = _grown(samples, max(trials, key=lambda own: own.log_likelihood), limits)
+        best = max(trials, key=lambda own: own.log_likelihood)
+        limit = limit_of(now.n_parameters - best.n_parameters, limits.mode_alarm)
+        if now.log_likelihood - best.log_likelihood > HOPELESS * limit:
+            return now
+        best = _grown(samples, best, limits)
         if _better(now, best, limits):
             return now
         now = best

@@ -19,8 +19,11 @@ LONGEST_STEP = 0.3
 ROUNDING = 1e-11
 """The share of the largest below which a direction of the parameters is rounding: the scale of a state is one."""
 
-ITERATIONS = 20
-"""Steps at most."""
+FINE = (20, 1e-3)
+"""Steps at most, and the gain in twice the logarithm of the likelihood that ends them."""
+
+ROUGH = (4, 0.5)
+"""Those of a fit that is not the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,29 +60,28 @@ class Normal(Rebuilt):
         return found / np.outer(self.scale, self.scale)
 
 
-def normal_of(samples: Samples, at: Predictor) -> Normal:
+def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal:
     """The linearisation of a predictor by all of its parameters, zero ones as well."""
-    root = np.linalg.cholesky(np.linalg.inv(at.covariance)).T
-    matrix: NDArray[np.float64] | None = None
-    gradient = 0.0
-    for own, part in slopes(samples, at):
-        white = np.tensordot(part, root, (1, 1)).transpose(0, 2, 1).reshape(-1, part.shape[2])
-        more = white.T @ white
-        matrix = more if matrix is None else matrix + more
-        gradient = gradient - white.T @ (root @ at.innovations[:, own]).T.ravel()
-    assert matrix is not None
-    return Normal(matrix, np.asarray(gradient, np.float64))
+    root = np.linalg.inv(np.linalg.cholesky(at.covariance))
+    white = root @ at.innovations
+    matrix, gradient = np.zeros((0, 0)), np.zeros(0)
+    for own, part in slopes(samples, at, root, rough=rough):
+        flat = part.reshape(-1, part.shape[2])
+        more, pull = flat.T @ flat, flat.T @ white[:, own].T.ravel().astype(part.dtype)
+        matrix, gradient = (matrix + more, gradient - pull) if len(matrix) else (more.astype(float), -pull.astype(float))
+    return Normal(matrix, gradient)
 
 
-def solve(samples: Samples, start: Predictor, *, iterations: int = ITERATIONS, at_rest: float = 1e-3) -> Predictor:
-    """The maximum of the likelihood near a start: Levenberg-Marquardt, until a step gains less than `at_rest`."""
+def solve(samples: Samples, start: Predictor, *, rough: bool = False) -> Predictor:
+    """The maximum of the likelihood near a start: Levenberg-Marquardt; a rough one in a few steps of single precision."""
+    iterations, at_rest = ROUGH if rough else FINE
     now, damping = start, 1e-6
     period = 2.0 * np.pi / samples.fundamental
     for _ in range(iterations):
-        normal = normal_of(samples, now)
+        normal = normal_of(samples, now, rough=rough)
         values, vectors = np.linalg.eigh(normal.scaled)
         aim = vectors.T @ (normal.gradient / normal.scale)
-        good = values > ROUNDING * values[-1]
+        good = values > (1e-6 if rough else ROUNDING) * values[-1]
         gained = -np.inf
         while damping < 1e6:
             step = vectors[:, good] @ (aim[good] / (values[good] + damping)) / normal.scale
