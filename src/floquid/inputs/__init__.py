@@ -10,6 +10,7 @@ from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import InputMode as InputMode
 from floquid.inputs._modes import input_gain as input_gain
 from floquid.inputs._result import Uncertainty as Uncertainty
+from floquid.inputs._result import mirrored as mirrored
 from floquid.inputs._result import model_of as model_of
 from floquid.inputs._result import transfer_of as transfer_of
 from floquid.inputs._samples import Hold
@@ -26,5 +27,6 @@ from floquid.inputs._solver import state_slopes as state_slopes
 from floquid.inputs._start import bare_mode as bare_mode
 from floquid.inputs._start import candidates as candidates
 from floquid.inputs._transfer import TransferFunctions, transfer_functions
+from floquid.inputs._transfer import modal_transfer as modal_transfer
 
 __all__ = ["Hold", "TransferFunctions", "transfer_functions"]

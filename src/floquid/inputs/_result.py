@@ -195,8 +195,8 @@ class _Part:
             begin, initial = mode.turns[0] % 1.0, mode.initial
             begins = found.samples.times[list(found.samples.begins[:-1])]
             of_gains = spread[1 : 1 + size] + 1j * spread[1 + size : 1 + 2 * size]
-            std = _mirrored(mode.turns, std, -begin, deviations=True)[1]
-            gain_std = _mirrored(mode.reach, of_gains.reshape(mode.gains.shape), begin, deviations=True)[1]
+            std = mirrored(mode.turns, std, -begin, deviations=True)[1]
+            gain_std = mirrored(mode.reach, of_gains.reshape(mode.gains.shape), begin, deviations=True)[1]
             initial = mode.initial * np.exp(1j * begin * omega * begins)
             imag = np.zeros((1, len(found.parameters)))
         else:
@@ -217,7 +217,7 @@ class _Part:
         )
 
 
-def _mirrored(
+def mirrored(
     turns: NDArray[np.float64], values: NDArray[np.complex128], shift: float, *, deviations: bool = False
 ) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:
     """Harmonics of a real signal's amplitudes (rows, turns), those below zero too, all moved by a shift."""
@@ -233,7 +233,7 @@ def terms_of(mode: InputMode, shape: NDArray[np.complex128], fundamental: float)
     """A mode of a fit as modes of a model, with amplitudes 2 c (outputs, turns): a pair as two."""
     if mode.real:
         begin = mode.turns[0] % 1.0
-        seen, reached = _mirrored(mode.turns, shape, -begin), _mirrored(mode.reach, mode.gains, begin)
+        seen, reached = mirrored(mode.turns, shape, -begin), mirrored(mode.reach, mode.gains, begin)
         return [(mode.exponent.real + 1j * begin * fundamental, *seen, *reached)]
     turns, reach = mode.turns.astype(np.int64), mode.reach.astype(np.int64)
     return [

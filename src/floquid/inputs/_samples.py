@@ -28,7 +28,7 @@ class Samples(Rebuilt):
     begins
         The first sample of each record, and one past the last of all (records + 1,).
     times
-        The time after phase zero (samples,) [s].
+        The angle of the system over ω (samples,) [s]: the time after phase zero where the speed is constant.
     step, fundamental
         The sampling interval [s], and ω [rad/s].
     hold
@@ -82,7 +82,7 @@ class Samples(Rebuilt):
 def samples_of(
     values: Sequence[NDArray[np.float64]],
     inputs: Sequence[NDArray[np.float64]],
-    starts: Sequence[float],
+    starts: Sequence[float | NDArray[np.float64]],
     *,
     step: float,
     fundamental: float,
@@ -92,10 +92,15 @@ def samples_of(
     """The samples of records, with an offset of each and the harmonics `turns` of a periodic response beside.
 
     Outputs and inputs of each record are (channels, samples) and (inputs, samples), `starts` are the times of the first
-    samples after phase zero [s].
+    samples after phase zero [s], or the angles of all samples over ω (samples,) [s].
     """
     begins = (0, *np.cumsum([own.shape[1] for own in values]).tolist())
-    times = np.concatenate([start + step * np.arange(own.shape[1]) for own, start in zip(values, starts, strict=True)])
+    times = np.concatenate(
+        [
+            start + step * np.arange(own.shape[1]) if np.ndim(start) == 0 else start
+            for own, start in zip(values, starts, strict=True)
+        ]
+    )
     known = [np.zeros((len(values), begins[-1]))]
     for number, (first, last) in enumerate(pairwise(begins)):
         known[0][number, first:last] = 1.0

@@ -46,7 +46,7 @@ SIGNIFICANT = 5.0
 
 TAKEN = (
     *("period", "tach", "azimuth", "channels", "inputs", "hold", "harmonics", "forced", "validate"),
-    *("mode_false_alarm", "harmonic_false_alarm", "pulses_per_revolution"),
+    *("mode_false_alarm", "harmonic_false_alarm", "pulses_per_revolution", "periods_per_revolution"),
 )
 """Settings that this chain takes, and clocks, which it refuses by name."""
 
@@ -157,7 +157,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             *_unreached(fit),
             *_against(found, held_out),
             *_ended(samples, found, model, limits),
-            *_period(samples, found),
+            *(() if own.shafts else _period(samples, found)),
         ),
     )
 
@@ -172,7 +172,7 @@ def _held_out(own: Parted, found: Linearisation) -> NDArray[np.float64]:
     first = samples_of(
         [whole.values[:, one] for one in kept],
         [whole.inputs[:, one] for one in kept],
-        [float(whole.times[one.start]) for one in kept],
+        [whole.times[one] for one in kept],
         step=whole.step,
         fundamental=whole.fundamental,
         hold=whole.hold,
@@ -198,8 +198,9 @@ def _held_out(own: Parted, found: Linearisation) -> NDArray[np.float64]:
 def _done(own: Parted) -> tuple[Finding, ...]:
     """Findings on what was fitted beside the modes."""
     names = [channel.name for channel in own.inputs]
-    done = [note("inputs", channels=names, hold=own.samples.hold)]
-    return (*done, *([note("steady_beside_inputs", harmonics=own.turns)] if own.turns else []))
+    done = [note("inputs", channels=names, hold=own.samples.hold)] if names else []
+    steady = [note("steady_beside_inputs", harmonics=own.turns)] if own.turns else []
+    return (*done, *steady, *(finding for shaft in own.shafts for finding in shaft.findings))
 
 
 def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:

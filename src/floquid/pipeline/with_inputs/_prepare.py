@@ -1,4 +1,4 @@
-"""Records with measured inputs as samples: the channels parted, what cannot end well refused."""
+"""Records whose excitation goes on as samples: the channels parted, what cannot end well refused."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from floquid.core import Channel, ConstantPeriod, Record, channels_named
 from floquid.errors import IdentificationError
 from floquid.inputs import Hold, Samples, samples_of
 from floquid.pipeline._settings import Settings
+from floquid.sync import ShaftAngle, shaft_angle
 
 OF = "identify_driven"
 
@@ -52,6 +53,8 @@ class Parted:
         The channels of each.
     turns
         Harmonics of the period that are fitted beside the modes (turns,).
+    shafts
+        The angle of the shaft in each record; none where the period is constant.
     """
 
     records: tuple[Record, ...]
@@ -59,10 +62,11 @@ class Parted:
     outputs: tuple[Channel, ...]
     inputs: tuple[Channel, ...]
     turns: tuple[int, ...]
+    shafts: tuple[ShaftAngle, ...]
 
 
-def parted(records: Sequence[Record], settings: Settings) -> Parted:
-    """The samples of records with measured inputs.
+def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parted:
+    """The samples of records whose excitation goes on, with what measures it.
 
     Raises
     ------
@@ -71,58 +75,76 @@ def parted(records: Sequence[Record], settings: Settings) -> Parted:
     IdentificationError
         The inputs say nothing of the system, or the records are too short.
     """
-    period = _period(records)
     rates = {record.sample_rate for record in records}
     if len(rates) > 1:
-        raise input_error("records", OF, "have one rate with `inputs`", f"have {sorted(rates)}", "Resample them.")
+        raise input_error("records", of, "have one rate", f"have {sorted(rates)}", "Resample them.")
     for record in records:
-        channels_named(record.channels, settings.inputs, argument="inputs", of=OF)
+        channels_named(record.channels, settings.inputs, argument="inputs", of=of)
         if np.isnan(record.values).any():
-            must, remedy = "miss no sample with `inputs`", "Cut the record at the gap, into two records."
-            raise input_error("records", OF, must, f"miss {int(np.isnan(record.values).sum())}", remedy)
-    names = [channel.name for channel in records[0].channels]
+            must, remedy = "miss no sample", "Cut the record at the gap, into two records."
+            raise input_error("records", of, must, f"miss {int(np.isnan(record.values).sum())}", remedy)
+    period, times, shafts = _turned(records, of)
+    channels = {channel.name: channel for channel in records[0].channels}
+    clocks = {settings.tach, settings.azimuth}
     wanted = settings.channels or [
-        channel.name for channel in records[0].channels if channel.quantity not in ("pulse", "angle")
+        name for name, own in channels.items() if own.quantity not in ("pulse", "angle") and name not in clocks
     ]
-    outputs = [name for name in names if name in wanted and name not in settings.inputs]
+    outputs = [name for name in channels if name in wanted and name not in settings.inputs]
     if not outputs:
         must = "leave a channel that is an output"
-        raise input_error("inputs", OF, must, "names every channel", "Name the channels that drive the system alone.")
+        raise input_error("inputs", of, must, "names every channel", "Name the channels that drive the system alone.")
+    names = list(channels)
     rows, driven = [names.index(name) for name in outputs], [names.index(name) for name in settings.inputs]
-    inputs = [record.values[driven] for record in records]
-    _refuse(inputs, records, period)
-    values = [record.values[rows] for record in records]
+    inputs, values = [record.values[driven] for record in records], [record.values[rows] for record in records]
     rate = records[0].sample_rate
-    starts = []
-    for record in records:
-        assert isinstance(record.clock, ConstantPeriod)
-        starts.append(record.clock.phase(record.start) * period)
-    turns = _steady(values, rate, period) if settings.forced == "auto" else _asked(settings)
+    periods = sum(record.n_samples for record in records) / (rate * period)
+    if periods < FEWEST:
+        raise IdentificationError(
+            f"The records hold {periods:.3g} periods, fewer than {FEWEST}: too few for a periodic system whose "
+            "excitation goes on."
+        )
+    if driven:
+        _refuse(inputs, rate, period)
+    turns = _steady(values, times, rate, period) if settings.forced == "auto" else _asked(settings)
     hold: Hold = settings.hold
     samples = samples_of(
-        values, inputs, starts, step=1.0 / rate, fundamental=2.0 * np.pi / period, hold=hold, turns=turns
+        values, inputs, times, step=1.0 / rate, fundamental=2.0 * np.pi / period, hold=hold, turns=turns
     )
-    channels = {channel.name: channel for channel in records[0].channels}
     return Parted(
         records=tuple(records),
         samples=samples,
         outputs=tuple(channels[name] for name in outputs),
         inputs=tuple(channels[name] for name in settings.inputs),
         turns=turns,
+        shafts=shafts,
     )
 
 
-def _period(records: Sequence[Record]) -> float:
-    """The period of all records, which must be one."""
-    periods = {record.clock.period for record in records if isinstance(record.clock, ConstantPeriod)}
-    if len(periods) != 1 or any(not isinstance(record.clock, ConstantPeriod) for record in records):
-        must, got = "have one constant period with `inputs`", "have none, several or a measured clock"
-        raise input_error("records", OF, must, got, "Give the period: `period=`.")
-    return periods.pop()
+def _turned(records: Sequence[Record], of: str) -> tuple[float, list[NDArray[np.float64]], tuple[ShaftAngle, ...]]:
+    """The mean period of all records, the angle of the system over ω at their samples, and their shafts."""
+    constant = [record.clock for record in records if isinstance(record.clock, ConstantPeriod)]
+    if any(record.clock is None for record in records) or 0 < len(constant) < len(records):
+        must, got = "all have a period, or all a measured clock", "have none, or some of each"
+        raise input_error("records", of, must, got, "Give the period, `period=`, or the shaft, `tach=`.")
+    ticks = [np.arange(record.n_samples) / record.sample_rate for record in records]
+    if constant:
+        period = constant[0].period
+        if any(own.period != period for own in constant):
+            periods = sorted({own.period for own in constant})
+            raise input_error("records", of, "have one period", f"have {periods}", "Give the period: `period=`.")
+        return period, [own.phase(r.start) * period + t for own, r, t in zip(constant, records, ticks, strict=True)], ()
+    shafts = tuple(shaft_angle(record) for record in records)
+    angles = [
+        shaft.angle(record.start + own) * shaft.periods_per_revolution
+        for shaft, record, own in zip(shafts, records, ticks, strict=True)
+    ]
+    turned = sum(float(own[-1] - own[0]) for own in angles)
+    period = 2.0 * np.pi * sum(float(own[-1]) for own in ticks) / turned
+    return period, [own * period / (2.0 * np.pi) for own in angles], shafts
 
 
-def _refuse(inputs: Sequence[NDArray[np.float64]], records: Sequence[Record], period: float) -> None:
-    """Refuse inputs that say nothing: none, copies, periodic ones; and records of a few periods."""
+def _refuse(inputs: Sequence[NDArray[np.float64]], rate: float, period: float) -> None:
+    """Refuse inputs that say nothing: none, copies, periodic ones."""
     whole = np.concatenate(inputs, axis=1)
     centred = whole - whole.mean(axis=1, keepdims=True)
     size = np.sqrt(np.mean(centred**2, axis=1))
@@ -136,12 +158,7 @@ def _refuse(inputs: Sequence[NDArray[np.float64]], records: Sequence[Record], pe
             "The inputs are copies or sums of one another: what each does cannot be told. Leave one out of `inputs`, "
             "or drive them with signals that are independent."
         )
-    periods = sum(record.n_samples for record in records) / (records[0].sample_rate * period)
-    if periods < FEWEST:
-        raise IdentificationError(
-            f"The records hold {periods:.3g} periods, fewer than {FEWEST}: too few for a periodic system with inputs."
-        )
-    off = [_off_harmonics(own, record.sample_rate, period) for own, record in zip(inputs, records, strict=True)]
+    off = [_off_harmonics(own, rate, period) for own in inputs]
     if max(off) < PERIODIC:
         raise IdentificationError(
             "The inputs repeat with the period of the system: all of their lines are multiples of its fundamental. The "
@@ -162,23 +179,25 @@ def _off_harmonics(values: NDArray[np.float64], rate: float, period: float) -> f
     return float(lines[:, ~near].sum() / max(lines.sum(), np.finfo(float).tiny))
 
 
-def _steady(values: Sequence[NDArray[np.float64]], rate: float, period: float) -> tuple[int, ...]:
+def _steady(
+    values: Sequence[NDArray[np.float64]], times: Sequence[NDArray[np.float64]], rate: float, period: float
+) -> tuple[int, ...]:
     """Harmonics of a response that repeats: an orbit, gravity, an imbalance.
 
     Where one stands far above what is beside it all are fitted, as far as the records are long enough: a smaller one
     that is left out would be taken for a mode that never decays.
     """
     highest = min(STEADY_LINES, int(0.5 * rate * period - 1e-6))
-    loud = [harmonic for harmonic in range(1, highest + 1) if any(_loud(own, rate, period, harmonic) for own in values)]
+    both = list(zip(values, times, strict=True))
+    loud = [harmonic for harmonic in range(1, highest + 1) if any(_loud(*own, period, harmonic) for own in both)]
     periods = sum(own.shape[1] for own in values) / (rate * period)
     return tuple(range(1, highest + 1)) if loud and periods > PERIODS_A_LINE * highest else tuple(loud)
 
 
-def _loud(values: NDArray[np.float64], rate: float, period: float, harmonic: int) -> bool:
+def _loud(values: NDArray[np.float64], times: NDArray[np.float64], period: float, harmonic: int) -> bool:
     """True where the line at a harmonic stands far above those beside it in a channel."""
-    periods = values.shape[1] / (rate * period)
-    offsets = np.array([0.0, *(sign * k for k in BESIDE for sign in (1.0, -1.0))]) / periods
-    angles = 2.0 * np.pi * np.multiply.outer(harmonic + offsets, np.arange(values.shape[1])) / (rate * period)
+    offsets = np.array([0.0, *(sign * k for k in BESIDE for sign in (1.0, -1.0))]) * period / (times[-1] - times[0])
+    angles = 2.0 * np.pi * np.multiply.outer(harmonic + offsets, times) / period
     lines = np.abs((values - values.mean(axis=1, keepdims=True)) @ np.exp(-1j * angles).T)
     return bool((lines[:, 0] > LOUD * np.sqrt(np.mean(lines[:, 1:] ** 2, axis=1))).any())
 
