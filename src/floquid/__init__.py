@@ -19,13 +19,24 @@ if TYPE_CHECKING:
     from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
     from floquid.errors import FloquidError, IdentificationError, InputError
     from floquid.exports import export_modes, to_xarray
-    from floquid.pipeline import Analysis, Bootstrap, DrivenAnalysis, Settings, bootstrap, identify, identify_driven
+    from floquid.pipeline import (
+        AmbientAnalysis,
+        Analysis,
+        Bootstrap,
+        DrivenAnalysis,
+        Settings,
+        bootstrap,
+        identify,
+        identify_ambient,
+        identify_driven,
+    )
     from floquid.readers import from_pandas, from_sep005, from_xarray, read, to_pandas, to_sep005, write
     from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
     from floquid.reporting import report
     from floquid.store import load, save
 
 __all__ = [
+    "AmbientAnalysis",
     "Analysis",
     "AzimuthSignal",
     "Bootstrap",
@@ -49,6 +60,7 @@ __all__ = [
     "from_sep005",
     "from_xarray",
     "identify",
+    "identify_ambient",
     "identify_driven",
     "load",
     "read",
@@ -67,7 +79,7 @@ _ROOMS = {
     "core": "AzimuthSignal Channel ConstantPeriod PeriodicModel PulseTimes Record TachometerSignal",
     "errors": "FloquidError IdentificationError InputError",
     "exports": "export_modes to_xarray",
-    "pipeline": "Analysis Bootstrap DrivenAnalysis Settings bootstrap identify identify_driven",
+    "pipeline": "AmbientAnalysis Analysis Bootstrap DrivenAnalysis Settings bootstrap identify identify_ambient identify_driven",
     "readers": "from_pandas from_sep005 from_xarray read to_pandas to_sep005 write",
     "reconstruction": "Refinement StateModel reconstruct refine",
     "reporting": "report",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from floquid.findings._ambient import AMBIENT
 from floquid.findings._draws import DRAWS
 from floquid.findings._fit import FIT
 from floquid.findings._inputs import INPUTS
@@ -20,6 +21,7 @@ WORDS: dict[str, str | Callable[..., str]] = {
     **ORDER,
     **FIT,
     **INPUTS,
+    **AMBIENT,
     **MODEL,
     **SYSTEM,
     **VERDICT,

@@ -47,11 +47,8 @@ class Fit(Rebuilt):
         own = self.at.states[:, first : first + self.at.modes[number].rows]
         return float(np.sqrt(np.mean(np.sum(own**2, axis=1))))
 
-    def varying(self, number: int) -> float:
-        """The squared deviations of a mode from one of a time-invariant system, by degree of freedom.
-
-        Those of all harmonics beside the largest of the shape and of the gains: about 1 where noise explains them.
-        """
+    def varying(self, number: int) -> tuple[float, int]:
+        """Squared deviations of the harmonics of a shape, but for the largest, from zero, and how many those are."""
         mode, place = self.at.modes[number], self.places[number]
         turns = np.arange(len(mode.turns)) != int(np.argmax(np.sum(np.abs(mode.shape) ** 2, axis=0)))
         mask = np.concatenate(
@@ -59,9 +56,9 @@ class Fit(Rebuilt):
         )
         own = np.concatenate([mode.shape.real.ravel(), mode.shape.imag.ravel()])[mask[-2 * mode.shape.size :]]
         if not len(own):
-            return 0.0
+            return 0.0, 0
         spread = self.parameters[place, place][np.ix_(mask, mask)]
-        return float(own @ np.linalg.pinv(spread, hermitian=True) @ own / len(own))
+        return float(own @ np.linalg.pinv(spread, hermitian=True) @ own), len(own)
 
 
 def terms_of(mode: Mode, samples: Samples) -> list[tuple[complex, NDArray[np.int64], NDArray, NDArray[np.int64], NDArray]]:

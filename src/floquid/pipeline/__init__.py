@@ -4,7 +4,7 @@ Everything starts from what `prepare` makes of records: the responses, what ties
 `lifted` stops after lifting, and `find_poles` goes on from there to poles and noise.
 `samples_of` are the samples that are fitted, and `lifted_views` what a fit leaves of them, cut into periods and lifted.
 `validated` adds the verdict on a model.
-`identify_driven` is the chain for records with measured inputs.
+`identify_driven` is the chain for records with measured inputs, `identify_ambient` that for outputs alone.
 `bootstrap` checks the deviations of an `Analysis` by drawing records from its model.
 """
 
@@ -20,12 +20,13 @@ from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import AbstractDraws, Bootstrap, Draw, Spread, bootstrap
 from floquid.pipeline.preparation import Prepared, prepare
 from floquid.pipeline.preparation import blas_threads as blas_threads
-from floquid.pipeline.with_inputs import HELD_OUT, DrivenAnalysis, identify_driven
+from floquid.pipeline.with_inputs import HELD_OUT, AmbientAnalysis, DrivenAnalysis, identify_ambient, identify_driven
 
 __all__ = [
     "CONFIDENT",
     "HELD_OUT",
     "AbstractDraws",
+    "AmbientAnalysis",
     "Analysis",
     "Bootstrap",
     "Draw",
@@ -36,6 +37,7 @@ __all__ = [
     "bootstrap",
     "find_poles",
     "identify",
+    "identify_ambient",
     "identify_driven",
     "lifted",
     "lifted_views",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from floquid.reconstruction import MOST_TIMES, AbstractStructure, FirstOrder, Fo
 
 ALL = "all"
 """Name of all channels as states, each state a weighted sum of them."""
+
+Excitation: TypeAlias = Literal["none", "ambient"]
+"""Excitation that goes on and that nobody measured."""
 
 IdentifierName = Literal["ml", "ami", "era", "lscf", "poly", "ami-ml", "era-ml", "lscf-ml", "poly-ml"]
 """Words for the algorithms; those that end in -ml are finished by maximum likelihood."""
@@ -61,6 +64,8 @@ class Settings(Brief):
     hold
         Inputs between their samples: zero where they are held, first where they are linear, none where they act at the
         samples alone.
+    excitation
+        Excitation that goes on and that nobody measured: none, or ambient, which is random.
     order
         The number of complex poles, conjugates counted one by one; found from the data if not given.
     harmonics
@@ -129,6 +134,7 @@ class Settings(Brief):
     channels: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
     hold: Hold = "zero"
+    excitation: Excitation = "none"
     order: int | None = None
     harmonics: int | None = None
     states: tuple[str, ...] = ()
@@ -171,6 +177,9 @@ class Settings(Brief):
             integer(self.harmonics, "harmonics", of, at_least=0)
         fewer = "Ask for fewer instants."
         integer(self.system_times, "system_times", of, at_least=1, at_most=MOST_TIMES, remedy=fewer)
+        if self.excitation not in get_args(Excitation):
+            must, got = 'be "none" or "ambient"', f"is {self.excitation!r}"
+            raise input_error("excitation", of, must, got, "Name channels that measure it with `inputs`.")
         if self.hold not in get_args(Hold):
             words = ", ".join(f'"{one}"' for one in get_args(Hold))
             raise input_error("hold", of, f"be one of {words}", f"is {self.hold!r}")

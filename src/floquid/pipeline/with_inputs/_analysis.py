@@ -111,13 +111,17 @@ class DrivenAnalysis(Told, Drawn, Rebuilt):
         InputError
             A frequency is no number.
         """
-        of = "DrivenAnalysis.transfer"
-        if frequencies_hz is None:
-            highest = max(2.0 * self.model.frequencies_hz.max(initial=0.0), 1.0 / self.model.period)
-            most = min(highest, 0.5 * min(record.sample_rate for record in self.records))
-            frequencies_hz = np.linspace(most / POINTS, most, POINTS)
-        hertz = frozen_array(
-            np.atleast_1d(np.asarray(frequencies_hz, float)), "frequencies_hz", of, axes=("frequencies",)
-        )
+        hertz = frequencies_of(frequencies_hz, self.model, self.records, "DrivenAnalysis.transfer")
         turns = np.unique(np.atleast_1d(np.asarray(harmonics, np.int64)))
         return transfer_of(self.fit, self.model.channels, self.inputs, hertz, turns)
+
+
+def frequencies_of(
+    asked: ArrayLike | None, model: PeriodicModel, records: tuple[Record, ...], of: str
+) -> NDArray[np.float64]:
+    """Frequencies of transfer functions [Hz]: those asked for, or some to beyond the highest mode (frequencies,)."""
+    if asked is None:
+        highest = max(2.0 * model.frequencies_hz.max(initial=0.0), 1.0 / model.period)
+        most = min(highest, 0.5 * min(record.sample_rate for record in records))
+        asked = np.linspace(most / POINTS, most, POINTS)
+    return frozen_array(np.atleast_1d(np.asarray(asked, float)), "frequencies_hz", of, axes=("frequencies",))

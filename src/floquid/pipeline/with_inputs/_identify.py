@@ -153,7 +153,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         noise=found.noise[:, None],
         held_out=held_out,
         findings=(
-            *_done(own),
+            *done_beside(own),
             *_unreached(fit),
             *_against(found, held_out),
             *_ended(samples, found, model, limits),
@@ -195,7 +195,7 @@ def _held_out(own: Parted, found: Linearisation) -> NDArray[np.float64]:
     return np.array(errors)
 
 
-def _done(own: Parted) -> tuple[Finding, ...]:
+def done_beside(own: Parted) -> tuple[Finding, ...]:
     """Findings on what was fitted beside the modes."""
     names = [channel.name for channel in own.inputs]
     done = [note("inputs", channels=names, hold=own.samples.hold)] if names else []

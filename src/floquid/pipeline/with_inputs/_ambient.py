@@ -1,0 +1,319 @@
+"""The chain for outputs alone: excitation that goes on and that nobody measured, beside measured inputs or without."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from floquid._checks import Rebuilt, input_error
+from floquid._show import Drawings, Drawn, Told
+from floquid.core import Channel, PeriodicModel, Provenance, Record
+from floquid.errors import IdentificationError
+from floquid.findings import Finding, Severity, failure, note, texts, warning
+from floquid.innovations import Fit, Predictor, model_of, predicted, searched, solve, transfer_of
+from floquid.inputs import Limits, Samples, TransferFunctions
+from floquid.pipeline._settings import Settings
+from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
+from floquid.pipeline.with_inputs._analysis import HELD_OUT, frequencies_of
+from floquid.pipeline.with_inputs._identify import HIGHEST, KEPT, TAKEN, done_beside
+from floquid.pipeline.with_inputs._prepare import Parted, parted
+
+OF = "identify_ambient"
+
+LAGS = 20
+"""Lags of the correlation of the innovations."""
+
+PREDICTABLE = 0.03
+"""The share of the variance of the innovations that is predictable from those before, from which on a model fails."""
+
+SURE = 1e-6
+"""The probability at which noise may pass for something that is told."""
+
+AIM = 0.1
+"""The relative deviation of the damping for which the length of a record is given."""
+
+VAGUE = 0.5
+"""The relative deviation of the damping from which on a reader is warned."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AmbientAnalysis(Told, Drawn, Rebuilt):
+    """Result of `identify_ambient`: of records whose excitation goes on and was not measured.
+
+    Parameters
+    ----------
+    settings
+        The options used.
+    records
+        The records used.
+    model
+        The periodic model: coefficients are those of a state of rms 1, the largest of each mode real, and of no
+        deviation. It has `inputs` where some were measured.
+    fit
+        The fit in innovations form and its joint covariance.
+    noise
+        The deviation of the innovations of each output (outputs, 1) [units of the channels].
+    held_out
+        The rms of the innovations over that expected, of each output, on the last quarter of each record by a fit to
+        the rest (outputs,); NaN where that was not asked for.
+    lengths
+        Duration of a record that gives the damping of each mode to 10 % (modes,) [s].
+    findings
+        What was done, and what a reader must know.
+    """
+
+    settings: Settings
+    records: tuple[Record, ...]
+    model: PeriodicModel
+    fit: Fit
+    noise: NDArray[np.float64]
+    held_out: NDArray[np.float64]
+    lengths: NDArray[np.float64]
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._freeze(noise=("outputs", 1))
+        self._freeze(held_out=("outputs",), lengths=("modes",), finite=False)
+
+    def __repr__(self) -> str:
+        model, checked = self.model, np.isfinite(self.held_out).all()
+        verdict = ("passes" if self.passed else "does not pass") if checked else "not checked"
+        return (
+            f"AmbientAnalysis(order={model.order}, period={model.period:.4g} s, {len(model.channels)} outputs, "
+            f"{len(self.inputs)} inputs: {verdict})"
+        )
+
+    def _figures(self) -> Drawings:
+        return {"exponents": (self.model, {}), **({"transfer": (self.transfer, {})} if self.inputs else {})}
+
+    @property
+    def inputs(self) -> tuple[Channel, ...]:
+        """The channels that are measured inputs."""
+        return () if self.model.inputs is None else self.model.inputs.channels
+
+    @property
+    def passed(self) -> bool:
+        """True where samples left out are predicted as well as those fitted, and nothing was found against the model."""
+        failed = any(own.severity is Severity.FAILURE for own in self.findings)
+        return bool((self.held_out < HELD_OUT).all()) and not failed
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings to a reader of the result, a sentence each."""
+        return (*texts(self.findings, Severity.FAILURE), *texts(self.findings, Severity.WARNING))
+
+    @property
+    def provenance(self) -> Provenance:
+        """Sources and steps of the result."""
+        return self.model.provenance
+
+    def transfer(
+        self, frequencies_hz: ArrayLike | None = None, harmonics: ArrayLike = (-2, -1, 0, 1, 2)
+    ) -> TransferFunctions:
+        r"""The harmonic transfer functions from the measured inputs with their deviations, as of `DrivenAnalysis`.
+
+        .. math:: u(t) = e^{i \Omega t} \;\to\; y(t) = \sum_m G_m(\Omega)\, e^{i (\Omega + m \omega) t}
+
+        Parameters
+        ----------
+        frequencies_hz
+            Ω/2π (frequencies,) [Hz]; by default up to twice the highest frequency of a mode, at most half the rate.
+        harmonics
+            The integers m (harmonics,).
+
+        Returns
+        -------
+        TransferFunctions
+            G, with deviations by all that is uncertain in the model, to first order.
+
+        Raises
+        ------
+        InputError
+            No input was measured, or a frequency is no number.
+        """
+        of = "AmbientAnalysis.transfer"
+        if not self.inputs:
+            must, remedy = "have measured inputs", "Name them: `inputs=`."
+            raise input_error("self", of, must, "is of outputs alone", remedy)
+        hertz = frequencies_of(frequencies_hz, self.model, self.records, of)
+        turns = np.unique(np.atleast_1d(np.asarray(harmonics, np.int64)))
+        return transfer_of(self.fit, self.model.channels, self.inputs, hertz, turns)
+
+
+def identify_ambient(
+    records: Record | Sequence[Record],
+    settings: Settings | None = None,
+    *,
+    report: Callable[[str], None] = lambda _: None,
+    **options: object,
+) -> AmbientAnalysis:
+    r"""Identify a linear time-periodic system from its response to random excitation that nobody measured.
+
+    .. math:: z_{r,k+1} = e^{\lambda_r h} z_{r,k} + \kappa_r(t_k)\, e_k \;[+\; \beta_r(t_k)\, u_k], \qquad
+              y_k = \sum_r \sum_m c_{r,m}\, e^{i m \omega t_k} z_{r,k} + e_k
+
+    the innovations form, with e white: process noise and that of sensors together (Ljung 1999, section 4.3). First
+    innovations are those of a long periodic autoregression (Hannan and Rissanen 1982); candidates for λ come from a
+    subspace method with them as inputs, modes and harmonics are decided by tests, and all is finished by maximum
+    likelihood. With `inputs` the same chain takes process noise and a closed loop into account.
+
+    Parameters
+    ----------
+    records
+        One record, or several of the same channels.
+    settings
+        The options, or give them by name.
+    report
+        Is told what is being done, a phrase a stage.
+    **options
+        Fields of `Settings`: `period` or a clock, `channels`, `inputs`, `hold`, `harmonics`, `forced`, `validate` and
+        the probabilities of false alarm. Others are refused.
+
+    Returns
+    -------
+    AmbientAnalysis
+        The model with deviations, the verdict, and the length of record that a damping to 10 % needs.
+
+    Raises
+    ------
+    InputError
+        The records, the inputs or the clock are not possible.
+    IdentificationError
+        No mode rises above the noise.
+    """
+    chosen = settings_of(settings, {**options, "excitation": "ambient"}, OF)
+    usual = Settings()
+    for name in (field.name for field in fields(Settings) if field.name not in (*TAKEN, "excitation")):
+        if getattr(chosen, name) != getattr(usual, name):
+            must, got = "be left as it is with random excitation", f"is {getattr(chosen, name)!r:.60}"
+            raise input_error(name, OF, must, got, f"What counts here: {', '.join(sorted(TAKEN))}.")
+    with own_names(OF):
+        used = clocked(records, chosen, OF)
+        with blas_threads(used):
+            return _identified(used, chosen, report)
+
+
+def _identified(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> AmbientAnalysis:
+    """The chain from the records with their clocks on."""
+    report("reading angle and channels")
+    own = parted(records, settings, OF)
+    # What inputs do at once is a known column beside the offsets and the lines.
+    samples = replace(own.samples, known=np.concatenate([own.samples.known, own.samples.inputs]))
+    phases = 2.0 * np.pi / (samples.fundamental * samples.step)
+    highest = max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics
+    limits = Limits(
+        mode_alarm=settings.mode_false_alarm, harmonic_alarm=settings.harmonic_false_alarm, highest=highest
+    )
+    report("searching for modes")
+    found = searched(samples, limits, report)
+    if not found.modes:
+        raise IdentificationError(
+            "Identification ended without a result: no mode rises above the noise. The response is white, or the "
+            "record is too short: damping that is random excitation's alone needs hundreds of periods."
+        )
+    report("estimating deviations")
+    fit = Fit(samples, found)
+    provenance = Provenance.merge(tuple(record.provenance for record in records))
+    model = model_of(fit, own.outputs, own.inputs, provenance)
+    held_out = np.full(len(own.outputs), np.nan)
+    if settings.validate:
+        report("predicting samples left out")
+        held_out = _held_out(samples, found)
+    assert model.exponent_std is not None
+    duration = samples.n_samples * samples.step
+    relative = model.exponent_std.real / np.abs(model.exponents.real)
+    return AmbientAnalysis(
+        settings=settings,
+        records=own.records,
+        model=model,
+        fit=fit,
+        noise=np.sqrt(np.diag(found.covariance))[:, None],
+        held_out=held_out,
+        lengths=duration * (relative / AIM) ** 2,
+        findings=(
+            *done_beside(own),
+            *_told(own, fit, model, relative, duration),
+            *_against(samples, found, held_out),
+            *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
+        ),
+    )
+
+
+def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:
+    """The rms of the innovations over that of the part fitted, on the last quarter of each record (outputs,)."""
+    kept = [slice(one.start, one.start + int(KEPT * (one.stop - one.start))) for one in samples.records]
+    mask = np.zeros(samples.n_samples, bool)
+    for one in kept:
+        mask[one] = True
+    begins = (0, *np.cumsum([one.stop - one.start for one in kept]).tolist())
+    part = replace(
+        samples,
+        values=samples.values[:, mask],
+        inputs=samples.inputs[:, mask],
+        begins=begins,
+        times=samples.times[mask],
+        known=samples.known[:, mask],
+    )
+    start = predicted(part, found.modes, found.columns, found.initial)
+    if start is None:
+        return np.full(len(samples.values), np.inf)
+    fitted = solve(part, start, rough=True)
+    whole = predicted(samples, fitted.modes, fitted.columns, fitted.initial)
+    if whole is None:
+        return np.full(len(samples.values), np.inf)
+    expected = np.sqrt(np.mean(fitted.innovations**2, axis=1))
+    return np.asarray(np.sqrt(np.mean(whole.innovations[:, ~mask] ** 2, axis=1)) / expected, np.float64)
+
+
+def _told(
+    own: Parted, fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float
+) -> tuple[Finding, ...]:
+    """Findings on each mode: how long a record its damping needs, and whether its shape is periodic at all."""
+    from scipy.special import chdtrc
+
+    found, varying = [], []
+    for number in range(len(fit.at.modes)):
+        squares, degrees = fit.varying(number)
+        varying.append(bool(degrees and chdtrc(degrees, squares) < SURE))
+    if not any(varying):
+        found.append(note("ambient_constant"))
+    place = 0
+    for mode, varies in zip(fit.at.modes, varying, strict=True):
+        hertz, share = abs(model.exponents[place]) / (2.0 * np.pi), float(relative[place])
+        place += mode.rows
+        if any(varying) and not varies:
+            found.append(warning("ambient_single", frequency=hertz))
+        if share > AIM:
+            told = warning if share > VAGUE else note
+            length = duration * (share / AIM) ** 2
+            found.append(
+                told("ambient_length", frequency=hertz, share=share, length=length, periods=length / model.period)
+            )
+    return tuple(found)
+
+
+def _against(samples: Samples, found: Predictor, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
+    """Findings against the model: samples left out that it does not predict, and colour in the innovations."""
+    from scipy.special import chdtrc
+
+    against = []
+    if (held_out >= HELD_OUT).any():
+        against.append(failure("ambient_held_out", error=float(np.nanmax(held_out))))
+    root = np.linalg.inv(np.linalg.cholesky(found.covariance))
+    white = root @ found.innovations
+    # Colour that turns with the system is looked for as well as colour that does not.
+    turned = [np.ones(samples.n_samples), *(2.0**0.5 * part for part in (samples.turned(1).real, samples.turned(1).imag))]
+    squares, count = 0.0, samples.n_samples
+    for lag, angle in product(range(1, LAGS + 1), turned):
+        both = (white[:, lag:] * angle[lag:]) @ white[:, :-lag].T / count
+        squares += count * float(np.sum(both**2))
+    degrees = LAGS * len(turned) * len(white) ** 2
+    share = (squares - degrees) / (count * len(white))
+    if chdtrc(degrees, squares) < SURE:
+        told = failure if share > PREDICTABLE else warning
+        against.append(told("ambient_colour", share=share))
+    return tuple(against)
