@@ -26,6 +26,7 @@ def first_innovations(samples: Samples) -> NDArray[np.float64]:
     """
     best, found = np.inf, np.zeros_like(samples.values)
     for harmonics in HARMONICS:
+        before = np.inf
         for lags in LAGS:
             rows = _regressors(samples, lags, harmonics)
             used = np.ones(samples.n_samples, bool)
@@ -40,8 +41,11 @@ def first_innovations(samples: Samples) -> NDArray[np.float64]:
             system = gram / np.outer(size, size) + 1e-10 * np.eye(len(size))
             left = values - (np.linalg.solve(system, rows @ values.T / size[:, None]) / size[:, None]).T @ rows
             criterion = count * np.linalg.slogdet(left @ left.T / count)[1] + len(rows) * len(values) * np.log(count)
-            if criterion / count < best:
-                best, found = criterion / count, np.zeros_like(samples.values)
+            if criterion / count > before:
+                break
+            before = criterion / count
+            if before < best:
+                best, found = before, np.zeros_like(samples.values)
                 found[:, used] = left
     return found
 

@@ -28,6 +28,9 @@ STRIDE = 2
 SHRUNK = (1.0, 0.7, 0.4, 0.2, 0.05)
 """Factors of the gains of the innovations at which a predictor is tried."""
 
+DOUBTFUL = 5.0
+"""The squared deviations of a mode's gains over the limit, from which on no fit without it is tried."""
+
 HOPELESS = 5.0
 """The loss by leaving a mode out, over the limit, from which on no harmonics of others are grown to make it up."""
 
@@ -212,8 +215,11 @@ def _weight(mode: Mode, spread: NDArray[np.float64], gone: list[NDArray[np.bool_
 def _needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """Without modes that noise explains once all others are fitted again."""
     while len(now.modes) > 1:
-        trials = []
-        for number in range(len(now.modes)):
+        inverse, trials = normal_of(samples, now, rough=True).inverse(), []
+        for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
+            everywhere = [np.zeros(len(mode.turns), bool), np.ones(len(mode.reach), bool)]
+            if _weight(mode, inverse[place, place], everywhere) > DOUBTFUL * limit_of(2 * mode.gains.size, limits.mode_alarm):
+                continue
             modes = [mode for k, mode in enumerate(now.modes) if k != number]
             trial = _rebuilt(samples, replace(now, initial=np.zeros((len(samples.records), 0))), modes)
             if trial is not None:
