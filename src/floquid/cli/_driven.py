@@ -1,4 +1,4 @@
-"""`floquid identify --inputs` and `floquid transfer`: records with measured inputs."""
+"""Records whose excitation goes on: `floquid identify --inputs`, `--excitation ambient` and `floquid transfer`."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from floquid.cli._terminal import (
 from floquid.core import Record
 from floquid.exports import driven_summary, transfer_entries, transfer_rows
 from floquid.inputs import TransferFunctions
-from floquid.pipeline import DrivenAnalysis, identify_driven
-from floquid.views import driven_lines, mode_table, note_meanings
+from floquid.pipeline import ExcitedAnalysis, identify_ambient, identify_driven
+from floquid.views import excited_lines, mode_table, note_meanings
 
 OF = "floquid transfer"
 STAGES = 6
@@ -44,7 +44,7 @@ _AT = "Frequencies [Hz]: one, several with commas, or first:last:number. By defa
 _HARMONICS = "Harmonics m, with commas: the response at the input's frequency plus m times the fundamental."
 
 
-def driven(
+def excited(
     records: Sequence[Record],
     choices: Choices,
     folder: ResultFolder | None,
@@ -53,33 +53,42 @@ def driven(
     as_json: bool,
     enforce: bool,
 ) -> None:
-    """Identify records with measured inputs, print the result, and write it into the folder, if there is one."""
-    analysis = identify_driven(records, choices.resolved(), report=report)
+    """Identify records whose excitation goes on, print the result, and write it into the folder, if there is one."""
+    analysis = _identified(records, choices, report)
     if folder is not None:
-        from floquid.plot import save_figure, transfer
+        from floquid.plot import save_figure
 
-        found = analysis.transfer()
         folder.write("summary.json", json_text(driven_summary(analysis)))
         folder.write("settings.toml", choices.text())
-        folder.write("transfer.csv", transfer_rows(found))
+        if analysis.inputs:
+            folder.write("transfer.csv", transfer_rows(analysis.transfer()))
         (folder.unfinished / "figures").mkdir()
-        save_figure(transfer(found), folder.unfinished / "figures" / "transfer.png")
+        for name in analysis.plot:
+            save_figure(getattr(analysis.plot, name)(), folder.unfinished / "figures" / f"{name}.png")
         folder.publish()
     if as_json:
         sys.stdout.write(json_text(driven_summary(analysis)))
     else:
-        print_driven(terminal(), analysis)
+        print_excited(terminal(), analysis)
     if enforce and not analysis.passed:
         raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *analysis.warnings]))
 
 
-def print_driven(console: Console, analysis: DrivenAnalysis) -> None:
+def _identified(records: Sequence[Record], choices: Choices, report: Callable[[str], None]) -> ExcitedAnalysis:
+    """The result of the chain that the settings ask for."""
+    settings = choices.resolved()
+    if settings.excitation == "ambient":
+        return identify_ambient(records, settings, report=report)
+    return identify_driven(records, settings, report=report)
+
+
+def print_excited(console: Console, analysis: ExcitedAnalysis) -> None:
     """Print the record, the modes, a line for each other finding, and the warnings."""
     first, model = analysis.records[0], analysis.model
     periods = sum(record.duration for record in analysis.records) / model.period
-    inputs, outputs = len(analysis.inputs), len(model.channels)
+    inputs, outputs = len(analysis.inputs), counted(len(model.channels), "output")
     console.print(
-        f"{counted(len(analysis.records), 'record')}, {counted(inputs, 'input')} and {counted(outputs, 'output')} at "
+        f"{counted(len(analysis.records), 'record')}, {f'{counted(inputs, "input")} and ' if inputs else ''}{outputs} at "
         f"{first.sample_rate:.8g} Hz; ω = {model.fundamental:.6g} rad/s, {periods:.6g} periods in all."
     )
     print_title(console, f"Modes: order {model.order}, conjugates counted one by one")
@@ -87,7 +96,7 @@ def print_driven(console: Console, analysis: DrivenAnalysis) -> None:
     meanings = note_meanings(mode_table(analysis))
     console.print("; ".join([f"±: a conjugate pair; {DEVIATIONS}", *meanings]) + ".", style="dim")
     console.print()
-    print_lines(console, driven_lines(analysis))
+    print_lines(console, excited_lines(analysis))
     print_warnings(console, analysis.warnings)
 
 
@@ -122,7 +131,7 @@ def transfer(
     turns = _whole(harmonics)
     with progress(STAGES) as report:
         records, choices = read_records(files, choices, OF, report)
-        analysis = identify_driven(records, choices.resolved(), report=report)
+        analysis = _identified(records, choices, report)
         found = analysis.transfer(_frequencies(at), turns)
         if out is not None:
             _write(found, out)

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from floquid._checks import input_error
-from floquid.cli._driven import driven
+from floquid.cli._driven import excited
 from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli._folder import NAMES, maybe_folder, result_file, write_result
 from floquid.cli._options import (
@@ -54,7 +54,7 @@ def identify(
     ----------
     files
         Records of free responses, of any format that is read, several hits on one system; with --inputs, of responses
-        to what these channels measure.
+        to what these channels measure; with --excitation ambient, of random responses to what nobody measured.
     record, model
         The fields of `Settings`.
     enforce
@@ -79,10 +79,10 @@ def identify(
     stages = STAGES + (5 if out else 0) + (3 if choices.settings.structure else 0)
     with maybe_folder(out, NAMES) as folder, progress(stages) as report:
         records, choices = read_records(files, choices, OF, report)
-        if choices.settings.inputs:
-            driven(records, choices, folder, report, as_json=format == "json", enforce=enforce)
+        if choices.settings.inputs or choices.settings.excitation != "none":
+            excited(records, choices, folder, report, as_json=format == "json", enforce=enforce)
             if format == "text":
-                print_files(out, ("summary.json", "transfer.csv", "settings.toml", "figures/"), "to keep the result")
+                print_files(out, ("summary.json", "settings.toml", "figures/"), "to keep the result")
             return
         analysis = identify_records(records, choices.resolved(), report=report)
         if folder is not None:

@@ -15,7 +15,7 @@ from cyclopts import Group, Parameter, Token
 
 from floquid._checks import input_error, positive
 from floquid.inputs import Hold
-from floquid.pipeline import IdentifierName, Settings
+from floquid.pipeline import Excitation, IdentifierName, Settings
 from floquid.readers import SUFFIXES, WRITTEN
 from floquid.reconstruction import Form
 from floquid.views import SHORT
@@ -84,7 +84,19 @@ def period_of(period: float | None, frequency: float | None, of: str) -> float |
 
 RECORDS = (  # the settings that say what records are taken for: those of every command that starts from records
     *("period", "tach", "azimuth", "estimate_period", "pulses_per_revolution", "periods_per_revolution"),
-    *("channels", "inputs", "hold", "orbit", "find_hits", "skip", "repair", "forced", "trust_period", "noise_floor"),
+    *(
+        "channels",
+        "inputs",
+        "hold",
+        "excitation",
+        "orbit",
+        "find_hits",
+        "skip",
+        "repair",
+        "forced",
+        "trust_period",
+        "noise_floor",
+    ),
 )
 
 SYSTEM = ("states", "form", "delay", "structure", "output_error", "system_times")
@@ -100,7 +112,7 @@ READING = {  # what is said of records beside the settings
 RECORD = "Record"
 ORDER = (RECORD, "Model", "State matrix A(t)", "Checks")  # the groups of options, in the order of the help
 
-KINDS: dict[str, Any] = {"form": Form, "hold": Hold, "identifier": IdentifierName}
+KINDS: dict[str, Any] = {"form": Form, "hold": Hold, "excitation": Excitation, "identifier": IdentifierName}
 
 
 def _words() -> dict[str, str]:

@@ -18,7 +18,7 @@ from floquid._arrays import Floats
 from floquid._bar import lines
 from floquid._json import for_json
 from floquid.lifting import Lifted
-from floquid.pipeline import Analysis, DrivenAnalysis
+from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.reconstruction import Refinement
 from floquid.views import (
     for_command,
@@ -218,7 +218,7 @@ def _noise_table(analysis: Analysis) -> Table:
     return table
 
 
-def print_modes(console: Console, analysis: Analysis | DrivenAnalysis) -> None:
+def print_modes(console: Console, analysis: Analysis | ExcitedAnalysis) -> None:
     """The table of modes, with the deviations of f and ζ where it is not too wide for them."""
     table = modes_table(analysis, derived=True)
     table.padding, table.pad_edge = (0, 1, 0, 0), False
@@ -227,7 +227,7 @@ def print_modes(console: Console, analysis: Analysis | DrivenAnalysis) -> None:
     print_whole(console, table)
 
 
-def modes_table(analysis: Analysis | DrivenAnalysis, *, derived: bool = False) -> Table:
+def modes_table(analysis: Analysis | ExcitedAnalysis, *, derived: bool = False) -> Table:
     """The table of modes, if wanted with the deviations of what is derived from exponents."""
     rows = mode_table(analysis, derived=derived)
     noted = not derived or any(row.notes for row in rows)

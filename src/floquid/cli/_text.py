@@ -5,18 +5,18 @@ from __future__ import annotations
 from io import StringIO
 
 from floquid.cli._bootstrap import print_drawn
-from floquid.cli._driven import print_driven
+from floquid.cli._driven import print_excited
 from floquid.cli._floquet_output import print_stability
 from floquid.cli._scan import print_orders
 from floquid.cli._terminal import plain, print_found, print_warnings
 from floquid.floquet import FloquetModes, stability
 from floquid.order import OrderScan
-from floquid.pipeline import Analysis, Bootstrap, DrivenAnalysis
+from floquid.pipeline import Analysis, Bootstrap, ExcitedAnalysis
 
 WIDTH = 100
 
 
-def text_of(result: Analysis | DrivenAnalysis | Bootstrap | OrderScan | FloquetModes) -> str:
+def text_of(result: Analysis | ExcitedAnalysis | Bootstrap | OrderScan | FloquetModes) -> str:
     """The tables and the verdict of a result that the command line prints, without colours, and with Python's names."""
     file = StringIO()
     console = plain(file, WIDTH)
@@ -24,8 +24,8 @@ def text_of(result: Analysis | DrivenAnalysis | Bootstrap | OrderScan | FloquetM
         case Analysis():
             print_found(console, result)
             print_warnings(console, result.warnings)
-        case DrivenAnalysis():
-            print_driven(console, result)
+        case ExcitedAnalysis():
+            print_excited(console, result)
         case Bootstrap():
             print_drawn(console, result)
         case OrderScan():

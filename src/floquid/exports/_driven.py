@@ -10,25 +10,28 @@ from floquid._json import for_json
 from floquid.exports._summary import mode_entries
 from floquid.findings import as_mapping
 from floquid.inputs import TransferFunctions
-from floquid.pipeline import DrivenAnalysis
+from floquid.pipeline import AmbientAnalysis, ExcitedAnalysis
 
 
-def driven_summary(analysis: DrivenAnalysis) -> dict[str, Any]:
-    """The content of `summary.json` of a result with inputs: plain numbers, lists and texts.
+def driven_summary(analysis: ExcitedAnalysis) -> dict[str, Any]:
+    """The content of `summary.json` of a record whose excitation goes on: plain numbers, lists and texts.
 
     `modes` are as in `summary`; `inputs` has, of each mode, its `coefficients` b over the inputs' `harmonics` with
-    deviations, and the `direct` term; a complex number is [real, imaginary]. It is ready for `json.dump`. `analysis` is
-    what `identify_driven` found.
+    deviations, and the `direct` term, and is null where none were measured; a complex number is [real, imaginary].
+    `lengths` are the durations of a record that would give each damping to 10 % [s], null with measured inputs alone.
+    It is ready for `json.dump`. `analysis` is what `identify_driven` or `identify_ambient` found.
     """
     model, own = analysis.model, analysis.model.inputs
-    assert own is not None
     content = {
         "format": "floquid-summary-driven/1",
         "period": model.period,
         "order": model.order,
         "outputs": [{"name": channel.name, "unit": channel.unit} for channel in model.channels],
         "modes": mode_entries(model, 1.0 / analysis.noise),
-        "inputs": {
+        "excitation": analysis.settings.excitation,
+        "inputs": None
+        if own is None
+        else {
             "channels": [{"name": channel.name, "unit": channel.unit} for channel in own.channels],
             "hold": analysis.settings.hold,
             "harmonics": own.harmonics,
@@ -39,6 +42,7 @@ def driven_summary(analysis: DrivenAnalysis) -> dict[str, Any]:
             "initial": own.initial,
         },
         "noise": analysis.noise[:, 0],
+        "lengths": analysis.lengths if isinstance(analysis, AmbientAnalysis) else None,
         "held_out_error": analysis.held_out,
         "passed": analysis.passed,
         "warnings": analysis.warnings,

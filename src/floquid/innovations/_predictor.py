@@ -153,7 +153,9 @@ class Predictor(Rebuilt):
 
 
 def _free(mode: Mode) -> int:
-    fixed = np.count_nonzero(mode.turns == 0.0) * len(mode.shape) + np.count_nonzero(mode.reach == 0.0) * len(mode.gains)
+    fixed = np.count_nonzero(mode.turns == 0.0) * len(mode.shape) + np.count_nonzero(mode.reach == 0.0) * len(
+        mode.gains
+    )
     return sum(mode.sizes) - (1 + fixed if mode.real else 2)
 
 

@@ -51,9 +51,7 @@ class Fit(Rebuilt):
         """Squared deviations of the harmonics of a shape, but for the largest, from zero, and how many those are."""
         mode, place = self.at.modes[number], self.places[number]
         turns = np.arange(len(mode.turns)) != int(np.argmax(np.sum(np.abs(mode.shape) ** 2, axis=0)))
-        mask = np.concatenate(
-            [np.zeros(mode.rows + 2 * mode.gains.size, bool), np.tile(turns, 2 * len(mode.shape))]
-        )
+        mask = np.concatenate([np.zeros(mode.rows + 2 * mode.gains.size, bool), np.tile(turns, 2 * len(mode.shape))])
         own = np.concatenate([mode.shape.real.ravel(), mode.shape.imag.ravel()])[mask[-2 * mode.shape.size :]]
         if not len(own):
             return 0.0, 0
@@ -61,7 +59,9 @@ class Fit(Rebuilt):
         return float(own @ np.linalg.pinv(spread, hermitian=True) @ own), len(own)
 
 
-def terms_of(mode: Mode, samples: Samples) -> list[tuple[complex, NDArray[np.int64], NDArray, NDArray[np.int64], NDArray]]:
+def terms_of(
+    mode: Mode, samples: Samples
+) -> list[tuple[complex, NDArray[np.int64], NDArray, NDArray[np.int64], NDArray]]:
     """A mode as modes of a model, a pair as two: λ, harmonics m, c, harmonics l, b of the inputs over time."""
     inputs = len(samples.inputs)
     step, omega = samples.step, samples.fundamental
@@ -146,9 +146,7 @@ def deviations(fit: Fit, number: int) -> tuple[NDArray[np.complex128], NDArray[n
     return both[:gains].reshape(mode.gains.shape), both[gains:].reshape(mode.shape.shape)
 
 
-def model_of(
-    fit: Fit, channels: Sequence[Channel], inputs: Sequence[Channel], provenance: Provenance
-) -> PeriodicModel:
+def model_of(fit: Fit, channels: Sequence[Channel], inputs: Sequence[Channel], provenance: Provenance) -> PeriodicModel:
     """The periodic model of a fit, each mode with its conjugate, with deviations; the states have an rms of 1."""
     fit, width = sized(fit), len(fit.parameters)
     samples, omega = fit.samples, fit.samples.fundamental
@@ -266,7 +264,9 @@ def transfer_of(
             values[harmonics == 0, output, source] += fit.at.columns[output, column]
             slopes[first + output * columns + column, harmonics == 0, output, source] = 1.0
     flat = slopes.reshape(len(slopes), -1)
-    parts = [np.sqrt(np.einsum("pq,pr,rq->q", own, fit.parameters, own, optimize=True)) for own in (flat.real, flat.imag)]
+    parts = [
+        np.sqrt(np.einsum("pq,pr,rq->q", own, fit.parameters, own, optimize=True)) for own in (flat.real, flat.imag)
+    ]
     return TransferFunctions(
         frequencies_hz=frequencies_hz,
         harmonics=harmonics,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from floquid.innovations._autoregression import first_innovations
 from floquid.innovations._predictor import Mode, Predictor, predicted
-from floquid.innovations._solve import Normal, normal_of, places, solve, split
+from floquid.innovations._solve import Normal, normal_of, places, solve
 from floquid.inputs import Limits, Samples, bare_mode, candidates, fitted_together, input_gain, limit_of, linearise
 
 STABLE = 0.8
@@ -89,7 +89,10 @@ def _with(
     modes = []
     for number, mode in enumerate(driven_modes):
         shape = seen.shape(number)
-        gains = [input_gain(mode.exponent, turn, samples.fundamental, samples.step, "none")[0] for turn in mode.reach.tolist()]
+        gains = [
+            input_gain(mode.exponent, turn, samples.fundamental, samples.step, "none")[0]
+            for turn in mode.reach.tolist()
+        ]
         modes.append(
             Mode(
                 exponent=mode.exponent,
@@ -127,7 +130,9 @@ def _grown(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
             tuple(np.isin(new, old) for new, old in ((wide.turns, own.turns), (wide.reach, own.reach)))
             for wide, own in zip(padded.modes, now.modes, strict=True)
         ]
-        fitted = ~np.concatenate([_mask(mode, *(~own for own in band)) for mode, band in zip(padded.modes, bands, strict=True)])
+        fitted = ~np.concatenate(
+            [_mask(mode, *(~own for own in band)) for mode, band in zip(padded.modes, bands, strict=True)]
+        )
         fitted = np.concatenate([fitted, np.ones(len(normal.gradient) - len(fitted), bool)])
         inverse = normal.inverse(fitted)
         modes, grew = [], False
@@ -182,17 +187,23 @@ def _narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
                         one[np.flatnonzero(band)[end]] = True
                         gone = [np.zeros_like(turns), np.zeros_like(reach)]
                         gone[which] = ~band | one
-                        if _weight(mode, spread, gone) > limit_of(2 * int(gone[which].sum()) * _rows(mode, which), limits.harmonic_alarm):
+                        if _weight(mode, spread, gone) > limit_of(
+                            2 * int(gone[which].sum()) * _rows(mode, which), limits.harmonic_alarm
+                        ):
                             break
                         band &= ~one
             modes.append(mode.widened(mode.turns[turns], mode.reach[reach]))
-        if all(len(a.turns) == len(b.turns) and len(a.reach) == len(b.reach) for a, b in zip(modes, now.modes, strict=True)):
+        if all(
+            len(a.turns) == len(b.turns) and len(a.reach) == len(b.reach) for a, b in zip(modes, now.modes, strict=True)
+        ):
             return now
         trial = _rebuilt(samples, now, modes)
         if trial is None:
             return now
         trial = solve(samples, trial, rough=True)
-        if now.log_likelihood - trial.log_likelihood > limit_of(now.n_parameters - trial.n_parameters, limits.mode_alarm):
+        if now.log_likelihood - trial.log_likelihood > limit_of(
+            now.n_parameters - trial.n_parameters, limits.mode_alarm
+        ):
             return now
         now = trial
     return now
@@ -218,7 +229,9 @@ def _needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
         inverse, trials = normal_of(samples, now, rough=True).inverse(), []
         for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
             everywhere = [np.zeros(len(mode.turns), bool), np.ones(len(mode.reach), bool)]
-            if _weight(mode, inverse[place, place], everywhere) > DOUBTFUL * limit_of(2 * mode.gains.size, limits.mode_alarm):
+            if _weight(mode, inverse[place, place], everywhere) > DOUBTFUL * limit_of(
+                2 * mode.gains.size, limits.mode_alarm
+            ):
                 continue
             modes = [mode for k, mode in enumerate(now.modes) if k != number]
             trial = _rebuilt(samples, replace(now, initial=np.zeros((len(samples.records), 0))), modes)

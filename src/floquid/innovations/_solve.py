@@ -68,7 +68,9 @@ def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal
     for own, part in slopes(samples, at, root, rough=rough):
         flat = part.reshape(-1, part.shape[2])
         more, pull = flat.T @ flat, flat.T @ white[:, own].T.ravel().astype(part.dtype)
-        matrix, gradient = (matrix + more, gradient - pull) if len(matrix) else (more.astype(float), -pull.astype(float))
+        matrix, gradient = (
+            (matrix + more, gradient - pull) if len(matrix) else (more.astype(float), -pull.astype(float))
+        )
     return Normal(matrix, gradient)
 
 
@@ -102,7 +104,10 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False) -> Predict
 def moved(samples: Samples, at: Predictor, step: NDArray[np.float64], period: float) -> Predictor | None:
     """The predictor a step away, no exponent moving further than `LONGEST_STEP`; None where it diverges."""
     steps = split(at, step)
-    longest = max((np.hypot(*own[: mode.rows], *[0.0] * (2 - mode.rows)) for mode, own in zip(at.modes, steps[0], strict=True)), default=0.0)
+    longest = max(
+        (np.hypot(*own[: mode.rows], *[0.0] * (2 - mode.rows)) for mode, own in zip(at.modes, steps[0], strict=True)),
+        default=0.0,
+    )
     share = min(1.0, LONGEST_STEP / max(longest * period, 1e-300))
     modes = [mode.moved(share * own) for mode, own in zip(at.modes, steps[0], strict=True)]
     return predicted(samples, modes, at.columns + share * steps[1], at.initial + share * steps[2])

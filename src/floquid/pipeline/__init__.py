@@ -14,13 +14,21 @@ from floquid.pipeline._complete import lifted_views, samples_of
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
 from floquid.pipeline._lifted import lifted
+from floquid.pipeline._settings import Excitation as Excitation
 from floquid.pipeline._settings import IdentifierName as IdentifierName
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import AbstractDraws, Bootstrap, Draw, Spread, bootstrap
 from floquid.pipeline.preparation import Prepared, prepare
 from floquid.pipeline.preparation import blas_threads as blas_threads
-from floquid.pipeline.with_inputs import HELD_OUT, AmbientAnalysis, DrivenAnalysis, identify_ambient, identify_driven
+from floquid.pipeline.with_inputs import (
+    HELD_OUT,
+    AmbientAnalysis,
+    DrivenAnalysis,
+    ExcitedAnalysis,
+    identify_ambient,
+    identify_driven,
+)
 
 __all__ = [
     "CONFIDENT",
@@ -31,6 +39,7 @@ __all__ = [
     "Bootstrap",
     "Draw",
     "DrivenAnalysis",
+    "ExcitedAnalysis",
     "Prepared",
     "Settings",
     "Spread",

@@ -3,7 +3,7 @@
 Nothing here draws, and no plotting library is loaded.
 """
 
-from floquid.views._driven import driven_lines
+from floquid.views._driven import excited_lines
 from floquid.views._ellipses import ellipse, exponent_ellipses, multiplier_ellipses
 from floquid.views._expansion import Expansion, expansion, identified_residue
 from floquid.views._families import Family, families, unfolded
@@ -29,10 +29,10 @@ __all__ = [
     "Synchronisation",
     "Synthesis",
     "closed_period",
-    "driven_lines",
     "element_unit",
     "ellipse",
     "envelope",
+    "excited_lines",
     "expansion",
     "exponent_ellipses",
     "families",

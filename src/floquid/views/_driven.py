@@ -1,37 +1,39 @@
-"""Results with measured inputs beside the modes, a line each."""
+"""Results of records whose excitation goes on beside the modes, a line each."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from floquid.core import ModelInputs
 from floquid.findings import Severity, texts
-from floquid.pipeline import DrivenAnalysis
+from floquid.pipeline import AmbientAnalysis, ExcitedAnalysis
 from floquid.views._words import with_error
 
 
-def driven_lines(analysis: DrivenAnalysis) -> dict[str, str]:
+def excited_lines(analysis: ExcitedAnalysis) -> dict[str, str]:
     """Name and words of each line on `analysis`: noise, period, inputs, the way they reach the modes, the verdict."""
     model, own = analysis.model, analysis.model.inputs
-    assert own is not None
+    ambient = isinstance(analysis, AmbientAnalysis)
     lines = {
-        "Noise": "taken for white, "
+        "Innovations" if ambient else "Noise": ("each sample is predicted to " if ambient else "taken for white, ")
         + ", ".join(
             f"{value:.3g} {channel.unit} in {channel.name}"
             for value, channel in zip(analysis.noise[:, 0], model.channels, strict=True)
         ),
-        "Period": f"{model.period:.10g} s, as given",
-        "Inputs": " ".join(texts(analysis.findings, Severity.NOTE)),
-        "Reach": _reach(analysis),
-        "Direct": "" if not own.direct.size else f"at harmonics {own.direct_harmonics[0]}…{own.direct_harmonics[-1]}",
+        "Period": f"{model.period:.10g} s, {'as given' if not analysis.measured_clock else 'the mean of the shaft'}",
+        "Inputs" if own else "Notes": " ".join(texts(analysis.findings, Severity.NOTE)),
+        "Reach": "" if own is None else _reach(analysis, own),
+        "Direct": ""
+        if own is None or not own.direct.size
+        else f"at harmonics {own.direct_harmonics[0]}…{own.direct_harmonics[-1]}",
         "Verdict": _verdict(analysis),
     }
     return {name: words for name, words in lines.items() if words}
 
 
-def _reach(analysis: DrivenAnalysis) -> str:
+def _reach(analysis: ExcitedAnalysis, own: ModelInputs) -> str:
     """The input and the harmonic that do most to each mode, by the rms of the input."""
-    model, own = analysis.model, analysis.model.inputs
-    assert own is not None
+    model = analysis.model
     size = analysis.fit.samples.input_size
     words = []
     for number, mode in enumerate(model.upper_modes, start=1):
@@ -42,7 +44,7 @@ def _reach(analysis: DrivenAnalysis) -> str:
     return "; ".join(words)
 
 
-def _verdict(analysis: DrivenAnalysis) -> str:
+def _verdict(analysis: ExcitedAnalysis) -> str:
     """Whether samples that were left out are predicted."""
     if not np.isfinite(analysis.held_out).all():
         return "not checked"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid.periodic import participation
-from floquid.pipeline import Analysis, DrivenAnalysis
+from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.views._words import MODE_NOTES, mode_notes, with_error
 
 
@@ -43,7 +43,7 @@ class ModeRow:
     notes: str
 
 
-def mode_table(analysis: Analysis | DrivenAnalysis, *, derived: bool = True) -> tuple[ModeRow, ...]:
+def mode_table(analysis: Analysis | ExcitedAnalysis, *, derived: bool = True) -> tuple[ModeRow, ...]:
     """The modes of an analysis, a row for each conjugate pair and for each real mode.
 
     The rows are in the order of the model. `analysis` is what `identify` found. Where `derived` is true, f and ζ have

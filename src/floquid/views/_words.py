@@ -6,7 +6,7 @@ import numpy as np
 
 from floquid.lifting import Lifted
 from floquid.periodic import CONFIDENT, participation
-from floquid.pipeline import Analysis, DrivenAnalysis
+from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.validation import Validation
 from floquid.views._modes import grows
 
@@ -34,7 +34,7 @@ def with_error(value: float, std: float) -> str:
     return f"{value:.{digits}f}({round(std * 10**digits)})" if digits <= MOST_DIGITS else f"{value:.10g}"
 
 
-def mode_notes(analysis: Analysis | DrivenAnalysis, mode: int) -> list[str]:
+def mode_notes(analysis: Analysis | ExcitedAnalysis, mode: int) -> list[str]:
     """The words of `MODE_NOTES` that a `mode` of an `analysis` deserves: none for an ordinary one."""
     model = analysis.model
     error = complex(np.nan, np.nan) if model.exponent_std is None else model.exponent_std[mode]

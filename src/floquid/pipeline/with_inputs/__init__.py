@@ -1,7 +1,7 @@
 """The chains for records whose excitation goes on: measured, or random and not measured."""
 
-from floquid.pipeline.with_inputs._ambient import AmbientAnalysis, identify_ambient
-from floquid.pipeline.with_inputs._analysis import HELD_OUT, DrivenAnalysis
+from floquid.pipeline.with_inputs._ambient import identify_ambient
+from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis, DrivenAnalysis, ExcitedAnalysis
 from floquid.pipeline.with_inputs._identify import identify_driven
 
-__all__ = ["HELD_OUT", "AmbientAnalysis", "DrivenAnalysis", "identify_ambient", "identify_driven"]
+__all__ = ["HELD_OUT", "AmbientAnalysis", "DrivenAnalysis", "ExcitedAnalysis", "identify_ambient", "identify_driven"]

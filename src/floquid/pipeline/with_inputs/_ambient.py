@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, input_error
-from floquid._show import Drawings, Drawn, Told
-from floquid.core import Channel, PeriodicModel, Provenance, Record
+from floquid._checks import input_error
+from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
-from floquid.findings import Finding, Severity, failure, note, texts, warning
-from floquid.innovations import Fit, Predictor, model_of, predicted, searched, solve, transfer_of
-from floquid.inputs import Limits, Samples, TransferFunctions
+from floquid.findings import Finding, failure, note, warning
+from floquid.innovations import Fit, Predictor, model_of, predicted, searched, solve
+from floquid.inputs import Limits, Samples
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
-from floquid.pipeline.with_inputs._analysis import HELD_OUT, frequencies_of
+from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis
 from floquid.pipeline.with_inputs._identify import HIGHEST, KEPT, TAKEN, done_beside
 from floquid.pipeline.with_inputs._prepare import Parted, parted
 
@@ -38,110 +37,6 @@ AIM = 0.1
 
 VAGUE = 0.5
 """The relative deviation of the damping from which on a reader is warned."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class AmbientAnalysis(Told, Drawn, Rebuilt):
-    """Result of `identify_ambient`: of records whose excitation goes on and was not measured.
-
-    Parameters
-    ----------
-    settings
-        The options used.
-    records
-        The records used.
-    model
-        The periodic model: coefficients are those of a state of rms 1, the largest of each mode real, and of no
-        deviation. It has `inputs` where some were measured.
-    fit
-        The fit in innovations form and its joint covariance.
-    noise
-        The deviation of the innovations of each output (outputs, 1) [units of the channels].
-    held_out
-        The rms of the innovations over that expected, of each output, on the last quarter of each record by a fit to
-        the rest (outputs,); NaN where that was not asked for.
-    lengths
-        Duration of a record that gives the damping of each mode to 10 % (modes,) [s].
-    findings
-        What was done, and what a reader must know.
-    """
-
-    settings: Settings
-    records: tuple[Record, ...]
-    model: PeriodicModel
-    fit: Fit
-    noise: NDArray[np.float64]
-    held_out: NDArray[np.float64]
-    lengths: NDArray[np.float64]
-    findings: tuple[Finding, ...] = ()
-
-    def __post_init__(self) -> None:
-        self._freeze(noise=("outputs", 1))
-        self._freeze(held_out=("outputs",), lengths=("modes",), finite=False)
-
-    def __repr__(self) -> str:
-        model, checked = self.model, np.isfinite(self.held_out).all()
-        verdict = ("passes" if self.passed else "does not pass") if checked else "not checked"
-        return (
-            f"AmbientAnalysis(order={model.order}, period={model.period:.4g} s, {len(model.channels)} outputs, "
-            f"{len(self.inputs)} inputs: {verdict})"
-        )
-
-    def _figures(self) -> Drawings:
-        return {"exponents": (self.model, {}), **({"transfer": (self.transfer, {})} if self.inputs else {})}
-
-    @property
-    def inputs(self) -> tuple[Channel, ...]:
-        """The channels that are measured inputs."""
-        return () if self.model.inputs is None else self.model.inputs.channels
-
-    @property
-    def passed(self) -> bool:
-        """True where samples left out are predicted as well as those fitted, and nothing was found against the model."""
-        failed = any(own.severity is Severity.FAILURE for own in self.findings)
-        return bool((self.held_out < HELD_OUT).all()) and not failed
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings to a reader of the result, a sentence each."""
-        return (*texts(self.findings, Severity.FAILURE), *texts(self.findings, Severity.WARNING))
-
-    @property
-    def provenance(self) -> Provenance:
-        """Sources and steps of the result."""
-        return self.model.provenance
-
-    def transfer(
-        self, frequencies_hz: ArrayLike | None = None, harmonics: ArrayLike = (-2, -1, 0, 1, 2)
-    ) -> TransferFunctions:
-        r"""The harmonic transfer functions from the measured inputs with their deviations, as of `DrivenAnalysis`.
-
-        .. math:: u(t) = e^{i \Omega t} \;\to\; y(t) = \sum_m G_m(\Omega)\, e^{i (\Omega + m \omega) t}
-
-        Parameters
-        ----------
-        frequencies_hz
-            Ω/2π (frequencies,) [Hz]; by default up to twice the highest frequency of a mode, at most half the rate.
-        harmonics
-            The integers m (harmonics,).
-
-        Returns
-        -------
-        TransferFunctions
-            G, with deviations by all that is uncertain in the model, to first order.
-
-        Raises
-        ------
-        InputError
-            No input was measured, or a frequency is no number.
-        """
-        of = "AmbientAnalysis.transfer"
-        if not self.inputs:
-            must, remedy = "have measured inputs", "Name them: `inputs=`."
-            raise input_error("self", of, must, "is of outputs alone", remedy)
-        hertz = frequencies_of(frequencies_hz, self.model, self.records, of)
-        turns = np.unique(np.atleast_1d(np.asarray(harmonics, np.int64)))
-        return transfer_of(self.fit, self.model.channels, self.inputs, hertz, turns)
 
 
 def identify_ambient(
@@ -205,9 +100,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     samples = replace(own.samples, known=np.concatenate([own.samples.known, own.samples.inputs]))
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
     highest = max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics
-    limits = Limits(
-        mode_alarm=settings.mode_false_alarm, harmonic_alarm=settings.harmonic_false_alarm, highest=highest
-    )
+    limits = Limits(mode_alarm=settings.mode_false_alarm, harmonic_alarm=settings.harmonic_false_alarm, highest=highest)
     report("searching for modes")
     found = searched(samples, limits, report)
     if not found.modes:
@@ -306,7 +199,10 @@ def _against(samples: Samples, found: Predictor, held_out: NDArray[np.float64]) 
     root = np.linalg.inv(np.linalg.cholesky(found.covariance))
     white = root @ found.innovations
     # Colour that turns with the system is looked for as well as colour that does not.
-    turned = [np.ones(samples.n_samples), *(2.0**0.5 * part for part in (samples.turned(1).real, samples.turned(1).imag))]
+    turned = [
+        np.ones(samples.n_samples),
+        *(2.0**0.5 * part for part in (samples.turned(1).real, samples.turned(1).imag)),
+    ]
     squares, count = 0.0, samples.n_samples
     for lag, angle in product(range(1, LAGS + 1), turned):
         both = (white[:, lag:] * angle[lag:]) @ white[:, :-lag].T / count

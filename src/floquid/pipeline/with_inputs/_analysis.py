@@ -1,17 +1,20 @@
-"""Result of the chain for records with measured inputs."""
+"""Results of the chains for records whose excitation goes on."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._checks import Rebuilt, frozen_array
+from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid._show import Drawings, Drawn, Told
-from floquid.core import Channel, PeriodicModel, Provenance, Record
+from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.findings import Finding, Severity, texts
-from floquid.inputs import TransferFunctions, Uncertainty, transfer_of
+from floquid.innovations import Fit, transfer_of
+from floquid.inputs import TransferFunctions, Uncertainty
+from floquid.inputs import transfer_of as transfer_with_inputs
 from floquid.pipeline._settings import Settings
 
 HELD_OUT = 1.4
@@ -22,8 +25,8 @@ POINTS = 400
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DrivenAnalysis(Told, Drawn, Rebuilt):
-    """Result of `identify` for records with measured inputs.
+class ExcitedAnalysis(Told, Drawn, Rebuilt):
+    """Result for records whose excitation goes on: what those with measured inputs and of outputs alone share.
 
     Parameters
     ----------
@@ -32,14 +35,12 @@ class DrivenAnalysis(Told, Drawn, Rebuilt):
     records
         The records used, inputs among their channels.
     model
-        The periodic model, with its `inputs`.
-    fit
-        The fit and its joint covariance, from which other deviations are made.
+        The periodic model, with its `inputs` where some were measured.
     noise
-        The deviation of the noise of each output (outputs, 1) [units of the channels].
+        The deviation of what is left of each output (outputs, 1) [units of the channels].
     held_out
-        The rms error of prediction over the noise, of each output, on the last quarter of each record by a fit to the
-        rest (outputs,); NaN where that was not asked for.
+        The rms error of prediction over that expected, of each output, on the last quarter of each record by a fit to
+        the rest (outputs,); NaN where that was not asked for.
     findings
         What was done, and what a reader must know.
     """
@@ -47,7 +48,6 @@ class DrivenAnalysis(Told, Drawn, Rebuilt):
     settings: Settings
     records: tuple[Record, ...]
     model: PeriodicModel
-    fit: Uncertainty
     noise: NDArray[np.float64]
     held_out: NDArray[np.float64]
     findings: tuple[Finding, ...] = ()
@@ -60,20 +60,24 @@ class DrivenAnalysis(Told, Drawn, Rebuilt):
         model, checked = self.model, np.isfinite(self.held_out).all()
         verdict = ("passes" if self.passed else "does not pass") if checked else "not checked"
         size = f"order={model.order}, period={model.period:.4g} s, {len(model.channels)} outputs"
-        return f"DrivenAnalysis({size}, {len(self.inputs)} inputs: {verdict})"
+        return f"{type(self).__name__}({size}, {len(self.inputs)} inputs: {verdict})"
 
     def _figures(self) -> Drawings:
-        return {"exponents": (self.model, {}), "transfer": (self.transfer, {})}
+        return {"exponents": (self.model, {}), **({"transfer": (self.transfer, {})} if self.inputs else {})}
 
     @property
     def inputs(self) -> tuple[Channel, ...]:
-        """The channels that are inputs."""
-        assert self.model.inputs is not None
-        return self.model.inputs.channels
+        """The channels that are measured inputs."""
+        return () if self.model.inputs is None else self.model.inputs.channels
+
+    @property
+    def measured_clock(self) -> bool:
+        """True where the angle of the shaft was measured."""
+        return not isinstance(self.records[0].clock, ConstantPeriod)
 
     @property
     def passed(self) -> bool:
-        """True where samples that were left out are predicted to the noise, and nothing was found against the model."""
+        """True where samples that were left out are predicted as expected, and nothing was found against the model."""
         failed = any(own.severity is Severity.FAILURE for own in self.findings)
         return bool((self.held_out < HELD_OUT).all()) and not failed
 
@@ -90,7 +94,7 @@ class DrivenAnalysis(Told, Drawn, Rebuilt):
     def transfer(
         self, frequencies_hz: ArrayLike | None = None, harmonics: ArrayLike = (-2, -1, 0, 1, 2)
     ) -> TransferFunctions:
-        r"""The harmonic transfer functions with their deviations.
+        r"""The harmonic transfer functions from the measured inputs with their deviations.
 
         .. math:: u(t) = e^{i \Omega t} \;\to\; y(t) = \sum_m G_m(\Omega)\, e^{i (\Omega + m \omega) t}
 
@@ -109,14 +113,60 @@ class DrivenAnalysis(Told, Drawn, Rebuilt):
         Raises
         ------
         InputError
-            A frequency is no number.
+            No input was measured, or a frequency is no number.
         """
-        hertz = frequencies_of(frequencies_hz, self.model, self.records, "DrivenAnalysis.transfer")
-        turns = np.unique(np.atleast_1d(np.asarray(harmonics, np.int64)))
-        return transfer_of(self.fit, self.model.channels, self.inputs, hertz, turns)
+        of = f"{type(self).__name__}.transfer"
+        if not self.inputs:
+            raise input_error("self", of, "have measured inputs", "is of outputs alone", "Name them: `inputs=`.")
+        hertz = _frequencies_of(frequencies_hz, self.model, self.records, of)
+        return self._transfer(hertz, np.unique(np.atleast_1d(np.asarray(harmonics, np.int64))))
+
+    @abstractmethod
+    def _transfer(self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64]) -> TransferFunctions: ...
 
 
-def frequencies_of(
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class DrivenAnalysis(ExcitedAnalysis):
+    """Result of `identify_driven`: of records with measured inputs, noise that of the sensors.
+
+    Parameters
+    ----------
+    fit
+        The fit and its joint covariance, from which other deviations are made.
+    """
+
+    fit: Uncertainty
+
+    def _transfer(self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64]) -> TransferFunctions:
+        return transfer_with_inputs(self.fit, self.model.channels, self.inputs, hertz, harmonics)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class AmbientAnalysis(ExcitedAnalysis):
+    """Result of `identify_ambient`: of records whose excitation nobody measured, or not all of it.
+
+    Coefficients of the model are those of a state of rms 1, the largest of each mode real and of no deviation.
+
+    Parameters
+    ----------
+    fit
+        The fit in innovations form and its joint covariance.
+    lengths
+        Duration of a record that gives the damping of each mode to 10 % (modes,) [s].
+    """
+
+    fit: Fit
+    lengths: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        ExcitedAnalysis.__post_init__(self)
+        self._freeze(lengths=("modes",), finite=False)
+
+    def _transfer(self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64]) -> TransferFunctions:
+        return transfer_of(self.fit, self.model.channels, self.inputs, hertz, harmonics)
+
+
+def _frequencies_of(
     asked: ArrayLike | None, model: PeriodicModel, records: tuple[Record, ...], of: str
 ) -> NDArray[np.float64]:
     """Frequencies of transfer functions [Hz]: those asked for, or some to beyond the highest mode (frequencies,)."""
