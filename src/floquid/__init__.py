@@ -79,7 +79,8 @@ _ROOMS = {
     "core": "AzimuthSignal Channel ConstantPeriod PeriodicModel PulseTimes Record TachometerSignal",
     "errors": "FloquidError IdentificationError InputError",
     "exports": "export_modes to_xarray",
-    "pipeline": "AmbientAnalysis Analysis Bootstrap DrivenAnalysis Settings bootstrap identify identify_ambient identify_driven",
+    "pipeline": "AmbientAnalysis Analysis Bootstrap DrivenAnalysis Settings bootstrap "
+    "identify identify_ambient identify_driven",
     "readers": "from_pandas from_sep005 from_xarray read to_pandas to_sep005 write",
     "reconstruction": "Refinement StateModel reconstruct refine",
     "reporting": "report",

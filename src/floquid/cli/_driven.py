@@ -63,7 +63,7 @@ def excited(
         if analysis.inputs:
             folder.write("transfer.csv", transfer_rows(analysis.transfer()))
         (folder.unfinished / "figures").mkdir()
-        for name in analysis.plot:
+        for name in dir(analysis.plot):
             save_figure(getattr(analysis.plot, name)(), folder.unfinished / "figures" / f"{name}.png")
         folder.publish()
     if as_json:
@@ -86,9 +86,9 @@ def print_excited(console: Console, analysis: ExcitedAnalysis) -> None:
     """Print the record, the modes, a line for each other finding, and the warnings."""
     first, model = analysis.records[0], analysis.model
     periods = sum(record.duration for record in analysis.records) / model.period
-    inputs, outputs = len(analysis.inputs), counted(len(model.channels), "output")
+    inputs = f"{counted(len(analysis.inputs), 'input')} and " if analysis.inputs else ""
     console.print(
-        f"{counted(len(analysis.records), 'record')}, {f'{counted(inputs, "input")} and ' if inputs else ''}{outputs} at "
+        f"{counted(len(analysis.records), 'record')}, {inputs}{counted(len(model.channels), 'output')} at "
         f"{first.sample_rate:.8g} Hz; ω = {model.fundamental:.6g} rad/s, {periods:.6g} periods in all."
     )
     print_title(console, f"Modes: order {model.order}, conjugates counted one by one")

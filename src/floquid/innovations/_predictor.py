@@ -156,7 +156,7 @@ def _free(mode: Mode) -> int:
     fixed = np.count_nonzero(mode.turns == 0.0) * len(mode.shape) + np.count_nonzero(mode.reach == 0.0) * len(
         mode.gains
     )
-    return sum(mode.sizes) - (1 + fixed if mode.real else 2)
+    return sum(mode.sizes) - (1 + int(fixed) if mode.real else 2)
 
 
 def predicted(
@@ -221,7 +221,7 @@ def slopes(
     number = np.float32 if rough else np.float64
     system, gains, seen, _ = _matrices(samples, at.modes)
     moved, white = (system - gains @ seen).astype(number), (root @ seen).astype(number)
-    gains, root = gains.astype(number), root.astype(number)
+    gains, weights = gains.astype(number), root.astype(number)
     width = sum(sum(mode.sizes) for mode in at.modes) + at.columns.size + at.initial.size
     states = np.empty((TOGETHER + 1, len(system), width), number)
     for place, record in enumerate(samples.records):
@@ -238,10 +238,10 @@ def slopes(
             found = white[own] @ states[:count]
             np.negative(found, out=found)
             for start, part in signals:
-                for channel in range(len(root)):
+                for channel in range(len(weights)):
                     where = slice(start + channel * len(part), start + (channel + 1) * len(part))
-                    for row in np.flatnonzero(root[:, channel]):
-                        found[:, row, where] -= root[row, channel] * part.T
+                    for row in np.flatnonzero(weights[:, channel]):
+                        found[:, row, where] -= weights[row, channel] * part.T
             yield own, found
             states[0] = states[count]
 

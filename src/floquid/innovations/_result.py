@@ -264,14 +264,15 @@ def transfer_of(
             values[harmonics == 0, output, source] += fit.at.columns[output, column]
             slopes[first + output * columns + column, harmonics == 0, output, source] = 1.0
     flat = slopes.reshape(len(slopes), -1)
-    parts = [
-        np.sqrt(np.einsum("pq,pr,rq->q", own, fit.parameters, own, optimize=True)) for own in (flat.real, flat.imag)
-    ]
+    real, imag = (
+        np.sqrt(np.einsum("pq,pr,rq->q", np.asarray(own, float), fit.parameters, own, optimize=True))
+        for own in (np.real(flat), np.imag(flat))
+    )
     return TransferFunctions(
         frequencies_hz=frequencies_hz,
         harmonics=harmonics,
         values=values,
-        std=(parts[0] + 1j * parts[1]).reshape(shape),
+        std=(real + 1j * imag).reshape(shape),
         outputs=tuple(channels),
         inputs=tuple(inputs),
     )

@@ -64,7 +64,7 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
 
 def _none(samples: Samples) -> Predictor:
     """Without modes: the known columns alone."""
-    columns = np.linalg.lstsq(samples.known.T, samples.values.T, rcond=None)[0].T
+    columns = np.asarray(np.linalg.lstsq(samples.known.T, samples.values.T, rcond=None)[0].T, np.float64)
     found = predicted(samples, [], columns, np.zeros((len(samples.records), 0)))
     assert found is not None
     return found
@@ -78,7 +78,7 @@ def _better(trial: Predictor, now: Predictor, limits: Limits) -> bool:
 def _with(
     samples: Samples, driven: Samples, now: Predictor, exponents: list[complex], limits: Limits
 ) -> Predictor | None:
-    """The predictor with modes of some exponents more, which the innovations of now drive; None where none is stable."""
+    """The predictor with modes of some exponents more, driven by the innovations of now; None where none is stable."""
     turns = np.arange(-1.0, 2.0)
     bare = [bare_mode(driven, exponent, turns, turns) for exponent in exponents]
     gain, driven_modes = fitted_together(driven, now.innovations, bare, acting=len(samples.inputs))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,7 @@ class Normal(Rebuilt):
 
 def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal:
     """The linearisation of a predictor by all of its parameters, zero ones as well."""
-    root = np.linalg.inv(np.linalg.cholesky(at.covariance))
+    root = np.asarray(np.linalg.inv(np.linalg.cholesky(at.covariance)), np.float64)
     white = root @ at.innovations
     matrix, gradient = np.zeros((0, 0)), np.zeros(0)
     for own, part in slopes(samples, at, root, rough=rough):
@@ -75,7 +76,7 @@ def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal
 
 
 def solve(samples: Samples, start: Predictor, *, rough: bool = False) -> Predictor:
-    """The maximum of the likelihood near a start: Levenberg-Marquardt; a rough one in a few steps of single precision."""
+    """The maximum of the likelihood near a start (Levenberg-Marquardt); a rough one in single precision."""
     iterations, at_rest = ROUGH if rough else FINE
     now, damping = start, 1e-6
     period = 2.0 * np.pi / samples.fundamental
@@ -104,12 +105,10 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False) -> Predict
 def moved(samples: Samples, at: Predictor, step: NDArray[np.float64], period: float) -> Predictor | None:
     """The predictor a step away, no exponent moving further than `LONGEST_STEP`; None where it diverges."""
     steps = split(at, step)
-    longest = max(
-        (np.hypot(*own[: mode.rows], *[0.0] * (2 - mode.rows)) for mode, own in zip(at.modes, steps[0], strict=True)),
-        default=0.0,
-    )
+    moves = [np.linalg.norm(own[: mode.rows]) for mode, own in zip(at.modes, steps[0], strict=True)]
+    longest = max(moves, default=0.0)
     share = min(1.0, LONGEST_STEP / max(longest * period, 1e-300))
-    modes = [mode.moved(share * own) for mode, own in zip(at.modes, steps[0], strict=True)]
+    modes = [mode.moved(np.asarray(share * own, np.float64)) for mode, own in zip(at.modes, steps[0], strict=True)]
     return predicted(samples, modes, at.columns + share * steps[1], at.initial + share * steps[2])
 
 
@@ -123,4 +122,4 @@ def split(at: Predictor, values: NDArray) -> tuple[list[NDArray], NDArray, NDArr
 def places(modes: Sequence[Mode]) -> list[slice]:
     """The place of the parameters of each mode among all."""
     ends = np.cumsum([0, *(sum(mode.sizes) for mode in modes)])
-    return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]

@@ -177,12 +177,7 @@ class Settings(Brief):
             integer(self.harmonics, "harmonics", of, at_least=0)
         fewer = "Ask for fewer instants."
         integer(self.system_times, "system_times", of, at_least=1, at_most=MOST_TIMES, remedy=fewer)
-        if self.excitation not in get_args(Excitation):
-            must, got = 'be "none" or "ambient"', f"is {self.excitation!r}"
-            raise input_error("excitation", of, must, got, "Name channels that measure it with `inputs`.")
-        if self.hold not in get_args(Hold):
-            words = ", ".join(f'"{one}"' for one in get_args(Hold))
-            raise input_error("hold", of, f"be one of {words}", f"is {self.hold!r}")
+        self._check_words()
         self._check_form()
         self._check_clock()
         object.__setattr__(self, "forced", _forced_text(self.forced))
@@ -204,6 +199,13 @@ class Settings(Brief):
         if not isinstance(value, (bool, np.bool_)):
             raise input_error(name, "Settings", "be true or false", f"is {value!r}")
         object.__setattr__(self, name, bool(value))
+
+    def _check_words(self) -> None:
+        """Refuse a word that is none of those that there are."""
+        for name, words in (("hold", get_args(Hold)), ("excitation", get_args(Excitation))):
+            if getattr(self, name) not in words:
+                must = "be one of " + ", ".join(f'"{one}"' for one in words)
+                raise input_error(name, "Settings", must, f"is {getattr(self, name)!r}")
 
     def _check_form(self) -> None:
         """Refuse a form, a delay and a structure that do not go together."""

@@ -19,7 +19,7 @@ from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis
 from floquid.pipeline.with_inputs._identify import HIGHEST, KEPT, TAKEN, done_beside
-from floquid.pipeline.with_inputs._prepare import Parted, parted
+from floquid.pipeline.with_inputs._prepare import parted
 
 OF = "identify_ambient"
 
@@ -129,7 +129,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         lengths=duration * (relative / AIM) ** 2,
         findings=(
             *done_beside(own),
-            *_told(own, fit, model, relative, duration),
+            *_told(fit, model, relative, duration),
             *_against(samples, found, held_out),
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
         ),
@@ -162,9 +162,7 @@ def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(np.mean(whole.innovations[:, ~mask] ** 2, axis=1)) / expected, np.float64)
 
 
-def _told(
-    own: Parted, fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float
-) -> tuple[Finding, ...]:
+def _told(fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float) -> tuple[Finding, ...]:
     """Findings on each mode: how long a record its damping needs, and whether its shape is periodic at all."""
     from scipy.special import chdtrc
 

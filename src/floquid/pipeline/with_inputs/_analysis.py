@@ -36,6 +36,8 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         The records used, inputs among their channels.
     model
         The periodic model, with its `inputs` where some were measured.
+    fit
+        The fit and its joint covariance, from which other deviations are made.
     noise
         The deviation of what is left of each output (outputs, 1) [units of the channels].
     held_out
@@ -48,6 +50,7 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
     settings: Settings
     records: tuple[Record, ...]
     model: PeriodicModel
+    fit: Uncertainty | Fit
     noise: NDArray[np.float64]
     held_out: NDArray[np.float64]
     findings: tuple[Finding, ...] = ()
@@ -127,13 +130,7 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class DrivenAnalysis(ExcitedAnalysis):
-    """Result of `identify_driven`: of records with measured inputs, noise that of the sensors.
-
-    Parameters
-    ----------
-    fit
-        The fit and its joint covariance, from which other deviations are made.
-    """
+    """Result of `identify_driven`: of records with measured inputs, noise that of the sensors."""
 
     fit: Uncertainty
 
@@ -149,8 +146,6 @@ class AmbientAnalysis(ExcitedAnalysis):
 
     Parameters
     ----------
-    fit
-        The fit in innovations form and its joint covariance.
     lengths
         Duration of a record that gives the damping of each mode to 10 % (modes,) [s].
     """
