@@ -43,8 +43,8 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     report("taking first innovations from an autoregression")
     first = first_innovations(samples)
     driven = replace(samples, inputs=np.concatenate([samples.inputs, first]), hold="none")
-    poles, shares = candidates(driven, driven.values)
     now = _none(samples)
+    poles, shares = candidates(driven, now.innovations)
     best = poles[shares >= STABLE] if (shares >= STABLE).any() else poles[:1]
     now = _with(samples, driven, now, best.tolist(), limits) or now
     report(f"searching for modes: {len(now.modes)} found")
