@@ -11,13 +11,26 @@ from numpy.typing import NDArray
 from floquid.innovations._autoregression import first_innovations
 from floquid.innovations._predictor import Mode, Predictor, predicted
 from floquid.innovations._solve import Normal, normal_of, places, solve
-from floquid.inputs import Limits, Samples, bare_mode, candidates, fitted_together, input_gain, limit_of, linearise
+from floquid.inputs import (
+    InputMode,
+    Limits,
+    Samples,
+    bare_mode,
+    candidates,
+    fitted_together,
+    input_gain,
+    limit_of,
+    linearise,
+)
 
-STABLE = 0.8
+STABLE = 0.5
 """The share of the looks at which a candidate comes up from which on a search begins with it."""
 
-TRIED = 0.1
+LEAST = 0.1
 """The share from which on it is tried later."""
+
+TRIED = 4
+"""Candidates that are fitted beside the modes in vain before the search ends."""
 
 ROUNDS = 10
 """Rounds in which bands may grow."""
@@ -27,6 +40,12 @@ STRIDE = 2
 
 SHRUNK = (1.0, 0.7, 0.4, 0.2, 0.05)
 """Factors of the gains of the innovations at which a predictor is tried."""
+
+REAL = 1e-9
+"""The share of ω within which the frequency of a candidate is that of a real multiplier."""
+
+OFF_AXIS = 20.0
+"""Deviations off the axis from which on a multiplier is not tried as a real one."""
 
 DOUBTFUL = 5.0
 """The squared deviations of a mode's gains over the limit, from which on no fit without it is tried."""
@@ -46,19 +65,23 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     now = _none(samples)
     poles, shares = candidates(driven, now.innovations)
     best = poles[shares >= STABLE] if (shares >= STABLE).any() else poles[:1]
-    now = _with(samples, driven, now, best.tolist(), limits) or now
+    trial, failed = _with(samples, driven, now, best.tolist(), limits), 0
+    now = _grown(samples, trial, limits, rounds=1) if trial is not None and _better(trial, now, limits) else now
     report(f"searching for modes: {len(now.modes)} found")
-    for exponent in poles[(shares < STABLE) & (shares >= TRIED)].tolist():
-        if len(now.modes) >= limits.modes:
-            break
+    for exponent in poles[(shares < STABLE) & (shares >= LEAST)].tolist():
         own = replace(driven, inputs=np.concatenate([samples.inputs, now.innovations]))
         trial = _with(samples, own, now, [exponent], limits)
         if trial is not None and _better(trial, now, limits):
-            now = trial
+            now, failed = _grown(samples, trial, limits, rounds=1), 0
             report(f"searching for modes: {len(now.modes)} found")
-    now = _needed(samples, now, limits)
+        else:
+            failed += trial is not None
+        if failed == TRIED or len(now.modes) >= limits.modes:
+            break
+    now = _needed(samples, _grown(samples, now, limits), limits)
+    now = _with_real_ones(samples, now, limits)
     loose = replace(limits, harmonic_alarm=LOOSE)
-    now = _narrowed(samples, _grown(samples, now, loose), loose)
+    now = _narrowed(samples, _grown(samples, now, loose, rounds=2), loose)
     return solve(samples, _rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now)
 
 
@@ -71,19 +94,20 @@ def _none(samples: Samples) -> Predictor:
 
 
 def _better(trial: Predictor, now: Predictor, limits: Limits) -> bool:
+    """True where noise does not explain what a fit with more gains, by its probability and by the criterion."""
     more = max(trial.n_parameters - now.n_parameters, 1)
-    return trial.log_likelihood - now.log_likelihood > limit_of(more, limits.mode_alarm)
+    sure = trial.log_likelihood - now.log_likelihood > limit_of(more, limits.mode_alarm)
+    return sure and _criterion(trial) < _criterion(now)
 
 
 def _with(
     samples: Samples, driven: Samples, now: Predictor, exponents: list[complex], limits: Limits
 ) -> Predictor | None:
     """The predictor with modes of some exponents more, driven by the innovations of now; None where none is stable."""
-    turns = np.arange(-1.0, 2.0)
-    bare = [bare_mode(driven, exponent, turns, turns) for exponent in exponents]
+    bare = [_bare(driven, exponent) for exponent in exponents]
     gain, driven_modes = fitted_together(driven, now.innovations, bare, acting=len(samples.inputs))
-    products = 2 * len(turns) * (len(turns) * len(driven.inputs) + len(samples.records))
-    if gain < limit_of(len(now.innovations) * products * len(bare), limits.mode_alarm):
+    products = sum(2 * len(own.turns) * (own.gains.size + len(samples.records)) for own in bare)
+    if gain < limit_of(len(now.innovations) * products, limits.mode_alarm):
         return None
     seen = linearise(replace(driven, values=now.innovations), driven_modes)
     modes = []
@@ -107,8 +131,44 @@ def _with(
         shrunk = [replace(mode, gains=share * mode.gains) for mode in modes]
         trial = _rebuilt(samples, now, [*now.modes, *shrunk])
         if trial is not None:
-            return _grown(samples, solve(samples, trial, rough=True), limits)
+            return solve(samples, trial, rough=True)
     return None
+
+
+def _bare(driven: Samples, exponent: complex) -> InputMode:
+    """A candidate with one harmonic on either side; a real multiplier where its frequency is one's."""
+    half = 0.5 * round(2.0 * exponent.imag / driven.fundamental)
+    if abs(exponent.imag - half * driven.fundamental) > REAL * driven.fundamental:
+        turns = np.arange(-1.0, 2.0)
+        return bare_mode(driven, exponent, turns, turns)
+    turns = np.arange(half % 1.0, 2.0)
+    return bare_mode(driven, complex(exponent.real), turns, turns, real=True)
+
+
+def _with_real_ones(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
+    """With pairs near the axis of real multipliers taken for one such, or for two, where that explains as much."""
+    normal, omega = normal_of(samples, now, rough=True), samples.fundamental
+    spread = np.sqrt(np.maximum(np.diag(normal.inverse()), 0.0))
+    for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
+        half = 0.5 * round(2.0 * mode.exponent.imag / omega)
+        away = abs(mode.exponent.imag - half * omega)
+        if mode.real or away > min(abs(mode.exponent.real), OFF_AXIS * spread[place.start + 1]):
+            continue
+        rest = [own for k, own in enumerate(now.modes) if k != number]
+        base = _rebuilt(samples, replace(now, initial=np.zeros((len(samples.records), 0))), rest)
+        driven = replace(samples, inputs=np.concatenate([samples.inputs, now.innovations]), hold="none")
+        for factors in ((1.0,), (0.7, 1.4)):
+            tried = [complex(factor * mode.exponent.real, half * omega) for factor in factors]
+            trial = None if base is None else _with(samples, driven, base, tried, limits)
+            trial = None if trial is None else _grown(samples, trial, limits)
+            if trial is not None and _criterion(trial) < _criterion(now):
+                return _with_real_ones(samples, trial, limits)
+    return now
+
+
+def _criterion(own: Predictor) -> float:
+    """The criterion of Schwarz (1978)."""
+    return own.n_parameters * np.log(own.innovations.shape[1]) - own.log_likelihood
 
 
 def _rebuilt(samples: Samples, now: Predictor, modes: list[Mode]) -> Predictor | None:
@@ -120,9 +180,12 @@ def _rebuilt(samples: Samples, now: Predictor, modes: list[Mode]) -> Predictor |
     return predicted(samples, modes, now.columns, initial)
 
 
-def _grown(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
-    """The predictor with the harmonics beside its bands whose scores rise above the noise."""
-    for _ in range(ROUNDS):
+def _grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = ROUNDS) -> Predictor:
+    """The predictor with the harmonics beside its bands whose scores rise above the noise.
+
+    While modes are missing few rounds are enough: bands would grow to make up for them.
+    """
+    for _ in range(rounds):
         padded = _rebuilt(samples, now, [mode.padded(STRIDE, limits.highest) for mode in now.modes])
         assert padded is not None
         normal = normal_of(samples, padded, rough=True)

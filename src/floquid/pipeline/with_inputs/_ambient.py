@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ PREDICTABLE = 0.03
 
 SURE = 1e-6
 """The probability at which noise may pass for something that is told."""
+
+ALIKE = 0.5
+"""The distance of two modes over their decay below which they may be one."""
 
 AIM = 0.1
 """The relative deviation of the damping for which the length of a record is given."""
@@ -176,6 +179,8 @@ def _told(fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duratio
     for mode, varies in zip(fit.at.modes, varying, strict=True):
         hertz, share = abs(model.exponents[place]) / (2.0 * np.pi), float(relative[place])
         place += mode.rows
+        if share * abs(mode.exponent.real) * model.period > 1.0:
+            found.append(failure("ambient_undetermined", frequency=hertz))
         if any(varying) and not varies:
             found.append(warning("ambient_single", frequency=hertz))
         if share > AIM:
@@ -184,6 +189,12 @@ def _told(fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duratio
             found.append(
                 told("ambient_length", frequency=hertz, share=share, length=length, periods=length / model.period)
             )
+    omega = model.fundamental
+    for one, other in combinations(fit.at.modes, 2):
+        gaps = [one.exponent - other.exponent, one.exponent - other.exponent.conjugate()]
+        near = min(abs(gap - 1j * omega * round(gap.imag / omega)) for gap in gaps)
+        if near < ALIKE * min(abs(one.exponent.real), abs(other.exponent.real)):
+            found.append(warning("ambient_alike", frequency=abs(one.exponent) / (2.0 * np.pi)))
     return tuple(found)
 
 
