@@ -11,9 +11,9 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
     "coloured there, or a part that the rotation does not reach.",
     "ambient_length": "The damping of the mode at {frequency:.4g} Hz is known to {share:.0%}: random excitation tells "
     "little of it. To 10 % it needs a record of {length:.3g} s, {periods:.3g} periods.",
-    "ambient_undetermined": "The decay of the mode at {frequency:.4g} Hz is not determined: it dies within a period, or "
+    "ambient_undetermined": "The decay of the mode at {frequency:.4g} Hz is not determined: it dies in a period, or "
     "modes make up for one another. Random excitation does not tell how many there are.",
-    "ambient_alike": "Two modes near {frequency:.4g} Hz differ by less than they decay: they may be one, or of coloured "
+    "ambient_alike": "Two modes near {frequency:.4g} Hz differ by less than they decay: they may be one, or coloured "
     "excitation.",
     "ambient_held_out": "The last quarter of the record, left out of a fit, is predicted with {error:.3g} times the "
     "error of the rest: the system or its excitation is another one there.",
