@@ -148,6 +148,14 @@ def record_of(system, periods, phases, noise, seed, inputs=None, start=None):
     return values, inputs
 
 
+def ambient_of(system, periods, phases, noise, seed, warm=20):
+    """Outputs of random forces that nobody measures, in a steady state, with white noise of a share of their rms."""
+    generator = np.random.default_rng(seed)
+    forces = generator.standard_normal((system.B(0.0).shape[1], (periods + warm) * phases))
+    values = system.response(forces, phases)[:, warm * phases :]
+    return values + noise * values.std(axis=1, keepdims=True) * generator.standard_normal(values.shape)
+
+
 def pulls(system, model):
     """Deviations by which the exponents of a model are off the nearest true ones, modulo iω (modes, 2)."""
     truth, rows = system.exponents(), []

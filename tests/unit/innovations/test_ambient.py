@@ -1,0 +1,118 @@
+"""Outputs alone: the chain from a record to a verdict."""
+
+import json
+
+import numpy as np
+import pytest
+from tests.driven import ambient_of, mathieu, pulls
+
+from floquid import (
+    ConstantPeriod,
+    IdentificationError,
+    InputError,
+    Record,
+    TachometerSignal,
+    identify,
+    identify_ambient,
+)
+from floquid.exports import driven_summary
+from floquid.innovations._autoregression import first_innovations
+from floquid.inputs import samples_of
+
+SYSTEM, PHASES = mathieu(), 16
+
+
+def record_from(values, period=SYSTEM.period, phases=PHASES, names=("x",)):
+    return Record(values=values, sample_rate=phases / period, channels=list(names), clock=ConstantPeriod(period=period))
+
+
+@pytest.fixture(scope="module")
+def values():
+    return ambient_of(SYSTEM, 250, PHASES, 0.02, 0)
+
+
+@pytest.fixture(scope="module")
+def analysis(values):
+    return identify_ambient(record_from(values))
+
+
+def test_exponents_of_outputs_alone_are_within_their_deviations(analysis):
+    assert analysis.model.order == 2
+    assert pulls(SYSTEM, analysis.model).max() < 3.5
+    assert analysis.passed
+    assert np.array_equal(analysis.model.coefficient_std[0].max(axis=-1) > 0.0, [[True]])
+
+
+def test_its_damping_tells_how_long_a_record_would_do(analysis):
+    relative = analysis.model.exponent_std.real / np.abs(analysis.model.exponents.real)
+    duration = analysis.records[0].n_samples / analysis.records[0].sample_rate
+    assert analysis.lengths == pytest.approx(duration * (relative / 0.1) ** 2)
+    assert {finding.code for finding in analysis.findings} == {"ambient_length"}
+
+
+def test_its_summary_and_its_words_are_whole(analysis):
+    content = json.loads(json.dumps(driven_summary(analysis)))
+    assert content["excitation"] == "ambient"
+    assert content["inputs"] is None
+    assert len(content["lengths"]) == 2
+    assert "Innovations" in analysis.summary()
+    with pytest.raises(InputError, match="measured inputs"):
+        analysis.transfer()
+
+
+def test_a_line_at_the_speed_is_taken_off(values):
+    angle = 2.0 * np.pi * np.arange(values.shape[1]) / PHASES
+    found = identify_ambient(record_from(values + 3.0 * np.cos(angle + 0.3)), validate=False)
+    assert found.model.order == 2
+    assert pulls(SYSTEM, found.model).max() < 3.5
+    assert "steady_beside_inputs" in {finding.code for finding in found.findings}
+
+
+def test_a_tachometer_gives_the_angle(values):
+    wave = np.cos(2.0 * np.pi * (np.arange(values.shape[1]) / PHASES - 0.25))
+    record = record_from(np.concatenate([values, wave[None]]), names=("x", "tach"))
+    record = record.with_clock(TachometerSignal(channel="tach"))
+    found = identify_ambient(record, validate=False)
+    assert [channel.name for channel in found.model.channels] == ["x"]
+    assert found.measured_clock
+    assert found.model.period == pytest.approx(SYSTEM.period, rel=1e-5)
+    assert pulls(SYSTEM, found.model).max() < 3.5
+
+
+def test_what_cannot_be_is_refused(values):
+    noise = np.random.default_rng(0).standard_normal((1, 2000))
+    with pytest.raises(IdentificationError, match="rises above the noise"):
+        identify_ambient(record_from(noise))
+    with pytest.raises(InputError, match="order"):
+        identify_ambient(record_from(values), order=2)
+    with pytest.raises(InputError, match="identify_ambient"):
+        identify(record_from(values), excitation="ambient")
+    with pytest.raises(IdentificationError, match="periods, fewer than"):
+        identify_ambient(record_from(values[:, : 5 * PHASES]))
+
+
+def test_forces_that_were_not_measured_do_not_bend_what_was(analysis):
+    del analysis
+    generator = np.random.default_rng(3)
+    force, other = generator.standard_normal((2, 1, 200 * PHASES))
+    values = SYSTEM.response(force + 0.5 * other, PHASES)
+    values += 0.02 * values.std() * generator.standard_normal(values.shape)
+    found = identify_ambient(record_from(np.concatenate([values, force]), names=("x", "f")), inputs=["f"])
+    assert found.model.order == 2
+    assert pulls(SYSTEM, found.model).max() < 3.5
+    own = found.transfer([0.1, 0.2, 0.3], [-1, 0, 1])
+    truth = SYSTEM.transfer([0.1, 0.2, 0.3], [-1, 0, 1])
+    off = np.abs(own.values - truth) / np.abs(own.std)
+    assert off.max() < 4.0
+    assert np.abs(own.values).max() > 20.0 * np.abs(own.std).max()
+
+
+def test_first_innovations_are_near_the_true_ones():
+    generator = np.random.default_rng(0)
+    drive = generator.standard_normal(4000)
+    values = np.zeros(4000)
+    for k in range(2, 4000):
+        values[k] = (1.5 + 0.2 * np.cos(0.4 * k)) * values[k - 1] - 0.8 * values[k - 2] + drive[k]
+    samples = samples_of([values[None]], [np.zeros((0, 4000))], [0.0], step=1.0, fundamental=0.4)
+    found = first_innovations(samples)[0]
+    assert np.corrcoef(found[100:], drive[100:])[0, 1] > 0.995

@@ -1,0 +1,119 @@
+"""The one-step predictor: its innovations, its derivatives, and what a change of its states leaves as it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from floquid.innovations._predictor import Mode, predicted, slopes
+from floquid.innovations._result import Fit, sized
+from floquid.innovations._search import _centred
+from floquid.innovations._solve import moved, normal_of, solve
+from floquid.inputs import samples_of
+
+OMEGA, STEP, COUNT = 1.3, 0.2, 400
+
+
+def modes_of(generator, channels=2, inputs=1):
+    """A pair and a real negative multiplier."""
+
+    def some(*shape):
+        return 0.12 * (generator.standard_normal(shape) + 1j * generator.standard_normal(shape))
+
+    pair = Mode(
+        exponent=-0.1 + 0.7j,
+        real=False,
+        turns=np.arange(-1.0, 2.0),
+        shape=some(channels, 3),
+        reach=np.arange(-1.0, 1.0),
+        gains=some(inputs + channels, 2),
+    )
+    real = Mode(
+        exponent=-0.3 + 0j,
+        real=True,
+        turns=np.array([0.5, 1.5]),
+        shape=some(channels, 2),
+        reach=np.array([0.5]),
+        gains=some(inputs + channels, 1),
+    )
+    return [pair, real]
+
+
+def response_of(modes, noise, inputs, times, initial):
+    """Outputs of the innovations form, sample by sample, pairs as complex numbers."""
+    states = [complex(*initial[:2]), complex(initial[2])]
+    values = np.zeros_like(noise)
+    for k, t in enumerate(times):
+        drive = np.concatenate([inputs[:, k], noise[:, k]])
+        values[:, k] = noise[:, k]
+        for number, mode in enumerate(modes):
+            shape = mode.shape @ np.exp(1j * mode.turns * OMEGA * t)
+            gain = np.exp(1j * mode.reach * OMEGA * t) @ mode.gains.T @ drive
+            state = states[number]
+            values[:, k] += (shape.real * state.real) if mode.real else (shape * state).real
+            states[number] = np.exp(mode.exponent * STEP) * state + (gain.real if mode.real else gain)
+    return values
+
+
+@pytest.fixture(scope="module")
+def case():
+    generator = np.random.default_rng(1)
+    modes, times = modes_of(generator), 0.4 + STEP * np.arange(COUNT)
+    noise, inputs = generator.standard_normal((2, COUNT)), generator.standard_normal((1, COUNT))
+    initial = np.array([0.5, -0.2, 0.3])
+    values = response_of(modes, noise, inputs, times, initial) + 0.7
+    samples = samples_of([values], [inputs], [0.4], step=STEP, fundamental=OMEGA, hold="none")
+    at = predicted(samples, modes, np.full((2, 1), 0.7), initial[None])
+    return samples, at, noise
+
+
+def test_innovations_are_what_drove_the_response(case):
+    _, at, noise = case
+    assert np.abs(at.innovations - noise).max() < 1e-9
+
+
+def test_derivatives_are_those_of_differences(case):
+    samples, at, _ = case
+    whole = np.concatenate([part for _, part in slopes(samples, at, np.eye(2))])
+    generator = np.random.default_rng(2)
+    for _ in range(3):
+        step = 1e-6 * generator.standard_normal(whole.shape[2])
+        up, down = (moved(samples, at, sign * step, 1e-9).innovations for sign in (1.0, -1.0))
+        assert np.abs((up - down) / 2.0 - (whole @ step).T).max() < 1e-4 * np.abs(up - down).max()
+
+
+def test_single_precision_gives_the_same_matrix(case):
+    samples, at, _ = case
+    fine, rough = normal_of(samples, at), normal_of(samples, at, rough=True)
+    assert np.abs(fine.scaled - rough.scaled).max() < 1e-4
+
+
+def test_the_scale_of_a_state_and_its_branch_change_nothing(case):
+    samples, at, noise = case
+    assert np.abs(sized(Fit(samples, at)).at.modes[0].gains - at.modes[0].gains).max() > 1e-3
+    scaled = sized(Fit(samples, at)).at
+    again = predicted(samples, scaled.modes, scaled.columns, scaled.initial)
+    assert np.abs(again.innovations - noise).max() < 1e-9
+    odd = replace(at.modes[0], shape=at.modes[0].shape * [[0.0, 0.1, 5.0]])
+    other = predicted(samples, [odd, at.modes[1]], at.columns, at.initial)
+    centred = _centred(samples, other)
+    assert centred.modes[0].turns[-1] == 0.0
+    assert np.abs(centred.innovations - other.innovations).max() < 1e-9
+
+
+def test_a_fit_from_beside_comes_back_within_its_deviations(case):
+    samples, at, _ = case
+    aside = replace(at.modes[0], exponent=at.modes[0].exponent + 0.02 - 0.03j)
+    start = predicted(samples, [aside, at.modes[1]], at.columns, at.initial)
+    found = Fit(samples, solve(samples, start))
+    place = found.places[0].start
+    spread = np.sqrt(np.diag(found.parameters)[place : place + 2])
+    gap = found.at.modes[0].exponent - at.modes[0].exponent
+    assert found.at.log_likelihood > at.log_likelihood
+    assert (np.abs([gap.real, gap.imag]) < 4.0 * spread).all()
+
+
+def test_a_predictor_that_diverges_is_none(case):
+    samples, at, _ = case
+    wild = [replace(mode, gains=-30.0 * mode.gains) for mode in at.modes]
+    assert predicted(samples, wild, at.columns, at.initial) is None
