@@ -17,18 +17,19 @@ MOST = 0.05
 """Coefficients of one channel over the samples, at most."""
 
 
-def first_innovations(samples: Samples) -> NDArray[np.float64]:
+def first_innovations(samples: Samples, acting: int = 0) -> NDArray[np.float64]:
     r"""Innovations (channels, samples) by least squares on the samples before, zero at the begin of each record.
 
     .. math:: y_k = \sum_{j \ge 1} \alpha_j(t_k)\, y_{k-j} + \sum_{j \ge 0} \beta_j(t_k)\, u_{k-j} + e_k
 
+    β at no lag is zero but for the first inputs, `acting` of them.
     Lags and harmonics of α and β are those of the least criterion of Schwarz (1978).
     """
     best, found = np.inf, np.zeros_like(samples.values)
     for harmonics in HARMONICS:
         before = np.inf
         for lags in LAGS:
-            rows = _regressors(samples, lags, harmonics)
+            rows = _regressors(samples, lags, harmonics, acting)
             used = np.ones(samples.n_samples, bool)
             for own in samples.records:
                 used[own.start : min(own.start + lags, own.stop)] = False
@@ -50,11 +51,11 @@ def first_innovations(samples: Samples) -> NDArray[np.float64]:
     return found
 
 
-def _regressors(samples: Samples, lags: int, harmonics: int) -> NDArray[np.float64]:
-    """Known columns, samples before and inputs before and now, those but the first turned (regressors, samples)."""
+def _regressors(samples: Samples, lags: int, harmonics: int, acting: int) -> NDArray[np.float64]:
+    """Known columns, inputs that act at once, and samples and inputs before, all but the first turned (…, samples)."""
     signals = np.concatenate([samples.values, samples.inputs])
     rows = [samples.each(signals, lambda own, lag=lag: _late(own, lag)) for lag in range(1, lags + 1)]
-    late = np.concatenate([samples.inputs, *rows])
+    late = np.concatenate([samples.inputs[:acting], *rows])
     turned = [samples.turned(turn) for turn in range(1, harmonics + 1)]
     return np.concatenate([samples.known, late, *(part * late for own in turned for part in (own.real, own.imag))])
 

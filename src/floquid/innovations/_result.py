@@ -23,13 +23,16 @@ class Fit(Rebuilt):
     Parameters
     ----------
     samples
-        What was fitted: the last known columns are the inputs, where they act at once.
+        What was fitted.
     at
         The predictor at the maximum of the likelihood.
+    acting
+        Inputs that act on the outputs at once: the last of the known columns.
     """
 
     samples: Samples
     at: Predictor
+    acting: int = 0
 
     @cached_property
     def parameters(self) -> NDArray[np.float64]:
@@ -99,7 +102,7 @@ def sized(fit: Fit) -> Fit:
                 both = (values[:, row] + 1j * values[:, row + 1]) / by
                 values[:, row], values[:, row + 1] = both.real, both.imag
         row += mode.rows
-    return Fit(fit.samples, replace(fit.at, modes=tuple(modes), initial=initial, states=states))
+    return replace(fit, at=replace(fit.at, modes=tuple(modes), initial=initial, states=states))
 
 
 def _moves(mode: Mode, noise: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -189,8 +192,8 @@ def model_of(fit: Fit, channels: Sequence[Channel], inputs: Sequence[Channel], p
             coefficients=gains,
             harmonics=reach,
             coefficient_std=gain_std,
-            direct=fit.at.columns[:, -len(inputs) :, None].astype(complex),
-            direct_harmonics=np.zeros(1, np.int64),
+            direct=fit.at.columns[:, -len(inputs) :, None][..., : int(fit.acting > 0)].astype(complex),
+            direct_harmonics=np.zeros(int(fit.acting > 0), np.int64),
             initial=_initial(fit),
         )
     return PeriodicModel(
@@ -259,7 +262,7 @@ def transfer_of(
     columns = fit.at.columns.shape[1]
     first = fit.places[-1].stop
     for output in range(len(channels)):
-        for source in range(len(inputs)):
+        for source in range(fit.acting):
             column = columns - len(inputs) + source
             values[harmonics == 0, output, source] += fit.at.columns[output, column]
             slopes[first + output * columns + column, harmonics == 0, output, source] = 1.0

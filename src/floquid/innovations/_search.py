@@ -57,10 +57,15 @@ LOOSE = 1e-2
 """The probability at which noise may pass for a harmonic at the end: one that is missing does more harm."""
 
 
-def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Predictor:
-    """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs."""
+def searched(
+    samples: Samples, limits: Limits, report: Callable[[str], None] = lambda _: None, *, acting: int = 0
+) -> Predictor:
+    """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs.
+
+    The first inputs, `acting` of them, are known columns as well: they act on the outputs at once.
+    """
     report("taking first innovations from an autoregression")
-    first = first_innovations(samples)
+    first = first_innovations(samples, acting)
     driven = replace(samples, inputs=np.concatenate([samples.inputs, first]), hold="none")
     now = _none(samples)
     poles, shares = candidates(driven, now.innovations)
@@ -105,7 +110,7 @@ def _with(
 ) -> Predictor | None:
     """The predictor with modes of some exponents more, driven by the innovations of now; None where none is stable."""
     bare = [_bare(driven, exponent) for exponent in exponents]
-    gain, driven_modes = fitted_together(driven, now.innovations, bare, acting=len(samples.inputs))
+    gain, driven_modes = fitted_together(driven, now.innovations, bare, acting=0)
     products = sum(2 * len(own.turns) * (own.gains.size + len(samples.records)) for own in bare)
     if gain < limit_of(len(now.innovations) * products, limits.mode_alarm):
         return None
@@ -185,7 +190,7 @@ def _grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = ROUND
 
     While modes are missing few rounds are enough: bands would grow to make up for them.
     """
-    for _ in range(rounds):
+    for _ in range(rounds if now.modes else 0):
         padded = _rebuilt(samples, now, [mode.padded(STRIDE, limits.highest) for mode in now.modes])
         assert padded is not None
         normal = normal_of(samples, padded, rough=True)

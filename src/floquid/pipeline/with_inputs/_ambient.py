@@ -99,20 +99,22 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     """The chain from the records with their clocks on."""
     report("reading angle and channels")
     own = parted(records, settings, OF)
-    # What inputs do at once is a known column beside the offsets and the lines.
-    samples = replace(own.samples, known=np.concatenate([own.samples.known, own.samples.inputs]))
+    # A force acts on an acceleration at once: a known column beside the offsets and the lines. On other outputs it does
+    # not, and in a closed loop the input holds the innovation of the same sample.
+    acting = len(own.inputs) if any(channel.quantity == "acceleration" for channel in own.outputs) else 0
+    samples = replace(own.samples, known=np.concatenate([own.samples.known, own.samples.inputs[:acting]]))
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
     highest = max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics
     limits = Limits(mode_alarm=settings.mode_false_alarm, harmonic_alarm=settings.harmonic_false_alarm, highest=highest)
     report("searching for modes")
-    found = searched(samples, limits, report)
+    found = searched(samples, limits, report, acting=acting)
     if not found.modes:
         raise IdentificationError(
             "Identification ended without a result: no mode rises above the noise. The response is white, or the "
             "record is too short: damping that is random excitation's alone needs hundreds of periods."
         )
     report("estimating deviations")
-    fit = Fit(samples, found)
+    fit = Fit(samples, found, acting)
     provenance = Provenance.merge(tuple(record.provenance for record in records))
     model = model_of(fit, own.outputs, own.inputs, provenance)
     held_out = np.full(len(own.outputs), np.nan)
