@@ -12,10 +12,10 @@ from typing import get_origin
 
 import numpy as np
 import pytest
-from tests.driven import mathieu, record_of
+from tests.driven import ambient_of, mathieu, record_of
 
 import floquid
-from floquid import _arrays, floquet, identify, identify_driven, systems
+from floquid import _arrays, floquet, identify, identify_ambient, identify_driven, systems
 from floquid._checks import Rebuilt
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.lti import MaximumLikelihood
@@ -111,6 +111,10 @@ def others():
         "synchronisation": synchronisation(found),
         "families": tuple(families(found)),
         "driven": with_inputs(),
+        "ambient": identify_ambient(
+            Record(values=ambient_of(mathieu(), 100, 12, 0.02, 0), sample_rate=12.0 / np.pi, channels=["y"]),
+            period=np.pi,
+        ),
         **of_the_oracle(),
     }
 

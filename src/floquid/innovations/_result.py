@@ -13,7 +13,7 @@ from floquid._checks import Rebuilt
 from floquid.core import Channel, ModelInputs, PeriodicModel, Provenance
 from floquid.innovations._predictor import Mode, Predictor
 from floquid.innovations._solve import normal_of, places
-from floquid.inputs import Samples, TransferFunctions, input_gain, mirrored, modal_transfer
+from floquid.inputs import Samples, TransferFunctions, input_gain, mirrored, modal_transfer, sealed
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +33,10 @@ class Fit(Rebuilt):
     samples: Samples
     at: Predictor
     acting: int = 0
+
+    def __post_init__(self) -> None:
+        for one in (self.samples, self.at, *self.at.modes):
+            sealed(one)
 
     @cached_property
     def parameters(self) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ from floquid.inputs._modes import input_gain as input_gain
 from floquid.inputs._result import Uncertainty as Uncertainty
 from floquid.inputs._result import mirrored as mirrored
 from floquid.inputs._result import model_of as model_of
+from floquid.inputs._result import sealed as sealed
 from floquid.inputs._result import transfer_of as transfer_of
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples

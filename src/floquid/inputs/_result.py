@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ class Uncertainty(Rebuilt):
 
     def __post_init__(self) -> None:
         for one in (self.samples, self.at, *self.at.modes):
-            _sealed(one)
+            sealed(one)
 
     @cached_property
     def parameters(self) -> NDArray[np.float64]:
@@ -74,7 +75,7 @@ class Uncertainty(Rebuilt):
         return found
 
 
-def _sealed(one: Samples | Linearisation | InputMode) -> None:
+def sealed(one: Any) -> None:
     """Make the arrays of an object read-only: from here on they are a result."""
     for field in fields(one):
         value = getattr(one, field.name)
