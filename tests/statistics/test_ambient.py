@@ -1,0 +1,68 @@
+"""Outputs alone by repetition: the order found, errors over their deviations, and forces measured beside others."""
+
+import numpy as np
+import pytest
+from tests.driven import ambient_of, mathieu, paper_rotor, pulls
+
+from floquid import ConstantPeriod, Record, identify_ambient
+
+DRAWS = 20
+HERTZ, HARMONICS = np.array([0.1, 0.22, 0.3]), np.array([-1, 0, 1])
+
+
+def record_from(values, system, phases, names):
+    clock = ConstantPeriod(period=system.period)
+    return Record(values=values, sample_rate=phases / system.period, channels=names, clock=clock)
+
+
+@pytest.mark.parametrize(
+    ("system", "periods", "phases", "noise", "order"),
+    [(mathieu(), 1000, 20, 0.02, 2), (mathieu(), 400, 20, 0.05, 2), (paper_rotor(), 512, 50, 0.02, 4)],
+    ids=["Mathieu", "a shorter record", "the paper's rotor"],
+)
+def test_deviations_hold_of_outputs_alone(system, periods, phases, noise, order):
+    off = []
+    for seed in range(DRAWS):
+        values = ambient_of(system, periods, phases, noise, seed)
+        names = [f"y{k}" for k in range(len(values))]
+        found = identify_ambient(record_from(values, system, phases, names), validate=False)
+        assert found.model.order == order
+        off.append(pulls(system, found.model))
+    assert 0.85 < np.sqrt(np.mean(np.array(off) ** 2)) < 1.15
+    assert np.max(off) < 4.5
+
+
+def in_a_loop(system, periods, phases, seed, process, feedback, noise, warm=20):
+    """The response to a force that is measured and one that is not, the first with velocity fed back."""
+    generator = np.random.default_rng(seed)
+    maps, step = system.maps(phases), system.period / phases
+    count = (periods + warm) * phases
+    reference, other, sensor = generator.standard_normal((3, count))
+    state, before, values, forces = np.zeros(2), 0.0, [], []
+    for number in range(count):
+        now = float((system.C(0.0) @ state)[0]) + noise * sensor[number]
+        force = reference[number] - feedback * (now - before) / step
+        values.append(now)
+        forces.append(force)
+        before = now
+        transition, forcing = maps[number % phases]
+        state = transition @ state + forcing[:, 0] * (force + process * other[number])
+    return np.array([values, forces])[:, warm * phases :]
+
+
+@pytest.mark.parametrize(
+    ("process", "feedback", "noise"), [(0.5, 0.0, 0.02), (0.5, 0.4, 0.005)], ids=["wind", "a loop"]
+)
+def test_deviations_hold_where_other_forces_act_too(process, feedback, noise):
+    system, off, errors = mathieu(), [], []
+    truth = system.transfer(HERTZ, HARMONICS)
+    for seed in range(DRAWS):
+        values = in_a_loop(system, 300, 20, seed, process, feedback, noise)
+        found = identify_ambient(record_from(values, system, 20, ["y", "F"]), inputs=["F"], validate=False)
+        assert found.model.order == 2
+        off.append(pulls(system, found.model))
+        own = found.transfer(HERTZ, HARMONICS)
+        gap = own.values - truth
+        errors.append(np.concatenate([(gap.real / own.std.real).ravel(), (gap.imag / own.std.imag).ravel()]))
+    assert 0.8 < np.sqrt(np.mean(np.array(off) ** 2)) < 1.3
+    assert 0.8 < np.sqrt(np.mean(np.array(errors) ** 2)) < 1.25
