@@ -23,7 +23,7 @@ from floquid.inputs import (
     linearise,
 )
 
-STABLE = 0.5
+STABLE = 0.8
 """The share of the looks at which a candidate comes up from which on a search begins with it."""
 
 LEAST = 0.1
