@@ -130,7 +130,13 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class DrivenAnalysis(ExcitedAnalysis):
-    """Result of `identify_driven`: of records with measured inputs, noise that of the sensors."""
+    """Result of `identify_driven`: of records with measured inputs, noise that of the sensors.
+
+    Parameters
+    ----------
+    settings, records, model, fit, noise, held_out, findings
+        Those of every `ExcitedAnalysis`.
+    """
 
     fit: Uncertainty
 
@@ -146,6 +152,8 @@ class AmbientAnalysis(ExcitedAnalysis):
 
     Parameters
     ----------
+    settings, records, model, fit, noise, held_out, findings
+        Those of every `ExcitedAnalysis`, the fit in innovations form.
     lengths
         Duration of a record that gives the damping of each mode to 10 % (modes,) [s].
     """
