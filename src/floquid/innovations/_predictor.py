@@ -69,8 +69,8 @@ class Mode(Rebuilt):
         return replace(
             self,
             exponent=self.exponent + complex(of_exponent[0], 0.0 if self.real else of_exponent[-1]),
-            gains=self.gains + _complex(of_gains).reshape(self.gains.shape),
-            shape=self.shape + _complex(of_shape).reshape(self.shape.shape),
+            gains=self.gains + as_complex(of_gains).reshape(self.gains.shape),
+            shape=self.shape + as_complex(of_shape).reshape(self.shape.shape),
         )
 
     def widened(self, turns: NDArray[np.float64], reach: NDArray[np.float64]) -> Mode:
@@ -94,7 +94,8 @@ class Mode(Rebuilt):
         return replace(self, gains=self.gains / by, shape=self.shape * by)
 
 
-def _complex(parts: NDArray[np.float64]) -> NDArray[np.complex128]:
+def as_complex(parts: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Complex numbers of their real parts and then their imaginary ones (parts,)."""
     half = len(parts) // 2
     return parts[:half] + 1j * parts[half:]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.innovations._autoregression import first_innovations
-from floquid.innovations._predictor import Mode, Predictor, predicted
+from floquid.innovations._predictor import Mode, Predictor, as_complex, predicted
 from floquid.innovations._solve import Normal, normal_of, places, solve
 from floquid.inputs import (
     InputMode,
@@ -23,8 +23,8 @@ from floquid.inputs import (
     linearise,
 )
 
-STABLE = 0.8
-"""The share of the looks at which a candidate comes up from which on a search begins with it."""
+STABLE = (0.8, 0.5)
+"""Shares of the looks at which a candidate comes up from which on a search begins with it: the better of both."""
 
 LEAST = 0.1
 """The share from which on it is tried later."""
@@ -46,6 +46,12 @@ REAL = 1e-9
 
 OFF_AXIS = 20.0
 """Deviations off the axis from which on a multiplier is not tried as a real one."""
+
+NEAR = 0.05
+"""The distance from the axis over the decay up to which it is tried whatever its deviation."""
+
+APART = (0.8, 1.25)
+"""Factors of the decay at which two real multipliers begin."""
 
 DOUBTFUL = 5.0
 """The squared deviations of a mode's gains over the limit, from which on no fit without it is tried."""
@@ -69,11 +75,15 @@ def searched(
     driven = replace(samples, inputs=np.concatenate([samples.inputs, first]), hold="none")
     now = _none(samples)
     poles, shares = candidates(driven, now.innovations)
-    best = poles[shares >= STABLE] if (shares >= STABLE).any() else poles[:1]
-    trial, failed = _with(samples, driven, now, best.tolist(), limits), 0
-    now = _grown(samples, trial, limits, rounds=1) if trial is not None and _better(trial, now, limits) else now
+    begun = {max(int(np.count_nonzero(shares >= stable)), 1) for stable in STABLE}
+    trials = {count: _with(samples, driven, now, poles[:count].tolist(), limits) for count in sorted(begun)}
+    tried, failed = min(begun), 0
+    for count, trial in trials.items():
+        trial = None if trial is None else _grown(samples, trial, limits, rounds=1)
+        if trial is not None and _better(trial, now, limits):
+            now, tried = trial, count
     report(f"searching for modes: {len(now.modes)} found")
-    for exponent in poles[(shares < STABLE) & (shares >= LEAST)].tolist():
+    for exponent in poles[tried:][shares[tried:] >= LEAST].tolist():
         own = replace(driven, inputs=np.concatenate([samples.inputs, now.innovations]))
         trial = _with(samples, own, now, [exponent], limits)
         if trial is not None and _better(trial, now, limits):
@@ -109,6 +119,8 @@ def _with(
     samples: Samples, driven: Samples, now: Predictor, exponents: list[complex], limits: Limits
 ) -> Predictor | None:
     """The predictor with modes of some exponents more, driven by the innovations of now; None where none is stable."""
+    if not exponents:
+        return None
     bare = [_bare(driven, exponent) for exponent in exponents]
     gain, driven_modes = fitted_together(driven, now.innovations, bare, acting=0)
     products = sum(2 * len(own.turns) * (own.gains.size + len(samples.records)) for own in bare)
@@ -157,18 +169,52 @@ def _with_real_ones(samples: Samples, now: Predictor, limits: Limits) -> Predict
     for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
         half = 0.5 * round(2.0 * mode.exponent.imag / omega)
         away = abs(mode.exponent.imag - half * omega)
-        if mode.real or away > min(abs(mode.exponent.real), OFF_AXIS * spread[place.start + 1]):
+        if mode.real or away > max(NEAR * abs(mode.exponent.real), OFF_AXIS * spread[place.start + 1]):
             continue
         rest = [own for k, own in enumerate(now.modes) if k != number]
-        base = _rebuilt(samples, replace(now, initial=np.zeros((len(samples.records), 0))), rest)
-        driven = replace(samples, inputs=np.concatenate([samples.inputs, now.innovations]), hold="none")
-        for factors in ((1.0,), (0.7, 1.4)):
-            tried = [complex(factor * mode.exponent.real, half * omega) for factor in factors]
-            trial = None if base is None else _with(samples, driven, base, tried, limits)
-            trial = None if trial is None else _grown(samples, trial, limits)
+        for count in (1, 2):
+            bare = replace(now, initial=np.zeros((len(samples.records), 0)))
+            trial = _rebuilt(samples, bare, [*rest, *_as_real(samples, now, mode, half, count)])
+            trial = None if trial is None else _grown(samples, solve(samples, trial, rough=True), limits)
             if trial is not None and _criterion(trial) < _criterion(now):
                 return _with_real_ones(samples, trial, limits)
     return now
+
+
+def _as_real(samples: Samples, now: Predictor, mode: Mode, half: float, count: int) -> list[Mode]:
+    """One real multiplier, or two, for a pair on their axis, by the first products of shape and gains of its states.
+
+    With z = a + ib, y is Re(s) a - Im(s) b, and Re(g) drives a, Im(g) drives b.
+    """
+    noise = np.sqrt(np.diag(now.covariance))[:, None]
+    drives = np.concatenate([np.sqrt(np.mean(samples.inputs**2, axis=1))[:, None], noise])
+    gains = mode.gains * np.exp(-1j * half * samples.fundamental * samples.step) * drives
+    turns, shapes = _folded(mode.turns + half, np.array([1.0, 1j])[:, None, None] * mode.shape / noise)
+    reach, driven = _folded(mode.reach - half, np.array([1.0, -1j])[:, None, None] * gains)
+    seen, reached = (
+        np.array([np.concatenate([one.real.ravel(), one.imag.ravel()]) for one in own]) for own in (shapes, driven)
+    )
+    left, values, right = np.linalg.svd(seen.T @ reached, full_matrices=False)
+    return [
+        Mode(
+            exponent=complex(factor * mode.exponent.real),
+            real=True,
+            turns=turns,
+            shape=as_complex(values[k] * left[:, k]).reshape(shapes[0].shape) * noise,
+            reach=reach,
+            gains=as_complex(right[k]).reshape(driven[0].shape) / drives,
+        )
+        for k, factor in enumerate(APART if count == 2 else (1.0,))
+    ]
+
+
+def _folded(turns: NDArray[np.float64], values: NDArray) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Harmonics from zero on, and amplitudes whose real part is that of some of both signs (..., turns)."""
+    found = np.unique(np.abs(turns))
+    folded = np.zeros((*values.shape[:-1], len(found)), complex)
+    for turn, own in zip(turns, np.moveaxis(values, -1, 0), strict=True):
+        folded[..., np.searchsorted(found, abs(turn))] += own.conj() if turn < 0.0 else own if turn > 0.0 else own.real
+    return found, folded
 
 
 def _criterion(own: Predictor) -> float:
