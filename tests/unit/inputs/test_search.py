@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.driven import flapping, mathieu, pulls, record_of, two_masses
@@ -205,3 +207,31 @@ def test_missing_samples_are_refused():
     values[0, 7] = np.nan
     with pytest.raises(InputError, match="miss no sample"):
         identify_driven(record(system, values, inputs, 20), period=system.period, inputs=["F0"])
+
+
+def test_a_measured_angle_is_followed_where_the_speed_wanders():
+    periods, phases, fixed = 60, 12, mathieu()
+    step, count = fixed.period / phases, periods * phases
+
+    def angle(t):
+        return 2.0 * t + 0.3 * np.sin(8.0 * np.pi * t / (count * step))  # of mean 2 over the record
+
+    # One period as long as the record: the equations are integrated as they are.
+    wandering = replace(
+        fixed,
+        A=lambda t: np.array([[0.0, 1.0], [-(2.0 - np.cos(angle(t))), -0.1 * np.sqrt(2.0)]]),
+        period=count * step,
+    )
+    generator = np.random.default_rng(0)
+    inputs = generator.standard_normal((1, count))
+    values = wandering.response(inputs, count)
+    values += 0.1 * values.std() * generator.standard_normal(values.shape)
+    turned = np.degrees(angle(step * np.arange(count))) % 360.0
+    channels = ["y", Channel(name="F", unit="N"), "shaft"]
+    own = Record(values=np.concatenate([values, inputs, turned[None]]), sample_rate=1.0 / step, channels=channels)
+    found = identify_driven(own, azimuth="shaft", inputs=["F"])
+    assert found.passed
+    assert found.model.order == 2
+    assert pulls(fixed, found.model).max() < 4.0
+    constant = identify_driven(own.select(["y", "F"]), period=fixed.period, inputs=["F"])
+    assert not constant.passed or pulls(fixed, constant.model).max() > 5.0
