@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from tests.driven import flapping, mathieu, pulls, record_of, two_masses
 
-from floquid import Channel, IdentificationError, InputError, Record, identify_driven
+from floquid import Channel, IdentificationError, InputError, PeriodicModel, Record, identify_driven
 from floquid.pipeline.with_inputs._analysis import HELD_OUT
+from floquid.pipeline.with_inputs._identify import undetermined
 
 NAMES = {"unit": "m"}, {"unit": "N"}
 
@@ -235,3 +236,27 @@ def test_a_measured_angle_is_followed_where_the_speed_wanders():
     assert pulls(fixed, found.model).max() < 4.0
     constant = identify_driven(own.select(["y", "F"]), period=fixed.period, inputs=["F"])
     assert not constant.passed or pulls(fixed, constant.model).max() > 5.0
+
+
+@pytest.mark.parametrize(
+    ("exponents", "spread", "told"),
+    [
+        ((-2.9 + 84.0j, -2.9 - 84.0j), 0.01, False),
+        ((-10.9 + 28.2743338823j, -10.6 + 28.2743338823j), 6.0, True),
+        ((-10.9, -5.0), 0.5, False),
+        ((-0.01,), 0.02, False),
+        ((-300.0 + 5.0j, -300.0 - 5.0j), 20.0, True),
+    ],
+    ids=["a pair", "two that make up for one another", "two", "a slow one", "one gone at once"],
+)
+def test_modes_whose_decay_is_not_determined(exponents, spread, told):
+    count = len(exponents)
+    model = PeriodicModel(
+        exponents=exponents,
+        coefficients=np.ones((count, 1, 1, 1)),
+        harmonics=[0],
+        period=2.0 * np.pi / 56.5486677646,
+        channels=["y"],
+        covariance=np.diag([spread**2] * count + [0.0] * count),
+    )
+    assert undetermined(model) == told

@@ -56,6 +56,12 @@ LAGS = 20
 COLOURED = 0.1
 """The sum of squared correlations from which on what is left is no white noise."""
 
+VAGUE = 0.5
+"""The deviation of the decay of a real multiplier over it, from which on it is not determined,"""
+
+ROUGHLY = 0.1
+"""where that is more than this over a period [nepers]."""
+
 REACHED = 1e-6
 """The probability at which noise may pass for a way from the inputs to a mode."""
 
@@ -238,8 +244,7 @@ def _period(samples: Samples, found: Linearisation) -> tuple[Finding, ...]:
 def _ended(samples: Samples, found: Linearisation, model: PeriodicModel, limits: Limits) -> tuple[Finding, ...]:
     """Findings on limits at which the search ended, and on modes that the record does not determine."""
     ended = [warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []
-    assert model.exponent_std is not None
-    if (model.period * model.exponent_std.real > 1.0).any():
+    if undetermined(model):
         ended.append(failure("inputs_undetermined"))
     widest = max(max(abs(mode.turns).max(), abs(mode.reach).max()) for mode in found.modes)
     if widest >= limits.highest:
@@ -248,6 +253,17 @@ def _ended(samples: Samples, found: Linearisation, model: PeriodicModel, limits:
         elif limits.highest == HIGHEST:
             ended.append(warning("inputs_harmonics", most=HIGHEST))
     return tuple(ended)
+
+
+def undetermined(model: PeriodicModel) -> bool:
+    """True where a mode's decay is not known within a period, or that of a real multiplier hardly at all.
+
+    Real multipliers that make up for one another, or for a pair, are of that kind; one of slow decay is not.
+    """
+    assert model.exponent_std is not None
+    spread = model.exponent_std.real
+    vague = (spread > VAGUE * np.abs(model.exponents.real)) & (model.period * spread > ROUGHLY)
+    return bool((model.period * spread > 1.0).any() or (model.real & vague).any())
 
 
 def _against(found: Linearisation, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
