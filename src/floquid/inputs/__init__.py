@@ -10,9 +10,11 @@ from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import InputMode as InputMode
 from floquid.inputs._modes import input_gain as input_gain
 from floquid.inputs._result import Uncertainty as Uncertainty
-from floquid.inputs._result import mirrored as mirrored
+from floquid.inputs._result import assembled as assembled
+from floquid.inputs._result import listed as listed
 from floquid.inputs._result import model_of as model_of
 from floquid.inputs._result import sealed as sealed
+from floquid.inputs._result import terms_of as terms_of
 from floquid.inputs._result import transfer_of as transfer_of
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples

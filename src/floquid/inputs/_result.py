@@ -88,8 +88,32 @@ def model_of(
     found: Uncertainty, channels: Sequence[Channel], inputs: Sequence[Channel], provenance: Provenance
 ) -> PeriodicModel:
     """The periodic model of a fit, each mode with its conjugate, with deviations."""
-    at, omega = found.at, found.samples.fundamental
-    parts = [_Part.of(found, number) for number in range(len(at.modes))]
+    at = found.at
+    turns = _all_of([np.array([-turn, turn], np.int64) for turn in map(int, at.direct)])
+    return assembled(
+        [_part_of(found, number) for number in range(len(at.modes))],
+        found.parameters,
+        2.0 * np.pi / found.samples.fundamental,
+        channels,
+        inputs,
+        (turns, _direct(at, len(channels), len(inputs), turns)),
+        provenance,
+    )
+
+
+def assembled(
+    parts: Sequence[Part],
+    spread: NDArray[np.float64],
+    period: float,
+    channels: Sequence[Channel],
+    inputs: Sequence[Channel],
+    direct: tuple[NDArray[np.int64], NDArray[np.complex128]],
+    provenance: Provenance,
+) -> PeriodicModel:
+    """The periodic model of modes, of pairs both, with the covariance of all parameters (parameters, parameters).
+
+    `direct` are the harmonics n and D (outputs, inputs, harmonics). Without inputs the model has none.
+    """
     order = sum(1 if part.real else 2 for part in parts)
     harmonics = _all_of([sign * part.harmonics for part in parts for sign in (1, -1)])
     reach = _all_of([sign * part.reach for part in parts for sign in (1, -1)])
@@ -97,41 +121,43 @@ def model_of(
     coefficient_std = np.zeros_like(coefficients)
     gains = np.zeros((order, len(inputs), len(reach)), complex)
     gain_std = np.zeros_like(gains)
-    initial = np.zeros((order, len(found.samples.records)), complex)
-    exponents, rows = np.zeros(order, complex), np.zeros((2 * order, len(found.parameters)))
+    initial = np.zeros((order, len(parts[0].initial) if parts else 0), complex)
+    exponents, rows = np.zeros(order, complex), np.zeros((2 * order, len(spread)))
     place = 0
     for part in parts:
-        for mirrored in (False,) if part.real else (False, True):
-            sign = -1 if mirrored else 1
+        for conjugate in (False,) if part.real else (False, True):
+            sign = -1 if conjugate else 1
             where = np.searchsorted(harmonics, sign * part.harmonics)
-            coefficients[place][:, 0, where] = part.coefficients.conj() if mirrored else part.coefficients
+            coefficients[place][:, 0, where] = part.coefficients.conj() if conjugate else part.coefficients
             coefficient_std[place][:, 0, where] = part.coefficient_std
             where = np.searchsorted(reach, sign * part.reach)
-            gains[place][:, where] = part.gains.conj() if mirrored else part.gains
+            gains[place][:, where] = part.gains.conj() if conjugate else part.gains
             gain_std[place][:, where] = part.gain_std
-            exponents[place] = part.exponent.conjugate() if mirrored else part.exponent
-            initial[place] = part.initial.conj() if mirrored else part.initial
+            exponents[place] = part.exponent.conjugate() if conjugate else part.exponent
+            initial[place] = part.initial.conj() if conjugate else part.initial
             rows[place], rows[order + place] = part.rows[0], sign * part.rows[1]
             place += 1
-    turns = _all_of([np.array([-turn, turn], np.int64) for turn in map(int, at.direct)])
-    return PeriodicModel(
-        exponents=exponents,
-        coefficients=coefficients,
-        harmonics=harmonics,
-        period=2.0 * np.pi / omega,
-        channels=channels,
-        covariance=rows @ found.parameters @ rows.T,
-        coefficient_std=coefficient_std,
-        provenance=provenance,
-        inputs=ModelInputs(
+    own = None
+    if inputs:
+        own = ModelInputs(
             channels=tuple(inputs),
             coefficients=gains,
             harmonics=reach,
             coefficient_std=gain_std,
-            direct=_direct(at, len(channels), len(inputs), turns),
-            direct_harmonics=turns,
+            direct=direct[1],
+            direct_harmonics=direct[0],
             initial=initial,
-        ),
+        )
+    return PeriodicModel(
+        exponents=exponents,
+        coefficients=coefficients,
+        harmonics=harmonics,
+        period=period,
+        channels=channels,
+        covariance=rows @ spread @ rows.T,
+        coefficient_std=coefficient_std,
+        provenance=provenance,
+        inputs=own,
     )
 
 
@@ -158,14 +184,41 @@ def _direct(at: Linearisation, channels: int, inputs: int, turns: NDArray[np.int
     return found
 
 
+def _part_of(found: Uncertainty, number: int) -> Part:
+    """A mode of the fit as a model lists it."""
+    at, mode = found.at, found.at.modes[number]
+    shape, (columns, turning) = at.shape(number).T, at.slices()[number]
+    size, width = mode.gains.size, len(mode.free)
+    unit = np.eye(width)
+    std = np.zeros(shape.shape, complex)
+    for channel in range(len(shape)):
+        by = np.zeros((columns.stop - columns.start, len(at.columns)))
+        by[:, columns] = np.eye(len(by))
+        both = np.sqrt(found.variance(channel, np.zeros((len(by), len(found.parameters))), by))
+        std[channel] = both[: len(turning)]
+        std[channel, turning] += 1j * both[len(turning) :]
+    place, free = found.places[number]
+    spread = np.zeros(width)
+    spread[free] = np.sqrt(np.diag(found.parameters)[place])
+    later = 1 + size if mode.real else 1 + width // 2
+    gain_std = (spread[1 : 1 + size] + 1j * spread[later : later + size]).reshape(mode.gains.shape)
+    imag = (
+        np.zeros((1, len(found.parameters)))
+        if mode.real
+        else found.spread_over(number, unit[width // 2 : width // 2 + 1])
+    )
+    rows = np.concatenate([found.spread_over(number, unit[:1]), imag])
+    return listed(found.samples, mode, (shape, std), gain_std, rows)
+
+
 @dataclass(frozen=True, eq=False)
-class _Part:
+class Part:
     """One mode as a model lists it: a pair once, a real multiplier with all its harmonics."""
 
     real: bool
     exponent: complex
     rows: NDArray[np.float64]
-    """Derivatives of Re λ and Im λ by the free parameters (2, parameters)."""
+    """Derivatives of Re λ and Im λ by the parameters of the fit (2, parameters)."""
     harmonics: NDArray[np.int64]
     coefficients: NDArray[np.complex128]
     coefficient_std: NDArray[np.complex128]
@@ -174,51 +227,26 @@ class _Part:
     gain_std: NDArray[np.complex128]
     initial: NDArray[np.complex128]
 
-    @classmethod
-    def of(cls, found: Uncertainty, number: int) -> _Part:
-        """The part of the model that a mode of the fit is."""
-        at, mode, omega = found.at, found.at.modes[number], found.samples.fundamental
-        shape, (columns, turning) = at.shape(number).T, at.slices()[number]
-        size, width = mode.gains.size, len(mode.free)
-        unit = np.eye(width)
-        std = np.zeros(shape.shape, complex)
-        for channel in range(len(shape)):
-            by = np.zeros((columns.stop - columns.start, len(at.columns)))
-            by[:, columns] = np.eye(len(by))
-            both = np.sqrt(found.variance(channel, np.zeros((len(by), len(found.parameters))), by))
-            std[channel] = both[: len(turning)]
-            std[channel, turning] += 1j * both[len(turning) :]
-        place, free = found.places[number]
-        spread = np.zeros(width)
-        spread[free] = np.sqrt(np.diag(found.parameters)[place])
-        exponent, harmonics, coefficients, reach, gains = terms_of(mode, shape, omega)[0]
-        if mode.real:
-            begin, initial = mode.turns[0] % 1.0, mode.initial
-            begins = found.samples.times[list(found.samples.begins[:-1])]
-            of_gains = spread[1 : 1 + size] + 1j * spread[1 + size : 1 + 2 * size]
-            std = mirrored(mode.turns, std, -begin, deviations=True)[1]
-            gain_std = mirrored(mode.reach, of_gains.reshape(mode.gains.shape), begin, deviations=True)[1]
-            initial = mode.initial * np.exp(1j * begin * omega * begins)
-            imag = np.zeros((1, len(found.parameters)))
-        else:
-            half, std, initial = width // 2, 0.5 * std, mode.initial
-            gain_std = (spread[1 : 1 + size] + 1j * spread[1 + half : 1 + half + size]).reshape(mode.gains.shape)
-            imag = found.spread_over(number, unit[half : half + 1])
-        return cls(
-            real=mode.real,
-            exponent=exponent,
-            rows=np.concatenate([found.spread_over(number, unit[:1]), imag]),
-            harmonics=harmonics,
-            coefficients=coefficients,
-            coefficient_std=np.asarray(std, np.complex128),
-            reach=reach,
-            gains=gains,
-            gain_std=gain_std,
-            initial=initial,
-        )
+
+def listed(
+    samples: Samples,
+    mode: InputMode,
+    shape: tuple[NDArray[np.complex128], NDArray[np.complex128]],
+    gain_std: NDArray[np.complex128],
+    rows: NDArray[np.float64],
+) -> Part:
+    """A mode as a model lists it, of amplitudes 2 c and their deviations (outputs, turns), and those of its gains."""
+    omega, initial, std = samples.fundamental, mode.initial, 0.5 * shape[1]
+    exponent, harmonics, coefficients, reach, gains = terms_of(mode, shape[0], omega)[0]
+    if mode.real:
+        begin = mode.turns[0] % 1.0
+        std = _mirrored(mode.turns, shape[1], -begin, deviations=True)[1]
+        gain_std = _mirrored(mode.reach, gain_std, begin, deviations=True)[1]
+        initial = initial * np.exp(1j * begin * omega * samples.times[list(samples.begins[:-1])])
+    return Part(mode.real, exponent, rows, harmonics, coefficients, std, reach, gains, gain_std, initial)
 
 
-def mirrored(
+def _mirrored(
     turns: NDArray[np.float64], values: NDArray[np.complex128], shift: float, *, deviations: bool = False
 ) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:
     """Harmonics of a real signal's amplitudes (rows, turns), those below zero too, all moved by a shift."""
@@ -234,7 +262,7 @@ def terms_of(mode: InputMode, shape: NDArray[np.complex128], fundamental: float)
     """A mode of a fit as modes of a model, with amplitudes 2 c (outputs, turns): a pair as two."""
     if mode.real:
         begin = mode.turns[0] % 1.0
-        seen, reached = mirrored(mode.turns, shape, -begin), mirrored(mode.reach, mode.gains, begin)
+        seen, reached = _mirrored(mode.turns, shape, -begin), _mirrored(mode.reach, mode.gains, begin)
         return [(mode.exponent.real + 1j * begin * fundamental, *seen, *reached)]
     turns, reach = mode.turns.astype(np.int64), mode.reach.astype(np.int64)
     return [
