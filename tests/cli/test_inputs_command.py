@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.driven import mathieu, record_of
 
-from floquid import Channel, Record
+from floquid import Channel, Record, load
 from floquid.cli import run
 from floquid.readers import write
 
@@ -31,10 +31,13 @@ def test_a_result_is_printed_and_written(file, tmp_path, capsys):
     assert "passed" in said
     assert sorted(p.name for p in out.iterdir() if not p.name.startswith(".")) == [
         "figures",
+        "report.html",
+        "result.h5",
         "settings.toml",
         "summary.json",
         "transfer.csv",
     ]
+    assert load(out / "result.h5").inputs[0].name == "F"
     found = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert found["order"] == 2
     assert found["inputs"]["channels"] == [{"name": "F", "unit": "N"}]

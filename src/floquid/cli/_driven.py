@@ -14,7 +14,7 @@ from rich.table import Table
 
 from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
-from floquid.cli._folder import ResultFolder
+from floquid.cli._folder import RESULT, ResultFolder
 from floquid.cli._options import Debug, Format, RecordFiles, RecordOptions, SettingsFile, given, split
 from floquid.cli._records import check_files, read_records
 from floquid.cli._settings import Choices, choices_of
@@ -33,6 +33,7 @@ from floquid.core import Record
 from floquid.exports import driven_summary, transfer_entries, transfer_rows
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import ExcitedAnalysis, identify_ambient, identify_driven
+from floquid.store import save
 from floquid.views import excited_lines, mode_table, note_meanings
 
 OF = "floquid transfer"
@@ -58,6 +59,7 @@ def excited(
     if folder is not None:
         from floquid.plot import save_figure
 
+        save(analysis, folder.unfinished / RESULT)
         folder.write("summary.json", json_text(driven_summary(analysis)))
         folder.write("settings.toml", choices.text())
         if analysis.inputs:

@@ -3,7 +3,7 @@
 A result is put together in a hidden folder inside. Then, under a lock,
 
 1. the hidden folder is flushed to the disk and named `READY`: from here on the new result is the one that there is;
-2. figures of an earlier result that this one lacks are deleted, and `READY` is named `MOVING`;
+2. what an earlier result has and this one lacks, figures and tables, is deleted, and `READY` is named `MOVING`;
 3. its files are moved to their names, and `MOVING` is removed.
 
 A kill before 1 leaves the earlier result. After it, the next command that is given the folder does the rest (`settle`):
@@ -142,9 +142,9 @@ def _settle(path: Path) -> None:
         _move(moving, path)
     if ready.is_dir():
         if (ready / RESULT).exists():
-            for name in FIGURES:
-                if not (ready / "figures" / name).exists():
-                    (path / "figures" / name).unlink(missing_ok=True)
+            for name in ("report.html", *TRANSFER, *(f"figures/{figure}" for figure in FIGURES)):
+                if not (ready / name).exists():
+                    (path / name).unlink(missing_ok=True)
         ready.rename(moving)
         _move(moving, path)
 

@@ -26,7 +26,7 @@ from floquid.cli._options import (
 )
 from floquid.cli._records import check_files, read_records
 from floquid.cli._settings import choices_of
-from floquid.cli._terminal import json_text, print_analysis, print_files, print_folder, progress, terminal
+from floquid.cli._terminal import json_text, print_analysis, print_folder, progress, terminal
 from floquid.errors import IdentificationError
 from floquid.exports import summary
 from floquid.pipeline import identify as identify_records
@@ -82,7 +82,7 @@ def identify(
         if choices.settings.inputs or choices.settings.excitation != "none":
             excited(records, choices, folder, report, as_json=format == "json", enforce=enforce)
             if format == "text":
-                print_files(out, ("summary.json", "settings.toml", "figures/"), "to keep the result")
+                print_folder(out)
             return
         analysis = identify_records(records, choices.resolved(), report=report)
         if folder is not None:

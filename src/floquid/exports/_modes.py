@@ -18,10 +18,11 @@ from floquid._arrays import Floats
 from floquid._checks import describe, input_error
 from floquid._version import __version__
 from floquid.core import PeriodicModel
+from floquid.exports._driven import driven_summary
 from floquid.exports._summary import mode_entries, summary
 from floquid.exports._uff import uff_bytes
 from floquid.io import as_path, atomic_path
-from floquid.pipeline import Analysis
+from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.reconstruction import StateModel
 
 MODE_FORMATS = (".uff", ".unv", ".mat", ".csv", ".json")
@@ -29,7 +30,7 @@ MODE_FORMATS = (".uff", ".unv", ".mat", ".csv", ".json")
 
 
 def export_modes(
-    result: Analysis | PeriodicModel, path: str | PathLike[str], *, coordinates: Mapping[str, ArrayLike] | None = None
+    result: Analysis | ExcitedAnalysis | PeriodicModel, path: str | PathLike[str], *, coordinates: Mapping[str, ArrayLike] | None = None
 ) -> None:
     r"""Write the modes of a result to a file of another program, in the format of its suffix.
 
@@ -40,7 +41,9 @@ def export_modes(
       that a program for time-invariant modes animates it. Of conjugates there is the one above the real axis. Numbers
       have six digits; the ID lines have λ, its deviation and the period in full.
     - `.mat`: MATLAB version 5: `exponents`, `coefficients` (modes, channels, hits, harmonics), `harmonics`, `period`,
-      ..., and of A(t), where there is one, `A` and `Phi` (states, states, times), `times` and `states`.
+      ..., of measured inputs `input_coefficients` (modes, inputs, harmonics), `input_harmonics`, `direct` (channels,
+      inputs, harmonics), `direct_harmonics`, ..., and of A(t), where there is one, `A` and `Phi` (states, states,
+      times), `times` and `states`.
     - `.csv`: a row for each coefficient: its mode, channel, hit and harmonic, with deviations. The units are in the
       heading, or in a column.
     - `.json`: of an analysis the content of `summary.json`, of a model its modes alone.
@@ -50,7 +53,7 @@ def export_modes(
     Parameters
     ----------
     result
-        What `identify` found, or its `model`.
+        What `identify`, `identify_driven` or `identify_ambient` found, or its `model`.
     path
         The file to write; it may exist, and is replaced at the end, in one step.
     coordinates
@@ -58,7 +61,7 @@ def export_modes(
         none. Others are at the origin.
     """
     of = "export_modes"
-    if not isinstance(result, (Analysis, PeriodicModel)):
+    if not isinstance(result, (Analysis, ExcitedAnalysis, PeriodicModel)):
         got = f"is {describe(result)}"
         raise input_error("result", of, "be an Analysis or a PeriodicModel", got, "Pass what `identify` gave.")
     file = as_path(path, of=of)
@@ -73,7 +76,7 @@ def export_modes(
     if suffix in (".uff", ".unv"):
         content = uff_bytes(model, coordinates or {})
     elif suffix == ".mat":
-        content = mat_bytes(model, None if isinstance(result, PeriodicModel) else result.state)
+        content = mat_bytes(model, result.state if isinstance(result, Analysis) else None)
     elif suffix == ".csv":
         content = csv_bytes(model)
     else:
@@ -82,10 +85,12 @@ def export_modes(
         temporary.write_bytes(content)
 
 
-def _json_bytes(result: Analysis | PeriodicModel) -> bytes:
+def _json_bytes(result: Analysis | ExcitedAnalysis | PeriodicModel) -> bytes:
     content: dict[str, Any]
     if isinstance(result, Analysis):
         content = summary(result)
+    elif isinstance(result, ExcitedAnalysis):
+        content = driven_summary(result)
     else:
         content = {
             "format": "floquid-modes/1",
@@ -186,6 +191,17 @@ def mat_bytes(model: PeriodicModel, state: StateModel | None) -> bytes:
         "units": _mat_cells([channel.unit.translate(_PLAIN) for channel in model.channels]),
         "quantities": _mat_cells([str(channel.quantity) for channel in model.channels]),
     }
+    if (own := model.inputs) is not None:
+        content |= {
+            "inputs": _mat_cells([channel.name for channel in own.channels]),
+            "input_units": _mat_cells([channel.unit.translate(_PLAIN) for channel in own.channels]),
+            "input_coefficients": own.coefficients,
+            "input_coefficients_std": own.coefficient_std,
+            "input_harmonics": own.harmonics.astype(np.float64),
+            "direct": own.direct,
+            "direct_harmonics": own.direct_harmonics.astype(np.float64),
+            "initial": own.initial,
+        }
     if state is not None:
         content |= {
             "times": state.times,

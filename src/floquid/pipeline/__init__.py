@@ -21,6 +21,8 @@ from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import AbstractDraws, Bootstrap, Draw, Spread, bootstrap
 from floquid.pipeline.preparation import Prepared, prepare
 from floquid.pipeline.preparation import blas_threads as blas_threads
+from floquid.pipeline.with_inputs import ambient_fit as ambient_fit
+from floquid.pipeline.with_inputs import driven_fit as driven_fit
 from floquid.pipeline.with_inputs import (
     HELD_OUT,
     AmbientAnalysis,

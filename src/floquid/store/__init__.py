@@ -31,7 +31,10 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     residue_spread, residue_slope, residual_std, outcome (a name), stats/
     /choice/                        findings for and against the order, where it was found
     /model/                         exponents (modes,), coefficients (modes, channels, hits, harmonics), harmonics,
-                                    period, covariance, coefficient_std, channels/, provenance/; estimates/ and
+                                    period, covariance, coefficient_std, channels/, provenance/; inputs/ where inputs were
+                                    measured: channels/, coefficients (modes, inputs, harmonics), harmonics,
+                                    coefficient_std, direct (channels, inputs, harmonics), direct_harmonics, initial
+                                    (modes, records); estimates/ and
                                     unselected/, the fit with its joint covariance: exponents, real (modes,),
                                     fundamental, modes, harmonics (terms,), coefficients, scales (terms, channels,
                                     hits), covariance, slopes (terms, channels, hits, 2 modes + 1), spread (blocks,
@@ -52,6 +55,18 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     asked for
     .../channels/                   name, quantity, unit, location, direction, each (channels,)
     .../provenance/                 sources, steps
+
+A result of records whose excitation goes on has the attribute `kind`, "driven" or "ambient", and of these groups
+settings, records, model and findings alone; and::
+
+    /noise, /held_out, /lengths     of each channel, of each channel, and of each mode of outputs alone
+    /fit/modes/mode1, mode2, .../   exponent, real (1 of a real multiplier), turns (harmonics,), reach (harmonics of the
+                                    inputs,), gains; initial (records,) and sizes (inputs,) of "driven", shape (channels,
+                                    harmonics) of "ambient"
+    /fit/direct                     of "driven": harmonics of the direct term
+    /fit/columns, /fit/initial      of "ambient": coefficients of the known columns, first states (records, states)
+
+The columns and the covariance of such a fit are made of its modes and records again.
 
 The cycles and the lifted responses are not in the file: they are made of the free response again. A field of
 `Settings` younger than the file has its default. Files of version 1 and 2 are read: `constrained` is `held` there, and

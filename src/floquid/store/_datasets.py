@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from enum import Enum
-from numbers import Integral, Real
+from numbers import Number
 from typing import Any
 
 import numpy as np
@@ -53,7 +53,7 @@ def put(group: Any, name: str, value: Any, place: str = "") -> None:
     elif isinstance(value, tuple) and all(isinstance(text, (str, Finding)) for text in value):
         data = np.array([_storable(_json(text) if isinstance(text, Finding) else text) for text in value], dtype=object)
         dataset = group.create_dataset(name, data=data, dtype=h5py.string_dtype())
-    elif isinstance(value, (Integral, Real, tuple, np.ndarray, np.bool_)):
+    elif isinstance(value, (Number, tuple, np.ndarray, np.bool_)):
         array = np.asarray(value)
         array = array.astype(_DTYPES[array.dtype.kind], copy=False)
         # Noise does not compress: more than the lowest level takes time and saves nothing.

@@ -6,6 +6,7 @@ from floquid.core import (
     AzimuthSignal,
     Channel,
     Estimates,
+    ModelInputs,
     PeriodicModel,
     Provenance,
     PulseTimes,
@@ -13,9 +14,12 @@ from floquid.core import (
     TachometerSignal,
 )
 from floquid.findings import Severity
+from floquid.innovations import Mode
+from floquid.inputs import InputMode
 from floquid.lti import Composites, ModalModel
 from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, PartialTests, Periodicity
+from floquid.pipeline import AmbientAnalysis, DrivenAnalysis
 from floquid.reconstruction import Refinement, StateModel
 from floquid.sync import AngleSpline, ShaftAngle
 from floquid.validation import Validation
@@ -23,12 +27,15 @@ from floquid.validation import Validation
 FORMAT = "floquid-result"
 VERSION = 3
 
+EXCITED: dict[type, str] = {DrivenAnalysis: "driven", AmbientAnalysis: "ambient"}
+"""Results of records whose excitation goes on, by the attribute `kind` of their files; others have none."""
+
 SETTINGS_OF_VERSION_1 = (
     "period", "channels", "order", "harmonics", "states", "system_times", "mode_false_alarm", "harmonic_false_alarm",
 )  # fmt: skip
 """The fields that every file has; those that `Settings` gains later are written too, and have a default when absent."""
 
-ABSENT = ("estimates", "unselected", "composites", "coordinates", "transition_std")
+ABSENT = ("estimates", "unselected", "inputs", "composites", "coordinates", "transition_std")
 """Groups and datasets that a file need not have: older files do not, and a group is not there for None."""
 
 FLAGS = ("constrained", "held", "kept", "passed", "real", "speed_dependent", "steady")
@@ -91,6 +98,46 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "unselected": Estimates,
         "channels": Channel,
         "provenance": Provenance,
+        "inputs": ModelInputs,
+    },
+    ModelInputs: {
+        "channels": Channel,
+        "coefficients": "modes, inputs, harmonics; 1/s over that of the input",
+        "harmonics": "harmonics",
+        "coefficient_std": "modes, inputs, harmonics; 1/s over that of the input",
+        "direct": "channels, inputs, harmonics; that of the channel over that of the input",
+        "direct_harmonics": "harmonics",
+        "initial": "modes, records",
+    },
+    DrivenAnalysis: {
+        "model": PeriodicModel,
+        "noise": f"channels, one; {_UNIT}",
+        "held_out": "channels",
+        "findings": "findings",
+    },
+    AmbientAnalysis: {
+        "model": PeriodicModel,
+        "noise": f"channels, one; {_UNIT}",
+        "held_out": "channels",
+        "lengths": "modes; s",
+        "findings": "findings",
+    },
+    InputMode: {
+        "exponent": "; 1/s",
+        "real": "",
+        "reach": "harmonics of the inputs",
+        "gains": "inputs, harmonics of the inputs; 1/s over that of the input",
+        "turns": "harmonics",
+        "initial": "records",
+        "sizes": "inputs",
+    },
+    Mode: {
+        "exponent": "; 1/s",
+        "real": "",
+        "turns": "harmonics",
+        "shape": f"channels, harmonics; {_UNIT}",
+        "reach": "harmonics of the inputs",
+        "gains": "inputs and innovations, harmonics of the inputs",
     },
     Estimates: {
         "exponents": "modes; 1/s",

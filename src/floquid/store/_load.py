@@ -1,4 +1,4 @@
-"""`result.h5` → the `Analysis` it was written from."""
+"""`result.h5` → the analysis it was written from."""
 
 from __future__ import annotations
 
@@ -10,14 +10,27 @@ from typing import Any
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
 from floquid.io import GUARD, DamagedError, readable_file
+from floquid.innovations import Mode
+from floquid.inputs import InputMode
 from floquid.lti import ModalModel, Outcome
 from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, Periodicity
-from floquid.pipeline import Analysis, Settings, blas_threads, lifted_views, samples_of
+from floquid.pipeline import (
+    AmbientAnalysis,
+    Analysis,
+    DrivenAnalysis,
+    ExcitedAnalysis,
+    Settings,
+    ambient_fit,
+    blas_threads,
+    driven_fit,
+    lifted_views,
+    samples_of,
+)
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
 from floquid.store._datasets import get, get_fields, get_findings, get_numbers, get_object, name_in
 from floquid.store._identifiers import from_text
-from floquid.store._layout import FORMAT, LAYOUT, SETTINGS_OF_VERSION_1, VERSION
+from floquid.store._layout import EXCITED, FORMAT, LAYOUT, SETTINGS_OF_VERSION_1, VERSION
 from floquid.sync import ShaftAngle
 from floquid.validation import Criterion, Validation
 
@@ -28,10 +41,11 @@ MUST = "be a result file that `save` wrote"
 AGAIN = "Write it again: `floquid identify ... --out DIR`, or `save(analysis, path)`."
 
 
-def load(path: str | PathLike[str]) -> Analysis:
+def load(path: str | PathLike[str]) -> Analysis | ExcitedAnalysis:
     """The analysis in a file that `save` wrote, every intermediate included.
 
-    The free response is cut into periods and lifted again, which gives the same numbers; nothing is identified again.
+    The free response is cut into periods and lifted again, and with excitation that goes on the fit is linearised at its
+    modes again, which gives the same numbers; nothing is identified again.
 
     It is equal to the one saved, field by field. The `path` is by custom `result.h5`. Raises InputError where there is
     no such file, it is no result file, it is of a later version of floquid, or it is damaged.
@@ -43,7 +57,7 @@ def load(path: str | PathLike[str]) -> Analysis:
         raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {error}", AGAIN) from None
 
 
-def _load(file: Path) -> Analysis:
+def _load(file: Path) -> Analysis | ExcitedAnalysis:
     import h5py
 
     if not h5py.is_hdf5(file):
@@ -63,9 +77,28 @@ def _load(file: Path) -> Analysis:
     raise input_error("path", "load", must, got, "Update floquid.")
 
 
-def _read(file: Any, version: int) -> Analysis:
+def _read_excited(file: Any, kind: str) -> ExcitedAnalysis:
+    """A result of records whose excitation goes on."""
+    if kind not in EXCITED.values():
+        raise DamagedError(f"it is of the kind {kind!r}, which this floquid does not know (update floquid)")
+    settings, (records, _) = _settings(file["settings"]), _measured(file, "records", len(file["records"]))
+    group, made = file["fit"], next(one for one, name in EXCITED.items() if name == kind)
+    modes = [group[f"modes/mode{number}"] for number in range(1, len(group["modes"]) + 1)]
+    found = get_fields(file, made)
+    if made is AmbientAnalysis:
+        parts = get(group, "columns", "channels, columns"), get(group, "initial", "records, states")
+        fit = ambient_fit(records, settings, [get_object(mode, Mode) for mode in modes], *parts)
+        return AmbientAnalysis(settings=settings, records=records, fit=fit, **found)
+    direct = tuple(map(float, get(group, "direct", "harmonics")))
+    fit = driven_fit(records, settings, [get_object(mode, InputMode) for mode in modes], direct)
+    return DrivenAnalysis(settings=settings, records=records, fit=fit, **found)
+
+
+def _read(file: Any, version: int) -> Analysis | ExcitedAnalysis:
     import h5py
 
+    if "kind" in file.attrs:
+        return _read_excited(file, str(file.attrs["kind"]))
     settings = _settings(file["settings"])
     model: PeriodicModel = get_object(file["model"], PeriodicModel)
     records, shafts, fit = (_fit_of_version_1 if version == 1 else _fit)(file, model, settings)
@@ -126,7 +159,7 @@ def _settings(group: Any) -> Settings:
 
 def _fit(file: Any, model: PeriodicModel, settings: Settings) -> Stored:
     """The records used, the angle of the shaft in each that has one, and the fit."""
-    records, shafts = _measured(file, "records", model)
+    records, shafts = _measured(file, "records", model.n_hits)
     samples, group = samples_of(records, shafts, settings), file["fit"]
     names = [f"free/hit{number}" for number in range(1, model.n_hits + 1)]
     free = tuple(_record(group[name]) if name in group else one for name, one in zip(names, samples, strict=True))
@@ -142,10 +175,10 @@ def _fit_of_version_1(file: Any, model: PeriodicModel, settings: Settings) -> St
     group = file.get("fit", file)
     if group is not file and "measured" not in group:
         raise DamagedError("it is of an early floquid, which did not keep the record as it was measured")
-    records, shafts = _measured(group, "measured" if "measured" in group else "records", model)
+    records, shafts = _measured(group, "measured" if "measured" in group else "records", model.n_hits)
     samples = free = samples_of(records, shafts, settings)
     if "measured" in group:
-        free = tuple(map(_record, _hits(group, "records" if group is file else "free", model)))
+        free = tuple(map(_record, _hits(group, "records" if group is file else "free", model.n_hits)))
     found: dict[str, Any] = dict.fromkeys(("period_std", "own_period", "misfit", "whitening"))
     found |= {"constrained": False, "findings": () if group is file else get_findings(group)}
     for place in (file, file["lifted"] if group is file else group):
@@ -172,14 +205,14 @@ def _made_fit(
     return Fit(model=model, forced=forced, free=free, **found)
 
 
-def _measured(group: Any, name: str, model: PeriodicModel) -> tuple[tuple[Record, ...], tuple[ShaftAngle, ...]]:
+def _measured(group: Any, name: str, count: int) -> tuple[tuple[Record, ...], tuple[ShaftAngle, ...]]:
     """The records as they were measured, and the angle of the shaft in each that has one."""
-    shafts = _hits(group, "shafts", model) if "shafts" in group else []
-    return tuple(map(_record, _hits(group, name, model))), tuple(get_object(hit, ShaftAngle) for hit in shafts)
+    shafts = _hits(group, "shafts", count) if "shafts" in group else []
+    return tuple(map(_record, _hits(group, name, count))), tuple(get_object(hit, ShaftAngle) for hit in shafts)
 
 
-def _hits(group: Any, name: str, model: PeriodicModel) -> list[Any]:
-    return [group[f"{name}/hit{hit + 1}"] for hit in range(model.n_hits)]
+def _hits(group: Any, name: str, count: int) -> list[Any]:
+    return [group[f"{name}/hit{hit + 1}"] for hit in range(count)]
 
 
 def _record(group: Any) -> Record:

@@ -1,4 +1,4 @@
-"""An `Analysis` → `result.h5`."""
+"""An analysis → `result.h5`."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from floquid._version import __version__
 from floquid.core import ConstantPeriod, Record
 from floquid.io import atomic_path
 from floquid.lti import AbstractIdentifier
-from floquid.pipeline import Analysis, Settings, samples_of
+from floquid.pipeline import Analysis, DrivenAnalysis, ExcitedAnalysis, Settings, samples_of
 from floquid.reconstruction import text_of
 from floquid.store._datasets import put, put_numbers, put_object
 from floquid.store._identifiers import to_text
-from floquid.store._layout import FORMAT, VERSION
+from floquid.store._layout import EXCITED, FORMAT, VERSION
 from floquid.validation import Validation
 
 
-def save(analysis: Analysis, path: str | PathLike[str]) -> None:
-    """Write everything that `identify` found to one HDF5 file, from which `load` makes it again.
+def save(analysis: Analysis | ExcitedAnalysis, path: str | PathLike[str]) -> None:
+    """Write everything that an analysis holds to one HDF5 file, from which `load` makes it again.
 
     The layout is that of the package's own page. The file is written under another name in the same folder and takes
     its own name when it is whole: whatever happens, `path` holds the old file or the new one. The same analysis gives
     the same bytes.
 
-    `analysis` is what `identify` found; the file `path`, by custom `result.h5`, may exist. Raises InputError where
+    `analysis` is what `identify`, `identify_driven` or `identify_ambient` found; the file `path`, by custom `result.h5`, may exist. Raises InputError where
     `analysis` is something else, or the file cannot be written there.
     """
-    if not isinstance(analysis, Analysis):
+    if not isinstance(analysis, (Analysis, ExcitedAnalysis)):
         must = "be an Analysis"
         raise input_error("analysis", "save", must, f"is {describe(analysis)}", "Pass what `identify` gave.")
     with atomic_path(path, of="save") as temporary:
@@ -42,34 +42,53 @@ def save(analysis: Analysis, path: str | PathLike[str]) -> None:
         temporary.write_bytes(content.getbuffer())
 
 
-def _write(analysis: Analysis, stream: BytesIO) -> None:
+def _write(analysis: Analysis | ExcitedAnalysis, stream: BytesIO) -> None:
     import h5py
 
     with h5py.File(stream, "w") as file:
         file.attrs["format"] = FORMAT
         file.attrs["version"] = VERSION
         file.attrs["floquid"] = __version__
-        put(file, "findings", analysis.findings, "findings")
         _put_settings(file.create_group("settings"), analysis.settings)
         for number, record in enumerate(analysis.records, start=1):
             _put_record(file.create_group(f"records/hit{number}"), record)
-        for number, shaft in enumerate(analysis.shafts, start=1):
-            put_object(file.create_group(f"shafts/hit{number}"), shaft)
-        _put_fit(file.create_group("fit"), analysis)
-        for name in ("modal", "model", "periodicity", "choice", "validation", "refinement"):
-            thing = getattr(analysis, name)
-            if thing is not None:
-                put_object(file.create_group(name), thing)
-        if analysis.validation is not None:
-            _put_criteria(file["validation"], analysis.validation)
-        if analysis.state is None:
-            put(file, "state", None)
-        else:
-            put_object(file.create_group("state"), analysis.state)
-        if analysis.refinement is not None:
-            put(file["refinement"], "structure", text_of(analysis.refinement.structure))
-            if analysis.refinement.state is not analysis.state:
-                put_object(file.create_group("refinement/state"), analysis.refinement.state)
+        (_put_free if isinstance(analysis, Analysis) else _put_excited)(file, analysis)
+
+
+def _put_excited(file: Any, analysis: ExcitedAnalysis) -> None:
+    """What records whose excitation goes on give: the fit is its modes, and what cannot be made of them again."""
+    file.attrs["kind"] = EXCITED[type(analysis)]
+    put_object(file, analysis)
+    group = file.create_group("fit")
+    if isinstance(analysis, DrivenAnalysis):
+        put(group, "direct", analysis.fit.at.direct, "harmonics")
+    else:
+        put(group, "columns", analysis.fit.at.columns, "channels, columns; that of the channel")
+        put(group, "initial", analysis.fit.at.initial, "records, states")
+    for number, mode in enumerate(analysis.fit.at.modes, start=1):
+        put_object(group.create_group(f"modes/mode{number}"), mode)
+
+
+def _put_free(file: Any, analysis: Analysis) -> None:
+    """What free responses give."""
+    put(file, "findings", analysis.findings, "findings")
+    for number, shaft in enumerate(analysis.shafts, start=1):
+        put_object(file.create_group(f"shafts/hit{number}"), shaft)
+    _put_fit(file.create_group("fit"), analysis)
+    for name in ("modal", "model", "periodicity", "choice", "validation", "refinement"):
+        thing = getattr(analysis, name)
+        if thing is not None:
+            put_object(file.create_group(name), thing)
+    if analysis.validation is not None:
+        _put_criteria(file["validation"], analysis.validation)
+    if analysis.state is None:
+        put(file, "state", None)
+    else:
+        put_object(file.create_group("state"), analysis.state)
+    if analysis.refinement is not None:
+        put(file["refinement"], "structure", text_of(analysis.refinement.structure))
+        if analysis.refinement.state is not analysis.state:
+            put_object(file.create_group("refinement/state"), analysis.refinement.state)
 
 
 def _put_record(group: Any, record: Record) -> None:

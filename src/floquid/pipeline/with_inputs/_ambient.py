@@ -17,6 +17,7 @@ from floquid.innovations import Fit, Predictor, model_of, predicted, searched, s
 from floquid.inputs import Limits, Samples
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
+from floquid.pipeline.with_inputs._again import with_acting
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis
 from floquid.pipeline.with_inputs._identify import HIGHEST, KEPT, TAKEN, done_beside
 from floquid.pipeline.with_inputs._prepare import parted
@@ -99,10 +100,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     """The chain from the records with their clocks on."""
     report("reading angle and channels")
     own = parted(records, settings, OF)
-    # A force acts on an acceleration at once: a known column beside the offsets and the lines. On other outputs it does
-    # not, and in a closed loop the input holds the innovation of the same sample.
-    acting = len(own.inputs) if any(channel.quantity == "acceleration" for channel in own.outputs) else 0
-    samples = replace(own.samples, known=np.concatenate([own.samples.known, own.samples.inputs[:acting]]))
+    samples, acting = with_acting(own)
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
     highest = max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics
     limits = Limits(mode_alarm=settings.mode_false_alarm, harmonic_alarm=settings.harmonic_false_alarm, highest=highest)
