@@ -58,6 +58,7 @@ def excited(
     analysis = _identified(records, choices, report)
     if folder is not None:
         from floquid.plot import save_figure
+        from floquid.reporting import report as write_report
 
         save(analysis, folder.unfinished / RESULT)
         folder.write("summary.json", json_text(driven_summary(analysis)))
@@ -67,6 +68,7 @@ def excited(
         (folder.unfinished / "figures").mkdir()
         for name in dir(analysis.plot):
             save_figure(getattr(analysis.plot, name)(), folder.unfinished / "figures" / f"{name}.png")
+        write_report(analysis, folder.unfinished / "report.html", progress=report)
         folder.publish()
     if as_json:
         sys.stdout.write(json_text(driven_summary(analysis)))

@@ -23,6 +23,7 @@ from floquid.pipeline.preparation import Prepared, prepare
 from floquid.pipeline.preparation import blas_threads as blas_threads
 from floquid.pipeline.with_inputs import ambient_fit as ambient_fit
 from floquid.pipeline.with_inputs import driven_fit as driven_fit
+from floquid.pipeline.with_inputs import predicted_rest as predicted_rest
 from floquid.pipeline.with_inputs import (
     HELD_OUT,
     AmbientAnalysis,

@@ -48,13 +48,37 @@ LONGEST = 60  # the longest name of a source that fits a heading, in characters
 
 
 def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
-    """The whole page as text."""
+    """The whole page of free responses as text."""
+    found = slips(case)
+    analysis = case.analysis
+    return rendered(
+        "page.html.jinja",
+        case,
+        _figures(case, found, truth),
+        title,
+        **_verdict(analysis),
+        **_modes(analysis),
+        summary=words.summary_line(case),
+        checks=words.checks(analysis),
+        evidence=words.evidence(analysis),
+        responses=[response_name(case, *one) for one in responses(case)],
+        responses_left=len(analysis.model.channels) * len(analysis.records) - len(responses(case)),
+        hits=[hit + 1 for hit in case.hits] if len(analysis.records) > 1 else [],
+        state=analysis.state,
+        refinement=analysis.refinement,
+        parameters=[] if analysis.refinement is None else words.parameters(analysis.refinement),
+        synchronisation=slip_words(found),
+        steps=words.steps(analysis),
+        noise=words.noise_rows(analysis),
+    )
+
+
+def rendered(name: str, case: Case, figures: dict[str, list[Figure]], title: str | None, **content: Any) -> str:
+    """The template of a name with these figures by their places, and with what pages of all analyses have."""
     from bokeh.resources import Resources
 
     from floquid._version import __version__
 
-    found = slips(case)
-    figures = _figures(case, found, truth)
     models = {f"{place}-{number}": made for place, group in figures.items() for number, made in enumerate(group)}
     drawn = {
         place: [{"name": f"{place}-{number}", "words": _described(made)} for number, made in enumerate(group)]
@@ -63,10 +87,9 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
     analysis = case.analysis
     return (
         _environment()
-        .get_template("page.html.jinja")
+        .get_template(name)
         .render(
-            **_verdict(analysis),
-            **_modes(analysis),
+            **content,
             title=title or _title(case),
             version=__version__,
             bokeh="\n".join(Resources(mode="inline", components=["bokeh"]).js_raw),
@@ -75,23 +98,11 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
             behaviour=_asset("page.js"),
             figures=drawn,
             case=case,
-            summary=words.summary_line(case),
             told=analysis.model.unselected is not None,
             given=analysis.settings.harmonics is not None,
-            checks=words.checks(analysis),
             warnings=analysis.warnings,
-            evidence=words.evidence(analysis),
-            responses=[response_name(case, *one) for one in responses(case)],
-            responses_left=len(analysis.model.channels) * len(analysis.records) - len(responses(case)),
             left_out=len(analysis.model.channels) - len(case.channels),
-            hits=[hit + 1 for hit in case.hits] if len(analysis.records) > 1 else [],
-            state=analysis.state,
-            refinement=analysis.refinement,
-            parameters=[] if analysis.refinement is None else words.parameters(analysis.refinement),
-            synchronisation=slip_words(found),
-            steps=words.steps(analysis),
             sources=words.sources(analysis),
-            noise=words.noise_rows(analysis),
             settings=words.settings_rows(analysis),
         )
     )

@@ -13,15 +13,16 @@ from floquid.errors import IdentificationError, InputError
 from floquid.io import as_path, atomic_path
 from floquid.order import OrderScan
 from floquid.order import scan as scan_orders
-from floquid.pipeline import Analysis, blas_threads
+from floquid.pipeline import Analysis, ExcitedAnalysis, blas_threads
 from floquid.reporting._case import case_of
+from floquid.reporting._excited_page import excited_page
 from floquid.reporting._page import page
 
 ENDINGS = (".html", ".htm")
 
 
 def report(
-    analysis: Analysis,
+    analysis: Analysis | ExcitedAnalysis,
     path: str | PathLike[str],
     *,
     title: str | None = None,
@@ -40,7 +41,7 @@ def report(
     Parameters
     ----------
     analysis
-        What `identify` found, or `load` read.
+        What `identify`, `identify_driven` or `identify_ambient` found, or `load` read.
     path
         The file, ending in .html; it is replaced, whole or not at all.
     title
@@ -51,7 +52,7 @@ def report(
         Called with what is about to be done, in words.
     """
     of = "report"
-    if not isinstance(analysis, Analysis):
+    if not isinstance(analysis, (Analysis, ExcitedAnalysis)):
         must, got = "be an Analysis", f"is a {type(analysis).__name__}"
         raise input_error("analysis", of, must, got, "Pass what `identify` or `load` gives.")
     place = as_path(path, of=of)
@@ -59,17 +60,20 @@ def report(
         raise input_error("path", of, "end in .html", f"is {place}", "The report is a web page.")
     known = None
     if truth is not None:
-        if analysis.state is None:
+        if isinstance(analysis, ExcitedAnalysis) or analysis.state is None:
             must, got = "come with an A(t) to hold it against", "the analysis has none"
             raise input_error("truth", of, must, got, "Identify with `states`, or leave out the truth.")
         known = timed_matrices(truth, "truth", of, len(analysis.state.states))
     if title is not None and not isinstance(title, str):
         raise input_error("title", of, "be a text", f"is a {type(title).__name__}")
-    progress("scanning the order")
-    scan, why = _scan(analysis)
-    case = case_of(analysis, scan, why)
-    progress("drawing the report")
-    text = page(case, title=title, truth=known)
+    if isinstance(analysis, Analysis):
+        progress("scanning the order")
+        case = case_of(analysis, *_scan(analysis))
+        progress("drawing the report")
+        text = page(case, title=title, truth=known)
+    else:
+        progress("drawing the report")
+        text = excited_page(case_of(analysis), title=title)
     with atomic_path(place, of=of) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return place

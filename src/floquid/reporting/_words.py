@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from floquid.pipeline import Analysis
+from floquid.findings import Severity, texts
+from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.reconstruction import Refinement
 from floquid.reporting._case import Case
 from floquid.views import (
@@ -95,15 +96,15 @@ def summary_line(case: Case) -> str:
     counts = [str(cycles.n_cycles) for cycles in analysis.cycles]
     hits = " and ".join([", ".join(counts[:-1]), counts[-1]] if len(counts) > 1 else counts)
     first = analysis.records[0]
-    records, modes = _counted(len(analysis.records), "record"), _counted(len(case.modes), "mode")
-    channels = _counted(len(model.channels), "channel")
+    records, modes = counted(len(analysis.records), "record"), counted(len(case.modes), "mode")
+    channels = counted(len(model.channels), "channel")
     return (
         f"{modes} (order {model.order}) found in {records} of {channels}, {hits} periods of {period_words(analysis)} s "
         f"(ω/2π = {1.0 / model.period:.6g} Hz), {first.sample_rate * model.period:.4g} samples a period."
     )
 
 
-def _counted(number: int, word: str) -> str:
+def counted(number: int, word: str) -> str:
     return f"{number} {word}{'s' * (number != 1)}"
 
 
@@ -120,11 +121,11 @@ def evidence(analysis: Analysis) -> list[tuple[str, list[str]]]:
     return found
 
 
-def steps(analysis: Analysis) -> list[str]:
+def steps(analysis: Analysis | ExcitedAnalysis) -> list[str]:
     """Steps done to the records, in order, each once."""
     done = [step for record in analysis.records for step in record.provenance.steps]
-    done += analysis.synchronisation
-    if words := whitening_words(analysis):
+    done += texts(analysis.findings, Severity.NOTE)
+    if isinstance(analysis, Analysis) and (words := whitening_words(analysis)):
         done.append(words)
     done += [step for step in analysis.model.provenance.steps if step not in done]
     return list(dict.fromkeys(_sentence(step) for step in done))
@@ -135,7 +136,7 @@ def _sentence(step: str) -> str:
     return (step[:1].upper() + step[1:]).rstrip(".") + "."
 
 
-def sources(analysis: Analysis) -> list[str]:
+def sources(analysis: Analysis | ExcitedAnalysis) -> list[str]:
     """Sources of the records."""
     return list(dict.fromkeys(source for record in analysis.records for source in record.provenance.sources))
 
@@ -153,7 +154,7 @@ def noise_rows(analysis: Analysis) -> list[tuple[str, str, list[str]]]:
     return rows
 
 
-def settings_rows(analysis: Analysis) -> list[tuple[str, str]]:
+def settings_rows(analysis: Analysis | ExcitedAnalysis) -> list[tuple[str, str]]:
     """Every option of the pipeline by its name."""
     return [(field.name, _told(getattr(analysis.settings, field.name))) for field in fields(analysis.settings)]
 

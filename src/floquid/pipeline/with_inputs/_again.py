@@ -10,11 +10,17 @@ from numpy.typing import NDArray
 
 from floquid.core import Record
 from floquid.errors import IdentificationError
-from floquid.innovations import Fit, Mode, predicted
+from floquid.innovations import Fit, Mode, predicted, solve
 from floquid.inputs import InputMode, Samples, Uncertainty, linearise
+from floquid.inputs import solve as solve_driven
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads
+from floquid.pipeline.with_inputs._analysis import ExcitedAnalysis
 from floquid.pipeline.with_inputs._prepare import Parted, parted
+
+
+KEPT = 0.75
+"""The share of each record that a model is fitted to for the check on the rest."""
 
 
 def driven_fit(
@@ -43,6 +49,45 @@ def ambient_fit(
     if at is None:
         raise IdentificationError("The predictor of these modes diverges on these records.")
     return Fit(samples, at, acting)
+
+
+def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
+    """The first three quarters of each record, and their mask over the samples of all (samples,)."""
+    kept = [slice(one.start, one.start + int(KEPT * (one.stop - one.start))) for one in samples.records]
+    mask = np.zeros(samples.n_samples, bool)
+    for one in kept:
+        mask[one] = True
+    part = replace(
+        samples,
+        values=samples.values[:, mask],
+        inputs=samples.inputs[:, mask],
+        begins=(0, *np.cumsum([one.stop - one.start for one in kept]).tolist()),
+        times=samples.times[mask],
+        known=samples.known[:, mask],
+    )
+    return part, mask
+
+
+def predicted_rest(analysis: ExcitedAnalysis) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """The outputs by a fit to the first three quarters of each record alone (outputs, samples), and what that was of.
+
+    Of outputs alone one sample ahead. Where nothing was left out (`validate`), by the fit to all samples. The mask is
+    true where samples were fitted (samples,).
+    """
+    samples = analysis.fit.samples
+    part, mask = first_part(samples) if analysis.settings.validate else (samples, np.ones(samples.n_samples, bool))
+    with blas_threads(analysis.records):
+        if isinstance(analysis.fit, Uncertainty):
+            own = analysis.fit.at if mask.all() else solve_driven(part, analysis.fit.at.modes, analysis.fit.at.direct)
+            columns = linearise(samples, own.modes, own.direct).columns
+            return np.asarray(own.coefficients.T @ columns, np.float64), mask
+        own, whole = analysis.fit.at, None
+        start = None if mask.all() else predicted(part, own.modes, own.columns, own.initial)
+        if start is not None:
+            own = solve(part, start, rough=True)
+            whole = predicted(samples, own.modes, own.columns, own.initial)
+        innovations = (analysis.fit.at if whole is None else whole).innovations
+        return samples.values - innovations, mask if whole is not None else np.ones_like(mask)
 
 
 def with_acting(own: Parted) -> tuple[Samples, int]:

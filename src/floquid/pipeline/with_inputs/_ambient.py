@@ -17,9 +17,9 @@ from floquid.innovations import Fit, Predictor, model_of, predicted, searched, s
 from floquid.inputs import Limits, Samples
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
-from floquid.pipeline.with_inputs._again import with_acting
+from floquid.pipeline.with_inputs._again import first_part, with_acting
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis
-from floquid.pipeline.with_inputs._identify import HIGHEST, KEPT, TAKEN, done_beside
+from floquid.pipeline.with_inputs._identify import HIGHEST, TAKEN, done_beside
 from floquid.pipeline.with_inputs._prepare import parted
 
 OF = "identify_ambient"
@@ -141,19 +141,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
 
 def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:
     """The rms of the innovations over that of the part fitted, on the last quarter of each record (outputs,)."""
-    kept = [slice(one.start, one.start + int(KEPT * (one.stop - one.start))) for one in samples.records]
-    mask = np.zeros(samples.n_samples, bool)
-    for one in kept:
-        mask[one] = True
-    begins = (0, *np.cumsum([one.stop - one.start for one in kept]).tolist())
-    part = replace(
-        samples,
-        values=samples.values[:, mask],
-        inputs=samples.inputs[:, mask],
-        begins=begins,
-        times=samples.times[mask],
-        known=samples.known[:, mask],
-    )
+    part, mask = first_part(samples)
     start = predicted(part, found.modes, found.columns, found.initial)
     if start is None:
         return np.full(len(samples.values), np.inf)

@@ -29,11 +29,9 @@ from floquid.inputs import (
 )
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
+from floquid.pipeline.with_inputs._again import KEPT
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, DrivenAnalysis
 from floquid.pipeline.with_inputs._prepare import OF, Parted, parted
-
-KEPT = 0.75
-"""The share of each record that a model is fitted to for the check on the rest."""
 
 HIGHEST = 24
 """Harmonics of inputs and outputs at most."""

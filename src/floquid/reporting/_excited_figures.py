@@ -1,0 +1,163 @@
+"""Figures of records whose excitation goes on: transfer functions, the way of the inputs, samples left out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from floquid.inputs import TransferFunctions
+from floquid.pipeline import ExcitedAnalysis, predicted_rest
+from floquid.reporting._case import LONGEST, Case
+from floquid.reporting._chosen_figures import BAND
+from floquid.reporting._look import BLACK, BLUE, CURVES, DASHES, VERMILION, Figure, legend_above, new_figure
+from floquid.views import shortened
+
+MOST_PATHS = 6  # paths from an input to an output that are drawn; transfer.csv holds all
+CLOSE = 5.0  # periods of the stretch left out
+SEEN = 4.0  # deviations from which on a phase is one
+MOST_MODES = 8  # modes whose inputs are drawn
+
+Path = tuple[int, int]  # output and input
+
+
+def paths_of(found: TransferFunctions, noise: np.ndarray, sizes: np.ndarray) -> list[Path]:
+    """The paths that do most beyond the noise, in the order of outputs and inputs."""
+    size = np.abs(found.values).max(axis=(0, 3)) * sizes / noise
+    order = np.argsort(-size, axis=None, kind="stable")[:MOST_PATHS]
+    return sorted((int(place) // size.shape[1], int(place) % size.shape[1]) for place in order)
+
+
+def _name(found: TransferFunctions, path: Path) -> str:
+    return f"{shortened(found.inputs[path[1]].name, LONGEST)} to {shortened(found.outputs[path[0]].name, LONGEST)}"
+
+
+def matrix_figure(found: TransferFunctions, paths: list[Path]) -> Figure:
+    """The largest of each harmonic of each path, as a share of the largest of that path."""
+    from bokeh.models import FixedTicker, LinearColorMapper
+
+    largest = np.array([np.abs(found.values[:, row, column]).max(axis=1) for row, column in paths])
+    share = largest / np.maximum(largest.max(axis=1, keepdims=True), np.finfo(float).tiny)
+    # Two paths may have names that are alike when shortened.
+    names = [f"{number}: {_name(found, path)}" for number, path in enumerate(paths, start=1)]
+    made = new_figure("harmonic m [-]", "path", name="matrix", height=90 + 44 * len(names), y_range=names[::-1])
+    greys = [f"#{level:02x}{level:02x}{level:02x}" for level in np.linspace(255, 90, 64).astype(int).tolist()]
+    cells = [(m, name, value) for name, row in zip(names, share, strict=True)
+             for m, value in zip(found.harmonics.tolist(), row.tolist(), strict=True)]  # fmt: skip
+    x, y, values = (list(column) for column in zip(*cells, strict=True))
+    mapper = LinearColorMapper(palette=greys, low=0.0, high=1.0)
+    made.rect(
+        x="x", y="y", width=0.96, height=0.9, line_color=None,
+        fill_color={"field": "value", "transform": mapper}, source=_source(x=x, y=y, value=values),
+    )  # fmt: skip
+    words = [f"{100.0 * value:.3g} %" for value in values]
+    made.text(x=x, y=y, text=words, text_align="center", text_baseline="middle", text_color=BLACK, text_font_size="12px")
+    made.xaxis.ticker = FixedTicker(ticks=found.harmonics.tolist())
+    # Names stand above their rows on a narrow page: an axis of long names would leave no room for the cells.
+    made.yaxis.formatter = _number_alone()
+    for number, name in enumerate(names):
+        made.scatter([], [], size=0, legend_label=name) if number < len(names) else None
+    legend_above(made, columns=1)
+    made.legend[0].glyph_width = made.legend[0].glyph_height = 0
+    made.grid.visible = False
+    return made
+
+
+def _number_alone():
+    from bokeh.models import CustomJSTickFormatter
+
+    return CustomJSTickFormatter(code='return tick.split(":")[0];')
+
+
+def _source(**columns):
+    from bokeh.models import ColumnDataSource
+
+    return ColumnDataSource(columns)
+
+
+def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure]:
+    """Magnitude and phase of each harmonic of each path, a pair of figures a path."""
+    figures = []
+    for row, column in paths:
+        unit = f"{found.outputs[row].unit}/{found.inputs[column].unit}"
+        size = new_figure("frequency of the input f [Hz]", f"|G| [{unit}]", name=f"size-{row}-{column}", y_axis_type="log")
+        phase = new_figure("frequency of the input f [Hz]", "arg G [°]", name=f"phase-{row}-{column}", x_range=size.x_range)
+        size.title.text = phase.title.text = _name(found, (row, column))
+        for place, m in sorted(enumerate(found.harmonics.tolist()), key=lambda one: (abs(one[1]), one[1])):
+            value = found.values[place, row, column]
+            if not value.any():
+                continue
+            number = (2 * abs(m) - (m > 0)) % len(CURVES)
+            look = {"line_color": CURVES[number], "line_dash": DASHES[number], "legend_label": f"m = {m}"}
+            magnitude, seen = np.abs(value), np.ones(len(value), bool)
+            if found.std is not None:
+                # That of a magnitude lies between those of both parts.
+                std = np.abs(found.std[place, row, column]) / np.sqrt(2.0)
+                low = np.maximum(magnitude - BAND * std, 1e-3 * magnitude.max())
+                size.varea(
+                    found.frequencies_hz, low, magnitude + BAND * std, fill_color=CURVES[number], fill_alpha=0.25,
+                    legend_label=f"m = {m}",
+                )  # fmt: skip
+                seen = magnitude > SEEN * std
+            size.line(found.frequencies_hz, magnitude, line_width=2, **look)
+            degrees = np.where(seen, np.degrees(np.angle(value)), np.nan)
+            # A turn by 360° is none: the line is broken there.
+            degrees[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
+            phase.line(found.frequencies_hz, degrees, line_width=2, **look)
+        for made in (size, phase):
+            legend_above(made, columns=3)
+        figures += [size, phase]
+    return figures
+
+
+def reach_figures(case: Case) -> list[Figure]:
+    """Of each mode, the strength at which each input drives it at each harmonic."""
+    from bokeh.models import BasicTicker
+
+    analysis: ExcitedAnalysis = case.analysis
+    own, rms = analysis.model.inputs, analysis.fit.samples.input_size
+    assert own is not None
+    figures, count = [], len(own.channels)
+    width = 0.8 / count
+    for number, mode in enumerate(case.modes[:MOST_MODES], start=1):
+        made = new_figure("harmonic l [-]", "|b| times rms [1/s]", name=f"reach-{number}", height=260)
+        made.title.text = f"mode {number}"
+        used = (own.coefficients[mode] != 0).any(axis=0)
+        for source, channel in enumerate(own.channels):
+            size = np.abs(own.coefficients[mode, source, used]) * rms[source]
+            places = own.harmonics[used] + width * (source - 0.5 * (count - 1))
+            label, colour = shortened(channel.name, LONGEST), CURVES[source % len(CURVES)]
+            made.vbar(x=places, top=size, width=0.9 * width, fill_color=colour, line_color=None, legend_label=label)
+            if own.coefficient_std is not None:
+                std = BAND * np.abs(own.coefficient_std[mode, source, used]) / np.sqrt(2.0) * rms[source]
+                made.segment(places, np.maximum(size - std, 0.0), places, size + std, line_color=BLACK, line_width=1.5)
+        made.xaxis.ticker = BasicTicker(min_interval=1, num_minor_ticks=0)
+        made.x_range.min_interval = 2
+        made.y_range.start = 0
+        legend_above(made)
+        figures.append(made)
+    return figures
+
+
+def left_out_figures(case: Case) -> tuple[list[Figure], bool]:
+    """Measured and predicted outputs at the begin of the samples left out, and whether any were."""
+    analysis: ExcitedAnalysis = case.analysis
+    samples = analysis.fit.samples
+    found, fitted = predicted_rest(analysis)
+    stop = samples.begins[1]
+    begin = int(0.75 * stop) if fitted.all() else int(np.flatnonzero(~fitted)[0])
+    place = slice(begin, min(stop, begin + int(CLOSE * analysis.model.period / samples.step) + 1))
+    seconds = analysis.records[0].start + samples.step * np.arange(place.start, place.stop)
+    figures = []
+    for row, label in zip(case.channels, case.labels(), strict=True):
+        made = new_figure("time [s]", f"response [{analysis.model.channels[row].unit}]", name=f"left-{row}")
+        made.title.text = label
+        made.scatter(
+            seconds, samples.values[row, place], size=5, fill_color="white", line_color=BLACK, legend_label="measured"
+        )
+        made.line(seconds, found[row, place], line_color=BLUE, line_width=2, legend_label="predicted")
+        made.line(
+            seconds, samples.values[row, place] - found[row, place], line_color=VERMILION, line_dash="dashed",
+            legend_label="difference",
+        )  # fmt: skip
+        legend_above(made, columns=3)
+        figures.append(made)
+    return figures, not fitted.all()
