@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from floquid._arrays import Floats
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import ExcitedAnalysis, predicted_rest
 from floquid.reporting._case import LONGEST, Case
@@ -19,7 +20,7 @@ MOST_MODES = 8  # modes whose inputs are drawn
 Path = tuple[int, int]  # output and input
 
 
-def paths_of(found: TransferFunctions, noise: np.ndarray, sizes: np.ndarray) -> list[Path]:
+def paths_of(found: TransferFunctions, noise: Floats, sizes: Floats) -> list[Path]:
     """The paths that do most beyond the noise, in the order of outputs and inputs."""
     size = np.abs(found.values).max(axis=(0, 3)) * sizes / noise
     order = np.argsort(-size, axis=None, kind="stable")[:MOST_PATHS]
@@ -30,47 +31,14 @@ def _name(found: TransferFunctions, path: Path) -> str:
     return f"{shortened(found.inputs[path[1]].name, LONGEST)} to {shortened(found.outputs[path[0]].name, LONGEST)}"
 
 
-def matrix_figure(found: TransferFunctions, paths: list[Path]) -> Figure:
-    """The largest of each harmonic of each path, as a share of the largest of that path."""
-    from bokeh.models import FixedTicker, LinearColorMapper
-
-    largest = np.array([np.abs(found.values[:, row, column]).max(axis=1) for row, column in paths])
-    share = largest / np.maximum(largest.max(axis=1, keepdims=True), np.finfo(float).tiny)
-    # Two paths may have names that are alike when shortened.
-    names = [f"{number}: {_name(found, path)}" for number, path in enumerate(paths, start=1)]
-    made = new_figure("harmonic m [-]", "path", name="matrix", height=90 + 44 * len(names), y_range=names[::-1])
-    greys = [f"#{level:02x}{level:02x}{level:02x}" for level in np.linspace(255, 90, 64).astype(int).tolist()]
-    cells = [(m, name, value) for name, row in zip(names, share, strict=True)
-             for m, value in zip(found.harmonics.tolist(), row.tolist(), strict=True)]  # fmt: skip
-    x, y, values = (list(column) for column in zip(*cells, strict=True))
-    mapper = LinearColorMapper(palette=greys, low=0.0, high=1.0)
-    made.rect(
-        x="x", y="y", width=0.96, height=0.9, line_color=None,
-        fill_color={"field": "value", "transform": mapper}, source=_source(x=x, y=y, value=values),
-    )  # fmt: skip
-    words = [f"{100.0 * value:.3g} %" for value in values]
-    made.text(x=x, y=y, text=words, text_align="center", text_baseline="middle", text_color=BLACK, text_font_size="12px")
-    made.xaxis.ticker = FixedTicker(ticks=found.harmonics.tolist())
-    # Names stand above their rows on a narrow page: an axis of long names would leave no room for the cells.
-    made.yaxis.formatter = _number_alone()
-    for number, name in enumerate(names):
-        made.scatter([], [], size=0, legend_label=name) if number < len(names) else None
-    legend_above(made, columns=1)
-    made.legend[0].glyph_width = made.legend[0].glyph_height = 0
-    made.grid.visible = False
-    return made
-
-
-def _number_alone():
-    from bokeh.models import CustomJSTickFormatter
-
-    return CustomJSTickFormatter(code='return tick.split(":")[0];')
-
-
-def _source(**columns):
-    from bokeh.models import ColumnDataSource
-
-    return ColumnDataSource(columns)
+def matrix_rows(found: TransferFunctions, paths: list[Path]) -> list[tuple[str, list[tuple[str, int]]]]:
+    """Of each path its name, and of each harmonic its largest share of the largest of that path, in words and as grey."""
+    rows = []
+    for row, column in paths:
+        largest = np.abs(found.values[:, row, column]).max(axis=1)
+        share = largest / max(largest.max(), np.finfo(float).tiny)
+        rows.append((_name(found, (row, column)), [(f"{100.0 * one:.3g} %", round(255 - 125 * one)) for one in share]))
+    return rows
 
 
 def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure]:

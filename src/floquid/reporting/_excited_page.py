@@ -16,7 +16,7 @@ from floquid.reporting._chosen_figures import (
 )
 from floquid.reporting._excited_figures import (
     left_out_figures,
-    matrix_figure,
+    matrix_rows,
     paths_of,
     reach_figures,
     transfer_figures,
@@ -36,17 +36,16 @@ def excited_page(case: Case, *, title: str | None) -> str:
         "shape": shape_figures(case, shape),
         "coefficients": [coefficients_figure(case, coefficients)],
         "plane": [exponents_figure(case, modes), multipliers_figure(case, modes)],
-        "matrix": [],
         "transfer": [],
         "reach": [],
         "record": record,
     }
-    paths = []
+    paths, matrix, harmonics = [], [], []
     if analysis.inputs:
         found = analysis.transfer()
         paths = paths_of(found, analysis.noise, analysis.fit.samples.input_size)
+        matrix, harmonics = matrix_rows(found, paths), found.harmonics.tolist()
         figures |= {
-            "matrix": [matrix_figure(found, paths)],
             "transfer": transfer_figures(found, paths),
             "reach": reach_figures(case),
         }
@@ -65,11 +64,13 @@ def excited_page(case: Case, *, title: str | None) -> str:
         reasons=[],
         rows=rows,
         meanings=note_meanings(rows),
-        bands=analysis.model.estimates is not None,
+        bands=analysis.model.exponent_std is not None,
         fails=False,
         summary=_summary(case),
         ambient=isinstance(analysis, AmbientAnalysis),
         inputs=analysis.inputs,
+        matrix=matrix,
+        harmonics=harmonics,
         paths_shown=len(paths),
         paths_left=len(analysis.inputs) * len(analysis.model.channels) - len(paths),
         held_out=held_out,

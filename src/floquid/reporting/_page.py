@@ -99,6 +99,7 @@ def rendered(name: str, case: Case, figures: dict[str, list[Figure]], title: str
             figures=drawn,
             case=case,
             told=analysis.model.unselected is not None,
+            shaped=analysis.model.estimates is not None,
             given=analysis.settings.harmonics is not None,
             warnings=analysis.warnings,
             left_out=len(analysis.model.channels) - len(case.channels),

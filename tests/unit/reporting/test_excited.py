@@ -1,0 +1,75 @@
+"""The page of records whose excitation goes on: what it says, what it draws, and what it leaves out without inputs."""
+
+import re
+
+import numpy as np
+import pytest
+from tests.driven import ambient_of, mathieu, record_of
+
+import floquid
+from floquid import Channel, Record
+from floquid.inputs import TransferFunctions
+from floquid.pipeline import predicted_rest
+from floquid.reporting._excited_figures import matrix_rows, paths_of
+
+PHASES = 20
+
+
+@pytest.fixture(scope="module")
+def driven():
+    system = mathieu()
+    values, inputs = record_of(system, 50, PHASES, 0.02, 1)
+    channels = [Channel(name="tip <b>", unit="mm"), Channel(name="force", unit="N")]
+    record = Record(values=np.vstack([values, inputs]), sample_rate=PHASES / system.period, channels=channels)
+    return floquid.identify_driven(record, period=system.period, inputs=["force"])
+
+
+def words_of(page):
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", "", page[: page.index('<script type="application/json"')]))
+
+
+def test_the_page_of_a_driven_analysis(driven, tmp_path):
+    page = floquid.report(driven, tmp_path / "report.html").read_text(encoding="utf-8")
+    said = words_of(page)
+    assert "The model passes its checks." in said
+    assert "1 mode (order 2) found in 1 record of 1 output and 1 measured input, 50 periods" in said
+    assert "Harmonic transfer functions" in said
+    assert "by a fit to the first three quarters alone" in said
+    assert "no standard deviations" not in said
+    assert "tip &lt;b&gt;" in page
+    for label in ("|G| [mm/N]", "arg G [°]", "|b| times rms [1/s]", "response [mm]", "time [s]"):
+        assert f'"{label}"' in page
+
+
+def test_the_page_of_outputs_alone_has_no_inputs(tmp_path):
+    system = mathieu()
+    values = ambient_of(system, 400, PHASES, 0.02, 1)
+    record = Record(values=values, sample_rate=PHASES / system.period, channels=["y"])
+    found = floquid.identify_ambient(record, period=system.period, validate=False)
+    said = words_of(floquid.report(found, tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert "The model was not checked" in said
+    assert "no samples were left out" in said
+    assert "transfer functions" not in said
+
+
+def test_samples_left_out_are_predicted_by_the_first_three_quarters_alone(driven):
+    found, fitted = predicted_rest(driven)
+    assert fitted.sum() == 750
+    samples = driven.fit.samples
+    left = samples.values - found
+    assert np.std(left[0, ~fitted]) < 1.3 * driven.noise[0, 0]
+    # The fit to all is another one.
+    whole = driven.fit.at.coefficients.T @ driven.fit.at.columns
+    assert np.abs(found - whole).max() > 1e-6 * np.abs(whole).max()
+
+
+def test_paths_and_harmonics_that_are_large_are_named():
+    values = np.zeros((2, 2, 2, 3), complex)
+    values[0, 0, 0], values[1, 0, 0], values[1, 1, 1] = [1.0, 2.0, 1.0], 0.5j, 3.0
+    found = TransferFunctions(
+        frequencies_hz=[1.0, 2.0, 3.0], harmonics=[0, 1], values=values, std=None,
+        outputs=(Channel(name="a"), Channel(name="b")), inputs=(Channel(name="u"), Channel(name="v")),
+    )  # fmt: skip
+    assert paths_of(found, np.ones((2, 1)), np.ones(2))[0] == (0, 0)
+    rows = matrix_rows(found, [(0, 0), (1, 1)])
+    assert rows == [("u to a", [("100 %", 130), ("25 %", 224)]), ("v to b", [("0 %", 255), ("100 %", 130)])]
