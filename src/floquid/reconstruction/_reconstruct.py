@@ -13,6 +13,7 @@ from floquid.core import PeriodicModel
 from floquid.reconstruction._bands import chosen, sizes_left_out, spread_of
 from floquid.reconstruction._coordinates import Coordinates
 from floquid.reconstruction._modal_matrix import (
+    Modal,
     Shapes,
     Terms,
     at_terms,
@@ -55,6 +56,12 @@ def reconstruct(
     cancels: L(t0) = Ψ(t0)⁻¹ exactly.) Several hits give one shape a mode, up to a factor that cancels too. Standard
     deviations are those of the estimates, propagated to first order, and what the next harmonic on either side of each
     band would do, if the series goes on falling as it does (`refine` has no such part).
+
+    With measured inputs, of a model that has them, also
+
+    .. math:: B(t) = \Psi(t)\, b(t), \qquad C(t) = c(t)\, \Psi(t)^{-1}, \qquad D(t)
+
+    in all channels; these matrices and A(t) then have no deviations.
 
     Raises InputError where a channel is unknown, is not a motion, or the channels chosen cannot span the modes; or an
     option is not possible; IdentificationError where the shapes of the modes in the chosen channels are linearly
@@ -117,7 +124,27 @@ def reconstruct(
         system_std=system_std,
         transition_std=transition_std,
         provenance=model.provenance.then(f"state matrix in {coordinates.words}"),
+        **_input_output(model, shapes, modal, instants),
     )
+
+
+def _input_output(model: PeriodicModel, shapes: Shapes, modal: Modal, times: Floats) -> dict[str, Floats]:
+    """B, C and D of a model with inputs; nothing of one of free responses."""
+    own = model.inputs
+    if own is None:
+        return {}
+    turned, straight = (
+        np.exp(1j * model.fundamental * np.multiply.outer(times, turns)) for turns in (own.harmonics, own.direct_harmonics)
+    )
+    # The shapes have a factor of their own, as those of several hits have.
+    factor = shapes.hits[:, 0]
+    gains = np.einsum("ril,tl->tri", own.coefficients, turned) / factor[:, None]
+    seen = np.einsum("rct,r->tcr", model.shapes(times)[:, :, 0], factor)
+    return {
+        "inputs": (modal.modal @ gains).real,
+        "outputs": (seen @ modal.inverse).real,
+        "direct": np.einsum("cil,tl->tci", own.direct, straight).real,
+    }
 
 
 def _built_from(

@@ -18,7 +18,8 @@ from floquid.reconstruction._structure import AbstractStructure
 class StateModel(Drawn, Rebuilt):
     r"""Φ(t, t0) and A(t) at instants of one period, with t0 the first of them.
 
-    .. math:: x(t) = \Phi(t, t_0)\, x(t_0), \qquad \dot x = A(t)\, x
+    .. math:: x(t) = \Phi(t, t_0)\, x(t_0), \qquad \dot x = A(t)\, x \;[+\; B(t)\, u], \qquad
+              [y = C(t)\, x + D(t)\, u]
 
     Parameters
     ----------
@@ -35,6 +36,9 @@ class StateModel(Drawn, Rebuilt):
         Standard deviations of A and Φ (times, n, n); None where not estimated.
     provenance
         Where the model comes from.
+    inputs, outputs, direct
+        B (times, n, inputs), C (times, channels, n) and D (times, channels, inputs) of a model with measured inputs;
+        None of one of free responses.
     """
 
     times: Floats
@@ -46,6 +50,9 @@ class StateModel(Drawn, Rebuilt):
     system_std: Floats | None = None
     transition_std: Floats | None = None
     provenance: Provenance = field(default_factory=Provenance)
+    inputs: Floats | None = None
+    outputs: Floats | None = None
+    direct: Floats | None = None
 
     def _figures(self) -> Drawings:
         return {"system_elements": (self, {})}
@@ -61,6 +68,9 @@ class StateModel(Drawn, Rebuilt):
         for name in ("system_std", "transition_std"):
             if getattr(self, name) is not None:
                 put(self, name, frozen_array(getattr(self, name), name, of, axes=(steps, n, n)))
+        for name, axes in (("inputs", (n, "inputs")), ("outputs", ("channels", n)), ("direct", ("channels", "inputs"))):
+            if getattr(self, name) is not None:
+                put(self, name, frozen_array(getattr(self, name), name, of, axes=(steps, *axes)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

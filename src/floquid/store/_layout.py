@@ -35,7 +35,10 @@ SETTINGS_OF_VERSION_1 = (
 )  # fmt: skip
 """The fields that every file has; those that `Settings` gains later are written too, and have a default when absent."""
 
-ABSENT = ("estimates", "unselected", "inputs", "composites", "coordinates", "transition_std")
+ABSENT = (
+    "estimates", "unselected", "inputs", "composites", "coordinates", "transition_std",
+    "outputs", "direct",
+)  # fmt: skip
 """Groups and datasets that a file need not have: older files do not, and a group is not there for None."""
 
 FLAGS = ("constrained", "held", "kept", "passed", "real", "speed_dependent", "steady")
@@ -230,6 +233,9 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "coordinates": "",
         "transition_std": "times, states, states",
         "provenance": Provenance,
+        "inputs": "times, states, inputs",
+        "outputs": "times, channels, states",
+        "direct": "times, channels, inputs",
     },
     Refinement: {
         "parameters": "parameters; 1/s to a power, in the units of the states",

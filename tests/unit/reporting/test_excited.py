@@ -37,7 +37,7 @@ def test_the_page_of_a_driven_analysis(driven, tmp_path):
     assert "by a fit to the first three quarters alone" in said
     assert "no standard deviations" not in said
     assert "tip &lt;b&gt;" in page
-    for label in ("|G| [mm/N]", "arg G [°]", "|b| times rms [1/s]", "response [mm]", "time [s]"):
+    for label in ("|G| [mm/N]", "arg G [\\u00b0]", "|b| times rms [1/s]", "response [mm]", "time [s]"):
         assert f'"{label}"' in page
 
 

@@ -1,0 +1,71 @@
+"""A(t), B(t), C(t) and D(t) of a model with inputs: the harmonic state space of them is that of the model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.driven import mathieu, record_of, two_masses
+
+import floquid
+from floquid import Record, reconstruct
+from floquid.floquet import PeriodicSystem, SampledMatrix, harmonic_transfer, simulate
+from floquid.inputs import transfer_functions
+
+LINES = np.array([0.05, 0.13, 0.31, 0.6])
+TURNS = (-2, -1, 0, 1, 2)
+
+
+def model_of(system, outputs, periods=60, phases=24):
+    values, inputs = record_of(system, periods, phases, 0.01, 1)
+    names = [*outputs, *(f"F{k}" for k in range(len(inputs)))]
+    record = Record(values=np.vstack([values, inputs]), sample_rate=phases / system.period, channels=names)
+    return floquid.identify_driven(record, period=system.period, inputs=names[len(outputs) :], validate=False).model
+
+
+def system_of(state, period):
+    matrices = (state.system, state.inputs, state.outputs, state.direct)
+    A, B, C, D = (SampledMatrix(values=np.moveaxis(values, 0, 2), period=period) for values in matrices)
+    return PeriodicSystem(A=A, B=B, C=C, D=D)
+
+
+@pytest.fixture(scope="module")
+def cases():
+    return [
+        (mathieu(direct=0.2), ["y"], model_of(mathieu(direct=0.2), ["y"])),
+        (two_masses(), ["x", "y"], model_of(two_masses(), ["x", "y"])),
+    ]
+
+
+def test_transfer_functions_of_the_matrices_are_those_of_the_model(cases):
+    for _, outputs, model in cases:
+        system = system_of(reconstruct(model, outputs, times=128), model.period)
+        found = harmonic_transfer(system, 2.0 * np.pi * LINES)
+        wanted = transfer_functions(model, LINES, TURNS).values
+        places = np.searchsorted(found.harmonics, TURNS)
+        got = np.moveaxis(found.values[:, :, places], 2, 0)
+        assert got.shape == wanted.shape
+        assert np.abs(got - wanted).max() < 1e-8 * np.abs(wanted).max()
+    assert cases[0][2].inputs.direct.any()
+
+
+def test_the_comparison_sees_another_way_of_the_inputs(cases):
+    _, outputs, model = cases[0]
+    half = replace(model, inputs=replace(model.inputs, coefficients=0.99 * model.inputs.coefficients))
+    one, other = (reconstruct(own, outputs, times=8).inputs for own in (model, half))
+    assert np.allclose(other, 0.99 * one, rtol=1e-9)
+
+
+def test_a_response_to_fresh_inputs_is_that_of_the_true_system(cases):
+    for truth, outputs, model in cases:
+        phases, periods = 24, 20
+        values, inputs = record_of(truth, periods, phases, 0.0, 9)
+        system = system_of(reconstruct(model, outputs, times=64), model.period)
+        times = truth.period / phases * np.arange(inputs.shape[1])
+        found = simulate(system, inputs, times, between="held")
+        assert np.sqrt(np.mean((found - values) ** 2)) < 0.02 * values.std()
+
+
+def test_a_model_of_free_responses_has_none(cases):
+    model = replace(cases[0][2], inputs=None)
+    state = reconstruct(model, ["y"], times=4)
+    assert (state.inputs, state.outputs, state.direct) == (None, None, None)
