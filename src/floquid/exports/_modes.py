@@ -30,7 +30,10 @@ MODE_FORMATS = (".uff", ".unv", ".mat", ".csv", ".json")
 
 
 def export_modes(
-    result: Analysis | ExcitedAnalysis | PeriodicModel, path: str | PathLike[str], *, coordinates: Mapping[str, ArrayLike] | None = None
+    result: Analysis | ExcitedAnalysis | PeriodicModel,
+    path: str | PathLike[str],
+    *,
+    coordinates: Mapping[str, ArrayLike] | None = None,
 ) -> None:
     r"""Write the modes of a result to a file of another program, in the format of its suffix.
 

@@ -21,9 +21,6 @@ from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import AbstractDraws, Bootstrap, Draw, Spread, bootstrap
 from floquid.pipeline.preparation import Prepared, prepare
 from floquid.pipeline.preparation import blas_threads as blas_threads
-from floquid.pipeline.with_inputs import ambient_fit as ambient_fit
-from floquid.pipeline.with_inputs import driven_fit as driven_fit
-from floquid.pipeline.with_inputs import predicted_rest as predicted_rest
 from floquid.pipeline.with_inputs import (
     HELD_OUT,
     AmbientAnalysis,
@@ -32,6 +29,9 @@ from floquid.pipeline.with_inputs import (
     identify_ambient,
     identify_driven,
 )
+from floquid.pipeline.with_inputs import ambient_fit as ambient_fit
+from floquid.pipeline.with_inputs import driven_fit as driven_fit
+from floquid.pipeline.with_inputs import predicted_rest as predicted_rest
 
 __all__ = [
     "CONFIDENT",

@@ -134,7 +134,8 @@ def _input_output(model: PeriodicModel, shapes: Shapes, modal: Modal, times: Flo
     if own is None:
         return {}
     turned, straight = (
-        np.exp(1j * model.fundamental * np.multiply.outer(times, turns)) for turns in (own.harmonics, own.direct_harmonics)
+        np.exp(1j * model.fundamental * np.multiply.outer(times, turns))
+        for turns in (own.harmonics, own.direct_harmonics)
     )
     # The shapes have a factor of their own, as those of several hits have.
     factor = shapes.hits[:, 0]

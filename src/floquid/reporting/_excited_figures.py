@@ -32,7 +32,7 @@ def _name(found: TransferFunctions, path: Path) -> str:
 
 
 def matrix_rows(found: TransferFunctions, paths: list[Path]) -> list[tuple[str, list[tuple[str, int]]]]:
-    """Of each path its name, and of each harmonic its largest share of the largest of that path, in words and as grey."""
+    """Of each path its name, and of each harmonic its share of the largest, in words and as grey."""
     rows = []
     for row, column in paths:
         largest = np.abs(found.values[:, row, column]).max(axis=1)
@@ -46,8 +46,12 @@ def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure
     figures = []
     for row, column in paths:
         unit = f"{found.outputs[row].unit}/{found.inputs[column].unit}"
-        size = new_figure("frequency of the input f [Hz]", f"|G| [{unit}]", name=f"size-{row}-{column}", y_axis_type="log")
-        phase = new_figure("frequency of the input f [Hz]", "arg G [°]", name=f"phase-{row}-{column}", x_range=size.x_range)
+        size = new_figure(
+            "frequency of the input f [Hz]", f"|G| [{unit}]", name=f"size-{row}-{column}", y_axis_type="log"
+        )
+        phase = new_figure(
+            "frequency of the input f [Hz]", "arg G [°]", name=f"phase-{row}-{column}", x_range=size.x_range
+        )
         size.title.text = phase.title.text = _name(found, (row, column))
         for place, m in sorted(enumerate(found.harmonics.tolist()), key=lambda one: (abs(one[1]), one[1])):
             value = found.values[place, row, column]

@@ -98,7 +98,5 @@ def _checked(analysis: ExcitedAnalysis) -> list[tuple[str, str, str, str]]:
     """Of each output its name, its unit, the noise, and the error on samples left out."""
     return [
         (channel.name, channel.unit, f"{noise:.3g}", f"{error:.3g}" if np.isfinite(error) else "not checked")
-        for channel, noise, error in zip(
-            analysis.model.channels, analysis.noise[:, 0], analysis.held_out, strict=True
-        )
+        for channel, noise, error in zip(analysis.model.channels, analysis.noise[:, 0], analysis.held_out, strict=True)
     ]

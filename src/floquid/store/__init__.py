@@ -31,7 +31,7 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     residue_spread, residue_slope, residual_std, outcome (a name), stats/
     /choice/                        findings for and against the order, where it was found
     /model/                         exponents (modes,), coefficients (modes, channels, hits, harmonics), harmonics,
-                                    period, covariance, coefficient_std, channels/, provenance/; inputs/ where inputs were
+                                    period, covariance, coefficient_std, channels/, provenance/; inputs/ where some were
                                     measured: channels/, coefficients (modes, inputs, harmonics), harmonics,
                                     coefficient_std, direct (channels, inputs, harmonics), direct_harmonics, initial
                                     (modes, records); estimates/ and
@@ -60,8 +60,8 @@ A result of records whose excitation goes on has the attribute `kind`, "driven" 
 settings, records, model and findings alone; and::
 
     /noise, /held_out, /lengths     of each channel, of each channel, and of each mode of outputs alone
-    /fit/modes/mode1, mode2, .../   exponent, real (1 of a real multiplier), turns (harmonics,), reach (harmonics of the
-                                    inputs,), gains; initial (records,) and sizes (inputs,) of "driven", shape (channels,
+    /fit/modes/mode1, mode2, .../   exponent, real (1 of a real one), turns (harmonics,), reach (harmonics of
+                                    the inputs,), gains; initial (records,), sizes (inputs,) of "driven", shape (channels,
                                     harmonics) of "ambient"
     /fit/direct                     of "driven": harmonics of the direct term
     /fit/columns, /fit/initial      of "ambient": coefficients of the known columns, first states (records, states)

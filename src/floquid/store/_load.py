@@ -9,9 +9,9 @@ from typing import Any
 
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
-from floquid.io import GUARD, DamagedError, readable_file
 from floquid.innovations import Mode
 from floquid.inputs import InputMode
+from floquid.io import GUARD, DamagedError, readable_file
 from floquid.lti import ModalModel, Outcome
 from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, Periodicity
@@ -44,8 +44,8 @@ AGAIN = "Write it again: `floquid identify ... --out DIR`, or `save(analysis, pa
 def load(path: str | PathLike[str]) -> Analysis | ExcitedAnalysis:
     """The analysis in a file that `save` wrote, every intermediate included.
 
-    The free response is cut into periods and lifted again, and with excitation that goes on the fit is linearised at its
-    modes again, which gives the same numbers; nothing is identified again.
+    The free response is cut into periods and lifted again, and where the excitation goes on the fit is linearised at
+    its modes again, which gives the same numbers; nothing is identified again.
 
     It is equal to the one saved, field by field. The `path` is by custom `result.h5`. Raises InputError where there is
     no such file, it is no result file, it is of a later version of floquid, or it is damaged.

@@ -12,9 +12,10 @@ import numpy as np
 from floquid._checks import describe, input_error
 from floquid._version import __version__
 from floquid.core import ConstantPeriod, Record
+from floquid.inputs import Uncertainty
 from floquid.io import atomic_path
 from floquid.lti import AbstractIdentifier
-from floquid.pipeline import Analysis, DrivenAnalysis, ExcitedAnalysis, Settings, samples_of
+from floquid.pipeline import Analysis, ExcitedAnalysis, Settings, samples_of
 from floquid.reconstruction import text_of
 from floquid.store._datasets import put, put_numbers, put_object
 from floquid.store._identifiers import to_text
@@ -29,8 +30,8 @@ def save(analysis: Analysis | ExcitedAnalysis, path: str | PathLike[str]) -> Non
     its own name when it is whole: whatever happens, `path` holds the old file or the new one. The same analysis gives
     the same bytes.
 
-    `analysis` is what `identify`, `identify_driven` or `identify_ambient` found; the file `path`, by custom `result.h5`, may exist. Raises InputError where
-    `analysis` is something else, or the file cannot be written there.
+    `analysis` is what `identify`, `identify_driven` or `identify_ambient` found; the file `path`, by custom
+    `result.h5`, may exist. Raises InputError where `analysis` is something else, or the file cannot be written there.
     """
     if not isinstance(analysis, (Analysis, ExcitedAnalysis)):
         must = "be an Analysis"
@@ -52,7 +53,10 @@ def _write(analysis: Analysis | ExcitedAnalysis, stream: BytesIO) -> None:
         _put_settings(file.create_group("settings"), analysis.settings)
         for number, record in enumerate(analysis.records, start=1):
             _put_record(file.create_group(f"records/hit{number}"), record)
-        (_put_free if isinstance(analysis, Analysis) else _put_excited)(file, analysis)
+        if isinstance(analysis, Analysis):
+            _put_free(file, analysis)
+        else:
+            _put_excited(file, analysis)
 
 
 def _put_excited(file: Any, analysis: ExcitedAnalysis) -> None:
@@ -60,7 +64,7 @@ def _put_excited(file: Any, analysis: ExcitedAnalysis) -> None:
     file.attrs["kind"] = EXCITED[type(analysis)]
     put_object(file, analysis)
     group = file.create_group("fit")
-    if isinstance(analysis, DrivenAnalysis):
+    if isinstance(analysis.fit, Uncertainty):
         put(group, "direct", analysis.fit.at.direct, "harmonics")
     else:
         put(group, "columns", analysis.fit.at.columns, "channels, columns; that of the channel")

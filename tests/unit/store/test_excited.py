@@ -26,7 +26,10 @@ def driven():
     """Two records, a direct term, a pair; and two real negative multipliers."""
     system, blade = mathieu(direct=0.2), flapping()
     first = Channel(name="y µ", unit="mm", location="disc")
-    both = [record(*record_of(system, periods, PHASES, 0.02, seed), system.period, first) for periods, seed in ((50, 1), (40, 2))]
+    both = [
+        record(*record_of(system, periods, PHASES, 0.02, seed), system.period, first)
+        for periods, seed in ((50, 1), (40, 2))
+    ]
     one = record(*record_of(blade, 100, PHASES, 0.01, 3), blade.period, "flap")
     return (
         floquid.identify_driven(both, period=system.period, inputs=["u0"]),
@@ -38,7 +41,9 @@ def driven():
 def ambient():
     system = mathieu()
     values = ambient_of(system, 600, PHASES, 0.02, 1)
-    return floquid.identify_ambient(record(values, np.zeros((0, values.shape[1])), system.period, "y"), period=system.period)
+    return floquid.identify_ambient(
+        record(values, np.zeros((0, values.shape[1])), system.period, "y"), period=system.period
+    )
 
 
 def again(analysis, folder):

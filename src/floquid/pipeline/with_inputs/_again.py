@@ -18,7 +18,6 @@ from floquid.pipeline.preparation import blas_threads
 from floquid.pipeline.with_inputs._analysis import ExcitedAnalysis
 from floquid.pipeline.with_inputs._prepare import Parted, parted
 
-
 KEPT = 0.75
 """The share of each record that a model is fitted to for the check on the rest."""
 
