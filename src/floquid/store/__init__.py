@@ -61,7 +61,7 @@ settings, records, model and findings alone; and::
 
     /noise, /held_out, /lengths     of each channel, of each channel, and of each mode of outputs alone
     /fit/modes/mode1, mode2, .../   exponent, real (1 of a real one), turns (harmonics,), reach (harmonics of
-                                    the inputs,), gains; initial (records,), sizes (inputs,) of "driven", shape (channels,
+                                    inputs,), gains; initial (records,), sizes of "driven", shape (channels,
                                     harmonics) of "ambient"
     /fit/direct                     of "driven": harmonics of the direct term
     /fit/columns, /fit/initial      of "ambient": coefficients of the known columns, first states (records, states)
