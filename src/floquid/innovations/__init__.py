@@ -1,14 +1,18 @@
 """Responses to excitation that nobody measured: a periodic system in innovations form, by prediction errors.
 
-`searched` finds the modes of `Samples`, with measured inputs or without; `Fit` has the deviations of such a predictor,
+`repetition` tests whether the response repeats with the period given, `searched` finds the modes of `Samples`, with measured inputs or without; `Fit` has the deviations of such a predictor,
 `model_of` and `transfer_of` make a model and transfer functions of both: `floquid.identify_ambient` is the chain.
 """
 
+from floquid.innovations._autoregression import first_innovations as first_innovations
+from floquid.innovations._cyclic import Repetition as Repetition
+from floquid.innovations._cyclic import repetition as repetition
 from floquid.innovations._predictor import Mode as Mode
 from floquid.innovations._predictor import Predictor as Predictor
 from floquid.innovations._predictor import predicted as predicted
 from floquid.innovations._result import Fit as Fit
 from floquid.innovations._result import model_of as model_of
+from floquid.innovations._result import period_step as period_step
 from floquid.innovations._result import transfer_of as transfer_of
 from floquid.innovations._search import searched as searched
 from floquid.innovations._solve import solve as solve

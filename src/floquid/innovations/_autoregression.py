@@ -54,13 +54,14 @@ def first_innovations(samples: Samples, acting: int = 0) -> NDArray[np.float64]:
 def _regressors(samples: Samples, lags: int, harmonics: int, acting: int) -> NDArray[np.float64]:
     """Known columns, inputs that act at once, and samples and inputs before, all but the first turned (…, samples)."""
     signals = np.concatenate([samples.values, samples.inputs])
-    rows = [samples.each(signals, lambda own, lag=lag: _late(own, lag)) for lag in range(1, lags + 1)]
+    rows = [samples.each(signals, lambda own, lag=lag: delayed(own, lag)) for lag in range(1, lags + 1)]
     late = np.concatenate([samples.inputs[:acting], *rows])
     turned = [samples.turned(turn) for turn in range(1, harmonics + 1)]
     return np.concatenate([samples.known, late, *(part * late for own in turned for part in (own.real, own.imag))])
 
 
-def _late(values: NDArray, lag: int) -> NDArray:
+def delayed(values: NDArray, lag: int) -> NDArray:
+    """Values some samples ago, zero where there were none (…, samples)."""
     found = np.zeros_like(values)
     found[:, lag:] = values[:, :-lag] if lag < values.shape[1] else 0.0
     return found

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.core import Channel, PeriodicModel, Provenance
-from floquid.innovations._predictor import Mode, Predictor
+from floquid.innovations._predictor import Mode, Predictor, predicted
 from floquid.innovations._solve import normal_of, places
 from floquid.inputs import (
     InputMode,
@@ -27,6 +27,9 @@ from floquid.inputs import (
 
 NUDGE = 1e-3
 """The share of its deviation by which a parameter is moved for a derivative."""
+
+SHIFT = 1e-9
+"""The share of ω by which that is moved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +100,23 @@ def _as_input_mode(mode: Mode, samples: Samples, initial: NDArray[np.complex128]
         initial=initial,
         sizes=np.ones(len(samples.inputs)),
     )
+
+
+def period_step(fit: Fit) -> tuple[float, float]:
+    """(Own period - period given)/period given, as the response has it, to first order, and its deviation."""
+    samples, at = fit.samples, fit.at
+    ends = []
+    for sign in (1.0, -1.0):
+        own = replace(samples, fundamental=samples.fundamental * (1.0 + sign * SHIFT))
+        end = predicted(own, at.modes, at.columns, at.initial)
+        assert end is not None
+        ends.append(end.innovations)
+    slope = (ends[0] - ends[1]) / (2.0 * SHIFT)
+    pulled = normal_of(samples, at, of=slope).gradient
+    white = np.linalg.solve(at.covariance, slope)
+    information = float(np.sum(white * slope) - pulled @ fit.parameters @ pulled)
+    step = float(np.sum(white * at.innovations)) / information
+    return step, information**-0.5
 
 
 def sized(fit: Fit) -> Fit:

@@ -61,10 +61,13 @@ class Normal(Rebuilt):
         return found / np.outer(self.scale, self.scale)
 
 
-def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal:
-    """The linearisation of a predictor by all of its parameters, zero ones as well."""
+def normal_of(samples: Samples, at: Predictor, *, rough: bool = False, of: NDArray | None = None) -> Normal:
+    """The linearisation of a predictor by all of its parameters, zero ones as well.
+
+    The gradient is that of the innovations, or of other signals in their place (channels, samples).
+    """
     root = np.asarray(np.linalg.inv(np.linalg.cholesky(at.covariance)), np.float64)
-    white = root @ at.innovations
+    white = root @ (at.innovations if of is None else of)
     matrix, gradient = np.zeros((0, 0)), np.zeros(0)
     for own, part in slopes(samples, at, root, rough=rough):
         flat = part.reshape(-1, part.shape[2])

@@ -13,13 +13,13 @@ from floquid._checks import input_error
 from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, failure, note, warning
-from floquid.innovations import Fit, Predictor, model_of, predicted, searched, solve
+from floquid.innovations import Fit, Predictor, model_of, period_step, predicted, repetition, searched, solve
 from floquid.inputs import Limits, Samples
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
 from floquid.pipeline.with_inputs._again import first_part, with_acting
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis
-from floquid.pipeline.with_inputs._identify import HIGHEST, TAKEN, done_beside
+from floquid.pipeline.with_inputs._identify import HIGHEST, SIGNIFICANT, TAKEN, done_beside
 from floquid.pipeline.with_inputs._prepare import parted
 
 OF = "identify_ambient"
@@ -32,6 +32,9 @@ PREDICTABLE = 0.03
 
 SURE = 1e-6
 """The probability at which noise may pass for something that is told."""
+
+CLEARLY = 50.0
+"""The squared scores that the own period of a response has more than the one given, to be told from it."""
 
 ALIKE = 0.5
 """The distance of two modes over their decay below which they may be one."""
@@ -102,6 +105,8 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     own = parted(records, settings, OF)
     samples, acting = with_acting(own)
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
+    if not own.shafts:
+        _refuse_period(samples)
     highest = max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics
     limits = Limits(mode_alarm=settings.mode_false_alarm, harmonic_alarm=settings.harmonic_false_alarm, highest=highest)
     report("searching for modes")
@@ -134,9 +139,37 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             *done_beside(own),
             *_told(fit, model, relative, duration),
             *_against(samples, found, held_out),
+            *(() if own.shafts else _period(fit)),
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
         ),
     )
+
+
+def _refuse_period(samples: Samples) -> None:
+    """Refuse a period that is clearly not that of the response."""
+    found, given = repetition(samples), 2.0 * np.pi / samples.fundamental
+    period = given * (1.0 + found.shift)
+    if found.own > found.limit and found.own > found.given + CLEARLY and abs(found.shift) > found.resolution:
+        raise IdentificationError(
+            f"The response repeats with about {period:.5g} s, not with the {given:.6g} s given (squared scores "
+            f"{found.own:.3g} and {found.given:.3g}; noise alone stays below {found.limit:.3g}): exponents and shapes "
+            "would look right and be wrong. Correct `period`, or the rate of the record."
+        )
+    if found.even > 2.0 * found.limit and found.odd < found.limit:
+        raise IdentificationError(
+            f"The response repeats twice within the {given:.6g} s given: even harmonics have squared scores of "
+            f"{found.even:.3g}, odd ones of {found.odd:.3g}, which noise alone has (up to {found.limit:.3g}). Modes "
+            f"would be found more than once. Give half of it: `period={0.5 * given:.10g}`."
+        )
+
+
+def _period(fit: Fit) -> tuple[Finding, ...]:
+    """Finding on a period that is not that of the response, to first order."""
+    step, std = period_step(fit)
+    if abs(step) <= SIGNIFICANT * std:
+        return ()
+    given = 2.0 * np.pi / fit.samples.fundamental
+    return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
 
 
 def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:

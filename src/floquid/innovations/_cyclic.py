@@ -1,0 +1,110 @@
+"""The frequencies at which a random response is periodic, from the response alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from floquid._checks import Rebuilt
+from floquid.innovations._autoregression import delayed
+from floquid.inputs import Samples
+
+LAGS = 16
+"""Samples of the past, at most."""
+
+PRODUCTS = 512
+"""Products of a residual and a sample of the past that are looked at."""
+
+HARMONICS = 3
+"""Harmonics of a period that count together."""
+
+WIDEST = 0.03
+"""The largest share by which a period may be off and its own be found."""
+
+FINE = 4
+"""Frequencies within the resolution of the records."""
+
+ALARM = 1e-6
+"""The probability at which noise may pass for a period."""
+
+
+@dataclass(frozen=True, eq=False)
+class Repetition(Rebuilt):
+    """How a random response repeats near a period that was given.
+
+    Parameters
+    ----------
+    shift, resolution
+        (Own period - period given)/period given where it repeats most, and how finely that is known.
+    own, given
+        Squared scores of the harmonics of its own period, and of the one given.
+    even, odd
+        Those of the even harmonics of the period given alone, and of the odd ones.
+    limit
+        What noise alone exceeds with probability `ALARM`.
+    """
+
+    shift: float
+    resolution: float
+    own: float
+    given: float
+    even: float
+    odd: float
+    limit: float
+
+
+def repetition(samples: Samples) -> Repetition:
+    r"""Score test of an autoregression whose coefficients turn with a frequency ν, near the harmonics of a period.
+
+    .. math:: S(\nu) = \frac{2}{N} \sum_{i,j} \Big| \sum_k e_{i,k}\, z_{j,k}\, e^{-i \nu t_k} \Big|^2
+
+    with e the residuals of an autoregression of constant coefficients and z its regressors, both whitened: of a
+    time-invariant system χ², and large at the harmonics of ω of a periodic one (Hurd and Gerr 1991, of correlation
+    in place of residuals). Records of one rate at a constant speed; their phases need not be known.
+    """
+    values = samples.values - np.linalg.lstsq(samples.known.T, samples.values.T, rcond=None)[0].T @ samples.known
+    signals = np.concatenate([values, samples.inputs])
+    lags = max(min(LAGS, PRODUCTS // (len(values) * len(signals))), 2)
+    past = np.concatenate([samples.each(signals, lambda own, lag=lag: delayed(own, lag)) for lag in range(1, lags + 1)])
+    past = _white(past)
+    left = _white(values - values @ past.T @ past / samples.n_samples)
+    longest = max(own.stop - own.start for own in samples.records)
+    padded, scores = FINE * longest, np.zeros(FINE * longest // 2 + 1)
+    for own in samples.records:
+        for row in left[:, own]:
+            for other in past[:, own]:
+                scores += 2.0 / (own.stop - own.start) * np.abs(np.fft.rfft(row * other, padded)) ** 2
+    per_turn = 2.0 * np.pi / (samples.fundamental * samples.step)
+    highest = min(HARMONICS, int(0.5 * per_turn / (1.0 + WIDEST)))
+    step = per_turn / (FINE * longest * highest)
+
+    def at(turns: range, shifts: NDArray[np.float64]) -> NDArray[np.float64]:
+        places = [np.rint(turn * padded / (per_turn * (1.0 + shifts))).astype(int) for turn in turns]
+        return np.sum([scores[place] for place in places], axis=0)
+
+    count = int(WIDEST / step)
+    shifts, turns = step * np.arange(-count, count + 1), range(1, highest + 1)
+    both = at(turns, shifts)
+    best, none = int(np.argmax(both)), np.zeros(1)
+    degrees = 2 * len(left) * len(past) * len(samples.records) * highest
+    return Repetition(
+        shift=float(shifts[best]),
+        resolution=FINE * step,
+        own=float(both[best]),
+        given=float(both[count]),
+        even=float(at(range(2, 2 * highest + 1, 2), none)[0]) if 4 * highest < per_turn else 0.0,
+        odd=float(at(range(1, 2 * highest, 2), none)[0]) if 4 * highest < per_turn else np.inf,
+        limit=float(chdtri(degrees, ALARM / len(shifts))),
+    )
+
+
+def _white(signals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signals combined to be independent of one another, with an rms of 1, without directions that are rounding."""
+    size = np.sqrt(np.mean(signals**2, axis=1, keepdims=True))
+    scaled = signals / np.where(size > 0.0, size, 1.0)
+    spread, vectors = np.linalg.eigh(scaled @ scaled.T / scaled.shape[1])
+    good = spread > 1e-12 * spread[-1]
+    return (vectors[:, good] / np.sqrt(spread[good])).T @ scaled
