@@ -32,7 +32,7 @@ class Brief:
         """Set the `repr` in the class itself: one that is inherited would be replaced by that of the dataclass."""
         super().__init_subclass__(**options)
         if "__repr__" not in vars(cls):
-            cls.__repr__ = Brief.__repr__
+            cls.__repr__ = cls.__repr__
 
     def __repr__(self) -> str:
         given = [(field, getattr(self, field.name)) for field in fields(cast("Any", self)) if field.repr]

@@ -36,7 +36,7 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "{given:.10g} s. Exponents and shapes would look right and be wrong. Correct the period, or the rate.",
     "inputs_colour": "What is left is not white (squared correlations sum to {squares:.2g}): the noise is coloured or "
     "drives the system itself, or the input between its samples is not what `hold` says. Deviations are too small or "
-    "too large.",
+    "too large. Of forces beside those measured `identify_ambient`, or `--excitation ambient`, takes account.",
     "inputs_modes": "The search ended at the most modes that it may find ({most}): there may be more.",
     "inputs_undetermined": "The decay of a mode is not determined: modes make up for one another, or one dies at "
     "once. There may be fewer modes, or others.",

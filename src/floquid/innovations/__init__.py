@@ -1,7 +1,8 @@
 """Responses to excitation that nobody measured: a periodic system in innovations form, by prediction errors.
 
-`repetition` tests whether the response repeats with the period given, `searched` finds the modes of `Samples`, with measured inputs or without; `Fit` has the deviations of such a predictor,
-`model_of` and `transfer_of` make a model and transfer functions of both: `floquid.identify_ambient` is the chain.
+`repetition` tests whether a response repeats with the period given, `searched` finds the modes of `Samples`, with
+measured inputs or without; `Fit` has the deviations of such a predictor, `model_of` and `transfer_of` make a model and
+transfer functions of both: `floquid.identify_ambient` is the chain.
 """
 
 from floquid.innovations._autoregression import first_innovations as first_innovations

@@ -148,6 +148,11 @@ class Predictor(Rebuilt):
         return -float(self.innovations.shape[1] * np.linalg.slogdet(self.covariance)[1])
 
     @property
+    def criterion(self) -> float:
+        """The criterion of Schwarz (1978): the less the better."""
+        return self.n_parameters * np.log(self.innovations.shape[1]) - self.log_likelihood
+
+    @property
     def n_parameters(self) -> int:
         """Real numbers that are free: the scale of each state is none."""
         return self.columns.size + self.initial.size + sum(_free(mode) for mode in self.modes)
@@ -179,6 +184,15 @@ def predicted(
     if not np.isfinite(innovations).all() or np.abs(innovations).max() > limit:
         return None
     return Predictor(tuple(modes), columns, initial, innovations, states)
+
+
+def rebuilt(samples: Samples, now: Predictor, modes: Sequence[Mode]) -> Predictor | None:
+    """The predictor of other modes, those of now first; states that are new begin at zero."""
+    size = sum(mode.rows for mode in modes)
+    initial = np.zeros((len(samples.records), size))
+    width = min(size, now.initial.shape[1])
+    initial[:, :width] = now.initial[:, :width]
+    return predicted(samples, modes, now.columns, initial)
 
 
 def _matrices(

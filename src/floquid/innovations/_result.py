@@ -84,7 +84,10 @@ class Fit(Rebuilt):
         if not len(own):
             return 0.0, 0
         spread = self.parameters[place, place][np.ix_(mask, mask)]
-        return float(own @ np.linalg.pinv(spread, hermitian=True) @ own), len(own)
+        size = np.sqrt(np.diag(spread))
+        return float(own / size @ np.linalg.pinv(spread / np.outer(size, size), hermitian=True) @ (own / size)), len(
+            own
+        )
 
 
 def _as_input_mode(mode: Mode, samples: Samples, initial: NDArray[np.complex128]) -> InputMode:

@@ -60,13 +60,6 @@ def identify(
         that leaves many times the noise is returned, but it fails: `Analysis.failed`, its first warning, its verdict.
     """
     chosen = settings_of(settings, options, "identify")
-    if chosen.inputs:
-        must, got = "be empty: the response is free", f"is {list(chosen.inputs)!r}"
-        raise input_error("inputs", "identify", must, got, "Call `identify_driven`, which takes measured inputs.")
-    if chosen.excitation != "none":
-        must, got = 'be "none": the response is free', f"is {chosen.excitation!r}"
-        remedy = "Call `identify_ambient`, which takes responses to random excitation."
-        raise input_error("excitation", "identify", must, got, remedy)
     prepared = prepare(records, chosen, report=report)
     faults = prepared.faults
     with own_names("identify"), blas_threads(prepared.records):

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from tests.driven import ambient_of, mathieu, pulls
 
 from floquid import (
@@ -15,7 +16,7 @@ from floquid import (
     identify_ambient,
 )
 from floquid.exports import driven_summary
-from floquid.innovations._autoregression import first_innovations
+from floquid.innovations import first_innovations, period_step, repetition
 from floquid.inputs import samples_of
 
 SYSTEM, PHASES = mathieu(), 16
@@ -83,10 +84,60 @@ def test_what_cannot_be_is_refused(values):
         identify_ambient(record_from(noise))
     with pytest.raises(InputError, match="order"):
         identify_ambient(record_from(values), order=2)
+    with pytest.raises(InputError, match="be 'zero' or 'none'"):
+        identify_ambient(record_from(np.concatenate([values] * 2), names=("x", "f")), inputs=["f"], hold="first")
     with pytest.raises(InputError, match="identify_ambient"):
         identify(record_from(values), excitation="ambient")
     with pytest.raises(IdentificationError, match="periods, fewer than"):
         identify_ambient(record_from(values[:, : 5 * PHASES]))
+
+
+@pytest.mark.parametrize("off", [3e-3, 1e-2])
+def test_a_wrong_period_is_refused_with_its_own(values, off):
+    with pytest.raises(IdentificationError, match=r"repeats with about 3\.14"):
+        identify_ambient(record_from(values), period=SYSTEM.period * (1.0 + off))
+
+
+def test_a_period_of_two_is_refused_with_the_half(values):
+    with pytest.raises(IdentificationError, match=r"period=3\.1415"):
+        identify_ambient(record_from(values), period=2.0 * SYSTEM.period)
+
+
+def test_a_period_that_is_slightly_off_fails_with_its_own(values):
+    found = identify_ambient(record_from(values), period=SYSTEM.period * 1.0008, validate=False)
+    told = [own for own in found.findings if own.code == "inputs_period"]
+    assert len(told) == 1
+    assert not found.passed
+    step, std = period_step(found.fit)
+    assert abs(step + 8e-4) < 4.0 * std < 4e-4
+
+
+def test_a_response_that_is_not_periodic_is_not_said_to_be():
+    generator = np.random.default_rng(2)
+    values = lfilter([1.0], [1.0, -1.7, 0.9], generator.standard_normal((1, 4000)))
+    found = repetition(samples_of([values], [np.zeros((0, 4000))], [0.0], step=0.1, fundamental=2.0 * np.pi / 1.6))
+    assert found.own < found.limit
+    assert found.even < found.limit
+
+
+def test_units_of_the_channels_change_nothing(values, analysis):
+    other = np.random.default_rng(1).standard_normal(values.shape)
+    own, large = (
+        identify_ambient(record_from(size * np.concatenate([values, other]), names=("x", "n")), validate=False)
+        for size in (1.0, np.array([[1e6], [1e-3]]))
+    )
+    assert np.abs(own.model.exponents - large.model.exponents).max() < 0.1 * np.abs(analysis.model.exponent_std).min()
+    assert [finding.code for finding in own.findings] == [finding.code for finding in large.findings]
+
+
+def test_its_repr_is_its_verdict(analysis):
+    assert repr(analysis) == "AmbientAnalysis(order=2, period=3.142 s, 1 outputs, 0 inputs: passes)"
+
+
+@pytest.mark.parametrize("other", [0.0, 2.0])
+def test_an_output_that_says_nothing_of_its_own_is_refused(values, other):
+    with pytest.raises(IdentificationError, match="channels="):
+        identify_ambient(record_from(np.concatenate([values, other * values]), names=("x", "n")))
 
 
 def test_forces_that_were_not_measured_do_not_bend_what_was(analysis):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from floquid.innovations import _search
+from floquid.innovations import _bands, _real
 from floquid.innovations._predictor import Mode, predicted, slopes
 from floquid.innovations._result import Fit, sized
 from floquid.innovations._solve import moved, normal_of, solve
@@ -96,7 +96,7 @@ def test_the_scale_of_a_state_and_its_branch_change_nothing(case):
     assert np.abs(again.innovations - noise).max() < 1e-9
     odd = replace(at.modes[0], shape=at.modes[0].shape * [[0.0, 0.1, 5.0]])
     other = predicted(samples, [odd, at.modes[1]], at.columns, at.initial)
-    centred = _search._centred(samples, other)
+    centred = _bands.centred(samples, other)
     assert centred.modes[0].turns[-1] == 0.0
     assert np.abs(centred.innovations - other.innovations).max() < 1e-9
 
@@ -122,8 +122,8 @@ def test_a_predictor_that_diverges_is_none(case):
 @pytest.mark.parametrize("half", [0.0, 0.5])
 def test_a_pair_on_the_axis_is_two_real_multipliers(case, half, monkeypatch):
     samples, at, _ = case
-    monkeypatch.setattr(_search, "APART", (1.0, 1.0))
+    monkeypatch.setattr(_real, "APART", (1.0, 1.0))
     pair = replace(at.modes[0], exponent=-0.2 + 1j * half * OMEGA)
     one = predicted(samples, [pair], at.columns, np.zeros((1, 2)))
-    two = predicted(samples, _search._as_real(samples, one, pair, half, 2), at.columns, np.zeros((1, 2)))
+    two = predicted(samples, _real._as_real(samples, one, pair, half, 2), at.columns, np.zeros((1, 2)))
     assert np.abs(one.innovations - two.innovations).max() < 1e-9 * np.abs(one.innovations).max()

@@ -1,4 +1,4 @@
-"""Refusal of records that are driven all along: a force that goes on, and a response that is random."""
+"""Refusal of records that are driven all along: by settings, by a force that goes on, by a response that is random."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Record
 from floquid.errors import IdentificationError
+from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation._mended import NO_RESPONSE
 
 PEAKED = 8.0
@@ -25,6 +27,22 @@ WHITE = 0.125
 
 BESIDE = 3
 """Lines on either side of a harmonic of the period that are its own."""
+
+
+def refuse_excited(settings: Settings, of: str) -> None:
+    """Refuse settings of records whose excitation goes on: the response is free.
+
+    Raises
+    ------
+    InputError
+        The settings name inputs, or random excitation.
+    """
+    if settings.inputs:
+        must, got = "be empty: the response is free", f"is {list(settings.inputs)!r}"
+        raise input_error("inputs", of, must, got, "Call `identify_driven`, which takes measured inputs.")
+    if settings.excitation != "none":
+        must, got = 'be "none": the response is free', f"is {settings.excitation!r}"
+        raise input_error("excitation", of, must, got, "Call `identify_ambient`, which takes random excitation.")
 
 
 def refuse_driven(records: Sequence[Record], named: Sequence[str]) -> None:
@@ -67,8 +85,8 @@ def refuse_random(records: Sequence[Record]) -> None:
         if isinstance(record.clock, ConstantPeriod) and _is_random(record, record.clock.period):
             raise IdentificationError(
                 f"The response{where} does not decay, and is random: it is driven all along, by wind, by a process or "
-                "by the ground. Ambient excitation is not supported yet: use the free response after a blow or after "
-                "the excitation was switched off."
+                "by the ground. Identify it as such, with `identify_ambient` or `--excitation ambient`; or use the "
+                "free response after a blow or after the excitation was switched off."
             )
 
 

@@ -36,7 +36,7 @@ from floquid.pipeline.preparation._before import (
     responses_of,
     without_orbit,
 )
-from floquid.pipeline.preparation._driven import refuse_driven, refuse_random
+from floquid.pipeline.preparation._driven import refuse_driven, refuse_excited, refuse_random
 from floquid.pipeline.preparation._own_names import own_names
 from floquid.pipeline.preparation._refuse import (
     refuse_copies,
@@ -134,6 +134,7 @@ def prepare(
         The record is too short, or its period or the angle of its shaft cannot be told or is not constant enough.
     """
     chosen = settings_of(settings, options, of)
+    refuse_excited(chosen, of)
     with own_names(of):
         used = clocked(records, chosen, of)
         faults = faults_of(used, repair=chosen.repair)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields
 from itertools import combinations, product
 
 import numpy as np
@@ -13,14 +12,24 @@ from floquid._checks import input_error
 from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, failure, note, warning
-from floquid.innovations import Fit, Predictor, model_of, period_step, predicted, repetition, searched, solve
+from floquid.innovations import (
+    Fit,
+    Predictor,
+    first_innovations,
+    model_of,
+    period_step,
+    predicted,
+    repetition,
+    searched,
+    solve,
+)
 from floquid.inputs import Limits, Samples
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
 from floquid.pipeline.with_inputs._again import first_part, with_acting
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis
-from floquid.pipeline.with_inputs._identify import HIGHEST, SIGNIFICANT, TAKEN, done_beside
-from floquid.pipeline.with_inputs._prepare import parted
+from floquid.pipeline.with_inputs._identify import HIGHEST, SIGNIFICANT, done_beside
+from floquid.pipeline.with_inputs._prepare import COPY, Parted, parted, refuse_others
 
 OF = "identify_ambient"
 
@@ -88,11 +97,11 @@ def identify_ambient(
         No mode rises above the noise.
     """
     chosen = settings_of(settings, {**options, "excitation": "ambient"}, OF)
-    usual = Settings()
-    for name in (field.name for field in fields(Settings) if field.name not in (*TAKEN, "excitation")):
-        if getattr(chosen, name) != getattr(usual, name):
-            must, got = "be left as it is with random excitation", f"is {getattr(chosen, name)!r:.60}"
-            raise input_error(name, OF, must, got, f"What counts here: {', '.join(sorted(TAKEN))}.")
+    refuse_others(chosen, OF, "excitation")
+    if chosen.inputs and chosen.hold == "first":
+        got = "is 'first'"
+        remedy = "In discrete time an input acts from its sample to the next: use hold='zero', and sample faster."
+        raise input_error("hold", OF, "be 'zero' or 'none' with random excitation", got, remedy)
     with own_names(OF):
         used = clocked(records, chosen, OF)
         with blas_threads(used):
@@ -109,8 +118,11 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         _refuse_period(samples)
     highest = max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics
     limits = Limits(mode_alarm=settings.mode_false_alarm, harmonic_alarm=settings.harmonic_false_alarm, highest=highest)
+    report("taking first innovations from an autoregression")
+    first = first_innovations(samples, acting)
+    _refuse_copies(first, own)
     report("searching for modes")
-    found = searched(samples, limits, report, acting=acting)
+    found = searched(samples, first, limits, report)
     if not found.modes:
         raise IdentificationError(
             "Identification ended without a result: no mode rises above the noise. The response is white, or the "
@@ -143,6 +155,17 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
         ),
     )
+
+
+def _refuse_copies(first: NDArray[np.float64], own: Parted) -> None:
+    """Refuse outputs of which one is a sum of others: they have no innovations of their own."""
+    spread = np.linalg.eigvalsh(np.corrcoef(first).reshape(len(first), -1))
+    if spread[0] < COPY:
+        names = ", ".join(repr(channel.name) for channel in own.outputs)
+        raise IdentificationError(
+            f"Of the outputs {names} one is a copy or a sum of others, without noise of its own: what each sample adds "
+            "to those before is not independent. Leave it out: `channels=`."
+        )
 
 
 def _refuse_period(samples: Samples) -> None:

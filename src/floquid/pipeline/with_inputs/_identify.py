@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
 from floquid.pipeline.with_inputs._again import KEPT
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, DrivenAnalysis
-from floquid.pipeline.with_inputs._prepare import OF, Parted, parted
+from floquid.pipeline.with_inputs._prepare import OF, Parted, parted, refuse_others
 
 HIGHEST = 24
 """Harmonics of inputs and outputs at most."""
@@ -41,12 +41,6 @@ MOST_UNTOLD = 3.0
 
 SIGNIFICANT = 5.0
 """Deviations from which on the period is another one than that given."""
-
-TAKEN = (
-    *("period", "tach", "azimuth", "channels", "inputs", "hold", "harmonics", "forced", "validate"),
-    *("mode_false_alarm", "harmonic_false_alarm", "pulses_per_revolution", "periods_per_revolution"),
-)
-"""Settings that this chain takes, and clocks, which it refuses by name."""
 
 LAGS = 20
 """Lags of the correlation of what is left."""
@@ -90,8 +84,8 @@ def identify_driven(
     report
         Is told what is being done, a phrase a stage.
     **options
-        Fields of `Settings`: `period`, `channels`, `inputs`, `hold`, `harmonics`, `forced`, `validate` and the
-        probabilities of false alarm. Others are refused.
+        Fields of `Settings`: `period` or a clock, `channels`, `inputs`, `hold`, `harmonics`, `forced`, `validate` and
+        the probabilities of false alarm. Others are refused.
 
     Returns
     -------
@@ -109,11 +103,7 @@ def identify_driven(
     if not chosen.inputs:
         remedy = 'Name the channels that drive the system: `inputs=["force"]`. Of free responses use `identify`.'
         raise input_error("inputs", OF, "name a channel", "is empty", remedy)
-    usual = Settings()
-    for name in (field.name for field in fields(Settings) if field.name not in TAKEN):
-        if getattr(chosen, name) != getattr(usual, name):
-            must, got = "be left as it is with measured inputs", f"is {getattr(chosen, name)!r:.60}"
-            raise input_error(name, OF, must, got, f"What counts with inputs: {', '.join(sorted(TAKEN))}.")
+    refuse_others(chosen, OF)
     with own_names(OF):
         used = clocked(records, chosen, OF)
         with blas_threads(used):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,12 @@ from floquid.pipeline._settings import Settings
 from floquid.sync import ShaftAngle, shaft_angle
 
 OF = "identify_driven"
+
+TAKEN = (
+    *("period", "tach", "azimuth", "channels", "inputs", "hold", "harmonics", "forced", "validate"),
+    *("mode_false_alarm", "harmonic_false_alarm", "pulses_per_revolution", "periods_per_revolution"),
+)
+"""Settings that count where the excitation goes on."""
 
 PERIODIC = 1e-3
 """The share of an input's energy off the harmonics of the period below which it is periodic itself."""
@@ -65,6 +71,21 @@ class Parted:
     shafts: tuple[ShaftAngle, ...]
 
 
+def refuse_others(settings: Settings, of: str, *also: str) -> None:
+    """Refuse options that do not count where the excitation goes on, `TAKEN` and others do.
+
+    Raises
+    ------
+    InputError
+        There is such an option.
+    """
+    usual = Settings()
+    for name in (field.name for field in fields(Settings) if field.name not in (*TAKEN, *also)):
+        if getattr(settings, name) != getattr(usual, name):
+            must, got = "be left as it is where the excitation goes on", f"is {getattr(settings, name)!r:.60}"
+            raise input_error(name, of, must, got, f"What counts here: {', '.join(sorted(TAKEN))}.")
+
+
 def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parted:
     """The samples of records whose excitation goes on, with what measures it.
 
@@ -96,6 +117,11 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     names = list(channels)
     rows, driven = [names.index(name) for name in outputs], [names.index(name) for name in settings.inputs]
     inputs, values = [record.values[driven] for record in records], [record.values[rows] for record in records]
+    for name, row in zip(outputs, rows, strict=True):
+        if all(np.ptp(record.values[row]) == 0.0 for record in records):
+            raise IdentificationError(
+                f"Channel {name!r} never changes: nothing can be learned from it. Leave it out: `channels=`."
+            )
     rate = records[0].sample_rate
     periods = sum(record.n_samples for record in records) / (rate * period)
     if periods < FEWEST:
