@@ -29,11 +29,13 @@ if TYPE_CHECKING:
         identify,
         identify_ambient,
         identify_driven,
+        measure_transfer,
     )
     from floquid.readers import from_pandas, from_sep005, from_xarray, read, to_pandas, to_sep005, write
     from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
     from floquid.reporting import report
     from floquid.store import load, save
+    from floquid.transfer import multisine
 
 __all__ = [
     "AmbientAnalysis",
@@ -63,6 +65,8 @@ __all__ = [
     "identify_ambient",
     "identify_driven",
     "load",
+    "measure_transfer",
+    "multisine",
     "read",
     "reconstruct",
     "refine",
@@ -80,11 +84,12 @@ _ROOMS = {
     "errors": "FloquidError IdentificationError InputError",
     "exports": "export_modes to_xarray",
     "pipeline": "AmbientAnalysis Analysis Bootstrap DrivenAnalysis Settings bootstrap "
-    "identify identify_ambient identify_driven",
+    "identify identify_ambient identify_driven measure_transfer",
     "readers": "from_pandas from_sep005 from_xarray read to_pandas to_sep005 write",
     "reconstruction": "Refinement StateModel reconstruct refine",
     "reporting": "report",
     "store": "load save",
+    "transfer": "multisine",
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names.split()}
 

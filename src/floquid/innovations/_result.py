@@ -189,15 +189,18 @@ def transfer_of(
     inputs: Sequence[Channel],
     frequencies_hz: NDArray[np.float64],
     harmonics: NDArray[np.int64],
+    *,
+    sampled: bool = False,
 ) -> TransferFunctions:
     """The harmonic transfer functions of a fit in innovations form with their deviations, to first order."""
     omega = 2.0 * np.pi * frequencies_hz
     samples, none, omega_0 = fit.samples, np.zeros(0, complex), fit.samples.fundamental
     shape = (len(harmonics), len(channels), len(inputs), len(omega))
+    held = (fit.samples.step, fit.samples.hold) if sampled else None
 
     def transferred(mode: Mode) -> NDArray[np.complex128]:
         parts = [
-            modal_transfer(exponent, omega_0, (turns, c), (reach, b), harmonics, omega)
+            modal_transfer(exponent, omega_0, (turns, c), (reach, b), harmonics, omega, held)
             for exponent, turns, c, reach, b in terms_of(_as_input_mode(mode, samples, none), mode.shape, omega_0)
         ]
         return np.sum(parts, axis=0)
@@ -232,4 +235,5 @@ def transfer_of(
         std=(real + 1j * imag).reshape(shape),
         outputs=tuple(channels),
         inputs=tuple(inputs),
+        step=fit.samples.step if sampled else None,
     )

@@ -283,6 +283,8 @@ def transfer_of(
     inputs: Sequence[Channel],
     frequencies_hz: NDArray[np.float64],
     harmonics: NDArray[np.int64],
+    *,
+    sampled: bool = False,
 ) -> TransferFunctions:
     """The harmonic transfer functions of a fit with their deviations, to first order in all of its parameters."""
     at, omega = found.at, 2.0 * np.pi * frequencies_hz
@@ -291,10 +293,11 @@ def transfer_of(
     values = np.zeros((len(harmonics), len(channels), len(inputs), len(omega)), complex)
     by_parameters = np.zeros((len(found.parameters), len(channels), *shape), complex)
     by_columns = np.zeros((columns, *shape), complex)
+    held = (found.samples.step, found.samples.hold) if sampled else None
 
     def transferred(mode: InputMode, amplitudes: NDArray[np.complex128]) -> NDArray[np.complex128]:
         parts = [
-            modal_transfer(exponent, fundamental, (turns, c), (reach, b), harmonics, omega)
+            modal_transfer(exponent, fundamental, (turns, c), (reach, b), harmonics, omega, held)
             for exponent, turns, c, reach, b in terms_of(mode, amplitudes, fundamental)
         ]
         return np.sum(parts, axis=0)
@@ -329,6 +332,7 @@ def transfer_of(
         std=std,
         outputs=tuple(channels),
         inputs=tuple(inputs),
+        step=found.samples.step if sampled else None,
     )
 
 

@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import Channel, PeriodicModel
+from floquid.inputs._modes import input_gain
+from floquid.inputs._samples import Hold
 
 RESONANT = 1e-12
 """The distance of a frequency from a pole, over the fundamental, below which there is no steady response."""
@@ -27,11 +29,15 @@ class TransferFunctions(Rebuilt):
     harmonics
         The integers m, ascending (harmonics,).
     values
-        G (harmonics, outputs, inputs, frequencies) [units of the outputs over those of the inputs].
+        G (harmonics, outputs, inputs, frequencies) [units of the outputs over those of the inputs]; NaN where an input
+        that was measured at some frequencies has none.
     std
         Their deviations, that of the real part as the real part, alike; None if not estimated.
     outputs, inputs
         One `Channel` each.
+    step
+        The sampling interval [s] where G is that of samples: of u at the samples to y at the samples, what the input
+        does between them and what is folded included. None where it is that of continuous time.
     """
 
     frequencies_hz: NDArray[np.float64]
@@ -40,6 +46,7 @@ class TransferFunctions(Rebuilt):
     std: NDArray[np.complex128] | None
     outputs: tuple[Channel, ...]
     inputs: tuple[Channel, ...]
+    step: float | None = None
 
     def __post_init__(self) -> None:
         of, put = "TransferFunctions", object.__setattr__
@@ -48,7 +55,8 @@ class TransferFunctions(Rebuilt):
         axes = (len(self.harmonics), len(self.outputs), len(self.inputs), len(self.frequencies_hz))
         for name in ("values", "std"):
             if getattr(self, name) is not None:
-                put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, dtype=np.complex128))
+                value = frozen_array(getattr(self, name), name, of, axes=axes, dtype=np.complex128, missing=True)
+                put(self, name, value)
 
 
 def transfer_functions(
@@ -105,15 +113,24 @@ def modal_transfer(
     reached: tuple[NDArray[np.int64], NDArray[np.complex128]],
     harmonics: NDArray[np.int64],
     omega: NDArray[np.float64],
+    sampled: tuple[float, Hold] | None = None,
 ) -> NDArray[np.complex128]:
-    """The part of one mode in G at angular frequencies (harmonics, outputs, inputs, frequencies).
+    r"""The part of one mode in G at angular frequencies (harmonics, outputs, inputs, frequencies).
 
-    `seen` are the harmonics of the outputs and c (outputs, harmonics), `reached` those of the inputs and b.
+    `seen` are the harmonics of the outputs and c (outputs, harmonics), `reached` those of the inputs and b. That of
+    samples, with their interval h and the hold, has :math:`\beta_l / (e^{i (\Omega + l \omega) h} - e^{\lambda h})` for
+    :math:`b_l / (i (\Omega + l \omega) - \lambda)`.
     """
     (turns, c), (reach, b) = seen, reached
     found = np.zeros((len(harmonics), len(c), len(b), len(omega)), complex)
+    turned = omega + reach[:, None] * fundamental
     with np.errstate(divide="ignore", invalid="ignore"):
-        resonance = 1.0 / (1j * (omega + reach[:, None] * fundamental) - exponent)
+        if sampled is None:
+            resonance = 1.0 / (1j * turned - exponent)
+        else:
+            step, ahead = sampled[0], np.exp(1j * turned * sampled[0])
+            shares = np.array([input_gain(exponent, turn, fundamental, *sampled) for turn in reach.tolist()])
+            resonance = (shares[:, :1] + shares[:, 1:] * ahead) / (ahead - np.exp(exponent * step))
     for place, harmonic in enumerate(harmonics.tolist()):
         for number, turn in enumerate(reach.tolist()):
             at = np.flatnonzero(turns == harmonic - turn)

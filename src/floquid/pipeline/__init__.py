@@ -4,7 +4,8 @@ Everything starts from what `prepare` makes of records: the responses, what ties
 `lifted` stops after lifting, and `find_poles` goes on from there to poles and noise.
 `samples_of` are the samples that are fitted, and `lifted_views` what a fit leaves of them, cut into periods and lifted.
 `validated` adds the verdict on a model.
-`identify_driven` is the chain for records with measured inputs, `identify_ambient` that for outputs alone.
+`identify_driven` is the chain for records with measured inputs, `identify_ambient` that for outputs alone;
+`measure_transfer` measures transfer functions line by line.
 `bootstrap` checks the deviations of an `Analysis` by drawing records from its model.
 """
 
@@ -28,6 +29,7 @@ from floquid.pipeline.with_inputs import (
     ExcitedAnalysis,
     identify_ambient,
     identify_driven,
+    measure_transfer,
 )
 from floquid.pipeline.with_inputs import ambient_fit as ambient_fit
 from floquid.pipeline.with_inputs import driven_fit as driven_fit
@@ -53,6 +55,7 @@ __all__ = [
     "identify_driven",
     "lifted",
     "lifted_views",
+    "measure_transfer",
     "prepare",
     "samples_of",
     "validated",

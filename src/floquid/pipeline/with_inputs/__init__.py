@@ -6,5 +6,14 @@ from floquid.pipeline.with_inputs._again import predicted_rest as predicted_rest
 from floquid.pipeline.with_inputs._ambient import identify_ambient
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis, DrivenAnalysis, ExcitedAnalysis
 from floquid.pipeline.with_inputs._identify import identify_driven
+from floquid.pipeline.with_inputs._measure import measure_transfer
 
-__all__ = ["HELD_OUT", "AmbientAnalysis", "DrivenAnalysis", "ExcitedAnalysis", "identify_ambient", "identify_driven"]
+__all__ = [
+    "HELD_OUT",
+    "AmbientAnalysis",
+    "DrivenAnalysis",
+    "ExcitedAnalysis",
+    "identify_ambient",
+    "identify_driven",
+    "measure_transfer",
+]

@@ -95,7 +95,11 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         return self.model.provenance
 
     def transfer(
-        self, frequencies_hz: ArrayLike | None = None, harmonics: ArrayLike = (-2, -1, 0, 1, 2)
+        self,
+        frequencies_hz: ArrayLike | None = None,
+        harmonics: ArrayLike = (-2, -1, 0, 1, 2),
+        *,
+        sampled: bool = False,
     ) -> TransferFunctions:
         r"""The harmonic transfer functions from the measured inputs with their deviations.
 
@@ -107,6 +111,8 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
             Ω/2π (frequencies,) [Hz]; by default up to twice the highest frequency of a mode, at most half the rate.
         harmonics
             The integers m (harmonics,).
+        sampled
+            True for that of samples, the hold of the inputs and what is folded included: what `measure_transfer` finds.
 
         Returns
         -------
@@ -122,10 +128,12 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         if not self.inputs:
             raise input_error("self", of, "have measured inputs", "is of outputs alone", "Name them: `inputs=`.")
         hertz = _frequencies_of(frequencies_hz, self.model, self.records, of)
-        return self._transfer(hertz, np.unique(np.atleast_1d(np.asarray(harmonics, np.int64))))
+        return self._transfer(hertz, np.unique(np.atleast_1d(np.asarray(harmonics, np.int64))), sampled=sampled)
 
     @abstractmethod
-    def _transfer(self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64]) -> TransferFunctions: ...
+    def _transfer(
+        self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64], *, sampled: bool
+    ) -> TransferFunctions: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -140,8 +148,10 @@ class DrivenAnalysis(ExcitedAnalysis):
 
     fit: Uncertainty
 
-    def _transfer(self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64]) -> TransferFunctions:
-        return transfer_with_inputs(self.fit, self.model.channels, self.inputs, hertz, harmonics)
+    def _transfer(
+        self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64], *, sampled: bool
+    ) -> TransferFunctions:
+        return transfer_with_inputs(self.fit, self.model.channels, self.inputs, hertz, harmonics, sampled=sampled)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -165,8 +175,10 @@ class AmbientAnalysis(ExcitedAnalysis):
         ExcitedAnalysis.__post_init__(self)
         self._freeze(lengths=("modes",), finite=False)
 
-    def _transfer(self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64]) -> TransferFunctions:
-        return transfer_of(self.fit, self.model.channels, self.inputs, hertz, harmonics)
+    def _transfer(
+        self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64], *, sampled: bool
+    ) -> TransferFunctions:
+        return transfer_of(self.fit, self.model.channels, self.inputs, hertz, harmonics, sampled=sampled)
 
 
 def _frequencies_of(

@@ -1,0 +1,101 @@
+"""Harmonic transfer functions measured line by line: the chain from records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from floquid._checks import frozen_array, input_error
+from floquid.core import Record
+from floquid.pipeline._settings import Settings
+from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
+from floquid.pipeline.with_inputs._prepare import parted, refuse_others
+from floquid.transfer import MeasuredTransfer, by_polynomials, by_repeats, repeat_of
+
+OF = "measure_transfer"
+
+POINTS = 400
+"""Frequencies where none are named."""
+
+
+def measure_transfer(
+    records: Record | Sequence[Record],
+    settings: Settings | None = None,
+    *,
+    harmonics: ArrayLike = (-2, -1, 0, 1, 2),
+    frequencies_hz: ArrayLike | None = None,
+    repeat: int | None = None,
+    drop: int = 1,
+    report: Callable[[str], None] = lambda _: None,
+    **options: object,
+) -> MeasuredTransfer:
+    r"""Measure harmonic transfer functions line by line, without a model.
+
+    .. math:: u(t) = e^{i \Omega t} \;\to\; y(t) = \sum_m G_m(\Omega)\, e^{i (\Omega + m \omega) t}
+
+    of samples: what the input does between them, and what is folded, are in G. Where the inputs repeat after a whole
+    number of periods, as those of `multisine`, G is that of the lines they excite, its variance that of the repeats;
+    otherwise it is found by polynomials over neighbouring lines (local polynomial method).
+
+    Parameters
+    ----------
+    records
+        One record, or several of the same channels, inputs among them, at a constant period.
+    settings
+        The options, with `inputs`; or give them by name.
+    harmonics
+        The integers m (harmonics,).
+    frequencies_hz
+        Ω/2π (frequencies,) [Hz], the nearest lines; by default 400 over what the inputs excite. Of inputs that repeat
+        all their lines are taken, and these do not count.
+    repeat
+        Periods of the system in a repeat of the inputs; by default found from them; 0 for polynomials in any case.
+    drop
+        Repeats at the begin of each record that are left out, for the transient to die.
+    report
+        Is told what is being done, a phrase a stage.
+    **options
+        Fields of `Settings`: `period`, `channels`, `inputs`.
+
+    Returns
+    -------
+    MeasuredTransfer
+        G with deviations, coherence, noise, and the level of what is not linear.
+
+    Raises
+    ------
+    InputError
+        The records, the inputs or the clock are not possible.
+    IdentificationError
+        The records are too short, the inputs say nothing, or their lines meet in the response.
+    """
+    chosen = settings_of(settings, options, OF)
+    if not chosen.inputs:
+        remedy = 'Name the channels that drive the system: `inputs=["force"]`.'
+        raise input_error("inputs", OF, "name a channel", "is empty", remedy)
+    refuse_others(chosen, OF)
+    if (repeat is not None and repeat < 0) or drop < 0:
+        name = "drop" if drop < 0 else "repeat"
+        raise input_error(name, OF, "be 0 or more", f"is {drop if drop < 0 else repeat}", "As drop=1.")
+    turns = frozen_array(np.atleast_1d(harmonics), "harmonics", OF, axes=("harmonics",), dtype=np.int64).tolist()
+    with own_names(OF):
+        used = clocked(records, chosen, OF)
+        report("parting inputs and outputs")
+        # What repeats with the period stands at lines of its own, which are left out.
+        own = parted(used, replace(chosen, forced="none"), OF)
+        if own.shafts:
+            must, got = "have a constant period", "have a measured clock"
+            remedy = "Lines are sharp at constant speed alone: use `identify_driven`, which follows the angle."
+            raise input_error("records", OF, must, got, remedy)
+        samples, channels = own.samples, (own.outputs, own.inputs)
+        with blas_threads(used):
+            periods = repeat_of(samples) if repeat is None else repeat
+            if periods:
+                report("averaging repeats")
+                return by_repeats(samples, periods, turns, channels, drop)
+            report("fitting polynomials over lines")
+            hertz = POINTS if frequencies_hz is None else np.atleast_1d(np.asarray(frequencies_hz, float))
+            return by_polynomials(samples, turns, channels, hertz)

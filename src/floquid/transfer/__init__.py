@@ -1,0 +1,14 @@
+"""Harmonic transfer functions measured line by line, and multisines designed for it.
+
+`multisine` designs the excitation. `by_repeats` takes G from a response to one that repeats, `by_polynomials` from that to
+any broad-band input: `floquid.measure_transfer` is the chain. No model is fitted: that is `floquid.identify_driven`.
+"""
+
+from floquid.transfer._measured import MeasuredTransfer as MeasuredTransfer
+from floquid.transfer._multisine import Multisine as Multisine
+from floquid.transfer._multisine import multisine as multisine
+from floquid.transfer._polynomials import by_polynomials as by_polynomials
+from floquid.transfer._repeats import by_repeats as by_repeats
+from floquid.transfer._repeats import repeat_of as repeat_of
+
+__all__ = ()

@@ -1,0 +1,58 @@
+"""Harmonic transfer functions as measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import Rebuilt, frozen_array
+from floquid.findings import Finding, Severity, texts
+from floquid.inputs import TransferFunctions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MeasuredTransfer(Rebuilt):
+    """Harmonic transfer functions measured line by line, with deviations, and how far they can be trusted.
+
+    They are those of samples: the hold of the input and what it folds are in them. `DrivenAnalysis.transfer` with
+    `sampled=True` gives the same of a model.
+
+    Parameters
+    ----------
+    transfer
+        G with its deviations; NaN where an input has no line.
+    method
+        "repeats" or "polynomials".
+    noise
+        The deviation of a line of the response, as an amplitude (outputs, frequencies) [units of the outputs].
+    coherence
+        The share of the power of the response at those frequencies that the inputs explain (outputs, frequencies).
+    nonlinear
+        The power where a linear system has none, over that of the noise (outputs,): 1 of a linear one; NaN where the
+        inputs leave no such lines.
+    findings
+        What was done, and what a reader must know.
+    """
+
+    transfer: TransferFunctions
+    method: str
+    noise: NDArray[np.float64]
+    coherence: NDArray[np.float64]
+    nonlinear: NDArray[np.float64]
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        of, put = "MeasuredTransfer", object.__setattr__
+        for name, axes in (
+            ("noise", ("outputs", "frequencies")),
+            ("coherence", ("outputs", "frequencies")),
+            ("nonlinear", ("outputs",)),
+        ):
+            put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, finite=False))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings to a reader, a sentence each."""
+        return (*texts(self.findings, Severity.FAILURE), *texts(self.findings, Severity.WARNING))

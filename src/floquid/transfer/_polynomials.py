@@ -1,0 +1,180 @@
+"""Harmonic transfer functions from responses to any broad-band input, by polynomials over neighbouring lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import Channel
+from floquid.errors import IdentificationError
+from floquid.findings import note
+from floquid.inputs import Samples, TransferFunctions
+from floquid.transfer._measured import MeasuredTransfer
+
+DEGREE = 2
+"""That of the polynomials."""
+
+FREE = (20, 0.6)
+"""Lines of a window beyond the unknowns: so many, and this share of them more."""
+
+LEAKAGE = 0.02
+"""The share of a sample by which a whole number of periods may not be one of samples."""
+
+TOGETHER = 256
+"""Windows that are solved at once."""
+
+
+def by_polynomials(
+    samples: Samples,
+    harmonics: Sequence[int],
+    channels: tuple[tuple[Channel, ...], tuple[Channel, ...]],
+    frequencies_hz: NDArray[np.float64] | int = 400,
+) -> MeasuredTransfer:
+    r"""G by least squares over the lines beside each (local polynomial method).
+
+    .. math:: Y(k + r) = \sum_{m,i} \Big(\sum_{s=0}^{2} g_{m,i,s}\, r^s\Big) U_i(k + r - mM) + \sum_{s=0}^{2} t_s r^s
+              + \text{noise}
+
+    of records of M whole periods; t is the transient. `Schoukens, Vandersteen, Barbé and Pintelon (2009)`, with
+    the inputs modulated as Louarroudi, Lataire and Pintelon (2012) have them. G must vary little over a window: a
+    resonance needs some fifty lines over half of its width.
+
+    Parameters
+    ----------
+    samples
+        Outputs and inputs.
+    harmonics
+        The harmonics m (harmonics,). What the response has at others counts as noise.
+    channels
+        Those of the outputs and of the inputs.
+    frequencies_hz
+        Ω/2π (frequencies,) [Hz], the nearest lines are taken; or so many over what the inputs excite.
+
+    Returns
+    -------
+    MeasuredTransfer
+        G, its deviations and coherence.
+
+    Raises
+    ------
+    IdentificationError
+        The records are too short, or no whole number of their periods is one of samples.
+    """
+    asked = np.unique(np.asarray(harmonics, np.int64))
+    periods, count = _whole(samples)
+    parts = [slice(own.start, own.start + count) for own in samples.records]
+    hertz = np.fft.fftfreq(count, samples.step)
+    outputs, inputs = (
+        np.array(
+            [
+                np.fft.fft(signals[:, own], axis=1) * np.exp(-2j * np.pi * hertz * samples.times[own.start])
+                for own in parts
+            ]
+        )
+        for signals in (samples.values, samples.inputs)
+    )
+    if not isinstance(frequencies_hz, int):
+        lines = np.unique(np.rint(frequencies_hz * count * samples.step).astype(int))
+    else:
+        lines = _excited(inputs, frequencies_hz)
+    unknowns = (DEGREE + 1) * (len(asked) * inputs.shape[1] + len(parts))
+    half = int(np.ceil(0.5 * (unknowns + max(FREE[0], FREE[1] * unknowns)) / len(parts)))
+    if 4 * half > count // 2:
+        raise IdentificationError(
+            f"The records hold {periods} whole periods, {count // 2} lines: too few for {unknowns} unknowns in windows "
+            f"of {2 * half + 1} lines. Record for longer, or ask for fewer harmonics."
+        )
+    shape = (len(asked), outputs.shape[1], inputs.shape[1], len(lines))
+    values, std = np.zeros(shape, complex), np.zeros(shape, complex)
+    noise, explained = np.zeros((outputs.shape[1], len(lines))), np.zeros((outputs.shape[1], len(lines)))
+    for row, begin in product(range(len(asked)), range(0, len(lines), TOGETHER)):
+        own = slice(begin, begin + TOGETHER)
+        middle = lines[own] + asked[row] * periods
+        solved, variance, left, share = _windows(outputs, inputs, middle, asked, periods, half)
+        place = (DEGREE + 1) * inputs.shape[1] * row + (DEGREE + 1) * np.arange(inputs.shape[1])
+        values[row, :, :, own] = np.moveaxis(solved[:, place], 0, -1).swapaxes(0, 1)
+        spread = np.sqrt(0.5 * variance[:, place, None] * left[:, None, :])
+        std[row, :, :, own] = (1.0 + 1.0j) * np.moveaxis(spread, 0, -1).swapaxes(0, 1)
+        if asked[row] == 0 or (row == 0 and 0 not in asked):
+            noise[:, own], explained[:, own] = 2.0 / count * np.sqrt(left.T), share.T
+    found = TransferFunctions(
+        frequencies_hz=lines / (count * samples.step),
+        harmonics=asked,
+        values=values,
+        std=std,
+        outputs=channels[0],
+        inputs=channels[1],
+        step=samples.step,
+    )
+    return MeasuredTransfer(
+        transfer=found,
+        method="polynomials",
+        noise=noise,
+        coherence=explained,
+        nonlinear=np.full(outputs.shape[1], np.nan),
+        findings=(note("measured_polynomials", lines=2 * half + 1, width=(2 * half + 1) / (count * samples.step)),),
+    )
+
+
+def _whole(samples: Samples) -> tuple[int, int]:
+    """The most whole periods that each record holds, in a whole number of samples, and that number."""
+    per_turn = 2.0 * np.pi / (samples.fundamental * samples.step)
+    most = int(min(own.stop - own.start for own in samples.records) / per_turn + 1e-6)
+    for periods in range(most, most // 2, -1):
+        if abs(periods * per_turn - round(periods * per_turn)) < LEAKAGE:
+            return periods, round(periods * per_turn)
+    raise IdentificationError(
+        f"No whole number of periods between {most // 2 + 1} and {most} is one of samples ({per_turn:.8g} a period): "
+        "lines of the response would leak. Resample the record to a whole number of samples a period."
+    )
+
+
+def _excited(inputs: NDArray, count: int) -> NDArray[np.int64]:
+    """Lines, so many at most, over the band in which the inputs have their power."""
+    half = inputs.shape[2] // 2
+    power = np.sum(np.abs(inputs[:, :, 1:half]) ** 2, axis=(0, 1))
+    share = np.cumsum(power) / power.sum()
+    low, high = 1 + int(np.searchsorted(share, 5e-3)), 1 + int(np.searchsorted(share, 0.995))
+    return np.unique(np.linspace(low, high, count).astype(np.int64))
+
+
+def _windows(
+    outputs: NDArray, inputs: NDArray, middle: NDArray[np.int64], harmonics: NDArray[np.int64], periods: int, half: int
+) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Solutions in windows about some lines of the response (windows, unknowns, outputs), and their quality.
+
+    The diagonal of the inverse of the normal matrix (windows, unknowns), the variance of the lines and the share of
+    their power that the inputs explain (windows, outputs).
+    """
+    records, count = len(outputs), outputs.shape[2]
+    offsets = np.arange(-half, half + 1)
+    line = (middle[:, None] + offsets) % count
+    powers = (offsets / half)[:, None] ** np.arange(DEGREE + 1)
+    blocks, sides = [], []
+    # Lines of the period itself belong to what repeats with it, an orbit or an imbalance.
+    used = (line % periods != 0).astype(float)
+    for record in range(records):
+        shifted = (line[:, None, :] - harmonics[:, None] * periods) % count
+        driven = np.moveaxis(inputs[record][:, shifted], 0, 2)  # windows, harmonics, inputs, lines
+        regressors = driven.reshape(len(line), -1, len(offsets))[..., None] * powers
+        flat = np.moveaxis(regressors, 2, 1).reshape(len(line), len(offsets), -1)
+        transient = np.zeros((len(line), len(offsets), records * (DEGREE + 1)), complex)
+        transient[..., record * (DEGREE + 1) : (record + 1) * (DEGREE + 1)] = powers
+        blocks.append(np.concatenate([flat, transient], axis=2) * used[..., None])
+        sides.append(np.moveaxis(outputs[record][:, line], 0, 2) * used[..., None])
+    matrix, right = np.concatenate(blocks, axis=1), np.concatenate(sides, axis=1)
+    size = np.sqrt(np.sum(np.abs(matrix) ** 2, axis=1, keepdims=True))
+    size = np.where(size > 0.0, size, 1.0)
+    orthogonal, upper = np.linalg.qr(matrix / size)
+    inverse = np.linalg.inv(upper)
+    along = orthogonal.conj().swapaxes(1, 2) @ right
+    solved = inverse @ along / size.swapaxes(1, 2)
+    left = right - orthogonal @ along
+    free = records * used.sum(axis=1) - matrix.shape[2]
+    variance = np.sum(np.abs(left) ** 2, axis=1) / free[:, None]
+    power = np.sum(np.abs(right) ** 2, axis=1) / (records * used.sum(axis=1))[:, None]
+    spread = np.sum(np.abs(inverse) ** 2, axis=2) / size[:, 0] ** 2
+    return solved, spread, variance, np.clip(1.0 - variance / np.maximum(power, np.finfo(float).tiny), 0.0, 1.0)
