@@ -1,7 +1,8 @@
 """Harmonic transfer functions measured line by line, and multisines designed for it.
 
-`multisine` designs the excitation. `by_repeats` takes G from a response to one that repeats, `by_polynomials` from that to
-any broad-band input: `floquid.measure_transfer` is the chain. No model is fitted: that is `floquid.identify_driven`.
+`multisine` designs the excitation. `by_repeats` takes G from a response to one that repeats, `by_polynomials` from
+that to any broad-band input: `floquid.measure_transfer` is the chain. No model is fitted: that is
+`floquid.identify_driven`.
 """
 
 from floquid.transfer._measured import MeasuredTransfer as MeasuredTransfer

@@ -36,11 +36,13 @@ def repeat_of(samples: Samples) -> int | None:
     per_turn = 2.0 * np.pi / (samples.fundamental * samples.step)
     shortest = min(own.stop - own.start for own in samples.records)
     for turns in range(2, int(shortest / (3.0 * per_turn)) + 1):
-        lag = turns * per_turn
-        if abs(lag - round(lag)) > 1e-3:
+        lag = round(turns * per_turn)
+        if abs(turns * per_turn - lag) > 1e-3:
             continue
-        late = samples.each(inputs, lambda own, lag=round(lag): own[:, lag:])
-        early = samples.each(inputs, lambda own, lag=round(lag): own[:, :-lag])
+        late, early = (
+            np.concatenate([inputs[:, own][:, part] for own in samples.records], axis=1)
+            for part in (slice(lag, None), slice(None, -lag))
+        )
         if np.sqrt(np.mean((late - early) ** 2)) < ALIKE * np.sqrt(np.mean(early**2)):
             return turns
     return None
@@ -58,8 +60,8 @@ def by_repeats(
     .. math:: G_m(k) = \frac{\sum_r Y_r(k + mJ)\, U_r^*(k)}{\sum_r |U_r(k)|^2}, \qquad
               \mathrm{var}\, G_m(k) = \frac{s_Y^2(k + mJ)}{\sum_r |U_r(k)|^2}
 
-    over the repeats r, with s² of what each differs from the mean of its record, over some lines. Each line of the response must
-    belong to one line of one input, as those of `multisine` do (Louarroudi, Lataire and Pintelon 2012).
+    over the repeats r, with s² of what each differs from the mean of its record, over some lines. Each line of the
+    response must belong to one line of one input, as those of `multisine` do (Louarroudi, Lataire and Pintelon 2012).
 
     Parameters
     ----------
@@ -166,8 +168,8 @@ def _refuse_collisions(excited: NDArray[np.bool_], turns: int) -> None:
     pairs = np.minimum(lines % turns, -lines % turns)
     if len(np.unique(pairs)) < len(pairs) or (pairs == 0).any() or (2 * pairs == turns).any():
         raise IdentificationError(
-            "Lines of the inputs, or of one and its mirror image, are a multiple of the fundamental apart: the lines of "
-            "the response belong to more than one of them. Take a multisine designed for it (`multisine`), or let "
+            "Lines of the inputs, or of one and its mirror image, are a multiple of the fundamental apart: the lines "
+            "of the response belong to more than one of them. Take a multisine designed for it (`multisine`), or let "
             "polynomials over neighbouring lines part them (`repeat=0`)."
         )
 
