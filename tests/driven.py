@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid import Record, multisine
 from floquid.systems import JeffcottRotor
 
 Matrix = Callable[[float], NDArray[np.float64]]
@@ -56,6 +57,23 @@ class Driven:
             state = transition @ state + forcing @ inputs[:, number]
         return np.array(found).T
 
+    def sampled_transfer(self, hertz, harmonics, phases):
+        """G of samples, inputs held: steady responses by one linear system over the phases of a period."""
+        maps, step = self.maps(phases), self.period / phases
+        n, inputs = maps[0][1].shape
+        seen = np.array([self.C(number * step) for number in range(phases)])
+        found = []
+        for frequency in hertz:
+            ahead, system = np.exp(2j * np.pi * frequency * step), np.zeros((phases * n, phases * n), complex)
+            for number, (transition, _) in enumerate(maps):
+                own, later = slice(number * n, number * n + n), (number + 1) % phases * n
+                system[own, own] -= transition
+                system[own, later : later + n] += ahead * np.eye(n)
+            states = np.linalg.solve(system, np.concatenate([forcing for _, forcing in maps]))
+            lines = np.fft.fft(seen @ states.reshape(phases, n, inputs), axis=0) / phases
+            found.append([lines[m % phases] + self.D * (m == 0) for m in harmonics])
+        return np.moveaxis(np.array(found), 0, -1)
+
     def exponents(self, phases=40):
         """The exponents (modes,), on the principal branch."""
         whole = np.eye(len(self.A(0.0)))
@@ -85,10 +103,10 @@ class Driven:
         return values
 
 
-def mathieu(direct=0.0):
+def mathieu(direct=0.0, damping=0.05):
     """Mathieu's equation, a = 2, q = 0.5, five per cent damped, with a force."""
     return Driven(
-        A=lambda t: np.array([[0.0, 1.0], [-(2.0 - np.cos(2.0 * t)), -0.1 * np.sqrt(2.0)]]),
+        A=lambda t: np.array([[0.0, 1.0], [-(2.0 - np.cos(2.0 * t)), -2.0 * damping * np.sqrt(2.0)]]),
         B=lambda _: np.array([[0.0], [1.0]]),
         C=lambda _: np.array([[1.0, 0.0]]),
         period=np.pi,
@@ -136,6 +154,22 @@ def flapping(lock=12.0, advance=0.3):
         C=lambda _: np.array([[1.0, 0.0]]),
         period=2.0 * np.pi,
     )
+
+
+def shaken(system, phases, turns, repeats, noise, seed, **design):
+    """A multisine and the record of the response to its repeats (outputs, then inputs)."""
+    count = system.B(0.0).shape[1]
+    excitation = multisine(system.period, phases / system.period, turns=turns, inputs=count, seed=seed, **design)
+    names = [f"F{number}" for number in range(count)]
+    played = excitation.record(repeats, names)
+    values, inputs = record_of(system, None, phases, noise, seed + 1000, played.values)
+    whole = Record(
+        values=np.concatenate([values, inputs]),
+        sample_rate=played.sample_rate,
+        channels=[*(f"y{number}" for number in range(len(values))), *names],
+        clock=played.clock,
+    )
+    return excitation, whole, names
 
 
 def record_of(system, periods, phases, noise, seed, inputs=None, start=None):

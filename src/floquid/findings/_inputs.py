@@ -45,8 +45,12 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "measured_repeats": "{repeats} repeats of {turns} periods; the first {dropped} of each record are left out.",
     "measured_polynomials": "Polynomials over {lines} lines, {width:.3g} Hz: a resonance that is not several times as "
     "wide is flattened.",
-    "measured_transient": "The first repeat that is used differs from the last by {ratio:.3g} times the power of the "
-    "noise: what rang at the begin is not over, or the input is not the same. Leave out more than {dropped}.",
+    "measured_flattened": "Polynomials of a higher degree explain {ratio:.3g} times the power of the noise more: a "
+    "resonance is flattened, deviations there are too small. Record for longer, or fit a model: "
+    "`identify_driven`.",
+    "measured_transient": "The first repeat that is used differs from the others by {ratio:.3g} times the power of the "
+    "noise at some lines: what rang at the begin is not over, or the input is not the same. Leave out more than "
+    "{dropped}.",
     "measured_nonlinear": "Output {channel} has {ratio:.3g} times the power of the noise at lines where a linear "
     "system has none: it is not linear at this force, or does not repeat with that period.",
     "inputs_copies": "Two modes are nearly one, and have as many harmonics as are looked for ({most}): one is likely a "

@@ -7,10 +7,11 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtrc
 
 from floquid.core import Channel
 from floquid.errors import IdentificationError
-from floquid.findings import note
+from floquid.findings import Finding, note, warning
 from floquid.inputs import Samples, TransferFunctions
 from floquid.transfer._measured import MeasuredTransfer
 
@@ -25,6 +26,12 @@ LEAKAGE = 0.02
 
 TOGETHER = 256
 """Windows that are solved at once."""
+
+BENT = 12
+"""Windows in which G bends most, for which polynomials of one degree more are tried,"""
+
+SURE, WORSE = 1e-6, 1.6
+"""the probability at which noise may pass for their gain, and the gain over the noise that is told."""
 
 
 def by_polynomials(
@@ -90,10 +97,16 @@ def by_polynomials(
     shape = (len(asked), outputs.shape[1], inputs.shape[1], len(lines))
     values, std = np.zeros(shape, complex), np.zeros(shape, complex)
     noise, explained = np.zeros((outputs.shape[1], len(lines))), np.zeros((outputs.shape[1], len(lines)))
+    bends = np.zeros((len(asked), len(lines)))
     for row, begin in product(range(len(asked)), range(0, len(lines), TOGETHER)):
         own = slice(begin, begin + TOGETHER)
         middle = lines[own] + asked[row] * periods
         solved, variance, left, share = _windows(outputs, inputs, middle, asked, periods, half)
+        driven = slice(0, (DEGREE + 1) * len(asked) * inputs.shape[1])
+        bend = np.abs(solved) ** 2 / (variance[:, :, None] * left[:, None, :])
+        bends[row, own] = (
+            bend[:, driven].reshape(len(middle), -1, DEGREE + 1, outputs.shape[1])[:, :, 2].max(axis=(1, 2))
+        )
         place = (DEGREE + 1) * inputs.shape[1] * row + (DEGREE + 1) * np.arange(inputs.shape[1])
         values[row, :, :, own] = np.moveaxis(solved[:, place], 0, -1).swapaxes(0, 1)
         spread = np.sqrt(0.5 * variance[:, place, None] * left[:, None, :])
@@ -115,8 +128,37 @@ def by_polynomials(
         noise=noise,
         coherence=explained,
         nonlinear=np.full(outputs.shape[1], np.nan),
-        findings=(note("measured_polynomials", lines=2 * half + 1, width=(2 * half + 1) / (count * samples.step)),),
+        findings=(
+            note("measured_polynomials", lines=2 * half + 1, width=(2 * half + 1) / (count * samples.step)),
+            *_flattened(outputs, inputs, lines + asked[:, None] * periods, bends, asked, periods, half),
+        ),
     )
+
+
+def _flattened(
+    outputs: NDArray,
+    inputs: NDArray,
+    middle: NDArray[np.int64],
+    bends: NDArray[np.float64],
+    harmonics: NDArray[np.int64],
+    periods: int,
+    half: int,
+) -> list[Finding]:
+    """Finding where polynomials of a higher degree leave less than noise, in windows in which G bends most."""
+    order, chosen = np.argsort(-bends, axis=None), []
+    for line in middle.ravel()[order].tolist():
+        if all(abs(line - other) > 2 * half for other in chosen):
+            chosen.append(line)
+        if len(chosen) == BENT:
+            break
+    both = [_windows(outputs, inputs, np.array(chosen), harmonics, periods, half, DEGREE + more) for more in (0, 1)]
+    lines = len(outputs) * (2 * half + 1)
+    (low, few), (high, many) = ((np.sum(one[2], axis=0), one[0].shape[1]) for one in both)
+    free, more = lines - many, many - few
+    gain = ((lines - few) * low - free * high) / more / high
+    degrees = 2.0 * len(chosen)
+    sure = fdtrc(degrees * more, degrees * free, gain) * len(gain) < SURE
+    return [warning("measured_flattened", ratio=float(gain.max()))] if (sure & (gain > WORSE)).any() else []
 
 
 def _whole(samples: Samples) -> tuple[int, int]:
@@ -142,7 +184,13 @@ def _excited(inputs: NDArray, count: int) -> NDArray[np.int64]:
 
 
 def _windows(
-    outputs: NDArray, inputs: NDArray, middle: NDArray[np.int64], harmonics: NDArray[np.int64], periods: int, half: int
+    outputs: NDArray,
+    inputs: NDArray,
+    middle: NDArray[np.int64],
+    harmonics: NDArray[np.int64],
+    periods: int,
+    half: int,
+    degree: int = DEGREE,
 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Solutions in windows about some lines of the response (windows, unknowns, outputs), and their quality.
 
@@ -152,7 +200,7 @@ def _windows(
     records, count = len(outputs), outputs.shape[2]
     offsets = np.arange(-half, half + 1)
     line = (middle[:, None] + offsets) % count
-    powers = (offsets / half)[:, None] ** np.arange(DEGREE + 1)
+    powers = (offsets / half)[:, None] ** np.arange(degree + 1)
     blocks, sides = [], []
     # Lines of the period itself belong to what repeats with it, an orbit or an imbalance.
     used = (line % periods != 0).astype(float)
@@ -161,8 +209,8 @@ def _windows(
         driven = np.moveaxis(inputs[record][:, shifted], 0, 2)  # windows, harmonics, inputs, lines
         regressors = driven.reshape(len(line), -1, len(offsets))[..., None] * powers
         flat = np.moveaxis(regressors, 2, 1).reshape(len(line), len(offsets), -1)
-        transient = np.zeros((len(line), len(offsets), records * (DEGREE + 1)), complex)
-        transient[..., record * (DEGREE + 1) : (record + 1) * (DEGREE + 1)] = powers
+        transient = np.zeros((len(line), len(offsets), records * (degree + 1)), complex)
+        transient[..., record * (degree + 1) : (record + 1) * (degree + 1)] = powers
         blocks.append(np.concatenate([flat, transient], axis=2) * used[..., None])
         sides.append(np.moveaxis(outputs[record][:, line], 0, 2) * used[..., None])
     matrix, right = np.concatenate(blocks, axis=1), np.concatenate(sides, axis=1)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
+from scipy.special import chdtrc, fdtrc
 
 from floquid.core import Channel
 from floquid.errors import IdentificationError
@@ -14,11 +14,17 @@ from floquid.findings import Finding, note, warning
 from floquid.inputs import Samples, TransferFunctions
 from floquid.transfer._measured import MeasuredTransfer
 
-ALIKE = 0.02
-"""The rms by which repeats of an input may differ, over its own."""
+ALIKE = 0.1
+"""The rms by which repeats of an input may differ, over its own: it may be measured with noise."""
 
 EXCITED = 1e-3
-"""The amplitude of a line over the largest from which on it is one of the input."""
+"""The amplitude of a line over the largest from which on it is one of the input,"""
+
+LOUD = 50.0
+"""where its power is so many times that of the noise of the input."""
+
+ROUNDING = 1e-13
+"""The share of the largest line below which noise is rounding."""
 
 BESIDE = 8
 """Lines on either side whose variance over the repeats is put together."""
@@ -57,11 +63,12 @@ def by_repeats(
 ) -> MeasuredTransfer:
     r"""G of the lines of inputs that repeat after J periods of the system, from the repeats in all records.
 
-    .. math:: G_m(k) = \frac{\sum_r Y_r(k + mJ)\, U_r^*(k)}{\sum_r |U_r(k)|^2}, \qquad
-              \mathrm{var}\, G_m(k) = \frac{s_Y^2(k + mJ)}{\sum_r |U_r(k)|^2}
+    .. math:: G_m(k) = \frac{\sum_p n_p\, Y_p(k + mJ)\, U_p^*(k)}{\sum_p n_p |U_p(k)|^2}, \qquad
+              \mathrm{var}\, G_m(k) = \frac{s_Y^2(k + mJ) + |G_m(k)|^2 s_U^2(k)}{\sum_p n_p |U_p(k)|^2}
 
-    over the repeats r, with s² of what each differs from the mean of its record, over some lines. Each line of the
-    response must belong to one line of one input, as those of `multisine` do (Louarroudi, Lataire and Pintelon 2012).
+    with Y and U the means of the n repeats of record p, and s² of what each repeat differs from that mean, over some
+    lines. Each line of the response must belong to one line of one input, as those of `multisine` do (Louarroudi,
+    Lataire and Pintelon 2012).
 
     Parameters
     ----------
@@ -87,36 +94,37 @@ def by_repeats(
         Fewer than two repeats are left, or lines of the response belong to two of the inputs.
     """
     count = round(turns * 2.0 * np.pi / (samples.fundamental * samples.step))
-    records = _spectra(samples, count, drop)
-    outputs, inputs = (np.concatenate([own[side] for own in records], axis=1) for side in (0, 1))
-    repeats = outputs.shape[1]
+    records = [own for own in _spectra(samples, count, drop) if own[0].shape[1]]
+    counts = np.array([own[0].shape[1] for own in records])
+    repeats = int(counts.sum())
     if repeats < len(records) + 1:
         raise IdentificationError(
             f"Of the records {repeats} whole repeats of {turns} periods are left once the first {drop} are: a variance "
             "needs two at least. Record more of them, or drop fewer."
         )
-    about = [own[0] - own[0].mean(axis=1, keepdims=True) for own in records]
-    spread = _beside(np.sum([np.sum(np.abs(own) ** 2, axis=1) for own in about], axis=0) / (repeats - len(records)))
-    half = (count - 1) // 2 + 1
-    size = np.sqrt(np.mean(np.abs(inputs) ** 2, axis=1))
-    excited = size > EXCITED * size.max(axis=1, keepdims=True)
-    excited[:, 0] = excited[:, half:] = False
+    (outputs, spread), (inputs, unlike) = (_means([own[side] for own in records]) for side in (0, 1))
+    power = np.einsum("p,pil->il", counts, np.abs(inputs) ** 2)
+    excited = (power > EXCITED**2 * power.max(axis=1, keepdims=True)) & (power > LOUD * unlike)
+    excited[:, 0] = excited[:, (count - 1) // 2 + 1 :] = False
     _refuse_collisions(excited, turns)
     places = np.flatnonzero(excited.any(axis=0))
     asked = np.unique(np.asarray(harmonics, np.int64))
-    shape = (len(asked), len(outputs), len(inputs), len(places))
+    shape = (len(asked), outputs.shape[1], len(excited), len(places))
     values, std = np.full(shape, np.nan, complex), np.full(shape, np.nan, complex)
     for number, own in enumerate(excited):
         seen = own[places]
-        driven = inputs[number][:, places[seen]]
-        power = np.sum(np.abs(driven) ** 2, axis=0)
+        line = places[seen]
+        driven = counts[:, None] * inputs[:, number, line].conj() / power[number, line]
         for row, harmonic in enumerate(asked.tolist()):
-            line = (places[seen] + harmonic * turns) % count
-            values[row, :, number][:, seen] = np.sum(outputs[:, :, line] * driven.conj(), axis=1) / power
-            std[row, :, number][:, seen] = (1.0 + 1.0j) * np.sqrt(0.5 * spread[:, line] / power)
-    level, explained = spread[:, places], np.mean(np.abs(outputs[:, :, places]) ** 2, axis=1)
+            answered = (line + harmonic * turns) % count
+            found = np.einsum("pok,pk->ok", outputs[:, :, answered], driven)
+            variance = (spread[:, answered] + np.abs(found) ** 2 * unlike[number, line]) / power[number, line]
+            values[row, :, number][:, seen] = found
+            std[row, :, number][:, seen] = (1.0 + 1.0j) * np.sqrt(0.5 * variance)
+    level = spread[:, places]
+    explained = level + np.einsum("p,pok->ok", counts, np.abs(outputs[:, :, places]) ** 2) / repeats
     nonlinear, lines = _nonlinear([own[0] for own in records], spread, excited, turns)
-    found = TransferFunctions(
+    measured = TransferFunctions(
         frequencies_hz=places / (count * samples.step),
         harmonics=asked,
         values=values,
@@ -126,14 +134,14 @@ def by_repeats(
         step=samples.step,
     )
     return MeasuredTransfer(
-        transfer=found,
+        transfer=measured,
         method="repeats",
         noise=2.0 / count * np.sqrt(level),
         coherence=np.clip(1.0 - level / np.maximum(explained, np.finfo(float).tiny), 0.0, 1.0),
         nonlinear=nonlinear,
         findings=(
             note("measured_repeats", repeats=repeats, turns=turns, dropped=drop),
-            *_transient([own[0] for own in records], spread, drop),
+            *_transient([own[0] for own in records], drop),
             *_not_linear(nonlinear, lines, [channel.name for channel in channels[0]]),
         ),
     )
@@ -152,6 +160,15 @@ def _spectra(samples: Samples, count: int, drop: int) -> list[tuple[NDArray, NDA
         turned = spectra * np.exp(-2j * np.pi * np.fft.fftfreq(count, samples.step) * samples.times[own.start])
         found.append((turned[: len(samples.values)], turned[len(samples.values) :]))
     return found
+
+
+def _means(records: list[NDArray]) -> tuple[NDArray, NDArray[np.float64]]:
+    """Means of the repeats of each record (records, channels, lines), and the variance of one (channels, lines)."""
+    means = np.array([own.mean(axis=1) for own in records])
+    free = sum(own.shape[1] - 1 for own in records)
+    apart = [np.sum(np.abs(own - mean[:, None]) ** 2, axis=1) for own, mean in zip(records, means, strict=True)]
+    floor = (ROUNDING * np.abs(means).max(axis=(0, 2))) ** 2
+    return means, np.maximum(_beside(np.sum(apart, axis=0) / free), floor[:, None])
 
 
 def _beside(variance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -192,16 +209,20 @@ def _nonlinear(
     return np.mean(parts, axis=0), len(free) * len(parts)
 
 
-def _transient(records: list[NDArray], spread: NDArray[np.float64], drop: int) -> list[Finding]:
-    """Finding on a first repeat that differs from the last by more than noise does."""
-    lines = slice(1, spread.shape[1] // 2)
-    ratios = [
-        np.mean(0.5 * np.abs(own[:, 0, lines] - own[:, -1, lines]) ** 2 / spread[:, lines], axis=1)
-        for own in records
-        if own.shape[1] > 2
-    ]
-    ratio, count = float(np.max(ratios, initial=0.0)), lines.stop - lines.start
-    return [warning("measured_transient", ratio=ratio, dropped=drop)] if _above(ratio, count) else []
+def _transient(records: list[NDArray], drop: int) -> list[Finding]:
+    """Finding on a first repeat that differs from the others of its record by more than they do, near some line."""
+    worst, found = 0.0, False
+    for own in records:
+        repeats, lines = own.shape[1], own.shape[2] // 2
+        if repeats < 3:
+            continue
+        means, spread = _means([own[:, 1:]])
+        apart = np.abs(own[:, 0] - means[0]) ** 2 * (repeats - 1.0) / repeats
+        ratio = float(np.max((_beside(apart) / spread)[:, 1:lines]))
+        width = 2.0 * (2 * BESIDE + 1)
+        chance = lines * len(own) * fdtrc(width, width * (repeats - 2), ratio)
+        worst, found = max(worst, ratio), found or bool(chance < SURE)
+    return [warning("measured_transient", ratio=worst, dropped=drop)] if found else []
 
 
 def _above(ratio: float, lines: int) -> bool:

@@ -42,6 +42,15 @@ def test_those_of_the_model_are_those_of_the_fit():
     assert both[0].values == pytest.approx(both[1].values, rel=1e-12)
 
 
+def test_that_of_samples_has_the_hold_in_it():
+    system = mathieu(direct=0.4)
+    found, hertz = fitted(system, 60, 20, 0.001), np.linspace(0.05, 1.2, 12)
+    got, truth = found.transfer(hertz, HARMONICS, sampled=True), system.sampled_transfer(hertz, HARMONICS, 20)
+    assert got.step == pytest.approx(system.period / 20)
+    assert np.abs(got.values - truth).max() < 2e-3 * np.abs(truth).max()
+    assert np.abs(found.transfer(hertz, HARMONICS).values - truth).max() > 0.02 * np.abs(truth).max()
+
+
 def test_a_negative_frequency_is_the_conjugate_of_the_mirrored_harmonic():
     found = fitted(mathieu(), 60, 20, 0.02)
     up, down = found.transfer([0.2], [-1, 0, 1]).values, found.transfer([-0.2], [-1, 0, 1]).values
