@@ -173,17 +173,45 @@ def predicted(
     beside = samples.values - columns @ samples.known
     moved = system - gains @ seen
     drive = drive + np.einsum("kni,ik->kn", gains, beside)
-    states = np.empty((samples.n_samples, len(system)))
     limit = LARGEST * np.abs(samples.values).max()
     with np.errstate(all="ignore"):
-        for state, own in zip(initial, samples.records, strict=True):
-            for now, transition, more in zip(states[own], moved[own], drive[own], strict=True):
-                now[:] = state
-                state = transition @ state + more
+        states = np.concatenate(
+            [
+                _carried(first, moved[own][:-1], drive[own][:-1])
+                for first, own in zip(initial, samples.records, strict=True)
+            ]
+        )
         innovations = beside - np.einsum("kin,kn->ik", seen, states)
     if not np.isfinite(innovations).all() or np.abs(innovations).max() > limit:
         return None
     return Predictor(tuple(modes), columns, initial, innovations, states)
+
+
+def _carried(
+    first: NDArray[np.float64], transitions: NDArray[np.float64], drive: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """States of x_{k+1} = T_k x_k + f_k from the first one to one past the last sample (samples + 1, states).
+
+    Blocks of samples go side by side: each is run from zero for what it adds and what it carries over, the states at
+    their begins follow one from the other, and each is run again from its own.
+    """
+    count = len(drive) + 1
+    length = max(int(0.5 * count**0.5), 1)
+    begins = np.arange(0, count, length)
+    added, carried = np.zeros((len(begins) - 1, len(first))), np.eye(len(first))
+    for step in range(length):
+        own = begins[:-1] + step
+        added = np.einsum("bij,bj->bi", transitions[own], added) + drive[own]
+        carried = transitions[own] @ carried
+    states = np.empty((count, len(first)))
+    states[0] = first
+    for number, begin in enumerate(begins[:-1]):
+        states[begin + length] = carried[number] @ states[begin] + added[number]
+    for step in range(length - 1):
+        own = begins + step
+        own = own[own + 1 < count]
+        states[own + 1] = np.einsum("bij,bj->bi", transitions[own], states[own]) + drive[own]
+    return states
 
 
 def rebuilt(samples: Samples, now: Predictor, modes: Sequence[Mode]) -> Predictor | None:
@@ -301,3 +329,34 @@ def _force(
             forcing[:, row + 1, real], forcing[:, row + 1, imag] = driven.imag, driven.real
         place = imag.stop + 2 * mode.shape.size
         row += mode.rows
+
+
+def gradient(samples: Samples, at: Predictor, of: NDArray[np.float64]) -> NDArray[np.float64]:
+    """-JᵀR⁻¹v by all parameters, of the innovations or of other signals v (channels, samples) (parameters,).
+
+    The adjoint of the predictor runs backwards once, whatever the number of parameters.
+    """
+    system, gains, seen, _ = _matrices(samples, at.modes)
+    moved, weighted = system - gains @ seen, np.linalg.solve(at.covariance, of)
+    pull = -np.einsum("kin,ik->kn", seen, weighted)
+    behind, begun = np.zeros((samples.n_samples, len(system))), []
+    for own in samples.records:
+        back = moved[own][:-1][::-1].swapaxes(1, 2)
+        adjoint = _carried(pull[own][-1], back, pull[own][:-1][::-1])[::-1]
+        behind[own][:-1] = adjoint[1:]
+        begun.append(-adjoint[0])
+    shares = weighted + np.einsum("kni,kn->ik", gains, behind)
+    drives = np.concatenate([samples.inputs, at.innovations])
+    found: list[NDArray[np.float64]] = []
+    row = 0
+    for mode in at.modes:
+        last = row + mode.rows - 1
+        state = at.states[:, row] + (0j if mode.real else 1j * at.states[:, last])
+        own = behind[:, row] - (0j if mode.real else 1j * behind[:, last])
+        late = -samples.step * np.exp(mode.exponent * samples.step) * (own @ state)
+        driven = -((drives * own) @ turning(samples, mode.reach).T).ravel()
+        seen_by = (shares @ (turning(samples, mode.turns) * state).T).ravel()
+        found += [np.array([late.real, -late.imag])[: mode.rows]]
+        found += [driven.real, -driven.imag, seen_by.real, -seen_by.imag]
+        row += mode.rows
+    return np.concatenate([*found, (shares @ samples.known.T).ravel(), np.ravel(begun)])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.core import Channel, PeriodicModel, Provenance
-from floquid.innovations._predictor import Mode, Predictor, predicted
+from floquid.innovations._predictor import Mode, Predictor, gradient, predicted
 from floquid.innovations._solve import normal_of, places
 from floquid.inputs import (
     InputMode,
@@ -115,7 +115,7 @@ def period_step(fit: Fit) -> tuple[float, float]:
         assert end is not None
         ends.append(end.innovations)
     slope = (ends[0] - ends[1]) / (2.0 * SHIFT)
-    pulled = normal_of(samples, at, of=slope).gradient
+    pulled = gradient(samples, at, slope)
     white = np.linalg.solve(at.covariance, slope)
     information = float(np.sum(white * slope) - pulled @ fit.parameters @ pulled)
     step = float(np.sum(white * at.innovations)) / information

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.innovations._predictor import Mode, Predictor, predicted, slopes
+from floquid.innovations._predictor import Mode, Predictor, gradient, predicted, slopes
 from floquid.inputs import Samples
 
 LONGEST_STEP = 0.3
@@ -19,6 +19,9 @@ LONGEST_STEP = 0.3
 
 ROUNDING = 1e-11
 """The share of the largest below which a direction of the parameters is rounding: the scale of a state is one."""
+
+SERVES = 0.7
+"""The share of the gain expected above which the matrix of a step serves for the next."""
 
 FINE = (20, 1e-3)
 """Steps at most, and the gain in twice the logarithm of the likelihood that ends them."""
@@ -51,6 +54,12 @@ class Normal(Rebuilt):
         """The matrix of parameters over their scale (parameters, parameters)."""
         return self.matrix / np.outer(self.scale, self.scale)
 
+    def directions(self, share: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Eigenvalues above a share of the largest and eigenvectors of the scaled matrix."""
+        values, vectors = np.linalg.eigh(self.scaled)
+        good = values > share * values[-1]
+        return values[good], vectors[:, good]
+
     def inverse(self, free: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """Pseudo-inverse over the free parameters, zero elsewhere (parameters, parameters)."""
         own = np.flatnonzero(np.ones(len(self.scale), bool) if free is None else free)
@@ -61,48 +70,47 @@ class Normal(Rebuilt):
         return found / np.outer(self.scale, self.scale)
 
 
-def normal_of(samples: Samples, at: Predictor, *, rough: bool = False, of: NDArray | None = None) -> Normal:
-    """The linearisation of a predictor by all of its parameters, zero ones as well.
-
-    The gradient is that of the innovations, or of other signals in their place (channels, samples).
-    """
+def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal:
+    """The linearisation of a predictor by all of its parameters, zero ones as well; rough in single precision."""
     root = np.asarray(np.linalg.inv(np.linalg.cholesky(at.covariance)), np.float64)
-    white = root @ (at.innovations if of is None else of)
-    matrix, gradient = np.zeros((0, 0)), np.zeros(0)
-    for own, part in slopes(samples, at, root, rough=rough):
+    found = gradient(samples, at, at.innovations)
+    matrix = np.zeros((len(found), len(found)))
+    for _, part in slopes(samples, at, root, rough=rough):
         flat = part.reshape(-1, part.shape[2])
-        more, pull = flat.T @ flat, flat.T @ white[:, own].T.ravel().astype(part.dtype)
-        matrix, gradient = (
-            (matrix + more, gradient - pull) if len(matrix) else (more.astype(float), -pull.astype(float))
-        )
-    return Normal(matrix, gradient)
+        matrix += flat.T @ flat
+    return Normal(matrix, found)
 
 
 def solve(samples: Samples, start: Predictor, *, rough: bool = False) -> Predictor:
-    """The maximum of the likelihood near a start (Levenberg-Marquardt); a rough one in single precision."""
-    iterations, at_rest = ROUGH if rough else FINE
-    now, damping = start, 1e-6
-    period = 2.0 * np.pi / samples.fundamental
-    for _ in range(iterations):
-        normal = normal_of(samples, now, rough=rough)
-        values, vectors = np.linalg.eigh(normal.scaled)
-        aim = vectors.T @ (normal.gradient / normal.scale)
-        good = values > (1e-6 if rough else ROUNDING) * values[-1]
-        gained = -np.inf
-        while damping < 1e6:
-            step = vectors[:, good] @ (aim[good] / (values[good] + damping)) / normal.scale
-            trial = moved(samples, now, step, period)
+    """The maximum of the likelihood near a start (Levenberg-Marquardt); a rough one in single precision.
+
+    The matrix is kept while steps gain what it lets expect: the gradient alone costs next to nothing.
+    """
+    (iterations, at_rest), now, damping = ROUGH if rough else FINE, start, 1e-6
+    period, taken, kept = 2.0 * np.pi / samples.fundamental, 0, False
+    normal = normal_of(samples, now, rough=rough)
+    pull, (values, vectors) = normal.gradient, normal.directions(1e-6 if rough else ROUNDING)
+    while True:
+        aim = vectors.T @ (pull / normal.scale)
+        while True:
+            along = aim / (values + damping)
+            trial = moved(samples, now, vectors @ along / normal.scale, period)
             gained = -np.inf if trial is None else trial.log_likelihood - now.log_likelihood
-            if gained >= -1e-9:
+            if kept or gained >= -1e-9:
                 break
             damping = max(10.0 * damping, 1e-4)
+            if damping >= 1e6:
+                return now
+        if trial is not None and gained >= -1e-9:
+            now, damping, taken = trial, max(0.1 * damping, 1e-9), taken + 1
+            if gained < at_rest or taken == iterations:
+                return now
+        kept = gained > SERVES * float(np.sum((2.0 * aim - along * values) * along))
+        if kept:
+            pull = gradient(samples, now, now.innovations)
         else:
-            return now
-        assert trial is not None
-        now, damping = trial, max(0.1 * damping, 1e-9)
-        if gained < at_rest:
-            break
-    return now
+            normal = normal_of(samples, now, rough=rough)
+            pull, (values, vectors) = normal.gradient, normal.directions(1e-6 if rough else ROUNDING)
 
 
 def moved(samples: Samples, at: Predictor, step: NDArray[np.float64], period: float) -> Predictor | None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from floquid.innovations import _bands, _real
-from floquid.innovations._predictor import Mode, predicted, slopes
+from floquid.innovations._predictor import Mode, gradient, predicted, slopes
 from floquid.innovations._result import Fit, sized
 from floquid.innovations._solve import moved, normal_of, solve
 from floquid.inputs import samples_of
@@ -80,6 +80,15 @@ def test_derivatives_are_those_of_differences(case):
         step = 1e-6 * generator.standard_normal(whole.shape[2])
         up, down = (moved(samples, at, sign * step, 1e-9).innovations for sign in (1.0, -1.0))
         assert np.abs((up - down) / 2.0 - (whole @ step).T).max() < 1e-4 * np.abs(up - down).max()
+
+
+def test_the_adjoint_gives_the_gradient(case):
+    samples, at, _ = case
+    signals = np.random.default_rng(3).standard_normal(at.innovations.shape)
+    root = np.linalg.inv(np.linalg.cholesky(at.covariance))
+    whole = np.concatenate([part for _, part in slopes(samples, at, root)])
+    expected = -np.einsum("kcp,ck->p", whole, root @ signals)
+    assert np.abs(gradient(samples, at, signals) - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 def test_single_precision_gives_the_same_matrix(case):
