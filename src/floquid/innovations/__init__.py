@@ -2,12 +2,14 @@
 
 `repetition` tests whether a response repeats with the period given, `searched` finds the modes of `Samples`, with
 measured inputs or without; `Fit` has the deviations of such a predictor, `model_of` and `transfer_of` make a model and
-transfer functions of both: `floquid.identify_ambient` is the chain.
+transfer functions of both: `floquid.identify_ambient` is the chain. `harmonic_spectra` and `h_oma` are the spectra of
+modulated outputs, and operational modal analysis of them.
 """
 
 from floquid.innovations._autoregression import first_innovations as first_innovations
 from floquid.innovations._cyclic import Repetition as Repetition
 from floquid.innovations._cyclic import repetition as repetition
+from floquid.innovations._harmonic_spectra import HarmonicSpectra, HomaForm, h_oma, harmonic_spectra
 from floquid.innovations._predictor import Mode as Mode
 from floquid.innovations._predictor import Predictor as Predictor
 from floquid.innovations._predictor import predicted as predicted
@@ -18,4 +20,4 @@ from floquid.innovations._result import transfer_of as transfer_of
 from floquid.innovations._search import searched as searched
 from floquid.innovations._solve import solve as solve
 
-__all__ = ()
+__all__ = ["HarmonicSpectra", "HomaForm", "h_oma", "harmonic_spectra"]

@@ -6,6 +6,7 @@ matplotlib is loaded when the first figure is drawn, without pyplot and without 
 from typing import TYPE_CHECKING
 
 from floquid.plot._exponents import exponents
+from floquid.plot._harmonic_spectra import harmonic_spectra
 from floquid.plot._indicators import composite, indicators
 from floquid.plot._record import synthesis, time_record
 from floquid.plot._residues import coefficients, residues
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
 
 __all__ = [
-    "FIGURES", "coefficients", "composite", "exponents", "indicators", "periodic_shapes", "residues", "save_figure",
-    "save_figures", "spectra", "speed", "stabilisation", "stability_map", "synchronisation", "synthesis",
-    "system_elements", "time_record", "transfer",
+    "FIGURES", "coefficients", "composite", "exponents", "harmonic_spectra", "indicators", "periodic_shapes",
+    "residues", "save_figure", "save_figures", "spectra", "speed", "stabilisation", "stability_map",
+    "synchronisation", "synthesis", "system_elements", "time_record", "transfer",
 ]  # fmt: skip

@@ -175,6 +175,9 @@ class AmbientAnalysis(ExcitedAnalysis):
         ExcitedAnalysis.__post_init__(self)
         self._freeze(lengths=("modes",), finite=False)
 
+    def _figures(self) -> Drawings:
+        return super(AmbientAnalysis, self)._figures() | {"harmonic_spectra": (self, {})}
+
     def _transfer(
         self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64], *, sampled: bool
     ) -> TransferFunctions:
