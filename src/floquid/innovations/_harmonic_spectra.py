@@ -62,7 +62,7 @@ class HarmonicSpectra(Rebuilt):
     @property
     def singular_values(self) -> Floats:
         """Singular values of S, descending (lines, signals): their peaks are where the modes are."""
-        return np.linalg.svd(self.values, compute_uv=False)
+        return np.asarray(np.linalg.svd(self.values, compute_uv=False), np.float64)
 
 
 def harmonic_spectra(samples: Samples, harmonics: int = 1, periods: int | None = None) -> HarmonicSpectra:
@@ -109,13 +109,13 @@ def _averaged(
 
     signals = modulated(samples, turns)
     transform = ShortTimeFFT(window, len(window) // 2, 1.0 / samples.step, fft_mode="centered", scale_to="psd")
-    total, segments = np.zeros((len(window), len(signals), len(signals)), complex), 0
+    total, segments = np.zeros((len(window), len(signals), len(signals)), np.complex128), 0
     for own in samples.records:
         first, last = transform.lower_border_end[1], transform.upper_border_begin(own.stop - own.start)[1]
         lines = transform.stft(signals[:, own], p0=first, p1=last)
-        total += np.einsum("afp,bfp->fab", lines, lines.conj(), optimize=True)
+        total = total + np.einsum("afp,bfp->fab", lines, lines.conj(), optimize=True)
         segments += lines.shape[2]
-    return np.asarray(transform.f, np.float64), total / segments, segments
+    return np.asarray(transform.f, np.float64), np.asarray(total / segments, np.complex128), segments
 
 
 def modulated(samples: Samples, turns: NDArray[np.int64]) -> NDArray[np.complex128]:

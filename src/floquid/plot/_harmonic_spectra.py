@@ -60,7 +60,7 @@ def harmonic_spectra(
     units = {channel.unit for channel in model.channels}
     scale = np.ones(len(samples.values)) if len(units) == 1 else 1.0 / samples.values.std(axis=1)
     scale = np.tile(scale, len(found.harmonics))
-    sizes = np.linalg.svd(found.values * scale[:, None] * scale, compute_uv=False)
+    sizes: Floats = np.asarray(np.linalg.svd(found.values * scale[:, None] * scale, compute_uv=False), np.float64)
     lines = [_lines(analysis, mode, found.harmonics) for mode in model.upper_modes]
     highest = max((own.max() for own in lines), default=found.frequencies_hz[-1]) + 0.5 / model.period
     end = min(float(found.frequencies_hz[-1]), highest if limit is None else positive(limit, "limit", of, unit="Hz"))
@@ -68,9 +68,10 @@ def harmonic_spectra(
     with drawing(4.2) as figure:
         axes = figure.add_subplot()
         for number in range(min(CURVES, sizes.shape[1])):
-            curve = envelope(found.frequencies_hz[inside], sizes[inside, number], POINTS)
-            look = {"linewidth": 1.3 if number == 0 else 0.8, "alpha": 1.0 if number == 0 else 0.75 - 0.15 * number}
-            axes.plot(*curve, color=BLACK, **look, label="singular values, descending" if number == 0 else None)
+            x, y = envelope(found.frequencies_hz[inside], sizes[inside, number], POINTS)
+            width, alpha = (0.8, 0.75 - 0.15 * number) if number else (1.3, 1.0)
+            label = None if number else "singular values, descending"
+            axes.plot(x, y, color=BLACK, linewidth=width, alpha=alpha, label=label)
         for number, own in enumerate(lines):
             look = {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[number // len(COLORS) % len(DASHES)]}
             for place, line in enumerate(own):
