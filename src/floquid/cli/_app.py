@@ -13,7 +13,6 @@ from cyclopts import App, CycloptsError
 
 from floquid.cli._bootstrap import bootstrap
 from floquid.cli._demo import demo, simulate
-from floquid.cli._driven import transfer
 from floquid.cli._errors import (
     BAD_INPUT,
     DONE,
@@ -29,6 +28,7 @@ from floquid.cli._identify import identify, report
 from floquid.cli._records import convert, info
 from floquid.cli._scan import scan
 from floquid.cli._terminal import terminal
+from floquid.cli._transfer import multisine, transfer
 
 app = App(
     name="floquid",
@@ -43,6 +43,7 @@ app.command(info, usage="Usage: floquid info FILE [OPTIONS]")
 app.command(convert, usage="Usage: floquid convert FILE OUT [OPTIONS]")
 app.command(identify, usage="Usage: floquid identify FILES... [OPTIONS]")
 app.command(transfer, usage="Usage: floquid transfer FILES... --inputs NAMES [OPTIONS]")
+app.command(multisine, usage="Usage: floquid multisine --period T --rate HZ [OPTIONS]")
 app.command(scan, usage="Usage: floquid scan FILES... [OPTIONS]")
 app.command(report, usage="Usage: floquid report RESULT [OPTIONS]")
 app.command(bootstrap, usage="Usage: floquid bootstrap RESULT [OPTIONS]")

@@ -1,23 +1,15 @@
-"""Records whose excitation goes on: `floquid identify --inputs`, `--excitation ambient` and `floquid transfer`."""
+"""Records whose excitation goes on: `floquid identify --inputs` and `--excitation ambient`."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Annotated
 
-import numpy as np
-from cyclopts import Parameter
 from rich.console import Console
-from rich.table import Table
 
-from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli._folder import RESULT, ResultFolder
-from floquid.cli._options import Debug, Format, RecordFiles, RecordOptions, SettingsFile, given, split
-from floquid.cli._records import check_files, read_records
-from floquid.cli._settings import Choices, choices_of
+from floquid.cli._settings import Choices
 from floquid.cli._terminal import (
     DEVIATIONS,
     counted,
@@ -26,23 +18,15 @@ from floquid.cli._terminal import (
     print_modes,
     print_title,
     print_warnings,
-    progress,
     terminal,
 )
 from floquid.core import Record
-from floquid.exports import driven_summary, transfer_entries, transfer_rows
-from floquid.inputs import TransferFunctions
+from floquid.exports import driven_summary, transfer_rows
 from floquid.pipeline import ExcitedAnalysis, identify_ambient, identify_driven
 from floquid.store import save
 from floquid.views import excited_lines, mode_table, note_meanings
 
-OF = "floquid transfer"
 STAGES = 6
-SHOWN = 12  # frequencies that are printed
-POINTS = 200
-
-_AT = "Frequencies [Hz]: one, several with commas, or first:last:number. By default up to beyond the highest mode."
-_HARMONICS = "Harmonics m, with commas: the response at the input's frequency plus m times the fundamental."
 
 
 def excited(
@@ -55,7 +39,7 @@ def excited(
     enforce: bool,
 ) -> None:
     """Identify records whose excitation goes on, print the result, and write it into the folder, if there is one."""
-    analysis = _identified(records, choices, report)
+    analysis = identified(records, choices, report)
     if folder is not None:
         from floquid.plot import save_figure
         from floquid.reporting import report as write_report
@@ -78,7 +62,7 @@ def excited(
         raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *analysis.warnings]))
 
 
-def _identified(records: Sequence[Record], choices: Choices, report: Callable[[str], None]) -> ExcitedAnalysis:
+def identified(records: Sequence[Record], choices: Choices, report: Callable[[str], None]) -> ExcitedAnalysis:
     """The result of the chain that the settings ask for."""
     settings = choices.resolved()
     if settings.excitation == "ambient":
@@ -102,103 +86,3 @@ def print_excited(console: Console, analysis: ExcitedAnalysis) -> None:
     console.print()
     print_lines(console, excited_lines(analysis))
     print_warnings(console, analysis.warnings)
-
-
-def transfer(
-    *files: RecordFiles,
-    record: RecordOptions | None = None,
-    at: Annotated[str, Parameter(help=_AT)] = "",
-    harmonics: Annotated[str, Parameter(help=_HARMONICS)] = "-1,0,1",
-    out: Annotated[Path | None, Parameter(help="A table (.csv), or a picture (.png, .pdf, .svg).")] = None,
-    format: Format = "text",  # noqa: A002
-    settings: SettingsFile = None,
-    debug: Debug = False,
-) -> None:
-    """Harmonic transfer functions from measured inputs to the other channels, with their deviations.
-
-    Parameters
-    ----------
-    files
-        Records of the responses and of what drives them, of any format that is read.
-    record
-        The fields of `Settings`.
-    format
-        text prints a table; json prints all frequencies.
-    settings
-        A settings.toml written by an earlier run; options given here come first.
-    """
-    del debug
-    check_files(files, OF)
-    choices = choices_of(settings).with_given(**given(record, OF))
-    if not choices.settings.inputs:
-        raise input_error("--inputs", OF, "name the channels that drive the system", "is not given", "As --inputs F.")
-    turns = _whole(harmonics)
-    with progress(STAGES) as report:
-        records, choices = read_records(files, choices, OF, report)
-        analysis = _identified(records, choices, report)
-        found = analysis.transfer(_frequencies(at), turns)
-        if out is not None:
-            _write(found, out)
-    if format == "json":
-        sys.stdout.write(json_text(transfer_entries(found)))
-        return
-    print_transfer(terminal(), found)
-    print_warnings(terminal(), analysis.warnings)
-    if out is not None:
-        terminal().print(f"Written: {out}", soft_wrap=True)
-
-
-def print_transfer(console: Console, found: TransferFunctions) -> None:
-    """Print magnitude and phase of each harmonic at a few frequencies, for every input and output."""
-    from floquid.views import with_error
-
-    places = np.unique(np.linspace(0, len(found.frequencies_hz) - 1, min(SHOWN, len(found.frequencies_hz))).astype(int))
-    for row, output in enumerate(found.outputs):
-        for column, source in enumerate(found.inputs):
-            print_title(console, f"{source.name} to {output.name} [{output.unit}/{source.unit}]: |G_m|, arg [°]")
-            table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
-            for name in ("f [Hz]", *(f"m = {harmonic}" for harmonic in found.harmonics.tolist())):
-                table.add_column(name, justify="right", no_wrap=True)
-            for place in places:
-                values = found.values[:, row, column, place]
-                std = np.zeros(len(values)) if found.std is None else np.abs(found.std[:, row, column, place]) / 2**0.5
-                cells = [
-                    f"{with_error(abs(value), error)}, {np.degrees(np.angle(value)):.0f}"
-                    for value, error in zip(values, std, strict=True)
-                ]
-                table.add_row(f"{found.frequencies_hz[place]:.5g}", *cells)
-            console.print(table)
-    console.print("Response at f + m/T to an input at f; digits in brackets are one standard deviation.", style="dim")
-
-
-def _write(found: TransferFunctions, out: Path) -> None:
-    """Write transfer functions as a table, or as a picture."""
-    if out.suffix.lower() == ".csv":
-        out.write_text(transfer_rows(found), encoding="utf-8")
-        return
-    from floquid.plot import save_figure
-    from floquid.plot import transfer as drawn
-
-    save_figure(drawn(found), out)
-
-
-def _whole(text: str) -> list[int]:
-    """Whole numbers of a comma-separated list."""
-    try:
-        return [int(word) for word in split(text)]
-    except ValueError:
-        raise input_error("--harmonics", OF, "be whole numbers with commas", f"is {text!r}", "As -1,0,1.") from None
-
-
-def _frequencies(text: str) -> list[float] | None:
-    """Frequencies [Hz] of a list or a range; None where none are named."""
-    if not text.strip():
-        return None
-    try:
-        if ":" in text:
-            first, last, number = text.split(":")
-            return np.linspace(float(first), float(last), int(number)).tolist()
-        return [float(word) for word in split(text)]
-    except ValueError:
-        must = "be frequencies with commas, or first:last:number"
-        raise input_error("--at", OF, must, f"is {text!r}", "As 0.1:2:200.") from None

@@ -1,6 +1,6 @@
 """Results for other programs: modes as CSV, MAT, JSON and universal files, `summary.json`, and xarray."""
 
-from floquid.exports._driven import driven_summary, transfer_entries, transfer_rows
+from floquid.exports._driven import driven_summary, measured_entries, transfer_entries, transfer_rows
 from floquid.exports._modes import MODE_FORMATS, export_modes
 from floquid.exports._summary import summary
 from floquid.exports._xarray import to_xarray
@@ -9,6 +9,7 @@ __all__ = [
     "MODE_FORMATS",
     "driven_summary",
     "export_modes",
+    "measured_entries",
     "summary",
     "to_xarray",
     "transfer_entries",

@@ -11,6 +11,7 @@ from floquid.exports._summary import mode_entries
 from floquid.findings import as_mapping
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import AmbientAnalysis, ExcitedAnalysis
+from floquid.transfer import MeasuredTransfer
 
 
 def driven_summary(analysis: ExcitedAnalysis) -> dict[str, Any]:
@@ -61,8 +62,22 @@ def transfer_entries(found: TransferFunctions) -> dict[str, Any]:
         "inputs": [{"name": channel.name, "unit": channel.unit} for channel in found.inputs],
         "values": found.values,
         "std": found.std,
+        "step": found.step,
     }
     return for_json(content)
+
+
+def measured_entries(found: MeasuredTransfer) -> dict[str, Any]:
+    """What is known of transfer functions measured, `found`, beside their values, for `json.dump`."""
+    return for_json(
+        {
+            "method": found.method,
+            "noise": found.noise,
+            "coherence": found.coherence,
+            "nonlinear": found.nonlinear,
+            "warnings": list(found.warnings),
+        }
+    )
 
 
 def transfer_rows(found: TransferFunctions) -> str:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 COLORS = (BLACK, BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY)
 DASHES = ("-", "--", ":", "-.")
+LINES = 150  # up to so many frequencies a deviation is a bar
 TWICE = 1.96  # deviations of a 95 % band
 
 
@@ -26,27 +27,36 @@ def transfer(
 ) -> Figure:
     r"""Magnitudes of the harmonic transfer functions :math:`|G_m(\Omega)|` from one input to one output.
 
-    A curve a harmonic m: the response at Ω + mω to an input at Ω. Bands are 95 % intervals. `found` are transfer
+    A curve a harmonic m: the response at Ω + mω to an input at Ω. Bands are 95 % intervals, of lines that were measured
+    bars. `found` are transfer
     functions, or what makes them (`analysis.transfer`); `output` and `driven_by` are which output and which input, from
     0. Raises InputError where there is no such one.
     """
     own = found() if callable(found) else found
     row = index(output, "output", "transfer", len(own.outputs))
     column = index(driven_by, "driven_by", "transfer", len(own.inputs))
+    measured = not np.isfinite(own.values).all() or len(own.frequencies_hz) <= LINES
     with drawing(4.2) as figure:
         axes = figure.add_subplot()
         for place, harmonic in sorted(enumerate(own.harmonics.tolist()), key=lambda one: (abs(one[1]), one[1])):
             size = np.abs(own.values[place, row, column])
-            if not size.any():
+            there = np.isfinite(size)
+            if not size[there].any():
                 continue
+            size, hertz = size[there], own.frequencies_hz[there]
             number = 2 * abs(harmonic) - (harmonic > 0)
             color, dash = COLORS[number % len(COLORS)], DASHES[number // len(COLORS) % len(DASHES)]
-            axes.plot(own.frequencies_hz, size, color=color, linestyle=dash, label=f"m = {harmonic}")
+            axes.plot(
+                hertz, size, color=color, linestyle=dash, label=f"m = {harmonic}", linewidth=0.6 if measured else None
+            )
             if own.std is not None:
                 # The deviation of a magnitude is at most that of the larger part, at least that of what is along it.
-                spread = TWICE * np.abs(own.std[place, row, column]) / np.sqrt(2.0)
+                spread = TWICE * np.abs(own.std[place, row, column, there]) / np.sqrt(2.0)
                 low = np.maximum(size - spread, 1e-3 * size.max())
-                axes.fill_between(own.frequencies_hz, low, size + spread, color=color, alpha=0.2, linewidth=0.0)
+                if measured:
+                    axes.vlines(hertz, low, size + spread, color=color, linewidth=1.2)
+                else:
+                    axes.fill_between(hertz, low, size + spread, color=color, alpha=0.2, linewidth=0.0)
         axes.set_yscale("log")
         axes.set_xlabel(r"frequency of the input $\Omega/2\pi$ [Hz]")
         one, other = own.outputs[row], own.inputs[column]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import Channel, ConstantPeriod, Record
@@ -96,8 +97,8 @@ def multisine(
 ) -> Multisine:
     """A multisine for a system of a period, of random lines and phases, its inputs interleaved.
 
-    Of each pair of residue classes k and -k modulo `turns` one line is taken, at random in the band; 0 and half of
-    `turns`, which are their own negative, are left out.
+    Of each pair of residue classes k and -k modulo `turns` one line is taken, at random in one of as many strips of the
+    band; 0 and half of `turns`, which are their own negative, are left out.
 
     Parameters
     ----------
@@ -152,8 +153,8 @@ def multisine(
     if len(classes) - left_out < inputs:
         got = f"has {max(highest - lowest + 1, 0)} lines of {1.0 / (turns * period):.4g} Hz"
         raise input_error("band", of, "have a line for each input", got, "Widen it, or take more turns.")
-    chosen = [int(generator.choice(candidates[pairs == one])) for one in classes[left_out:]]
-    lines = tuple(np.sort(chosen[number::inputs]) for number in range(inputs))
+    chosen = _spread(candidates, pairs, classes[left_out:], generator)
+    lines = tuple(chosen[number::inputs] for number in range(inputs))
     values = np.array([_flattest(own, samples, generator) for own in lines])
     spared = np.concatenate([classes[:left_out], turns - classes[:left_out]])
     return Multisine(
@@ -164,6 +165,22 @@ def multisine(
         lines=lines,
         spare=np.sort(spared).astype(np.int64),
     )
+
+
+def _spread(
+    candidates: NDArray[np.int64], pairs: NDArray[np.int64], classes: NDArray[np.int64], generator: np.random.Generator
+) -> NDArray[np.int64]:
+    """One line of each class, ascending, each in a strip of the band of its own where there is such a choice."""
+    edges = np.linspace(candidates[0], candidates[-1] + 1, len(classes) + 1)
+    strips = np.searchsorted(edges, candidates, side="right") - 1
+    there = np.zeros((len(classes), len(classes)), bool)
+    for row, one in enumerate(classes):
+        there[row, strips[pairs == one]] = True
+    _, own = linear_sum_assignment(np.where(there, 0.0, len(classes)) + generator.random(there.shape))
+    found = []
+    for one, strip, met in zip(classes, own, there[np.arange(len(own)), own], strict=True):
+        found.append(generator.choice(candidates[(pairs == one) & ((strips == strip) | (not met))]))
+    return np.sort(np.array(found, np.int64))
 
 
 def _flattest(lines: NDArray[np.int64], samples: int, generator: np.random.Generator) -> NDArray[np.float64]:

@@ -187,7 +187,7 @@ def _refuse_collisions(excited: NDArray[np.bool_], turns: int) -> None:
         raise IdentificationError(
             "Lines of the inputs, or of one and its mirror image, are a multiple of the fundamental apart: the lines "
             "of the response belong to more than one of them. Take a multisine designed for it (`multisine`), or let "
-            "polynomials over neighbouring lines part them (`repeat=0`)."
+            "polynomials over neighbouring lines part them (`method`)."
         )
 
 

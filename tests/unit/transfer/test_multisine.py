@@ -44,6 +44,13 @@ def test_as_many_lines_as_there_are_pairs_of_classes():
     assert [len(own) for own in multisine(1.0, 20.0, turns=128, inputs=3, spare=0.0).lines] == [21, 21, 21]
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_lines_are_spread_over_the_band(seed):
+    found = multisine(1.0, 20.0, turns=64, inputs=2, seed=seed)
+    for own in found.lines:
+        assert np.diff([0, *own, 4 * 64]).max() < 3.0 * 4 * 64 / len(own)
+
+
 def test_it_can_be_played():
     found = multisine(0.5, 40.0, turns=16, rms=3.0)
     record = found.record(3, ["force"])

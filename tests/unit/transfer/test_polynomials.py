@@ -55,5 +55,10 @@ def test_a_record_too_short_is_refused():
         measured(mathieu(), 20, 10, 0.05, 0, harmonics=np.arange(-6, 7))
 
 
-def test_repeats_may_be_told_to_be_none():
-    assert measured(mathieu(), 20, 200, 0.05, 0, repeat=0).method == "polynomials"
+def test_inputs_that_do_not_repeat_have_no_repeats():
+    with pytest.raises(IdentificationError, match="do not repeat"):
+        measured(mathieu(), 20, 60, 0.05, 0, method="repeats")
+
+
+def test_the_method_may_be_named():
+    assert measured(mathieu(), 20, 200, 0.05, 0, method="polynomials").method == "polynomials"

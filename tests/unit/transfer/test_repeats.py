@@ -160,7 +160,8 @@ def test_too_few_repeats_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("words", "message"), [({"drop": -1}, "drop"), ({"repeat": -1}, "repeat"), ({"inputs": []}, "inputs")]
+    ("words", "message"),
+    [({"drop": -1}, "drop"), ({"repeat": 1}, "repeat"), ({"method": "lines"}, "method"), ({"inputs": []}, "inputs")],
 )
 def test_slips_are_named(words, message):
     _, record, names = shaken(mathieu(), 20, 16, 3, 0.01, 0)

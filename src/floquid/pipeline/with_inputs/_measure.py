@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._checks import frozen_array, input_error
 from floquid.core import Record
+from floquid.errors import IdentificationError
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
 from floquid.pipeline.with_inputs._prepare import parted, refuse_others
 from floquid.transfer import MeasuredTransfer, by_polynomials, by_repeats, repeat_of
 
 OF = "measure_transfer"
+
+Method: TypeAlias = Literal["repeats", "polynomials"]
+"""How G is measured."""
 
 POINTS = 400
 """Frequencies where none are named."""
@@ -25,6 +30,7 @@ def measure_transfer(
     records: Record | Sequence[Record],
     settings: Settings | None = None,
     *,
+    method: Method | None = None,
     harmonics: ArrayLike = (-2, -1, 0, 1, 2),
     frequencies_hz: ArrayLike | None = None,
     repeat: int | None = None,
@@ -46,13 +52,15 @@ def measure_transfer(
         One record, or several of the same channels, inputs among them, at a constant period.
     settings
         The options, with `inputs`; or give them by name.
+    method
+        "repeats" or "polynomials"; by default repeats where the inputs repeat.
     harmonics
         The integers m (harmonics,).
     frequencies_hz
         Ω/2π (frequencies,) [Hz], the nearest lines; by default 400 over what the inputs excite. Of inputs that repeat
         all their lines are taken, and these do not count.
     repeat
-        Periods of the system in a repeat of the inputs; by default found from them; 0 for polynomials in any case.
+        Periods of the system in a repeat of the inputs; by default found from them.
     drop
         Repeats at the begin of each record that are left out, for the transient to die.
     report
@@ -77,9 +85,12 @@ def measure_transfer(
         remedy = 'Name the channels that drive the system: `inputs=["force"]`.'
         raise input_error("inputs", OF, "name a channel", "is empty", remedy)
     refuse_others(chosen, OF)
-    if (repeat is not None and repeat < 0) or drop < 0:
-        name = "drop" if drop < 0 else "repeat"
-        raise input_error(name, OF, "be 0 or more", f"is {drop if drop < 0 else repeat}", "As drop=1.")
+    if method not in (None, *get_args(Method)):
+        raise input_error("method", OF, f"be one of {get_args(Method)}", f"is {method!r}", "Or leave it out.")
+    if repeat is not None and repeat < 2:
+        raise input_error("repeat", OF, "be 2 periods or more", f"is {repeat}", "Leave it out: it is found.")
+    if drop < 0:
+        raise input_error("drop", OF, "be 0 or more", f"is {drop}", "As drop=1.")
     turns = frozen_array(np.atleast_1d(harmonics), "harmonics", OF, axes=("harmonics",), dtype=np.int64).tolist()
     with own_names(OF):
         used = clocked(records, chosen, OF)
@@ -92,8 +103,13 @@ def measure_transfer(
             raise input_error("records", OF, must, got, remedy)
         samples, channels = own.samples, (own.outputs, own.inputs)
         with blas_threads(used):
-            periods = repeat_of(samples) if repeat is None else repeat
-            if periods:
+            periods = None if method == "polynomials" else repeat or repeat_of(samples)
+            if method == "repeats" and periods is None:
+                raise IdentificationError(
+                    "The inputs do not repeat after a whole number of periods, three times at least. Name that number "
+                    "(`repeat`), correct the period, or let polynomials over lines part them (`method`)."
+                )
+            if periods is not None:
                 report("averaging repeats")
                 return by_repeats(samples, periods, turns, channels, drop)
             report("fitting polynomials over lines")

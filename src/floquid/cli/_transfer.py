@@ -1,0 +1,253 @@
+"""`floquid transfer`: harmonic transfer functions; `floquid multisine`: the inputs to measure them with."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from cyclopts import Parameter
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from floquid._checks import input_error
+from floquid.cli._driven import STAGES, identified
+from floquid.cli._options import (
+    Debug,
+    Format,
+    Frequency,
+    NewRecordFile,
+    OptionalWhole,
+    RecordFiles,
+    RecordOptions,
+    SettingsFile,
+    Whole,
+    given,
+    period_of,
+    split,
+)
+from floquid.cli._records import check_files, read_records
+from floquid.cli._settings import choices_of
+from floquid.cli._terminal import json_text, print_title, print_warnings, progress, terminal
+from floquid.core import Channel
+from floquid.exports import measured_entries, transfer_entries, transfer_rows
+from floquid.findings import Severity, texts
+from floquid.inputs import TransferFunctions
+from floquid.pipeline import measure_transfer
+from floquid.readers import write
+from floquid.transfer import Multisine
+from floquid.transfer import multisine as designed
+
+OF = "floquid transfer"
+DESIGN = "floquid multisine"
+SHOWN = 12  # frequencies that are printed
+
+Method: TypeAlias = Literal["model", "repeats", "polynomials"]
+
+_AT = "Frequencies [Hz]: one, several with commas, or first:last:number. By default all that the method has."
+_HARMONICS = "Harmonics m, with commas: the response at the input's frequency plus m times the fundamental."
+_METHOD = (
+    "model: that of the modes identified. repeats: line by line from inputs that repeat, as those of floquid "
+    "multisine. polynomials: line by line from any broad-band inputs."
+)
+_DROP = "Repeats at the begin of each record that are left out, for what rings there to die."
+_BAND = "The lowest and the highest line [Hz], with a comma; by default up to a fifth of the rate."
+
+
+def transfer(
+    *files: RecordFiles,
+    record: RecordOptions | None = None,
+    method: Annotated[Method, Parameter(help=_METHOD)] = "model",
+    at: Annotated[str, Parameter(help=_AT)] = "",
+    harmonics: Annotated[str, Parameter(help=_HARMONICS)] = "-1,0,1",
+    drop: Annotated[Whole, Parameter(help=_DROP)] = 1,
+    out: Annotated[Path | None, Parameter(help="A table (.csv), or a picture (.png, .pdf, .svg).")] = None,
+    format: Format = "text",  # noqa: A002
+    settings: SettingsFile = None,
+    debug: Debug = False,
+) -> None:
+    """Harmonic transfer functions from measured inputs to the other channels, with their deviations.
+
+    Parameters
+    ----------
+    files
+        Records of the responses and of what drives them, of any format that is read.
+    record
+        The fields of `Settings`.
+    format
+        text prints a table; json prints all frequencies.
+    settings
+        A settings.toml written by an earlier run; options given here come first.
+    """
+    del debug
+    check_files(files, OF)
+    choices = choices_of(settings).with_given(**given(record, OF))
+    if not choices.settings.inputs:
+        raise input_error("--inputs", OF, "name the channels that drive the system", "is not given", "As --inputs F.")
+    turns, hertz = _whole(harmonics), _frequencies(at)
+    if method == "repeats" and hertz is not None:
+        must, remedy = "not be given with --method repeats", "Leave it out: the lines are those of the inputs."
+        raise input_error("--at", OF, must, f"is {at!r}", remedy)
+    with progress(STAGES) as report:
+        records, choices = read_records(files, choices, OF, report)
+        if method == "model":
+            analysis = identified(records, choices, report)
+            found, findings, more = analysis.transfer(hertz, turns), analysis.findings, {}
+        else:
+            measured = measure_transfer(
+                records,
+                choices.resolved(),
+                method=method,
+                harmonics=turns,
+                frequencies_hz=hertz,
+                drop=drop,
+                report=report,
+            )
+            found, findings, more = measured.transfer, measured.findings, measured_entries(measured)
+        if out is not None:
+            _write(found, out)
+    if format == "json":
+        sys.stdout.write(json_text(transfer_entries(found) | more))
+        return
+    print_transfer(terminal(), found)
+    for words in texts(findings, Severity.NOTE) if more else ():
+        terminal().print(words)
+    print_warnings(terminal(), texts(findings, Severity.FAILURE, Severity.WARNING))
+    if out is not None:
+        terminal().print(f"Written: {out}", soft_wrap=True)
+
+
+def print_transfer(console: Console, found: TransferFunctions) -> None:
+    """Print magnitude and phase of each harmonic at a few frequencies, for every input and output."""
+    from floquid.views import with_error
+
+    for row, output in enumerate(found.outputs):
+        for column, source in enumerate(found.inputs):
+            print_title(console, f"{source.name} to {output.name} [{output.unit}/{source.unit}]: |G_m|, arg [°]")
+            table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
+            for name in ("f [Hz]", *(f"m = {harmonic}" for harmonic in found.harmonics.tolist())):
+                table.add_column(name, justify="right", no_wrap=True)
+            for place in _spread(np.isfinite(found.values[:, row, column].sum(axis=0))):
+                values = found.values[:, row, column, place]
+                std = np.zeros(len(values)) if found.std is None else np.abs(found.std[:, row, column, place]) / 2**0.5
+                cells = [
+                    f"{with_error(abs(value), error)}, {np.degrees(np.angle(value)):.0f}"
+                    for value, error in zip(values, std, strict=True)
+                ]
+                table.add_row(f"{found.frequencies_hz[place]:.5g}", *cells)
+            console.print(table)
+    if found.step is not None:
+        console.print(f"G of samples every {found.step:.6g} s: the input between them is in it.", style="dim")
+    console.print("Response at f + m/T to an input at f; digits in brackets are one standard deviation.", style="dim")
+
+
+def _spread(there: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Some places of those that are there, spread over them."""
+    places = np.flatnonzero(there)
+    return places[np.unique(np.linspace(0, len(places) - 1, min(SHOWN, len(places))).astype(int))]
+
+
+def _write(found: TransferFunctions, out: Path) -> None:
+    """Write transfer functions as a table, or as a picture."""
+    if out.suffix.lower() == ".csv":
+        out.write_text(transfer_rows(found), encoding="utf-8")
+        return
+    from floquid.plot import save_figure
+    from floquid.plot import transfer as drawn
+
+    save_figure(drawn(found), out)
+
+
+def _whole(text: str) -> list[int]:
+    """Whole numbers of a comma-separated list."""
+    try:
+        return [int(word) for word in split(text)]
+    except ValueError:
+        raise input_error("--harmonics", OF, "be whole numbers with commas", f"is {text!r}", "As -1,0,1.") from None
+
+
+def _frequencies(text: str) -> list[float] | None:
+    """Frequencies [Hz] of a list or a range; None where none are named."""
+    if not text.strip():
+        return None
+    try:
+        if ":" in text:
+            first, last, number = text.split(":")
+            return np.linspace(float(first), float(last), int(number)).tolist()
+        return [float(word) for word in split(text)]
+    except ValueError:
+        must = "be frequencies with commas, or first:last:number"
+        raise input_error("--at", OF, must, f"is {text!r}", "As 0.1:2:200.") from None
+
+
+def multisine(
+    *,
+    period: float | None = None,
+    frequency: Frequency = None,
+    rate: Annotated[float | None, Parameter(help="The sampling rate [Hz].")] = None,
+    turns: Whole = 128,
+    band: Annotated[str, Parameter(help=_BAND)] = "",
+    inputs: str = "u",
+    rms: float = 1.0,
+    repeats: OptionalWhole = 5,
+    seed: Whole = 0,
+    out: NewRecordFile = Path("multisine.csv"),
+    debug: Debug = False,
+) -> None:
+    """Write inputs for measuring harmonic transfer functions: random lines of which no two sidebands meet.
+
+    Parameters
+    ----------
+    period
+        The period of the system [s].
+    turns
+        Periods of the system in a repeat: half as many lines at most.
+    inputs
+        The names of the channels, with commas.
+    rms
+        That of each input, in its unit.
+    repeats
+        How often it is repeated: the first for what rings at the begin, four and more for a variance.
+    seed
+        The seed of lines and phases.
+    out
+        The file; its suffix chooses the format.
+    """
+    del debug
+    own = period_of(period, frequency, DESIGN)
+    if own is None or rate is None:
+        name = "--period" if own is None else "--rate"
+        raise input_error(name, DESIGN, "be given", "is not", "As --period 0.5 --rate 40.")
+    names = split(inputs)
+    if not names:
+        raise input_error("--inputs", DESIGN, "name a channel", "names none", "As --inputs F1,F2.")
+    design = designed(own, rate, turns=turns, band=_band(band), inputs=len(names), rms=rms, seed=seed)
+    write(design.record(5 if repeats is None else repeats, [Channel(name=name) for name in names]), out)
+    _print_design(terminal(), design, names)
+    terminal().print(f"Written to {out}.", soft_wrap=True)
+
+
+def _print_design(console: Console, design: Multisine, names: tuple[str, ...]) -> None:
+    """Print the lines of each input and what a repeat is."""
+    for name, hertz in zip(names, design.frequencies_hz, strict=True):
+        console.print(f"{name}: {len(hertz)} lines from {hertz[0]:.5g} to {hertz[-1]:.5g} Hz.")
+    samples = design.values.shape[1]
+    console.print(
+        f"A repeat is {design.turns} periods, {samples} samples, {samples / design.sample_rate:.6g} s; "
+        f"peak over rms {design.peak:.3g}. Play it without a gap, its begin at phase zero or at any other, and measure "
+        f"at {design.sample_rate:.8g} Hz what is played and what answers."
+    )
+
+
+def _band(text: str) -> tuple[float, float] | None:
+    """Two frequencies with a comma; None where none are named."""
+    if not text.strip():
+        return None
+    try:
+        low, high = (float(word) for word in split(text))
+    except ValueError:
+        must = "be two frequencies with a comma"
+        raise input_error("--band", DESIGN, must, f"is {text!r}", "As --band 0.1,2.") from None
+    return low, high

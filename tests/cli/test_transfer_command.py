@@ -1,0 +1,86 @@
+"""`floquid multisine`, and `floquid transfer` line by line: from a design to transfer functions."""
+
+import json
+
+import numpy as np
+import pytest
+from tests.driven import mathieu, record_of
+
+from floquid import Channel, Record, read
+from floquid.cli import run
+from floquid.readers import write
+
+PERIOD = f"{np.pi:.15g}"
+RATE = f"{20.0 / np.pi:.15g}"
+
+
+@pytest.fixture
+def file(tmp_path, capsys):
+    played = tmp_path / "played.csv"
+    words = ["multisine", "--period", PERIOD, "--rate", RATE, "--turns", "32", "--band", "0.05,1", "--inputs", "F"]
+    assert run([*words, "--repeats", "5", "--out", str(played)]) == 0
+    assert "F: 13 lines from" in capsys.readouterr().out
+    inputs = read(played).values
+    assert inputs.shape == (1, 5 * 32 * 20)
+    assert inputs[:, : 32 * 20] == pytest.approx(inputs[:, 32 * 20 : 64 * 20], abs=1e-9)
+    values, _ = record_of(mathieu(), None, 20, 0.01, 0, inputs)
+    channels = [Channel(name="x", unit="m"), Channel(name="F", unit="N")]
+    path = tmp_path / "answered.csv"
+    write(Record(values=np.concatenate([values, inputs]), sample_rate=20.0 / np.pi, channels=channels), path)
+    return path
+
+
+def test_from_a_design_to_transfer_functions(file, tmp_path, capsys):
+    command = ["transfer", str(file), "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--drop", "2"]
+    assert run(command) == 0
+    captured = capsys.readouterr()
+    assert "F to x [m/N]" in captured.out
+    assert "3 repeats of 32 periods" in captured.out
+    assert "G of samples every" in captured.out
+    assert "Warning" not in captured.out
+    assert run([*command, "--harmonics", "0,1", "--format", "json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    values = np.array(found["values"])[:, 0, 0] @ [1.0, 1j]
+    truth = mathieu().sampled_transfer(found["frequencies_hz"], [0, 1], 20)[:, 0, 0]
+    assert values == pytest.approx(truth, abs=0.02 * np.abs(truth).max())
+    assert found["method"] == "repeats"
+    assert found["step"] == pytest.approx(np.pi / 20)
+    assert min(map(min, found["coherence"])) > 0.5
+    for name in ("g.csv", "g.png"):
+        assert run([*command, "--out", str(tmp_path / name)]) == 0
+    table = np.genfromtxt(tmp_path / "g.csv", delimiter=",", skip_header=1)
+    assert table.shape == (13, 1 + 4 * 3)
+    assert (tmp_path / "g.png").stat().st_size > 1000
+
+
+def test_polynomials_at_frequencies_that_are_named(file, capsys):
+    command = ["transfer", str(file), "--period", PERIOD, "--inputs", "F", "--method", "polynomials", "--at", "0.1,0.2"]
+    assert run([*command, "--format", "json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["frequencies_hz"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "lines"], "--method"),
+        (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--at", "1"], "--at"),
+        (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--drop", "-1"], "--drop"),
+        (["multisine", "--rate", "20"], "--period"),
+        (["multisine", "--period", "1"], "--rate"),
+        (["multisine", "--period", "1", "--rate", "20", "--band", "low"], "--band"),
+        (["multisine", "--period", "1", "--rate", "20", "--inputs", ","], "--inputs"),
+        (["multisine", "--period", "1", "--rate", "20.01"], "--rate"),
+        (["multisine", "--period", "1", "--rate", "20", "--repeats", "0"], "--repeats"),
+    ],
+)
+def test_slips_are_usage(file, words, message, capsys):
+    assert run([str(file) if word == "FILE" else word for word in words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_inputs_that_do_not_repeat_are_told(tmp_path, capsys):
+    values, inputs = record_of(mathieu(), 30, 20, 0.02, 0)
+    path = tmp_path / "shaken.csv"
+    write(Record(values=np.concatenate([values, inputs]), sample_rate=20.0 / np.pi, channels=["x", "F"]), path)
+    assert run(["transfer", str(path), "--period", PERIOD, "--inputs", "F", "--method", "repeats"]) == 1
+    assert "do not repeat" in capsys.readouterr().err
