@@ -21,7 +21,7 @@ TOGETHER = 512
 """Samples whose derivatives are held at once."""
 
 LARGEST = 1e3
-"""Innovations over the response from which on the predictor diverges."""
+"""Innovations over the response, and a last state over the first, from which on the predictor diverges."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -175,22 +175,26 @@ def predicted(
     drive = drive + np.einsum("kni,ik->kn", gains, beside)
     limit = LARGEST * np.abs(samples.values).max()
     with np.errstate(all="ignore"):
-        states = np.concatenate(
-            [
+        parts, ends = zip(
+            *[
                 _carried(first, moved[own][:-1], drive[own][:-1])
                 for first, own in zip(initial, samples.records, strict=True)
-            ]
+            ],
+            strict=True,
         )
+        states = np.concatenate(parts)
         innovations = beside - np.einsum("kin,kn->ik", seen, states)
-    if not np.isfinite(innovations).all() or np.abs(innovations).max() > limit:
+        # One that grows may leave innovations that are small: its derivatives would be none.
+        grown = np.abs(np.array(ends)).max(initial=0.0)
+    if not (np.abs(innovations).max() <= limit and grown <= LARGEST):
         return None
     return Predictor(tuple(modes), columns, initial, innovations, states)
 
 
 def _carried(
     first: NDArray[np.float64], transitions: NDArray[np.float64], drive: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """States of x_{k+1} = T_k x_k + f_k from the first one to one past the last sample (samples + 1, states).
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """States of x_{k+1} = T_k x_k + f_k from the first one on (samples + 1, states), and the product of T of blocks.
 
     Blocks of samples go side by side: each is run from zero for what it adds and what it carries over, the states at
     their begins follow one from the other, and each is run again from its own.
@@ -204,14 +208,15 @@ def _carried(
         added = np.einsum("bij,bj->bi", transitions[own], added) + drive[own]
         carried = transitions[own] @ carried
     states = np.empty((count, len(first)))
-    states[0] = first
+    states[0], whole = first, np.eye(len(first))
     for number, begin in enumerate(begins[:-1]):
         states[begin + length] = carried[number] @ states[begin] + added[number]
+        whole = carried[number] @ whole
     for step in range(length - 1):
         own = begins + step
         own = own[own + 1 < count]
         states[own + 1] = np.einsum("bij,bj->bi", transitions[own], states[own]) + drive[own]
-    return states
+    return states, whole
 
 
 def rebuilt(samples: Samples, now: Predictor, modes: Sequence[Mode]) -> Predictor | None:
@@ -342,7 +347,7 @@ def gradient(samples: Samples, at: Predictor, of: NDArray[np.float64]) -> NDArra
     behind, begun = np.zeros((samples.n_samples, len(system))), []
     for own in samples.records:
         back = moved[own][:-1][::-1].swapaxes(1, 2)
-        adjoint = _carried(pull[own][-1], back, pull[own][:-1][::-1])[::-1]
+        adjoint = _carried(pull[own][-1], back, pull[own][:-1][::-1])[0][::-1]
         behind[own][:-1] = adjoint[1:]
         begun.append(-adjoint[0])
     shares = weighted + np.einsum("kni,kn->ik", gains, behind)

@@ -128,6 +128,12 @@ def test_a_predictor_that_diverges_is_none(case):
     assert predicted(samples, wild, at.columns, at.initial) is None
 
 
+def test_a_predictor_that_grows_unseen_is_none(case):
+    samples, at, _ = case
+    silent = replace(at.modes[1], exponent=0.2 + 0.0j, gains=0.0 * at.modes[1].gains, shape=1e-9 * at.modes[1].shape)
+    assert predicted(samples, [at.modes[0], silent], at.columns, 0.0 * at.initial) is None
+
+
 @pytest.mark.parametrize("half", [0.0, 0.5])
 def test_a_pair_on_the_axis_is_two_real_multipliers(case, half, monkeypatch):
     samples, at, _ = case
