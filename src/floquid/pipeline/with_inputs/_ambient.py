@@ -210,7 +210,7 @@ def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:
 
 
 def _told(fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float) -> tuple[Finding, ...]:
-    """Findings on each mode: how long a record its damping needs, and whether its shape is periodic at all."""
+    """Findings on the modes: how long a record their damping needs, which are not periodic, and which nearly one."""
     from scipy.special import chdtrc
 
     found, varying = [], []
@@ -219,26 +219,29 @@ def _told(fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duratio
         varying.append(bool(degrees and chdtrc(degrees, squares) < SURE))
     if not any(varying):
         found.append(note("ambient_constant"))
-    place = 0
-    for mode, varies in zip(fit.at.modes, varying, strict=True):
-        hertz, share = abs(model.exponents[place]) / (2.0 * np.pi), float(relative[place])
-        place += mode.rows
-        if share * abs(mode.exponent.real) * model.period > 1.0:
-            found.append(failure("ambient_undetermined", frequency=hertz))
-        if any(varying) and not varies:
-            found.append(warning("ambient_single", frequency=hertz))
-        if share > AIM:
-            told = warning if share > VAGUE else note
-            length = duration * (share / AIM) ** 2
-            found.append(
-                told("ambient_length", frequency=hertz, share=share, length=length, periods=length / model.period)
-            )
-    omega = model.fundamental
-    for one, other in combinations(fit.at.modes, 2):
-        gaps = [one.exponent - other.exponent, one.exponent - other.exponent.conjugate()]
-        near = min(abs(gap - 1j * omega * round(gap.imag / omega)) for gap in gaps)
-        if near < ALIKE * min(abs(one.exponent.real), abs(other.exponent.real)):
-            found.append(warning("ambient_alike", frequency=abs(one.exponent) / (2.0 * np.pi)))
+    places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
+    shares, hertz = relative[places], np.abs(model.exponents[places]) / (2.0 * np.pi)
+    decays = np.abs(model.exponents[places].real)
+    dead = shares * decays * model.period > 1.0
+    if dead.any():
+        found.append(failure("ambient_undetermined", frequencies=hertz[dead].tolist()))
+    single = ~np.array(varying) & any(varying)
+    if single.any():
+        found.append(warning("ambient_single", frequencies=hertz[single].tolist()))
+    if (shares > AIM).any():
+        worst = int(np.argmax(shares))
+        told, periods = warning if shares[worst] > VAGUE else note, duration / model.period * (shares / AIM) ** 2
+        unsure = {"frequency": float(hertz[worst]), "share": float(shares[worst]), "periods": float(periods[worst])}
+        found.append(told("ambient_length", **unsure, seconds=unsure["periods"] * model.period))
+    omega, near = model.fundamental, set()
+    for one, other in combinations(range(len(places)), 2):
+        first, second = fit.at.modes[one].exponent, fit.at.modes[other].exponent
+        gaps = [first - second, first - second.conjugate()]
+        gap = min(abs(gap - 1j * omega * round(gap.imag / omega)) for gap in gaps)
+        if gap < ALIKE * min(abs(first.real), abs(second.real)):
+            near |= {one, other}
+    if near:
+        found.append(warning("ambient_alike", frequencies=hertz[sorted(near)].tolist()))
     return tuple(found)
 
 
