@@ -231,8 +231,15 @@ def _told(fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duratio
     if (shares > AIM).any():
         worst = int(np.argmax(shares))
         told, periods = warning if shares[worst] > VAGUE else note, duration / model.period * (shares / AIM) ** 2
-        unsure = {"frequency": float(hertz[worst]), "share": float(shares[worst]), "periods": float(periods[worst])}
-        found.append(told("ambient_length", **unsure, seconds=unsure["periods"] * model.period))
+        found.append(
+            told(
+                "ambient_length",
+                frequency=float(hertz[worst]),
+                share=float(shares[worst]),
+                periods=float(periods[worst]),
+                seconds=float(periods[worst] * model.period),
+            )
+        )
     omega, near = model.fundamental, set()
     for one, other in combinations(range(len(places)), 2):
         first, second = fit.at.modes[one].exponent, fit.at.modes[other].exponent
