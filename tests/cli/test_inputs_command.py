@@ -84,3 +84,38 @@ def test_slips_are_usage(file, words, message, capsys):
 def test_a_force_that_goes_on_names_the_way(file, capsys):
     assert run(["identify", str(file), "--period", PERIOD]) == 1
     assert "--inputs F" in capsys.readouterr().err
+
+
+def test_channels_are_the_outputs_and_inputs_are_read_beside_them(file, capsys):
+    words = ["identify", str(file), "--period", PERIOD, "--channels", "x", "--inputs", "F", "--format", "json"]
+    assert run(words) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [channel["name"] for channel in found["outputs"]] == ["x"]
+    assert [channel["name"] for channel in found["inputs"]["channels"]] == ["F"]
+
+
+def test_info_names_what_seems_to_drive_the_system(file, capsys):
+    assert run(["info", str(file)]) == 0
+    said = capsys.readouterr().out
+    assert "Input candidate: F: its quantity is force (--inputs F)" in said
+    assert f"floquid identify {file} --inputs F --period S" in said
+    assert run(["identify", str(file), "--period", PERIOD]) == 1
+    assert "--inputs F" in capsys.readouterr().err
+
+
+def test_candidates_for_inputs_by_name_and_by_unit(tmp_path, capsys):
+    generator = np.random.default_rng(0)
+    channels = [
+        Channel(name="x", unit="m"), Channel(name="motor", unit="Nm"), Channel(name="shaker_command", unit="-"),
+        Channel(name="hammer", unit="N"), Channel(name="azimuth", unit="deg"),
+    ]  # fmt: skip
+    values = generator.standard_normal((5, 400))
+    values[3] = np.arange(400) == 40
+    path = tmp_path / "run.csv"
+    write(Record(values=values, sample_rate=20.0, channels=channels), path)
+    assert run(["info", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert "motor: its unit is Nm, beside motions; shaker_command: its name has the word 'shaker'; hammer: its" in said
+    assert "(--inputs motor,shaker_command,hammer)" in said
+    # After a blow the response is free.
+    assert f"Next: floquid identify {path} --channels x" in said

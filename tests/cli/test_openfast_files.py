@@ -69,7 +69,9 @@ def test_info_proposes_no_voltage_as_a_response(here):
     rows = "\n".join(f"{k},{k % 3},{k % 5},{k % 7},{k % 11},{k % 4}" for k in range(20))
     (here / "run.csv").write_text(f"time [s],x [mm],drive [V],hammer [V],motor [Nm],acc [V]\n{rows}\n")
     text = typed("info run.csv")
-    assert f"floquid identify run.csv --channels x,acc{NO_PERIOD}" in text
+    assert "floquid identify run.csv --channels x,acc --inputs hammer --period S" in text
+    (here / "run.csv").write_text(f"time [s],x [mm],drive [V],knock [V],motor [Nm],acc [V]\n{rows}\n")
+    assert f"floquid identify run.csv --channels x,acc{NO_PERIOD}" in typed("info run.csv")
     (here / "raw.csv").write_text(f"time [s],a [V],b [V],c [V],d [V],e [V]\n{rows}\n")
     assert f"floquid identify raw.csv{NO_PERIOD}" in typed("info raw.csv")
 

@@ -33,6 +33,14 @@ _MOTIONS = ("displacement", "velocity", "acceleration", "strain")
 _DRIVE = re.compile(r"[mkuµ]?[VA]|[mkM]?N[ .·*-]?m")
 """Units of voltages, currents and torques, which drive a system more often than they are its response."""
 
+_DRIVING = re.compile(
+    r"(?<![a-z])(inputs?|shaker|excit(?:ation|er)|command|inject(?:ed|ion)|disturbance)(?![a-z])", re.I
+)
+"""Words in the names of channels that drive a system."""
+
+_BLOWS = 12.0
+"""The range of a force over its deviation from which on it is one of blows: of a random one it is 8 or 10."""
+
 
 def check_files(files: Sequence[Path], of: str) -> None:
     """Refuse no record at all, and one record as two: its noise would count as two independent ones."""
@@ -55,7 +63,8 @@ def read_records(
     """The records, and the choices with the names that the channels have from here on."""
     chosen, records = choices.settings, []
     signals = [name for name in (chosen.tach, chosen.azimuth) if name is not None]
-    named = (*chosen.channels, *(name for name in signals if name not in chosen.channels)) if chosen.channels else None
+    beside = [name for name in (*signals, *chosen.inputs) if name not in chosen.channels]
+    named = (*chosen.channels, *beside) if chosen.channels else None
     for file in files:
         report(f"reading {file.name}")
         record = read(file, period=chosen.period, rate=choices.rate, channels=named, origin=choices.origin)
@@ -69,7 +78,7 @@ def read_records(
             raise input_error("--period", of, "be given", got, remedy)
         records.append(record)
     if chosen.channels:  # a path may stand for all rows of a matrix: from here on each has its name
-        choices = choices.with_given(channels=tuple(c.name for c in records[0].channels if c.name not in signals))
+        choices = choices.with_given(channels=tuple(c.name for c in records[0].channels if c.name not in beside))
     return records, choices
 
 
@@ -121,6 +130,10 @@ def _print_summary(found: FileSummary) -> None:
         console.print(f"The file states a period of {found.period:.12g} s.")
     elif not found.clock_candidates:
         console.print("No candidate for a clock: give the period with --period or --frequency.", style="dim")
+    if why := _driving(found):
+        words = "; ".join(f"{name}: {reason}" for name, reason in why.items())
+        option = f"--inputs {shlex.quote(','.join(why))}"
+        console.print(f"Input candidate{'s' * (len(why) > 1)}: {words} ({option})", soft_wrap=True)
 
 
 def _option_of(candidate: ClockCandidate) -> str:
@@ -136,6 +149,29 @@ def _best_option(candidates: tuple[ClockCandidate, ...]) -> str | None:
     return _option_of(usable[0]) if usable else None
 
 
+def _driving(found: FileSummary) -> dict[str, str]:
+    """Channels that seem to drive the system, and the reason for thinking so."""
+    moving = any(c.quantity in _MOTIONS for c in found.channels)
+    clocks = [candidate.name for candidate in found.clock_candidates]
+    reasons = {}
+    for c in found.channels:
+        if c.name in clocks or c.quantity in ("pulse", "angle") or c.minimum is None or c.is_constant:
+            continue
+        if c.quantity == "force":
+            reasons[c.name] = "its quantity is force"
+        elif named := _DRIVING.search(c.name.replace("_", " ")):
+            reasons[c.name] = f"its name has the word {named[0]!r}"
+        elif moving and c.quantity == "other" and _DRIVE.fullmatch(c.unit):
+            reasons[c.name] = f"its unit is {c.unit}, beside motions"
+    return reasons
+
+
+def _lasting(found: FileSummary) -> list[str]:
+    """Forces that act all along: `identify` refuses to take such a response for a free one."""
+    forces = [c for c in found.channels if c.quantity == "force" and c.minimum is not None and c.maximum is not None]
+    return [c.name for c in forces if c.std and c.maximum - c.minimum < _BLOWS * c.std]
+
+
 def _next_command(found: FileSummary, given: str) -> str:
     """The command to type after this one; `given` are the options that were typed."""
     path = shlex.quote(found.path)
@@ -144,6 +180,10 @@ def _next_command(found: FileSummary, given: str) -> str:
     best = _best_option(found.clock_candidates)
     if "--channels" not in given:
         given += _responses(found, best or "")
+    if lasting := _lasting(found):
+        given += f" --inputs {shlex.quote(','.join(lasting))}"
+    if best is None and lasting:
+        return f"Next, with the period of the system [s]: floquid identify {path}{given} --period S"
     if best is None:
         return (
             f"Next: floquid identify {path}{given} --estimate-period\n"

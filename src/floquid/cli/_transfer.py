@@ -125,7 +125,7 @@ def print_transfer(console: Console, found: TransferFunctions) -> None:
 
     for row, output in enumerate(found.outputs):
         for column, source in enumerate(found.inputs):
-            print_title(console, f"{source.name} to {output.name} [{output.unit}/{source.unit}]: |G_m|, arg [°]")
+            print_title(console, f"{source.name} to {output.name} [{found.unit(row, column)}]: |G_m|, arg [°]")
             table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
             for name in ("f [Hz]", *(f"m = {harmonic}" for harmonic in found.harmonics.tolist())):
                 table.add_column(name, justify="right", no_wrap=True)

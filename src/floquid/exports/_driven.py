@@ -89,7 +89,7 @@ def transfer_rows(found: TransferFunctions) -> str:
     for place, harmonic in enumerate(found.harmonics.tolist()):
         for row, output in enumerate(found.outputs):
             for column, source in enumerate(found.inputs):
-                name, unit = f"G({harmonic:+d}) {source.name} to {output.name}", f"{output.unit}/{source.unit}"
+                name, unit = f"G({harmonic:+d}) {source.name} to {output.name}", found.unit(row, column)
                 value = found.values[place, row, column]
                 heads += [f"{name} real [{unit}]", f"{name} imag [{unit}]"]
                 columns += [value.real, value.imag]

@@ -58,6 +58,13 @@ class TransferFunctions(Rebuilt):
                 value = frozen_array(getattr(self, name), name, of, axes=axes, dtype=np.complex128, missing=True)
                 put(self, name, value)
 
+    def unit(self, output: int, driven_by: int) -> str:
+        """The unit of G from one input, from 0, to one output, from 0; "-" where there is none."""
+        above, below = self.outputs[output].unit, self.inputs[driven_by].unit
+        if above == below:
+            return "-"
+        return above if below == "-" else f"{'1' if above == '-' else above}/{f'({below})' if '/' in below else below}"
+
 
 def transfer_functions(
     model: PeriodicModel, frequencies_hz: ArrayLike, harmonics: ArrayLike = (-1, 0, 1)

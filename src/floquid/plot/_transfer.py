@@ -10,6 +10,7 @@ from floquid._checks import index
 from floquid.inputs import TransferFunctions
 from floquid.plot._colours import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 from floquid.plot._style import drawing
+from floquid.views import magnitude_bands
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 COLORS = (BLACK, BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY)
 DASHES = ("-", "--", ":", "-.")
 LINES = 150  # up to so many frequencies a deviation is a bar
-TWICE = 1.96  # deviations of a 95 % band
 
 
 def transfer(
@@ -28,37 +28,33 @@ def transfer(
     r"""Magnitudes of the harmonic transfer functions :math:`|G_m(\Omega)|` from one input to one output.
 
     A curve a harmonic m: the response at Ω + mω to an input at Ω. Bands are 95 % intervals, of lines that were measured
-    bars. `found` are transfer
-    functions, or what makes them (`analysis.transfer`); `output` and `driven_by` are which output and which input, from
-    0. Raises InputError where there is no such one.
+    bars. `found` are transfer functions, or what makes them (`analysis.transfer`); `output` and `driven_by` are which
+    output and which input, from 0. Raises InputError where there is no such one.
     """
     own = found() if callable(found) else found
     row = index(output, "output", "transfer", len(own.outputs))
     column = index(driven_by, "driven_by", "transfer", len(own.inputs))
+    sizes, low, high, floor = magnitude_bands(own, row, column)
     measured = not np.isfinite(own.values).all() or len(own.frequencies_hz) <= LINES
     with drawing(4.2) as figure:
         axes = figure.add_subplot()
         for place, harmonic in sorted(enumerate(own.harmonics.tolist()), key=lambda one: (abs(one[1]), one[1])):
-            size = np.abs(own.values[place, row, column])
-            there = np.isfinite(size)
-            if not size[there].any():
+            there = np.isfinite(sizes[place])
+            if not sizes[place, there].any():
                 continue
-            size, hertz = size[there], own.frequencies_hz[there]
+            size, hertz = sizes[place, there], own.frequencies_hz[there]
             number = 2 * abs(harmonic) - (harmonic > 0)
             color, dash = COLORS[number % len(COLORS)], DASHES[number // len(COLORS) % len(DASHES)]
             axes.plot(
                 hertz, size, color=color, linestyle=dash, label=f"m = {harmonic}", linewidth=0.6 if measured else None
             )
-            if own.std is not None:
-                # The deviation of a magnitude is at most that of the larger part, at least that of what is along it.
-                spread = TWICE * np.abs(own.std[place, row, column, there]) / np.sqrt(2.0)
-                low = np.maximum(size - spread, 1e-3 * size.max())
-                if measured:
-                    axes.vlines(hertz, low, size + spread, color=color, linewidth=1.2)
-                else:
-                    axes.fill_between(hertz, low, size + spread, color=color, alpha=0.2, linewidth=0.0)
+            if own.std is not None and measured:
+                axes.vlines(hertz, low[place, there], high[place, there], color=color, linewidth=1.2)
+            elif own.std is not None:
+                axes.fill_between(hertz, low[place, there], high[place, there], color=color, alpha=0.2, linewidth=0.0)
         axes.set_yscale("log")
+        axes.set_ylim(bottom=floor)
         axes.set_xlabel(r"frequency of the input $\Omega/2\pi$ [Hz]")
         one, other = own.outputs[row], own.inputs[column]
-        axes.set_ylabel(rf"$|G_m|$, {other.name} to {one.name} [{one.unit}/{other.unit}]")
+        axes.set_ylabel(rf"$|G_m|$, {other.name} to {one.name} [{own.unit(row, column)}]")
     return figure

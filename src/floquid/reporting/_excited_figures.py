@@ -10,7 +10,7 @@ from floquid.pipeline import ExcitedAnalysis, predicted_rest
 from floquid.reporting._case import LONGEST, Case
 from floquid.reporting._chosen_figures import BAND
 from floquid.reporting._look import BLACK, BLUE, CURVES, DASHES, VERMILION, Figure, legend_above, new_figure
-from floquid.views import shortened
+from floquid.views import magnitude_bands, shortened
 
 MOST_PATHS = 6  # paths from an input to an output that are drawn; transfer.csv holds all
 CLOSE = 5.0  # periods of the stretch left out
@@ -45,10 +45,11 @@ def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure
     """Magnitude and phase of each harmonic of each path, a pair of figures a path."""
     figures = []
     for row, column in paths:
-        unit = f"{found.outputs[row].unit}/{found.inputs[column].unit}"
+        unit = found.unit(row, column)
         size = new_figure(
             "frequency of the input f [Hz]", f"|G| [{unit}]", name=f"size-{row}-{column}", y_axis_type="log"
         )
+        sizes, low, high, size.y_range.start = magnitude_bands(found, row, column)
         phase = new_figure(
             "frequency of the input f [Hz]", "arg G [°]", name=f"phase-{row}-{column}", x_range=size.x_range
         )
@@ -59,17 +60,13 @@ def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure
                 continue
             number = (2 * abs(m) - (m > 0)) % len(CURVES)
             look = {"line_color": CURVES[number], "line_dash": DASHES[number], "legend_label": f"m = {m}"}
-            magnitude, seen = np.abs(value), np.ones(len(value), bool)
             if found.std is not None:
-                # That of a magnitude lies between those of both parts.
-                std = np.abs(found.std[place, row, column]) / np.sqrt(2.0)
-                low = np.maximum(magnitude - BAND * std, 1e-3 * magnitude.max())
                 size.varea(
-                    found.frequencies_hz, low, magnitude + BAND * std, fill_color=CURVES[number], fill_alpha=0.25,
+                    found.frequencies_hz, low[place], high[place], fill_color=CURVES[number], fill_alpha=0.25,
                     legend_label=f"m = {m}",
                 )  # fmt: skip
-                seen = magnitude > SEEN * std
-            size.line(found.frequencies_hz, magnitude, line_width=2, **look)
+            size.line(found.frequencies_hz, sizes[place], line_width=2, **look)
+            seen = (high[place] - sizes[place]) * SEEN < BAND * sizes[place]
             degrees = np.where(seen, np.degrees(np.angle(value)), np.nan)
             # A turn by 360° is none: the line is broken there.
             degrees[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan

@@ -3,7 +3,7 @@
 Nothing here draws, and no plotting library is loaded.
 """
 
-from floquid.views._driven import excited_lines
+from floquid.views._driven import excited_lines, magnitude_bands
 from floquid.views._ellipses import ellipse, exponent_ellipses, multiplier_ellipses
 from floquid.views._expansion import Expansion, expansion, identified_residue
 from floquid.views._families import Family, families, unfolded
@@ -41,6 +41,7 @@ __all__ = [
     "identified_residue",
     "lifted_points",
     "lifted_spectrum",
+    "magnitude_bands",
     "mode_notes",
     "mode_table",
     "multiplier_ellipses",

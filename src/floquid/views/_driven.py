@@ -4,10 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
+from floquid._arrays import Floats
 from floquid.core import ModelInputs
 from floquid.findings import Severity, texts
+from floquid.inputs import TransferFunctions
 from floquid.pipeline import AmbientAnalysis, ExcitedAnalysis
-from floquid.views._words import with_error
+
+_BAND = 1.96
+"""Deviations of a 95 % band."""
+
+
+def magnitude_bands(found: TransferFunctions, row: int, column: int) -> tuple[Floats, Floats, Floats, float]:
+    """|G| of one path with its 95 % band (harmonics, frequencies), and where a logarithmic axis of it begins.
+
+    What is smaller than the axis shows is not told from nothing: the band there goes on to its end.
+    """
+    value = found.values[:, row, column]
+    size = np.abs(value)
+    # The deviation of a magnitude lies between those of both parts.
+    std = np.zeros(size.shape) if found.std is None else np.abs(found.std[:, row, column]) / np.sqrt(2.0)
+    there = np.maximum(size, std)[np.isfinite(size) & (size > 0.0)]
+    floor = 0.5 * float(there.min(initial=np.inf if there.size else 1.0))
+    return size, np.maximum(size - _BAND * std, floor), size + _BAND * std, floor
 
 
 def excited_lines(analysis: ExcitedAnalysis) -> dict[str, str]:
@@ -48,7 +66,7 @@ def _verdict(analysis: ExcitedAnalysis) -> str:
     """Whether samples that were left out are predicted."""
     if not np.isfinite(analysis.held_out).all():
         return "not checked"
-    error = with_error(float(analysis.held_out.max()), np.nan)
+    error = f"{analysis.held_out.max():.3g}"
     if analysis.passed:
         return f"passed: the last quarter, left out of a fit, is predicted to {error} times the expected error at worst"
     return f"the model does not pass: the last quarter, left out of a fit, is {error} times further off than expected"

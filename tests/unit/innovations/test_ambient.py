@@ -131,7 +131,7 @@ def test_units_of_the_channels_change_nothing(values, analysis):
 
 
 def test_its_repr_is_its_verdict(analysis):
-    assert repr(analysis) == "AmbientAnalysis(order=2, period=3.142 s, 1 outputs, 0 inputs: passes)"
+    assert repr(analysis) == "AmbientAnalysis(order=2, period=3.142 s, outputs=1, inputs=0: passes)"
 
 
 @pytest.mark.parametrize("other", [0.0, 2.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from floquid import Channel, IdentificationError, Record, identify
+from floquid import Channel, IdentificationError, Record, identify, identify_driven
 from floquid.pipeline.preparation import prepare
 from floquid.systems import JeffcottRotor
 
@@ -122,8 +122,16 @@ def test_a_force_that_goes_on_is_refused():
     force = np.random.default_rng(0).standard_normal((1, record.n_samples))
     channels = (*record.channels, Channel(name="F", quantity="force", unit="N"))
     driven = replace(record, values=np.concatenate([record.values, force]), channels=channels)
-    with pytest.raises(IdentificationError, match="'F' is a force that acts during the record"):
+    with pytest.raises(IdentificationError, match=r"'F' is a force that acts during the record: .*`inputs=F`"):
         identify(driven)
+    # One of two forces that is not named is no response, and not left out in silence either.
+    both = replace(
+        driven,
+        values=np.concatenate([driven.values, force[:, ::-1]]),
+        channels=(*channels, Channel(name="G", quantity="force", unit="N")),
+    )
+    with pytest.raises(IdentificationError, match=r"'G' is a force that acts .*`inputs=F,G`"):
+        identify_driven(both, inputs=["F"])
     blow = np.zeros_like(force)
     blow[0, :3] = 100.0
     free = replace(driven, values=np.concatenate([record.values, blow + 0.01 * force]))
@@ -142,6 +150,15 @@ def test_a_random_response_is_refused():
         )
     wind = Record(values=total, sample_rate=24.0, channels=["x", "y"]).with_clock(ringing().clock)
     wind = wind.with_clock(replace(wind.clock, period=1.0))
-    with pytest.raises(IdentificationError, match="does not decay, and is random"):
+    with pytest.raises(IdentificationError, match=r"does not decay, and is random.*by the ground\. Identify it .*amb"):
         identify(wind)
+    blows = np.zeros((1, len(times)))
+    blows[0, ::2400] = 1.0
+    hit = replace(
+        wind,
+        values=np.concatenate([wind.values, blows]),
+        channels=(*wind.channels, Channel(name="F", quantity="force", unit="N")),
+    )
+    with pytest.raises(IdentificationError, match=r"Name what was measured of it as inputs \(`inputs=F`\)"):
+        identify(hit)
     assert prepare(wind, repair=False).responses

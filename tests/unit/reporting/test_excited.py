@@ -11,6 +11,7 @@ from floquid import Channel, Record
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import predicted_rest
 from floquid.reporting._excited_figures import matrix_rows, paths_of
+from floquid.views import magnitude_bands
 
 PHASES = 20
 
@@ -73,3 +74,28 @@ def test_paths_and_harmonics_that_are_large_are_named():
     assert paths_of(found, np.ones((2, 1)), np.ones(2))[0] == (0, 0)
     rows = matrix_rows(found, [(0, 0), (1, 1)])
     assert rows == [("u to a", [("100 %", 130), ("25 %", 224)]), ("v to b", [("0 %", 255), ("100 %", 130)])]
+
+
+def test_a_band_holds_its_curve_and_goes_to_the_end_of_the_axis_where_nothing_is_told():
+    values, std = np.array([[2.0, 1e-5]]), np.array([[0.1 + 0.1j, 0.1 + 0.1j]])
+    found = TransferFunctions(
+        frequencies_hz=[1.0, 2.0], harmonics=[0], values=values[:, None, None], std=std[:, None, None],
+        outputs=(Channel(name="a", unit="m"),), inputs=(Channel(name="u", unit="m/s"),),
+    )  # fmt: skip
+    size, low, high, floor = magnitude_bands(found, 0, 0)
+    assert low[0] == pytest.approx([2.0 - 0.196, floor])
+    assert high[0] == pytest.approx([2.0 + 0.196, 0.196 + 1e-5])
+    assert size[0, 1] < floor < 0.1
+    assert found.unit(0, 0) == "m/(m/s)"
+
+
+def test_every_result_says_in_one_line_what_it_is(driven):
+    assert repr(driven) == "DrivenAnalysis(order=2, period=3.142 s, outputs=1, inputs=1: passes)"
+    assert "tip &lt;b&gt;" in driven._repr_html_()
+    assert driven.summary().splitlines()[0].startswith("1 record, 1 input and 1 output")
+
+
+def test_the_frequencies_of_transfer_functions_have_the_tops_of_the_resonances(driven):
+    model = driven.model
+    peak = driven.transfer([model.exponents[0].imag / (2.0 * np.pi)], [0])
+    assert np.abs(driven.transfer(harmonics=[0]).values).max() == pytest.approx(abs(peak.values[0, 0, 0, 0]), rel=1e-3)

@@ -1,5 +1,7 @@
 """From records and settings to the responses and their clocks, and the refusals before any long work."""
 
+from floquid.pipeline.preparation._driven import refuse_driven
+from floquid.pipeline.preparation._mended import NO_RESPONSE
 from floquid.pipeline.preparation._own_names import own_names
 from floquid.pipeline.preparation._prepare import (
     Prepared,
@@ -14,11 +16,13 @@ from floquid.pipeline.preparation._refuse import NO_NEWS, name_of, refuse_few
 
 __all__ = [
     "NO_NEWS",
+    "NO_RESPONSE",
     "Prepared",
     "blas_threads",
     "clocked",
     "name_of",
     "prepare",
+    "refuse_driven",
     "refuse_few",
     "settings_of",
     "uneven_speed",

@@ -45,27 +45,42 @@ def refuse_excited(settings: Settings, of: str) -> None:
         raise input_error("excitation", of, must, got, "Call `identify_ambient`, which takes random excitation.")
 
 
-def refuse_driven(records: Sequence[Record], named: Sequence[str]) -> None:
-    """Refuse records in which a measured force goes on, but for those that are `named` as responses.
+def refuse_driven(records: Sequence[Record], settings: Settings) -> None:
+    """Refuse records in which a measured force goes on that the settings name neither as an input nor as a response.
 
     Raises
     ------
     IdentificationError
         There is such a force.
     """
+    forces = forces_of(records, settings)
+    every = ",".join([*settings.inputs, *forces])
     for number, record in enumerate(records, start=1):
         where = f" of record {number}" if len(records) > 1 else ""
         for channel, values in zip(record.channels, record.values, strict=True):
-            if channel.quantity == "force" and channel.name not in named and _goes_on(values):
+            if channel.name not in forces or not _goes_on(values):
+                continue
+            if settings.inputs:
                 raise IdentificationError(
-                    f"Channel {channel.name!r}{where} is a force that acts during the record: the response is not "
-                    "free, and modes found in it would be wrong. Name it as an input "
-                    f"(`inputs={channel.name}`), or use a record that begins when the force is off (cut it, or `skip=` "
-                    "the periods in which it acts)."
+                    f"Channel {channel.name!r}{where} is a force that acts during the record, too: modes found without "
+                    f"it would be wrong. Name all that drives the system (`inputs={every}`); where it drives nothing, "
+                    "or is a response, name the channels to use: `channels=`."
                 )
+            raise IdentificationError(
+                f"Channel {channel.name!r}{where} is a force that acts during the record: the response is not free, "
+                f"and modes found in it would be wrong. Name what drives the system (`inputs={every}`), or use a "
+                "record that begins when the force is off (cut it, or `skip=` the periods in which it acts)."
+            )
 
 
-def refuse_random(records: Sequence[Record]) -> None:
+def forces_of(records: Sequence[Record], settings: Settings) -> list[str]:
+    """The names of forces that the settings name neither as inputs nor as responses, as the records have them."""
+    named = (*settings.channels, *settings.inputs)
+    names = [c.name for record in records for c in record.channels if c.quantity == "force" and c.name not in named]
+    return list(dict.fromkeys(names))
+
+
+def refuse_random(records: Sequence[Record], forces: Sequence[str]) -> None:
     r"""Refuse free responses that are random and do not decay.
 
     The energy of the response, harmonics of the period left out, is spread over
@@ -73,7 +88,8 @@ def refuse_random(records: Sequence[Record]) -> None:
     .. math:: \Big(\sum_k P_k\Big)^2 \Big/ \sum_k P_k^2
 
     lines of its spectrum P: few for undamped modes and tones, many but far from all for a response to noise. Only of
-    records of constant period: at a speed that wanders, harmonics are as broad.
+    records of constant period: at a speed that wanders, harmonics are as broad. The `forces` that the records held
+    may be what drives it.
 
     Raises
     ------
@@ -83,10 +99,11 @@ def refuse_random(records: Sequence[Record]) -> None:
     for number, record in enumerate(records, start=1):
         where = f" of record {number}" if len(records) > 1 else ""
         if isinstance(record.clock, ConstantPeriod) and _is_random(record, record.clock.period):
+            measured = f"Name what was measured of it as inputs (`inputs={','.join(forces)}`). " if forces else ""
             raise IdentificationError(
                 f"The response{where} does not decay, and is random: it is driven all along, by wind, by a process or "
-                "by the ground. Identify it as such, with `identify_ambient` or `--excitation ambient`; or use the "
-                "free response after a blow or after the excitation was switched off."
+                f"by the ground. {measured}Identify it as such, with `identify_ambient` or `--excitation ambient`; or "
+                "use the free response after a blow or after the excitation was switched off."
             )
 
 

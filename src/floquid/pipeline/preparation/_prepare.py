@@ -36,7 +36,7 @@ from floquid.pipeline.preparation._before import (
     responses_of,
     without_orbit,
 )
-from floquid.pipeline.preparation._driven import refuse_driven, refuse_excited, refuse_random
+from floquid.pipeline.preparation._driven import forces_of, refuse_driven, refuse_excited, refuse_random
 from floquid.pipeline.preparation._own_names import own_names
 from floquid.pipeline.preparation._refuse import (
     refuse_copies,
@@ -210,7 +210,8 @@ def clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> 
             got = f"one has {own[0]!r} alone, which is its clock"
             raise input_error("records", of, "have a channel of responses", got, "Read the responses, too.")
         if settings.channels:
-            record = record.select([*settings.channels, *(name for name in own if name not in settings.channels)])
+            beside = [name for name in (*own, *settings.inputs) if name not in settings.channels]
+            record = record.select([*settings.channels, *beside])
         used.append(record if clock is None else record.with_clock(clock))
     return tuple(used)
 
@@ -248,11 +249,12 @@ def _free(
         refuse_period(records, of)
     elif settings.period is not None:
         refuse_period(records, of, near=NEAR)
+    forces = forces_of(records, settings)
     said = missing_of(records)
     refuse_unusable(records, of)
     if settings.repair:
         if not settings.find_hits:
-            refuse_driven(records, settings.channels)
+            refuse_driven(records, settings)
         records, more = repaired(records)
         said += more
     if settings.find_hits:
@@ -267,7 +269,7 @@ def _free(
     records, more = responses_of(records, settings)
     said += more
     if settings.repair and not settings.estimate_period:
-        refuse_random(records)
+        refuse_random(records, forces)
     if settings.orbit:
         records, more = without_orbit(records)
         said += more

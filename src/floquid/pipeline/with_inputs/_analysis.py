@@ -21,7 +21,13 @@ HELD_OUT = 1.4
 """The error of prediction on samples left out, over the noise, from which on a model does not pass."""
 
 POINTS = 400
-"""Frequencies of transfer functions where none are named."""
+"""Frequencies of transfer functions where none are named, evenly spaced, beside those at resonances."""
+
+BESIDE = (-3.0, -1.0, -0.5, 0.0, 0.5, 1.0, 3.0)
+"""Frequencies beside a resonance, in half-widths of it."""
+
+FAINT = 0.03
+"""The share of the strongest way of an input through a mode below which its resonance is not sought."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,8 +68,8 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
     def __repr__(self) -> str:
         model, checked = self.model, np.isfinite(self.held_out).all()
         verdict = ("passes" if self.passed else "does not pass") if checked else "not checked"
-        size = f"order={model.order}, period={model.period:.4g} s, {len(model.channels)} outputs"
-        return f"{type(self).__name__}({size}, {len(self.inputs)} inputs: {verdict})"
+        size = f"order={model.order}, period={model.period:.4g} s, outputs={len(model.channels)}"
+        return f"{type(self).__name__}({size}, inputs={len(self.inputs)}: {verdict})"
 
     def _figures(self) -> Drawings:
         return {"exponents": (self.model, {}), **({"transfer": (self.transfer, {})} if self.inputs else {})}
@@ -108,7 +114,8 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         Parameters
         ----------
         frequencies_hz
-            Ω/2π (frequencies,) [Hz]; by default up to twice the highest frequency of a mode, at most half the rate.
+            Ω/2π (frequencies,) [Hz]; by default up to twice the highest frequency of a mode, at most half the rate,
+            closer together at resonances.
         harmonics
             The integers m (harmonics,).
         sampled
@@ -192,4 +199,20 @@ def _frequencies_of(
         highest = max(2.0 * model.frequencies_hz.max(initial=0.0), 1.0 / model.period)
         most = min(highest, 0.5 * min(record.sample_rate for record in records))
         asked = np.linspace(most / POINTS, most, POINTS)
+        peaks = _peaks(model)
+        asked = np.unique(np.concatenate([asked, peaks[(peaks > 0.0) & (peaks < most)]]))
     return frozen_array(np.atleast_1d(np.asarray(asked, float)), "frequencies_hz", of, axes=("frequencies",))
+
+
+def _peaks(model: PeriodicModel) -> NDArray[np.float64]:
+    """Frequencies of the inputs at and beside the resonances of the modes [Hz], by every harmonic that is strong.
+
+    An even grid misses the top of those that are narrower than its steps.
+    """
+    own = model.inputs
+    assert own is not None
+    strength = np.abs(own.coefficients * np.abs(model.coefficients).max(axis=(1, 2, 3), initial=0.0)[:, None, None])
+    reached = (strength > FAINT * strength.max(axis=(0, 2), keepdims=True)).any(axis=1)
+    rates = model.exponents.imag[:, None] - own.harmonics * model.fundamental
+    beside = np.multiply.outer(np.abs(model.exponents.real), BESIDE)
+    return (rates[:, :, None] + beside[:, None, :])[reached].ravel() / (2.0 * np.pi)

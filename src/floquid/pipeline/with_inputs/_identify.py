@@ -28,7 +28,7 @@ from floquid.inputs import (
     state_slopes,
 )
 from floquid.pipeline._settings import Settings
-from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
+from floquid.pipeline.preparation import blas_threads, clocked, own_names, refuse_driven, settings_of
 from floquid.pipeline.with_inputs._again import KEPT
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, DrivenAnalysis
 from floquid.pipeline.with_inputs._prepare import OF, Parted, parted, refuse_others
@@ -114,6 +114,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     """The chain from the records with their clocks on."""
     report("parting inputs and outputs")
     own = parted(records, settings)
+    refuse_driven(records, settings)
     samples = own.samples
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
     if settings.harmonics is not None and 2 * settings.harmonics >= phases:
@@ -193,6 +194,9 @@ def done_beside(own: Parted) -> tuple[Finding, ...]:
     """Findings on what was fitted beside the modes."""
     names = [channel.name for channel in own.inputs]
     done = [note("inputs", channels=names, hold=own.samples.hold)] if names else []
+    used = {own_channel.name for own_channel in (*own.outputs, *own.inputs)}
+    forces = {c.name for record in own.records for c in record.channels if c.quantity == "force"}
+    done += [note("no_response", channel=name, quantity="force") for name in sorted(forces - used)]
     steady = [note("steady_beside_inputs", harmonics=own.turns)] if own.turns else []
     return (*done, *steady, *(finding for shaft in own.shafts for finding in shaft.findings))
 

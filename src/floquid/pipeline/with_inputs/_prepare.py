@@ -13,6 +13,7 @@ from floquid.core import Channel, ConstantPeriod, Record, channels_named
 from floquid.errors import IdentificationError
 from floquid.inputs import Hold, Samples, samples_of
 from floquid.pipeline._settings import Settings
+from floquid.pipeline.preparation import NO_RESPONSE
 from floquid.sync import ShaftAngle, shaft_angle
 
 OF = "identify_driven"
@@ -108,12 +109,13 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     channels = {channel.name: channel for channel in records[0].channels}
     clocks = {settings.tach, settings.azimuth}
     wanted = settings.channels or [
-        name for name, own in channels.items() if own.quantity not in ("pulse", "angle") and name not in clocks
+        name for name, own in channels.items() if own.quantity not in NO_RESPONSE and name not in clocks
     ]
     outputs = [name for name in channels if name in wanted and name not in settings.inputs]
     if not outputs:
         must = "leave a channel that is an output"
-        raise input_error("inputs", of, must, "names every channel", "Name the channels that drive the system alone.")
+        remedy = "Name the channels that drive the system alone; forces that are responses are named by `channels`."
+        raise input_error("inputs", of, must, "leaves none but forces and clocks, or none at all", remedy)
     names = list(channels)
     rows, driven = [names.index(name) for name in outputs], [names.index(name) for name in settings.inputs]
     inputs, values = [record.values[driven] for record in records], [record.values[rows] for record in records]
