@@ -168,8 +168,12 @@ def _driving(found: FileSummary) -> dict[str, str]:
 
 def _lasting(found: FileSummary) -> list[str]:
     """Forces that act all along: `identify` refuses to take such a response for a free one."""
-    forces = [c for c in found.channels if c.quantity == "force" and c.minimum is not None and c.maximum is not None]
-    return [c.name for c in forces if c.std and c.maximum - c.minimum < _BLOWS * c.std]
+    return [
+        c.name
+        for c in found.channels
+        if c.quantity == "force" and c.minimum is not None and c.maximum is not None
+        if c.std and c.maximum - c.minimum < _BLOWS * c.std
+    ]
 
 
 def _next_command(found: FileSummary, given: str) -> str:

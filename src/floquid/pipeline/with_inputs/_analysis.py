@@ -198,9 +198,8 @@ def _frequencies_of(
     if asked is None:
         highest = max(2.0 * model.frequencies_hz.max(initial=0.0), 1.0 / model.period)
         most = min(highest, 0.5 * min(record.sample_rate for record in records))
-        asked = np.linspace(most / POINTS, most, POINTS)
-        peaks = _peaks(model)
-        asked = np.unique(np.concatenate([asked, peaks[(peaks > 0.0) & (peaks < most)]]))
+        even, peaks = np.linspace(most / POINTS, most, POINTS), _peaks(model)
+        asked = np.unique(np.concatenate([even, peaks[(peaks > 0.0) & (peaks < most)]]))
     return frozen_array(np.atleast_1d(np.asarray(asked, float)), "frequencies_hz", of, axes=("frequencies",))
 
 
