@@ -59,7 +59,7 @@ class TransferFunctions(Rebuilt):
                 put(self, name, value)
 
     def unit(self, output: int, driven_by: int) -> str:
-        """The unit of G from one input, from 0, to one output, from 0; "-" where there is none."""
+        """The unit of G of one path; "-" where there is none. `output` and `driven_by` count from 0."""
         above, below = self.outputs[output].unit, self.inputs[driven_by].unit
         if above == below:
             return "-"
