@@ -17,7 +17,8 @@ _BAND = 1.96
 def magnitude_bands(found: TransferFunctions, row: int, column: int) -> tuple[Floats, Floats, Floats, float]:
     """|G| of one path with its 95 % band (harmonics, frequencies), and where a logarithmic axis of it begins.
 
-    What is smaller than the axis shows is not told from nothing: the band there goes on to its end.
+    What is smaller than the axis shows is not told from nothing: the band there goes on to its end. The path of `found`
+    is from the input `column` to the output `row`, from 0.
     """
     value = found.values[:, row, column]
     size = np.abs(value)
