@@ -27,6 +27,8 @@ INPUTS: dict[str, str | Callable[..., str]] = {
         f"A response that repeats with the period was fitted beside the modes: {both([str(j) for j in harmonics])} "
         "a period."
     ),
+    "inputs_free": "Harmonics go on to the Nyquist frequency: the matrices at each of the {phases} phases were fitted, "
+    "all of them free. Between the samples the model says nothing.",
     "unreached": "The mode at {frequency:.4g} Hz is reached by no input as far as the record shows: it is seen by what "
     "it rings with from the begin alone.",
     "inputs_held_out": "The last quarter of the record, left out of a fit, is predicted with an error of {error:.3g} "

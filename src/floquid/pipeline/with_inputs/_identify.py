@@ -17,6 +17,7 @@ from floquid.inputs import (
     Linearisation,
     Samples,
     Uncertainty,
+    fitted_freely,
     linearise,
     model_of,
     nearly_one,
@@ -45,8 +46,8 @@ SIGNIFICANT = 5.0
 LAGS = 20
 """Lags of the correlation of what is left."""
 
-COLOURED = 0.1
-"""The sum of squared correlations from which on what is left is no white noise."""
+COLOURED, WRONG = 0.1, 0.3
+"""The sum of squared correlations from which on what is left is no white noise, and the model is not what left it."""
 
 VAGUE = 0.5
 """The deviation of the decay of a real multiplier over it, from which on it is not determined,"""
@@ -127,6 +128,11 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     )
     report("searching for modes")
     found = searched(samples, limits, report)
+    free = None
+    if settings.harmonics is None and _at_limit(found, limits) and limits.highest < HIGHEST:
+        report("fitting matrices at each phase")
+        free = _if_better(fitted_freely(samples), found)
+        found = free or found
     if not found.modes:
         raise IdentificationError(
             "Identification ended without a result: no mode that the inputs reach, or that rings at the begin, rises "
@@ -149,12 +155,27 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         held_out=held_out,
         findings=(
             *done_beside(own),
+            *([note("inputs_free", phases=round(phases))] if free else []),
             *_unreached(fit),
             *_against(found, held_out),
-            *_ended(samples, found, model, limits),
+            *_ended(samples, found, model, limits, every=free is not None),
             *(() if own.shafts else _period(samples, found)),
         ),
     )
+
+
+def _at_limit(found: Linearisation, limits: Limits) -> bool:
+    """True where a search found no mode, or one with as many harmonics as are looked for."""
+    widest = max((max(abs(mode.turns).max(), abs(mode.reach).max()) for mode in found.modes), default=np.inf)
+    return bool(widest >= limits.highest)
+
+
+def _if_better(one: Linearisation | None, other: Linearisation) -> Linearisation | None:
+    """A fit if the criterion of Schwarz (1978) prefers it to another; None if not."""
+    if one is None:
+        return None
+    gain, more = one.log_likelihood - other.log_likelihood, one.n_parameters - other.n_parameters
+    return one if gain > more * np.log(one.left.shape[1]) else None
 
 
 def _held_out(own: Parted, found: Linearisation) -> NDArray[np.float64]:
@@ -233,13 +254,17 @@ def _period(samples: Samples, found: Linearisation) -> tuple[Finding, ...]:
     return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
 
 
-def _ended(samples: Samples, found: Linearisation, model: PeriodicModel, limits: Limits) -> tuple[Finding, ...]:
-    """Findings on limits at which the search ended, and on modes that the record does not determine."""
+def _ended(
+    samples: Samples, found: Linearisation, model: PeriodicModel, limits: Limits, *, every: bool
+) -> tuple[Finding, ...]:
+    """Findings on limits at which the search ended, and on modes that the record does not determine.
+
+    Of modes with `every` harmonic there is none is missing.
+    """
     ended = [warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []
     if undetermined(model):
         ended.append(failure("inputs_undetermined"))
-    widest = max(max(abs(mode.turns).max(), abs(mode.reach).max()) for mode in found.modes)
-    if widest >= limits.highest:
+    if _at_limit(found, limits) and not every:
         if nearly_one(samples, found):  # harmonics beyond the limit are made up for by a copy of the mode
             ended.append(failure("inputs_copies", most=limits.highest))
         elif limits.highest == HIGHEST:
@@ -267,5 +292,6 @@ def _against(found: Linearisation, held_out: NDArray[np.float64]) -> tuple[Findi
     lags = np.fft.irfft(spectrum, axis=1)[:, : LAGS + 1]
     squares = float(np.max(np.sum((lags[:, 1:] / lags[:, :1]) ** 2, axis=1)))
     if squares > COLOURED:
-        against.append(warning("inputs_colour", squares=squares))
+        told = failure if squares > WRONG else warning
+        against.append(told("inputs_colour", squares=squares))
     return tuple(against)

@@ -1,0 +1,196 @@
+"""Modes of a system whose phases do not depend on each other: matrices at each phase, then their Floquet modes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.inputs._modes import InputMode, input_gain
+from floquid.inputs._phases import Phases, likelihood, normal_equations, phases_of, polished, response_of
+from floquid.inputs._samples import Samples
+from floquid.inputs._solver import Linearisation, solve
+from floquid.inputs._start import bare_mode
+
+MOST = 500
+"""Entries of all matrices at most."""
+
+ROWS = 0.3
+"""Rows of the past, and of the future, over the periods, at most."""
+
+DEEPEST = 12
+"""Samples of the past, and of the future, at most."""
+
+STABLE = 0.995
+"""The growth from sample to sample of a start at most."""
+
+SMALLEST = 1e-12
+"""The least multiplier: a mode of a smaller one is gone at once."""
+
+WORSE = 2
+"""Orders in a row that are no better before the search ends."""
+
+
+def fitted_freely(samples: Samples) -> Linearisation | None:
+    """The modes of matrices at each phase that are free, of the order that the criterion of Schwarz (1978) has.
+
+    None where the samples do not meet the same phases, where there are too many of those for the record, or no mode.
+    """
+    at = phases_of(samples)
+    if at is None or samples.hold == "first":
+        return None
+    bases, found, worse = _observability(samples, at), [], 0
+    for order in range(1, min((len(own) for own in bases), default=0) - len(samples.values) + 1):
+        starts = [_started(samples, at, bases, order, acting) for acting in (False, True)]
+        if starts[0].starts[-1] > MOST or worse == WORSE:
+            break
+        trials = [(_criterion(samples, own, likelihood(response_of(samples, own)[1])), own) for own in starts]
+        best = min((one for one, _ in found), default=np.inf)
+        found.append(min(trials, key=lambda one: one[0]))
+        worse = 0 if found[-1][0] < best else worse + 1
+    # A start is near the least squares, not there: the order below may be as good as the best.
+    first = int(np.argmin([one for one, _ in found])) if found else 0
+    done = [polished(samples, own) for _, own in found[max(first - 1, 0) : first + 1]]
+    if not done:
+        return None
+    best, gain = min(done, key=lambda one: _criterion(samples, *one))
+    return _as_modes(samples, best) if np.isfinite(gain) else None
+
+
+def _criterion(samples: Samples, own: Phases, gain: float) -> float:
+    return own.n_parameters * float(np.log(samples.n_samples)) - gain
+
+
+def _observability(samples: Samples, at: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+    """Left singular vectors times the roots of the values, of what the past does to the future, at each phase.
+
+    A column is a period: the past inputs and outputs are instruments (Verhaegen and Yu 1995, past outputs MOESP).
+    Empty where there are too few periods.
+    """
+    signals = np.concatenate([samples.inputs, samples.values - samples.values.mean(axis=1, keepdims=True)])
+    signals /= np.maximum(signals.std(axis=1, keepdims=True), 1e-300)
+    count, phases = len(signals), int(at.max()) + 1
+    periods = samples.n_samples / phases
+    depth = min(int(ROWS * periods / count), DEEPEST)
+    found = []
+    for phase in range(phases if depth > 1 else 0):
+        begins = [np.flatnonzero(at[own] == phase) + own.start for own in samples.records]
+        inside = [
+            one[(one >= own.start + depth) & (one + depth <= own.stop)]
+            for one, own in zip(begins, samples.records, strict=True)
+        ]
+        lags = np.concatenate(inside)[:, None] + np.arange(-depth, depth)
+        block = signals[:, lags]  # (signals, periods, lags)
+        inputs = len(samples.inputs)
+        future, past = block[:, :, depth:], block[:, :, :depth]
+        rows = [np.moveaxis(one, 2, 0).reshape(-1, len(lags)) for one in (future[:inputs], past, future[inputs:])]
+        lower = np.asarray(np.linalg.qr(np.concatenate(rows).T, mode="r")).T
+        first = len(rows[0])
+        last = first + len(rows[1])
+        left, values, _ = np.linalg.svd(lower[last:, first:last], full_matrices=False)
+        found.append(left * np.sqrt(values))
+    return found
+
+
+def _started(
+    samples: Samples, at: NDArray[np.int64], bases: list[NDArray[np.float64]], order: int, acting: bool
+) -> Phases:
+    """Matrices of an order: A and C by shifts of the bases of each phase and the next, the rest by least squares."""
+    channels, inputs, phases = len(samples.values), len(samples.inputs), len(bases)
+    cut = [own[:, :order] for own in bases]
+    system = np.array(
+        [
+            np.linalg.lstsq(after[:-channels], before[channels:], rcond=None)[0]
+            for before, after in zip(cut, [*cut[1:], cut[0]], strict=True)
+        ]
+    )
+    whole = np.eye(order)
+    for own in system:
+        whole = own @ whole
+    growth = np.abs(np.linalg.eigvals(whole)).max() ** (1.0 / phases)
+    start = Phases(
+        at=at,
+        system=np.asarray(system * min(1.0, STABLE / growth), np.float64),
+        reached=np.zeros((phases, order, inputs)),
+        seen=np.array([own[:channels] for own in cut]) * samples.values.std(axis=1)[:, None],
+        direct=np.zeros((phases, channels, inputs)),
+        initial=np.zeros((len(samples.records), order)),
+        known=np.zeros((channels, len(samples.known))),
+        acting=acting,
+    )
+    # All but A and C is linear: the first step from nothing is the least squares.
+    matrix, gradient = normal_equations(samples, start, *response_of(samples, start))
+    _, of_inputs, of_seen, of_direct, *_ = start.starts
+    free = np.r_[of_inputs:of_seen, of_direct : start.starts[-1]]
+    step = np.zeros(start.starts[-1])
+    step[free] = np.linalg.pinv(matrix[np.ix_(free, free)], 1e-12, hermitian=True) @ gradient[free]
+    return start.moved(step)
+
+
+def _as_modes(samples: Samples, own: Phases) -> Linearisation:
+    """The fit of the Floquet modes of some matrices, with as many harmonics as there are phases."""
+    phases, order, _ = own.reached.shape
+    whole = np.eye(order)
+    for matrix in own.system:
+        whole = matrix @ whole
+    multipliers, vectors = (np.asarray(own, np.complex128) for own in np.linalg.eig(whole))
+    upper = np.flatnonzero(multipliers.imag >= 0.0)
+    logs = np.log(np.maximum(np.abs(multipliers), SMALLEST)) + 1j * np.angle(multipliers) * (multipliers.imag != 0.0)
+    shapes = np.array([_along(own.system, one, start) for one, start in zip(logs / phases, vectors.T, strict=True)])
+    turns = np.arange(-((phases - 1) // 2), phases // 2 + 1.0)
+    times = samples.times[0] + samples.step * np.arange(phases)
+    # Each pair on the branch on which its zeroth harmonic is seen most.
+    size = samples.values.std(axis=1)
+    angles = np.exp(1j * samples.fundamental * np.outer(turns, times))
+    for number in upper[multipliers[upper].imag > 0.0].tolist():
+        seen = np.einsum("jcn,jn->jc", own.seen, shapes[number, :-1]) / size
+        best = turns[np.argmax(np.sum(np.abs(angles.conj() @ seen) ** 2, axis=1))]
+        turned = np.exp(-1j * best * samples.fundamental * np.append(times, times[0]))
+        shapes[number] *= turned[:, None]
+        logs[number] += 2j * np.pi * best
+    for number in np.flatnonzero(multipliers.imag < 0.0).tolist():
+        shapes[number] = shapes[number - 1].conj()  # the first of a pair comes first
+    # Left vectors: the rows of the inverse (phases + 1, modes, states).
+    left = np.asarray(np.linalg.inv(np.moveaxis(shapes, 0, 2)), np.complex128)
+    driven = np.asarray(np.einsum("jrn,jni->jri", left[1:], own.reached), np.complex128)
+    modes = [
+        _mode(samples, own, complex(multipliers[k]), complex(logs[k]), driven[:, k], left[:-1, k], times)
+        for k in upper.tolist()
+    ]
+    direct = tuple(np.arange(phases // 2 + 1.0).tolist()) if own.acting else ()
+    return solve(samples, modes, direct)
+
+
+def _along(system: NDArray[np.float64], rate: complex, start: NDArray) -> NDArray[np.complex128]:
+    """A Floquet vector at each phase and at the first one again, its growth taken off (phases + 1, states)."""
+    found = [start.astype(complex)]
+    for matrix in system:
+        found.append(matrix @ found[-1] * np.exp(-rate))
+    return np.array(found)
+
+
+def _mode(
+    samples: Samples,
+    own: Phases,
+    multiplier: complex,
+    log: complex,
+    driven: NDArray[np.complex128],
+    left: NDArray[np.complex128],
+    times: NDArray[np.float64],
+) -> InputMode:
+    """One mode by what the inputs add to its state at each phase (phases, inputs), and its left vectors there."""
+    phases, omega = len(times), samples.fundamental
+    real = multiplier.imag == 0.0
+    if real:
+        turns = np.arange(0.5 if multiplier.real < 0.0 else 0.0, 0.5 * phases + 0.25)
+    else:
+        turns = np.arange(-((phases - 1) // 2), phases // 2 + 1.0)
+    exponent = log / (phases * samples.step)
+    bare = bare_mode(samples, exponent, turns, turns, real=real)
+    share = np.where(real & (turns > 0.0) & (turns < 0.5 * phases), 2.0, 1.0) / phases
+    lines = share[:, None] * (np.exp(-1j * omega * np.outer(turns, times)) @ driven)
+    adds = np.array([input_gain(exponent, turn, omega, samples.step, samples.hold)[0] for turn in turns.tolist()])
+    # Of half harmonics the sign may be that of another period: the first states are linear, one step mends it.
+    initial = [left[own.at[begin]] @ state for state, begin in zip(own.initial, samples.begins[:-1], strict=True)]
+    return replace(bare, gains=(lines / adds[:, None]).T, initial=np.array(initial)).scaled()

@@ -1,0 +1,179 @@
+r"""Matrices at each phase, all of them free, for few samples a period: harmonics then go on to the Nyquist frequency.
+
+.. math:: x_{k+1} = A_j x_k + B_j u_k, \qquad y_k = C_j x_k + D_j u_k + e_k, \qquad j = k \bmod P
+
+Each phase has a basis of its own: P n² directions of the parameters change nothing (Verhaegen and Yu 1995).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._checks import Rebuilt
+from floquid.inputs._samples import Samples
+
+ROUNDING = 1e-10
+"""The share of the largest below which a direction of the parameters is one of a basis, or rounding."""
+
+STEPS = 15
+"""Steps at most."""
+
+AT_REST = 1e-2
+"""The gain in twice the logarithm of the likelihood that ends them."""
+
+TOGETHER = 512
+"""Samples whose derivatives are held at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Phases(Rebuilt):
+    """A discrete periodic system by its matrices at each phase, and its fit to samples.
+
+    Parameters
+    ----------
+    at
+        The phase j of each sample (samples,).
+    system, reached
+        A (phases, states, states) and B (phases, states, inputs).
+    seen, direct
+        C (phases, channels, states) and D (phases, channels, inputs), zero if `acting` is false.
+    initial, known
+        The first state of each record (records, states), and the coefficients of the known columns (channels, columns).
+    acting
+        True where D is free.
+    """
+
+    at: NDArray[np.int64]
+    system: NDArray[np.float64]
+    reached: NDArray[np.float64]
+    seen: NDArray[np.float64]
+    direct: NDArray[np.float64]
+    initial: NDArray[np.float64]
+    known: NDArray[np.float64]
+    acting: bool
+
+    @property
+    def parts(self) -> tuple[NDArray[np.float64], ...]:
+        """All parameters, in the order in which derivatives are."""
+        return (self.system, self.reached, self.seen, self.direct, self.initial, self.known)
+
+    @property
+    def starts(self) -> list[int]:
+        """The place of each of the parts among all parameters, and the number of all."""
+        return np.cumsum([0, *(own.size for own in self.parts)]).tolist()
+
+    @property
+    def n_parameters(self) -> int:
+        """Real numbers that are free: bases are none."""
+        return self.starts[-1] - self.system.size - (0 if self.acting else self.direct.size)
+
+    def moved(self, step: NDArray[np.float64]) -> Phases:
+        """With all parameters moved by a step (parameters,)."""
+        new = [
+            own + step[a:b].reshape(own.shape) for own, (a, b) in zip(self.parts, pairwise(self.starts), strict=True)
+        ]
+        names = ("system", "reached", "seen", "direct", "initial", "known")
+        rest = {"at": self.at, "acting": self.acting}
+        return Phases(**dict(zip(names, new, strict=True)), **rest)
+
+
+def phases_of(samples: Samples) -> NDArray[np.int64] | None:
+    """The phase of each sample (samples,), zero at the first; None where samples do not meet the same ones again."""
+    turned = (samples.times - samples.times[0]) / samples.step
+    count = 2.0 * np.pi / (samples.fundamental * samples.step)
+    if (
+        count < 2.0
+        or abs(count - round(count)) * turned.max() / count > 1e-3
+        or np.abs(turned - np.rint(turned)).max() > 1e-3
+    ):
+        return None
+    return np.rint(turned).astype(np.int64) % round(count)
+
+
+def response_of(samples: Samples, own: Phases) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """States (samples, states) and the residual (channels, samples)."""
+    states = np.empty((samples.n_samples, own.system.shape[1]))
+    driven = np.einsum("kni,ik->kn", own.reached[own.at], samples.inputs)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for state, record in zip(own.initial, samples.records, strict=True):
+            for now, j, more in zip(states[record], own.at[record].tolist(), driven[record], strict=True):
+                now[:] = state
+                state = own.system[j] @ state + more
+        fitted = np.einsum("kcn,kn->ck", own.seen[own.at], states) + own.known @ samples.known
+    return states, samples.values - fitted - np.einsum("kci,ik->ck", own.direct[own.at], samples.inputs)
+
+
+def likelihood(left: NDArray[np.float64]) -> float:
+    """Twice the logarithm of the likelihood of a residual (channels, samples) at its own noise, up to a constant."""
+    if not np.isfinite(left).all():
+        return -np.inf
+    return -float(left.shape[1] * np.sum(np.log(np.mean(left**2, axis=1) + 1e-300)))
+
+
+def normal_equations(
+    samples: Samples, own: Phases, states: NDArray[np.float64], left: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gauss-Newton matrix and gradient of all parameters, of all channels over their noise."""
+    n, width, channels = states.shape[1], own.starts[-1], len(left)
+    of_system, of_inputs, of_seen, of_direct, of_initial, of_known, _ = own.starts
+    weights = 1.0 / (np.sqrt(np.mean(left**2, axis=1)) + 1e-300)
+    matrix, gradient = np.zeros((width, width)), np.zeros(width)
+    slopes = np.empty((TOGETHER + 1, n, width))
+    lines = np.arange(n)
+    for number, record in enumerate(samples.records):
+        slopes[0] = 0.0
+        slopes[0, lines, of_initial + number * n + lines] = 1.0
+        for begin in range(record.start, record.stop, TOGETHER):
+            part = slice(begin, min(begin + TOGETHER, record.stop))
+            count, at, inputs = part.stop - part.start, own.at[part], samples.inputs[:, part].T
+            forced, rows = slopes[1 : count + 1], np.arange(count)[:, None, None]
+            forced[:] = 0.0
+            for first, signals in ((of_system, states[part]), (of_inputs, inputs)):
+                many = signals.shape[1]
+                place = first + (at[:, None, None] * n + lines[:, None]) * many + np.arange(many)
+                forced[rows, lines[:, None], place] = signals[:, None]
+            for before, after, j in zip(slopes[:count], forced, at.tolist(), strict=True):
+                after += own.system[j] @ before
+            found, each = own.seen[at] @ slopes[:count], np.arange(channels)[:, None]
+            for first, signals in ((of_seen, states[part]), (of_direct, inputs if own.acting else inputs[:, :0])):
+                many = signals.shape[1]
+                place = first + (at[:, None, None] * channels + each) * many + np.arange(many)
+                found[rows, each, place] += signals[:, None]
+            columns = samples.known[:, part].T
+            found[rows, each, of_known + each * columns.shape[1] + np.arange(columns.shape[1])] += columns[:, None]
+            flat = (found * weights[:, None]).reshape(-1, width)
+            matrix += flat.T @ flat
+            gradient += flat.T @ (left[:, part] * weights[:, None]).T.ravel()
+            slopes[0] = slopes[count]
+    return matrix, gradient
+
+
+def polished(samples: Samples, own: Phases, steps: int = STEPS) -> tuple[Phases, float]:
+    """The least squares near some matrices, with twice the logarithm of its likelihood (Levenberg-Marquardt)."""
+    states, left = response_of(samples, own)
+    now, damping = likelihood(left), 1e-6
+    for _ in range(steps if np.isfinite(now) else 0):
+        matrix, gradient = normal_equations(samples, own, states, left)
+        diagonal = np.diag(matrix)
+        scale = np.sqrt(np.where(diagonal > ROUNDING**2 * diagonal.max(), diagonal, np.inf))
+        values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+        good = values > ROUNDING * values[-1]
+        aim, before = vectors[:, good].T @ (gradient / scale), now
+        while damping < 1e6:
+            step = vectors[:, good] @ (aim / (values[good] + damping)) / scale
+            trial = own.moved(step)
+            there = response_of(samples, trial)
+            gained = likelihood(there[1]) - before
+            if gained >= 0.0:
+                break
+            damping = max(10.0 * damping, 1e-4)
+        else:
+            break
+        own, (states, left), now, damping = trial, there, before + gained, max(0.1 * damping, 1e-9)
+        if gained < AT_REST:
+            break
+    return own, now
