@@ -1,7 +1,5 @@
 """Files that libraries read for us: cut short, empty, of another kind or of random bytes they end in one message."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from tests.foreign import save
@@ -10,9 +8,10 @@ from floquid import store
 from floquid.core import ConstantPeriod, Record
 from floquid.errors import InputError
 from floquid.floquet import read_matrix
+from floquid.pipeline import identify
 from floquid.readers import read
+from floquid.systems import JeffcottRotor
 
-RESULT = Path(__file__).parents[1] / "store" / "files" / "result_v1.h5"
 NEEDS = {".tdms": "nptdms", ".parquet": "pyarrow"}
 FORMATS = [".npz", ".mat", ".h5", ".wav", ".tdms", ".parquet"]
 
@@ -60,8 +59,16 @@ def test_of_a_matrix(suffix, data, tmp_path):
     refused(tmp_path / f"A{suffix}", data, read_matrix)
 
 
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    """A result file's bytes."""
+    path = tmp_path_factory.mktemp("result") / "result.h5"
+    record = JeffcottRotor().simulate(n_periods=30, samples_per_period=8, noise=0.01)
+    store.save(identify(record, order=4, validate=False), path)
+    return path.read_bytes()
+
+
 @pytest.mark.parametrize("call", [store.load, read_matrix])
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.1, 0.5, 0.9, 0.999])
-def test_of_a_result(call, share, tmp_path):
-    data = RESULT.read_bytes()
-    refused(tmp_path / "result.h5", data[: int(share * len(data))], call)
+def test_of_a_result(call, share, result, tmp_path):
+    refused(tmp_path / "result.h5", result[: int(share * len(result))], call)

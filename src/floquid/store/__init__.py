@@ -68,12 +68,8 @@ settings, records, model and findings alone; and::
 
 The columns and the covariance of such a fit are made of its modes and records again.
 
-The cycles and the lifted responses are not in the file: they are made of the free response again. A field of
-`Settings` younger than the file has its default. Files of version 1 and 2 are read: `constrained` is `held` there, and
-sentences (warnings, synchronisation, reasons, doubts) are in the place of findings. In version 1 `held` and `misfit`
-are beside `fit/`, which only records fitted as they were sampled have, with measured/ and shafts/ in it; their
-`records/` are the free response resampled, and without `fit/` and `measured/` they are the records used, lifted with
-the noise in `lifted/`.
+The cycles and the lifted responses are not in the file: they are made of the free response again. Files of earlier
+versions of the layout, which no release of floquid wrote, are refused.
 """
 
 from floquid.store._draws import DrawFile

@@ -13,7 +13,7 @@ import numpy as np
 from floquid.core import Channel
 from floquid.findings import Finding, as_mapping, from_mapping
 from floquid.io import DamagedError
-from floquid.store._layout import ABSENT, EARLIER, FLAGS, LAYOUT, SENTENCES, TEXTS
+from floquid.store._layout import ABSENT, FLAGS, LAYOUT, TEXTS
 
 _DTYPES = {"b": np.int64, "i": np.int64, "u": np.int64, "f": np.float64, "c": np.complex128}
 
@@ -86,7 +86,7 @@ def get_fields(group: Any, kind: type) -> dict[str, Any]:
         if name == "findings":
             found[name] = get_findings(group)
         elif isinstance(place, str):
-            found[name] = get(group, name_in(group, name), place)
+            found[name] = get(group, name, place)
         elif place is Channel:
             found[name] = _channels(group[name])
         elif place is dict:
@@ -94,11 +94,6 @@ def get_fields(group: Any, kind: type) -> dict[str, Any]:
         else:
             found[name] = get_object(group[name], place)
     return found
-
-
-def name_in(group: Any, name: str) -> str:
-    """The name that a field has in a group: that of an early file where there is none of its own."""
-    return name if name in group else EARLIER.get(name, name)
 
 
 def get_object(group: Any, kind: Any) -> Any:
@@ -112,15 +107,8 @@ def get_numbers(group: Any) -> dict[str, float]:
 
 
 def get_findings(group: Any) -> tuple[Finding, ...]:
-    """The findings of a group; of a file up to version 2 the sentences that it has instead."""
-    if "findings" in group:
-        return tuple(from_mapping(json.loads(text)) for text in get(group, "findings", "findings"))
-    return tuple(
-        Finding("sentence", severity, words=text)
-        for name, severity in SENTENCES.items()
-        if name in group
-        for text in get(group, name, name)
-    )
+    """The findings of a group."""
+    return tuple(from_mapping(json.loads(text)) for text in get(group, "findings", "findings"))
 
 
 def _channels(group: Any) -> tuple[Channel, ...]:

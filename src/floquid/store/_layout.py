@@ -13,7 +13,6 @@ from floquid.core import (
     Record,
     TachometerSignal,
 )
-from floquid.findings import Severity
 from floquid.innovations import Mode
 from floquid.inputs import InputMode
 from floquid.lti import Composites, ModalModel
@@ -30,34 +29,15 @@ VERSION = 3
 EXCITED: dict[type, str] = {DrivenAnalysis: "driven", AmbientAnalysis: "ambient"}
 """Results of records whose excitation goes on, by the attribute `kind` of their files; others have none."""
 
-SETTINGS_OF_VERSION_1 = (
-    "period", "channels", "order", "harmonics", "states", "system_times", "mode_false_alarm", "harmonic_false_alarm",
-)  # fmt: skip
-"""The fields that every file has; those that `Settings` gains later are written too, and have a default when absent."""
+ABSENT = ("estimates", "unselected", "inputs", "composites")
+"""Groups that a file does not have for None."""
 
-ABSENT = (
-    "estimates", "unselected", "inputs", "composites", "coordinates", "transition_std",
-    "outputs", "direct",
-)  # fmt: skip
-"""Groups and datasets that a file need not have: older files do not, and a group is not there for None."""
-
-FLAGS = ("constrained", "held", "kept", "passed", "real", "speed_dependent", "steady")
+FLAGS = ("constrained", "kept", "passed", "real", "speed_dependent", "steady")
 """HDF5 has no truth values: these are 0 and 1."""
 
-SENTENCES = {
-    "reasons": Severity.NOTE,
-    "doubts": Severity.WARNING,
-    "synchronisation": Severity.NOTE,
-    "warnings": Severity.WARNING,
-}
-"""Sentences that files up to version 2 have instead of findings, and their severity."""
-
-EARLIER = {"constrained": "held"}  # names that files up to version 2 have for fields
-
 TEXTS = (
-    "name", "quantity", "unit", "location", "direction", "sources", "steps", "reasons", "doubts", "names", "states",
-    "channel", "channels", "outcome", "coordinates", "jitter_unit", "warnings", "synchronisation", "at_least", "kind",
-    "structure", "findings",
+    "name", "quantity", "unit", "location", "direction", "sources", "steps", "names", "states", "channel", "channels",
+    "outcome", "coordinates", "jitter_unit", "at_least", "kind", "structure", "findings",
 )  # fmt: skip
 """Names of datasets of text."""
 

@@ -28,9 +28,9 @@ from floquid.pipeline import (
     samples_of,
 )
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
-from floquid.store._datasets import get, get_fields, get_findings, get_numbers, get_object, name_in
+from floquid.store._datasets import get, get_fields, get_findings, get_numbers, get_object
 from floquid.store._identifiers import from_text
-from floquid.store._layout import EXCITED, FORMAT, LAYOUT, SETTINGS_OF_VERSION_1, VERSION
+from floquid.store._layout import EXCITED, FORMAT, VERSION
 from floquid.sync import ShaftAngle
 from floquid.validation import Criterion, Validation
 
@@ -48,7 +48,7 @@ def load(path: str | PathLike[str]) -> Analysis | ExcitedAnalysis:
     its modes again, which gives the same numbers; nothing is identified again.
 
     It is equal to the one saved, field by field. The `path` is by custom `result.h5`. Raises InputError where there is
-    no such file, it is no result file, it is of a later version of floquid, or it is damaged.
+    no such file, it is no result file, it is of another version of the layout, or it is damaged.
     """
     file = readable_file(path, of="load")
     try:
@@ -65,16 +65,16 @@ def _load(file: Path) -> Analysis | ExcitedAnalysis:
     try:
         with h5py.File(file, "r") as opened:
             said: dict[str, Any] = dict(opened.attrs)
-            if str(said.get("format")) == FORMAT and int(said["version"]) <= VERSION:
-                return _read(opened, int(said["version"]))
+            if str(said.get("format")) == FORMAT and int(said["version"]) == VERSION:
+                return _read(opened)
     except Exception as error:  # noqa: BLE001  # damage raises anything: OSError, KeyError, OverflowError, ...
         detail = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
         raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {detail}", AGAIN) from None
     if str(said.get("format")) != FORMAT:
         raise input_error("path", "load", MUST, f"{file} has no attribute `format` of {FORMAT!r}", AGAIN)
-    must = f"be a result file of version {VERSION}, the latest that this floquid knows"
+    must = f"be a result file of version {VERSION}, the one that this floquid knows"
     got = f"{file} is of version {said['version']}, written by floquid {said.get('floquid')}"
-    raise input_error("path", "load", must, got, "Update floquid.")
+    raise input_error("path", "load", must, got, "Update floquid." if int(said["version"]) > VERSION else AGAIN)
 
 
 def _read_excited(file: Any, kind: str) -> ExcitedAnalysis:
@@ -96,14 +96,14 @@ def _read_excited(file: Any, kind: str) -> ExcitedAnalysis:
     return DrivenAnalysis(settings=settings, records=records, fit=fit, **found)
 
 
-def _read(file: Any, version: int) -> Analysis | ExcitedAnalysis:
+def _read(file: Any) -> Analysis | ExcitedAnalysis:
     import h5py
 
     if "kind" in file.attrs:
         return _read_excited(file, str(file.attrs["kind"]))
     settings = _settings(file["settings"])
     model: PeriodicModel = get_object(file["model"], PeriodicModel)
-    records, shafts, fit = (_fit_of_version_1 if version == 1 else _fit)(file, model, settings)
+    records, shafts, fit = _fit(file, model, settings)
     with blas_threads(fit.free):  # in as many threads as when it was identified: the same to the last digit
         cycles, lifted = lifted_views(fit, shafts, settings)
     found = get_fields(file["modal"], ModalModel)
@@ -152,8 +152,8 @@ def _settings(group: Any) -> Settings:
     for name in group:
         if name not in known:
             raise DamagedError(f"it has the setting {name!r}, which this floquid does not know (update floquid)")
-    found = {name: get(group, name, None) for name in known if name in group or name in SETTINGS_OF_VERSION_1}
-    if isinstance(found.get("identifier"), str):
+    found = {name: get(group, name, None) for name in known}
+    if isinstance(found["identifier"], str):
         found["identifier"] = from_text(found["identifier"])
     flags = {field.name for field in fields(Settings) if isinstance(field.default, bool)}
     return Settings(**{name: value == 1 if name in flags else value for name, value in found.items()})
@@ -166,30 +166,6 @@ def _fit(file: Any, model: PeriodicModel, settings: Settings) -> Stored:
     names = [f"free/hit{number}" for number in range(1, model.n_hits + 1)]
     free = tuple(_record(group[name]) if name in group else one for name, one in zip(names, samples, strict=True))
     return records, shafts, _made_fit(group, get_fields(group, Fit), model, free, samples)
-
-
-def _fit_of_version_1(file: Any, model: PeriodicModel, settings: Settings) -> Stored:
-    """The same of a file whose `records` are those used where there is no group `measured`, else the free response.
-
-    `measured` and `shafts` are in the group `fit`, if there is one: of samples fitted out of step, or beside a forced
-    response.
-    """
-    group = file.get("fit", file)
-    if group is not file and "measured" not in group:
-        raise DamagedError("it is of an early floquid, which did not keep the record as it was measured")
-    records, shafts = _measured(group, "measured" if "measured" in group else "records", model.n_hits)
-    samples = free = samples_of(records, shafts, settings)
-    if "measured" in group:
-        free = tuple(map(_record, _hits(group, "records" if group is file else "free", model.n_hits)))
-    found: dict[str, Any] = dict.fromkeys(("period_std", "own_period", "misfit", "whitening"))
-    found |= {"constrained": False, "findings": () if group is file else get_findings(group)}
-    for place in (file, file["lifted"] if group is file else group):
-        own = {name: name_in(place, name) for name in LAYOUT[Fit]}
-        found |= {name: get(place, own[name], str(axes)) for name, axes in LAYOUT[Fit].items() if own[name] in place}
-    found["constrained"] = group is not file or found["constrained"]
-    if found["constrained"] and found["misfit"] is None:  # of an early file
-        found["misfit"] = 1.0
-    return records, shafts, _made_fit(group, found, model, free, samples)
 
 
 def _made_fit(

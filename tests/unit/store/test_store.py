@@ -19,7 +19,7 @@ from floquid.exports import summary
 from floquid.findings import Finding, warning
 from floquid.pipeline import Settings, identify
 from floquid.reconstruction import Block
-from floquid.store import _layout, _save, load, save
+from floquid.store import _save, load, save
 from floquid.systems import JeffcottRotor, Run
 
 ROTOR = JeffcottRotor(damping=0.02)
@@ -132,16 +132,12 @@ def test_estimates_may_know_their_slopes_at_one_place_alone(full, tmp_path):
     assert (back.estimates.drift, back.estimates.bend) == (None, None)
 
 
-def test_what_older_files_do_not_have_is_none(full, saved):
-    with h5py.File(saved, "r+") as file:
-        for name in ("model/estimates", "model/unselected", "state/coordinates", "state/transition_std", "refinement"):
-            del file[name]
-        for name in ("form", "delay", "structure", "output_error"):
-            del file[f"settings/{name}"]
-    back = load(saved)
+def test_what_there_is_none_of_is_none(full, tmp_path):
+    none = replace(full, model=replace(full.model, estimates=None, unselected=None), refinement=None)
+    save(replace(none, state=replace(full.state, transition_std=None)), tmp_path / "r.h5")
+    back = load(tmp_path / "r.h5")
     assert (back.model.estimates, back.model.unselected, back.refinement) == (None, None, None)
-    assert (back.state.coordinates, back.state.transition_std) == ("", None)
-    assert back.settings == replace(full.settings, structure="")
+    assert back.state.transition_std is None
     assert np.array_equal(back.state.system_std, full.state.system_std)
 
 
@@ -260,10 +256,6 @@ def test_the_file_describes_itself(saved):
     assert unnamed == set()
 
 
-def test_version_1_has_the_settings_of_version_1():
-    assert set(_layout.SETTINGS_OF_VERSION_1) <= {field.name for field in fields(Settings)}
-
-
 # Files that are refused. Each scenario: what is done to a good file, and words of the message.
 
 
@@ -301,10 +293,12 @@ DAMAGE = {
     "no version": (lambda file: file.attrs.pop("version"), "damaged or not whole: 'version'"),
     "a version in words": (attribute("version", "one"), "damaged"),
     "a later version": (attribute("version", 4), "is of version 4, written by floquid"),
+    "an earlier version": (attribute("version", 2), "is of version 2, written by floquid"),
     "no settings": (drop("settings"), "damaged"),
     "no second record": (drop("records/hit2"), "damaged"),
     "no exponents": (drop("model/exponents"), 'damaged or not whole: "Unable to'),
     "no order": (drop("settings/order"), "damaged"),
+    "no delay": (drop("settings/delay"), "damaged"),
     "a setting of the future": (add_setting, "the setting 'telepathy'"),
     "a link to nowhere": (swap("model", h5py.SoftLink("/nowhere")), "damaged"),
     "None where there must be a value": (swap("model/period", h5py.Empty("f8")), "Argument `period`"),
