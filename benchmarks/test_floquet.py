@@ -123,6 +123,7 @@ def test_map_vectorised_on_two_threads(benchmark):
     assert len(benchmark(mapped, system, 1e-10, vectorised=True, workers=2).bands) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.benchmark(group="growth at 2000 speeds")
 def test_map_plain(benchmark):
     assert len(benchmark(mapped, lean, 1e-10).bands) == 3

@@ -10,12 +10,12 @@ from hypothesis import HealthCheck, settings
 os.environ["MPLBACKEND"] = "Agg"
 
 LOOKED_AT = re.compile(r"tests/browser/|tests/docs/test_blocks\.py::test_page\b")
-REPEATED = re.compile(r"tests/statistics/test_(?!uncertainty|state_matrix)|benchmarks/(peers|order|adversary)/")
+REPEATED = re.compile(r"tests/(statistics|unit/paper)/|benchmarks/(peers|order|adversary|structure)/")
 
 # No time is ever asserted: neither a deadline nor hypothesis' own complaint about slow data.
 settings.register_profile(
     "fixed",
-    max_examples=30,
+    max_examples=15,
     derandomize=True,
     database=None,
     deadline=None,
@@ -29,9 +29,9 @@ settings.load_profile("fixed")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Statistics are slow, and all sets of parameters but the first few of a test marked `first`; pages have a target.
+    """Statistics and the paper's experiment are slow; of a test marked `first` all sets of parameters but the first.
 
-    `make pages` makes the report, opens it in a browser, and runs the blocks of every page as a reader would.
+    Pages have a target: `make pages` makes the report, opens it in a browser, and runs the blocks of every page.
     """
     seen = Counter()
     for item in items:

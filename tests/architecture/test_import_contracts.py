@@ -101,7 +101,7 @@ def test_a_room_that_is_built_has_lost_its_parentheses():
     assert not {room for room in OPTIONAL if (source / room).exists() or (source / f"{room}.py").exists()}
 
 
-@pytest.mark.first(14)
+@pytest.mark.first(5)
 @pytest.mark.parametrize(
     ("room", "line", "contract"),
     [

@@ -5,13 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 import floquid
 
 ROOT = Path(floquid.__file__).parent
-MODULES = sorted(ROOT.rglob("*.py"))
-EVERY_MODULE = pytest.mark.parametrize("path", MODULES, ids=[str(path.relative_to(ROOT)) for path in MODULES])
+TREES = {str(path.relative_to(ROOT)): ast.parse(path.read_text(encoding="utf-8")) for path in ROOT.rglob("*.py")}
 
 SLOW_TO_LOAD = [
     *("scipy.signal", "scipy.optimize", "scipy.integrate", "matplotlib", "h5py", "rich", "cyclopts"),
@@ -19,28 +16,35 @@ SLOW_TO_LOAD = [
 ]
 
 
-@EVERY_MODULE
-def test_under_400_lines(path):
-    assert len(path.read_text(encoding="utf-8").splitlines()) < 400
+def test_under_400_lines():
+    assert TREES
+    assert not [name for name in TREES if len((ROOT / name).read_text(encoding="utf-8").splitlines()) >= 400]
 
 
-@EVERY_MODULE
-def test_only_the_command_line_prints(path):
-    if "cli" in path.relative_to(ROOT).parts:
-        return
-    calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
-    printing = [node.lineno for node in calls if isinstance(node.func, ast.Name) and node.func.id == "print"]
-    assert not printing, f"print( on lines {printing}"
+def test_only_the_command_line_prints():
+    calls = [
+        (f"{name}:{node.lineno}", node.func)
+        for name, tree in TREES.items()
+        if "cli" not in Path(name).parts
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+    ]
+    assert calls
+    assert not [place for place, called in calls if isinstance(called, ast.Name) and called.id == "print"]
 
 
-@EVERY_MODULE
-def test_no_room_imports_what_is_private_to_another(path):
+def test_no_room_imports_what_is_private_to_another():
     """`floquid.a._b` is for modules in `floquid/a` alone, in its sub-rooms too; others import from `floquid.a`."""
-    own = path.relative_to(ROOT).parts[:-1]
-    nodes = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.ImportFrom)]
-    named = [(node.module or "").split(".")[1:] for node in nodes if (node.module or "").startswith("floquid.")]
-    foreign = [(words, at) for words in named for at, word in enumerate(words) if at and word.startswith("_")]
-    assert not [".".join(words) for words, at in foreign if tuple(words[:at]) != own[:at]]
+    wrong, looked_at = [], 0
+    for name, tree in TREES.items():
+        own = Path(name).parts[:-1]
+        modules = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+        for words in (module.split(".")[1:] for module in modules if module.startswith("floquid.")):
+            looked_at += 1
+            private = [at for at, word in enumerate(words) if at and word.startswith("_")]
+            wrong += [f"{name} imports {'.'.join(words)}" for at in private if tuple(words[:at]) != own[:at]]
+    assert looked_at
+    assert not wrong
 
 
 def test_import_loads_nothing_slow():

@@ -349,6 +349,7 @@ def test_a_mistake_of_ours_is_owned_up_to(here, capsys, monkeypatch):
     assert contents(here / "out") == EARLIER
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize(
     ("error", "code", "pattern"),
     [
@@ -388,7 +389,7 @@ def command():
     return found
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("words", "code", "pattern"),
     [
@@ -432,6 +433,7 @@ def test_output_that_cannot_be_written(here):
     assert_one_message("", ended.stderr, "No space left")
 
 
+@pytest.mark.slow
 def test_a_reader_that_has_had_enough(here):
     script = f"{shlex.quote(command())} info good.npz | true; exit ${{PIPESTATUS[0]}}"
     ended = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)

@@ -71,6 +71,7 @@ def test_json_is_the_bootstrap_alone(result):
         assert np.array_equal(arrays["system"], found.system.draws)
 
 
+@pytest.mark.slow
 def test_it_goes_beside_the_result_it_is_of(result):
     before = contents(result)
     text = typed(f"bootstrap kept {COMMON} --out kept")

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
-from tests.cli.conftest import EARLIER, ROTOR, ROTOR_PERIOD, after_stages, contents, save_npz, simulated
+from tests.cli.conftest import EARLIER, ROTOR, ROTOR_PERIOD, after_stages, contents, quicken, save_npz, simulated
 
 import floquid
 from floquid.cli import _terminal, run
@@ -64,6 +64,7 @@ def rotor(tmp_path_factory):
     folder = tmp_path_factory.mktemp("rotor")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("COLUMNS", "80")
+        quicken(patch)
         text = typed(["identify", *ROTOR, "--period", ROTOR_PERIOD, "--verbose", "--out", str(folder / "out")])
     return text, folder / "out"
 
@@ -101,8 +102,6 @@ def test_the_rotor_result_is_whole(rotor):
     analysis = floquid.load(folder / "result.h5")
     summary = strict_json((folder / "summary.json").read_text())
     assert summary == floquid.exports.summary(analysis)
-    for name in ("time_record", "composite"):
-        assert (folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
 
 
 # summary.json.
@@ -182,6 +181,15 @@ def test_out_holds_the_result_and_nothing_else(here, quick_pictures):
     assert set(contents(here / "new")) == {f"deeper/{name}" for name in (*RESULT, "figures/system_elements.png")}
 
 
+@pytest.mark.pages
+def test_pictures_and_the_page_are_drawn(here):
+    typed(f"{GOOD} --out new")
+    found = contents(here / "new")
+    assert len([name for name in found if name.endswith(".png")]) > 2
+    assert all(data.startswith(b"\x89PNG") for name, data in found.items() if name.endswith(".png"))
+    assert found["report.html"].lower().startswith(b"<!doctype html>")
+
+
 def test_a_new_result_takes_the_place_of_the_old_one_and_of_its_figures(here, quick_pictures):
     typed(f"{GOOD} --out out")
     now = contents(here / "out")
@@ -192,6 +200,7 @@ def test_a_new_result_takes_the_place_of_the_old_one_and_of_its_figures(here, qu
     assert floquid.load("out/result.h5").model.order == 4
 
 
+@pytest.mark.slow
 def test_settings_read_back_give_the_same_result(here, quick_pictures):
     save_npz("wrong.npz", sample_rate=1.0)
     words = "--channels Y,X,X_tt --states X,Y --harmonics 2 --order 4 --origin 0.25"
@@ -239,6 +248,7 @@ def test_several_hits(here):
 # From one command to the next.
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("suffix", ["npz", "csv"])
 def test_simulate_info_identify(here, suffix):
     said = typed(f"simulate --out 'a record.{suffix}' --periods 40 --samples-per-period 8 --seed 3")
@@ -348,6 +358,7 @@ def unstable():
     return np.array(grown) + 1e-3 * np.random.default_rng(0).standard_normal((2, t.size))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("values", "notes"),
     [(None, {"f?"}), (real_poles(), {"μ<0", "μ>0"}), (unstable(), {"grows"})],
@@ -382,6 +393,7 @@ def test_the_installed_command_keeps_its_streams_apart(here):
     assert ended.stdout == typed(words[1:])
 
 
+@pytest.mark.slow
 def test_a_terminal_that_cannot_show_greek(here, monkeypatch):
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
     script = str(Path(sys.executable).parent / "floquid")

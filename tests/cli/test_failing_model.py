@@ -37,6 +37,7 @@ def test_a_model_that_fails(quiet):
     assert not re.search(r"\d\(\d+\)|\d ± \d", text)
 
 
+@pytest.mark.slow
 def test_json_stays_whole_and_enforcing_changes_nothing(quiet):
     for more in ("", "--enforce", "--no-validate"):
         told = json.loads(typed(f"{WORDS} --format json {more}", code=1, message="floquid: The model fails: "))
@@ -50,6 +51,7 @@ def test_a_sound_model_ends_well(quiet):
     assert strict_json((quiet / "new" / "summary.json").read_text())["failed"] is False
 
 
+@pytest.mark.slow
 def test_a_bootstrap_of_it_is_refused(quiet):
     typed(f"{WORDS} --out new", code=1, message="The model fails")
     typed("bootstrap new/result.h5 --draws 20", code=1, message="Records drawn from it say nothing")

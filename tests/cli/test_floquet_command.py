@@ -89,6 +89,7 @@ def test_the_rotor(work):
     assert set(contents(work)) == {"rotor.npz"}
 
 
+@pytest.mark.slow
 def test_json_is_the_summary_alone(work):
     text = typed("floquet rotor.npz --format json --out new")
     assert text == (work / "new" / "summary.json").read_text()
@@ -290,6 +291,7 @@ def test_a_mode_that_rests_shows_the_value_found(work):
     assert float(shown) == pytest.approx(found.exponents[0].real, abs=3e-13)
 
 
+@pytest.mark.slow
 def test_hill_that_does_not_settle_is_told(work, monkeypatch):
     rng = np.random.default_rng(0)
     np.savez("a.npz", A=rng.standard_normal((2, 2, 1001)) * 3.0 - 5.0 * np.eye(2)[:, :, None], period=1.0)
@@ -393,6 +395,7 @@ def test_bad_input_is_one_message(work, words, message):
     assert contents(work) == before
 
 
+@pytest.mark.slow
 def test_a_refused_analysis_leaves_an_earlier_result(work, monkeypatch):
     typed("floquet rotor.npz --out kept")
     fast = sampled(lambda t: [[0, 1], [-(1 + 0.9 * np.cos(100 * t)), 0]], 2.0 * np.pi, 512)

@@ -39,6 +39,7 @@ def test_the_rotor_of_the_paper_saved_by_matlab(here):
     assert "X_tt" in typed("info run.mat")
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("suffix", ["mat", "h5", "hdf5"])
 def test_simulated_identified_and_the_same_as_from_an_archive(here, suffix):
     for name in (f"rotor.{suffix}", "rotor.npz"):
@@ -47,6 +48,7 @@ def test_simulated_identified_and_the_same_as_from_an_archive(here, suffix):
     np.testing.assert_array_equal(exponents(f"identify rotor.{suffix}"), exponents("identify rotor.npz"))
 
 
+@pytest.mark.slow
 def test_variables_of_a_struct_are_channels(here, rows):
     run = {"acc": {"x": rows["X_tt"], "y": rows["Y_tt"][:, None]}, "note": "calm"}
     scipy.io.savemat("lab.mat", {"run": run, "pos": np.column_stack([rows["X"], rows["Y"]])})

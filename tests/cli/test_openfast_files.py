@@ -30,6 +30,7 @@ def as_text(record, path):
     )
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["run.outb", "run.out"])
 def test_from_info_to_modes(turbine, name, here):
     if name == "run.out":

@@ -41,6 +41,7 @@ def test_the_table_has_a_row_for_each_order(here):
     assert set(contents(here)) == {"good.npz", *(f"out/{name}" for name in EARLIER)}
 
 
+@pytest.mark.slow
 def test_json_is_the_scan_alone(here):
     text = typed(f"{GOOD} --orders 3..5,8 --format json --out new")
     content = strict_json(text)
@@ -73,6 +74,7 @@ def test_an_order_not_reached_is_named(here):
     assert (entry["reached"], entry["outcome"]) == (False, "ORDER_UNREACHED")
 
 
+@pytest.mark.slow
 def test_an_earlier_result_is_replaced_and_others_stay(here):
     typed(f"{GOOD} --most 4 --out out")
     after = contents(here / "out")
@@ -151,6 +153,7 @@ def test_a_short_record_is_refused_as_by_identify(here):
     assert typed(f"scan short.npz --period {PERIOD}", code=1, message="fewer than 4 cannot hold a mode") == ""
 
 
+@pytest.mark.slow
 def test_the_shortest_record_is_scanned(here):
     save_npz("short.npz", simulated().values[:, :32])
     rows = rows_of(typed(f"scan short.npz --period {PERIOD} --out new"))

@@ -92,6 +92,7 @@ def test_a_structure_that_is_found(rotor):
     assert 1e-7 < moved.max() < 0.1
 
 
+@pytest.mark.slow
 def test_settings_read_back_give_the_same_state(rotor):
     typed(f"{IDENTIFY} --states X,Y --structure {STRUCTURE} --output-error --out one")
     typed("identify rotor.npz --settings one/settings.toml --out two")
@@ -104,6 +105,7 @@ def test_settings_read_back_give_the_same_state(rotor):
     assert typed(refused, code=2, message="`--output-error` must come with a structure") == ""
 
 
+@pytest.mark.slow
 def test_delayed_states_say_what_they_are(rotor):
     text = typed(f"{IDENTIFY} --states X --form delayed --delay 1.5")
     assert "A(t) [1/s]: smallest … largest over the period" in text

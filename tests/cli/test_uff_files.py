@@ -38,6 +38,7 @@ def test_the_rotor_of_the_paper(rotor, here):
     assert "universal file (.uff)" in text
 
 
+@pytest.mark.slow
 def test_convert_to_a_universal_file_changes_nothing(rotor, here):
     write(rotor, "run.uff")
     write(rotor, "run.npz")
@@ -48,6 +49,7 @@ def test_convert_to_a_universal_file_changes_nothing(rotor, here):
     assert one["modes"] == other["modes"]
 
 
+@pytest.mark.slow
 def test_six_digits_of_the_step_are_seen_through(at_51200):
     assert "51200 Hz" in typed("info run.unv")
     period = repr(50 / 51200)

@@ -98,6 +98,7 @@ def with_inputs():
     return identify_driven(driven, period=np.pi, inputs=["F"])
 
 
+@functools.cache
 def others():
     found = analysis("lifted")
     return {

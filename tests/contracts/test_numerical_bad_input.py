@@ -44,6 +44,7 @@ def test_names_are_distinct():
     assert len(OF) == len(RECORDS)
 
 
+@pytest.mark.first(40)
 @pytest.mark.parametrize("bad", ROWS)
 def test_right_doubted_or_refused(bad):
     answer, words, deviations = told(bad)
@@ -53,6 +54,7 @@ def test_right_doubted_or_refused(bad):
         assert deviations < MOST
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize(("name", "code"), TYPED, ids=[name for name, _ in TYPED])
 def test_typed_as_a_command(name, code, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -148,7 +150,7 @@ def struck(*, ambient, own, common=0.0, second=0.5, seed=0):
     return fq.Record(values=values, sample_rate=rate, channels=["a", "b"], clock=fq.ConstantPeriod(period=0.25))
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_decay_in_noise_that_the_structure_makes_itself_is_no_noise(seed):
     """There the noise has its peak where the mode is. It is said, and not taken for the mode."""

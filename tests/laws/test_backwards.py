@@ -13,7 +13,7 @@ from floquid import floquet
 from floquid.errors import InputError
 from floquid.testing import pair_exponents, system_with_exponents
 
-LAWS = settings(max_examples=25, deadline=None, derandomize=True)
+LAWS = settings(max_examples=10, deadline=None, derandomize=True)
 PERIOD = 1.3
 FUNDAMENTAL = 2.0 * np.pi / PERIOD
 

@@ -10,7 +10,7 @@ from floquid import floquet
 from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close, pair_exponents
 
-LAWS = settings(max_examples=20, deadline=None, derandomize=True)
+LAWS = settings(max_examples=10, deadline=None, derandomize=True)
 
 
 class Trigonometric:

@@ -9,7 +9,7 @@ from floquid import floquet
 from floquid.floquet import HarmonicMatrix, PiecewiseMatrix, hill
 from floquid.testing import pair_exponents
 
-LAWS = settings(max_examples=10, deadline=None, derandomize=True)
+LAWS = settings(max_examples=5, deadline=None, derandomize=True)
 
 
 def trigonometric(n, n_harmonics, period, seed):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from floquid.floquet import FunctionMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix, common_period
 
-LAWS = settings(max_examples=60, deadline=None, derandomize=True)
+LAWS = settings(max_examples=20, deadline=None, derandomize=True)
 KINDS = ["harmonics", "odd harmonics", "pieces", "samples", "spline", "polygon", "function", "vectorised"]
 TIMES = np.mod(0.3819660112501051 * np.arange(1, 200), 1.0) * 90.0 - 41.0
 

@@ -85,7 +85,7 @@ def replaced(own: Estimates, **changes) -> Estimates:
     return Estimates(**({name: getattr(own, name) for name in names} | changes))
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(drawn(hits=2), SEEDS)
 def test_amplitudes_of_modes_and_hits_change_nothing(own, seed):
     """With the errors scaled alike, A(t), Φ and their deviations stay."""

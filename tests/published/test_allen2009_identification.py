@@ -38,6 +38,7 @@ def check(seed):
     return mass, turntable
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_two_percent_noise(seed):
     check(seed)
@@ -73,6 +74,7 @@ def test_without_noise():
     assert max(errors_of_the_state_matrix(model)) <= 1e-6
 
 
+@pytest.mark.slow
 def test_the_period_may_start_anywhere():
     """The blow at another phase of the shaft and another direction: the same exponents and the same A(t)."""
     model = identify(ROTOR.simulate(noise=0.0, first_phase=0.37, impulse_deg=-10.0)).model
@@ -80,6 +82,7 @@ def test_the_period_may_start_anywhere():
     assert max(errors_of_the_state_matrix(model)) <= 1e-6
 
 
+@pytest.mark.slow
 def test_two_blows_are_better_than_one():
     one = identify(ROTOR.simulate(seed=0)).model
     two = identify([ROTOR.simulate(seed=0), ROTOR.simulate(seed=1, impulse_deg=135.0, first_phase=0.5)]).model

@@ -90,6 +90,7 @@ def test_the_same_with_other_noise(name, seed):
     check(name, seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rotor_1900rpm"])
 def test_the_model_gives_the_record_back(name):
     """The residual is the noise that was put in, channel by channel and hit by hit."""

@@ -120,6 +120,7 @@ def test_a_response_that_is_not_periodic_is_not_said_to_be():
     assert found.even < found.limit
 
 
+@pytest.mark.slow
 def test_units_of_the_channels_change_nothing(values, analysis):
     other = np.random.default_rng(1).standard_normal(values.shape)
     own, large = (
@@ -140,6 +141,7 @@ def test_an_output_that_says_nothing_of_its_own_is_refused(values, other):
         identify_ambient(record_from(np.concatenate([values, other * values]), names=("x", "n")))
 
 
+@pytest.mark.slow
 def test_forces_that_were_not_measured_do_not_bend_what_was(analysis):
     del analysis
     generator = np.random.default_rng(3)

@@ -49,6 +49,7 @@ def test_two_outputs_two_inputs_and_a_frame_that_turns():
     assert pulls(system, found.model).max() < 4.0
 
 
+@pytest.mark.slow
 def test_two_real_negative_multipliers_that_die_within_a_period():
     system = flapping()
     found = identified(system, 120, 24, 0.005)
@@ -110,6 +111,7 @@ def test_a_mode_that_no_input_reaches_is_named():
     assert "is reached by no input" in found.warnings[0]
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(("outputs", "forces"), [(1e6, 1.0), (1e-9, 1.0), (1.0, 1e6), (1.0, 1e-9)])
 def test_units_change_nothing(outputs, forces):
     system = mathieu()
@@ -123,6 +125,7 @@ def test_units_change_nothing(outputs, forces):
     assert other.transfer([0.2]).values == pytest.approx(own.transfer([0.2]).values * outputs / forces, rel=1e-4)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("off", "told"), [(0.0, False), (3e-4, True), (-3e-4, True)])
 def test_a_period_that_is_a_little_off_is_told(off, told):
     system = mathieu()

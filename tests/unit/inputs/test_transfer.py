@@ -21,6 +21,7 @@ def fitted(system, periods, phases, noise, seed=0):
     return identify_driven(record(system, values, inputs, phases), period=system.period, inputs=names, validate=False)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("system", "periods", "phases"), [(mathieu(direct=0.4), 80, 20), (two_masses(), 60, 24), (flapping(), 120, 24)]
 )
@@ -35,6 +36,7 @@ def test_transfer_functions_are_those_of_the_equations(system, periods, phases):
     assert np.mean(np.abs(both) < 1.96) > 0.75
 
 
+@pytest.mark.slow
 def test_those_of_the_model_are_those_of_the_fit():
     found = fitted(two_masses(), 40, 24, 0.02)
     hertz = np.array([-0.3, 0.05, 0.2])

@@ -60,6 +60,7 @@ def test_errors_are_those_of_the_function(guard):
         guard.call(HERE, np.ones, 1 << 50)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("ended", [os.abort, sys.exit])
 def test_a_decoder_that_ends_is_damage_and_the_next_file_is_read(guard, ended):
     first = guard.call(HERE, os.getpid)
@@ -97,6 +98,7 @@ def test_a_folder_that_is_gone_is_no_damage(guard, tmp_path, monkeypatch):
     assert guard.call(HERE, int, "7") == 7
 
 
+@pytest.mark.slow
 def test_the_child_keeps_neither_folders_nor_samples(guard, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     child = guard.call(HERE, os.getpid)
@@ -137,6 +139,7 @@ def test_an_interrupted_call_leaves_nothing_behind(guard, monkeypatch):
     assert guard.call(HERE, int, "7") == 7
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 def test_a_fork_has_a_child_of_its_own(guard):
     child = guard.call(HERE, os.getpid)

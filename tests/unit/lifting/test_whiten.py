@@ -73,7 +73,7 @@ def found_filter(responses, model):
     return whitening_filter(responses, fit_residues(model.multipliers, responses.responses))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     taps=st.lists(st.floats(-0.8, 0.8), min_size=1, max_size=5),
     first_phase=st.floats(0.0, 0.95),

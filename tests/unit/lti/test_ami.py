@@ -158,6 +158,7 @@ def slow_composites(data, model):
     return curves / (outputs * inputs)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("lengths", [(30, 30), (30, 21), (12, 29)])
 def test_composites_are_the_mean_magnitudes_of_data_model_and_difference(lengths):
     _, data = ringing([-0.05 + 1.0j, -0.1], outputs=3, inputs=2, samples=30, lengths=lengths)
@@ -346,6 +347,7 @@ SYSTEMS = {
 }
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("logs", SYSTEMS.values(), ids=SYSTEMS)
 def test_every_kind_of_mode_is_found(logs):
     for seed in range(2):
@@ -384,6 +386,7 @@ def test_two_modes_of_equal_poles_are_two_where_two_inputs_tell_their_shapes_apa
     assert farthest(anyhow.multipliers, full[:2]) < 1e-3
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("lengths", [None, [200, 90, 150]])
 def test_residues_of_several_inputs_are_outer_products(lengths):
     _, data = ringing(SYSTEMS["a pair and both real kinds"], inputs=3, lengths=lengths)
@@ -423,8 +426,9 @@ def test_nothing_at_all_holds_no_mode(order):
     assert model.outcome is (Outcome.NO_MODE if order is None else Outcome.ORDER_UNREACHED)
 
 
-@pytest.mark.parametrize("outputs", [1, 2, 8])
+@pytest.mark.first(6)
 @pytest.mark.parametrize("samples", [1, 2, 3, 4, 5, 8])
+@pytest.mark.parametrize("outputs", [1, 2, 8])
 def test_the_smallest_sizes_end_in_an_outcome_and_never_in_a_wrong_success(outputs, samples):
     for noise in (0.0, 0.02):
         full, data = ringing([-0.1 + 1.0j], outputs=outputs, samples=samples, noise=noise)
@@ -436,6 +440,7 @@ def test_the_smallest_sizes_end_in_an_outcome_and_never_in_a_wrong_success(outpu
                 assert farthest(model.multipliers, full) < (1e-9 if noise == 0.0 else 0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_fewer_samples_than_the_modes_need_are_an_outcome(noise):
     logs = -0.05 + 1j * np.linspace(0.3, 2.8, 3)
@@ -462,6 +467,7 @@ def test_fewer_poles_than_there_are():
     assert (alone.order, alone.outcome) == (2, Outcome.ORDER_UNREACHED), "a clear pair cannot be halved"
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("order", [4, 5, 6])
 def test_more_poles_than_there_are_leave_the_true_ones_where_they_were(order):
     full, data = ringing([-0.02 + 1.0j, -0.03], sizes=[1.0, 0.5])
@@ -498,6 +504,7 @@ def test_refining_keeps_the_outcome_and_the_order_zero():
     assert (refined.order, refined.outcome) == (0, Outcome.NO_MODE)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", ["three pairs", "a pair and both real kinds", "a half-power width apart"])
 @pytest.mark.parametrize("inputs", [1, 2])
 def test_the_finish_of_maximum_likelihood_has_its_own_poles(name, inputs):

@@ -135,6 +135,7 @@ def test_responses_of_another_length_add_their_own_equations():
 # Bands
 
 
+@pytest.mark.first(7)
 @BOTH
 @pytest.mark.parametrize("band", BANDS.values(), ids=BANDS)
 @pytest.mark.parametrize("samples", [300, 301])
@@ -294,6 +295,7 @@ def test_two_modes_of_equal_poles_are_two_with_two_inputs(noise):
         assert single.outcome is Outcome.ORDER_UNREACHED
 
 
+@pytest.mark.slow
 def test_participations_make_residues_better():
     """Of rank one, residues have fewer parameters: over seeds their error is less than that of free ones."""
     errors = np.zeros(2)
@@ -364,6 +366,7 @@ def test_the_directions_above_the_noise_are_those_of_the_modes(kind, factor):
     assert found.rank(15) == 15
 
 
+@pytest.mark.first(1)
 @BOTH
 def test_an_undamped_mode_is_one_root(kind):
     """Both denominators are asked at the unit circle, and what they answer is one mode."""
@@ -379,6 +382,7 @@ def pulls(logs, bound):
     return np.concatenate([off.real / bound.real, off.imag / bound.imag])
 
 
+@pytest.mark.slow
 def test_with_the_noise_taken_off_the_error_is_near_the_bound():
     """Forty outputs, 2 %: under 1.25 deviations of the best there is; least squares as it stands is far over."""
     ours, plain = [], []
@@ -398,6 +402,7 @@ def test_with_the_noise_taken_off_the_error_is_near_the_bound():
     assert plain > 2.0
 
 
+@pytest.mark.first(3)
 @BOTH
 @pytest.mark.parametrize("factor", [1e-6, 0.5, 2.0, 1e6])
 def test_noise_that_is_misstated_by_a_factor_does_no_harm(kind, factor):

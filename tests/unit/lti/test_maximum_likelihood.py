@@ -73,6 +73,7 @@ CLOSE = {
 SIZES = [(1, 1, 100), (6, 2, 100), (200, 1, 100), (3, 1, 1000)]
 
 
+@pytest.mark.first(15)
 @pytest.mark.parametrize(("outputs", "inputs", "samples"), SIZES)
 @pytest.mark.parametrize("multipliers", KINDS.values(), ids=KINDS)
 def test_every_kind_of_pole_is_recovered_exactly_without_noise(multipliers, outputs, inputs, samples):
@@ -232,8 +233,9 @@ def test_nothing_at_all_holds_no_mode():
     assert (found.order, found.outcome) == (0, Outcome.ORDER_UNREACHED)
 
 
-@pytest.mark.parametrize("outputs", [1, 2, 8, 50])
+@pytest.mark.first(8)
 @pytest.mark.parametrize("samples", [1, 2, 3, 4, 5, 6, 8, 12])
+@pytest.mark.parametrize("outputs", [1, 2, 8, 50])
 def test_the_smallest_sizes_end_in_an_outcome_and_never_in_a_wrong_success(outputs, samples):
     """With noise and without; a success must have a pole near each true one."""
     full = with_conjugates([np.exp(-0.1 + 1.0j)])
@@ -249,6 +251,7 @@ def test_the_smallest_sizes_end_in_an_outcome_and_never_in_a_wrong_success(outpu
         assert identified(decays([full[0]], outputs=outputs, samples=samples)).outcome is Outcome.SUCCESS
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 @pytest.mark.parametrize(("pairs", "samples"), [(3, 8), (5, 12), (8, 16), (10, 30)])
 def test_fewer_samples_than_the_modes_need_are_an_outcome(pairs, samples, noise):

@@ -56,6 +56,7 @@ def full(logs):
     return np.exp(np.concatenate([[s, np.conj(s)] if 0 < s.imag < np.pi else [s] for s in np.asarray(logs, complex)]))
 
 
+@pytest.mark.first(10)
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize(
     ("logs", "inputs"),
@@ -82,6 +83,7 @@ def test_one_hit_holds_no_more_than_one_mode_of_a_multiplier(seed):
     assert found(ringing(EQUAL, inputs=1, seed=seed)).order == 2
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("noise", [0.0, 0.02, 0.1])
 @pytest.mark.parametrize(
     "logs", [[-0.02 + 1.0j], [-0.02 + 1.0j, -0.03 + 2.0j], [-0.02 + 1.0j, -0.02 + 1.02j, -0.05 + 0j]]

@@ -53,6 +53,7 @@ NOISES = {
 }
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("share", [0.01, 0.1])
 @pytest.mark.parametrize("kind", NOISES)

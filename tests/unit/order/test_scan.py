@@ -8,6 +8,7 @@ from floquid.pipeline import lifted
 from floquid.systems import JeffcottRotor
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", [LSCF, PolyLSCF])
 def test_a_rational_function_has_a_denominator_of_its_own_at_each_order(kind, monkeypatch):
     """The strongest roots of one denominator agree with themselves, those of noise too."""

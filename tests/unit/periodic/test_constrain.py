@@ -109,6 +109,7 @@ KINDS = {
 }
 
 
+@pytest.mark.first(5)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("first", [0, 5])
 def test_without_noise_it_is_exact(kind, first):
@@ -136,7 +137,7 @@ def test_the_gradient_is_that_of_the_cost(kind):
 
 
 @pytest.mark.first(1)
-@pytest.mark.first(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "noise", "taps"),
     [
@@ -199,6 +200,7 @@ def test_the_noise_of_the_coefficients_is_taken_off_the_information():
     assert_allclose(reduced, exact, rtol=0.04)
 
 
+@pytest.mark.slow
 def test_it_says_more_than_free_residues_of_a_mode_aliased_next_to_another():
     """Folded, the two are a twentieth of their width apart; unfolded, they have nothing to do with one another."""
     model = system([-0.06 + 0.9j, -0.06 + 1j * (0.905 + OMEGA)], channels=2)
@@ -263,6 +265,7 @@ def test_a_model_of_other_responses_is_refused():
         refit(system(), lifted=lifted)
 
 
+@pytest.mark.slow
 def test_what_right_bands_leave_is_noise():
     model = system(channels=3)
     misfits = []

@@ -23,6 +23,7 @@ def pulls(found, model):
     return np.concatenate([pairing.differences.real / std.real, pairing.differences.imag / std.imag])
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [1, 3])
 def test_modes_a_twelfth_of_their_decay_apart_are_two(seed):
     """They came out as three, one of them wrong by 10 deviations."""
@@ -47,6 +48,7 @@ def test_a_mode_next_to_its_own_conjugate_has_a_deviation_for_the_mirrored_harmo
     assert growth[2:].min() > 2.0
 
 
+@pytest.mark.slow
 def test_missing_samples_hide_no_mode():
     """Filled in for the start, they hid both modes beside an orbit 500 times as large."""
     record, truth = duffing(0.01, orbit=None)

@@ -215,6 +215,7 @@ def said(request, oracle):
     return oracle.known(system, oracle.displacements(system.half), hits=2, width=2, free_period=True)
 
 
+@pytest.mark.first(6)
 @pytest.mark.parametrize(
     ("value", "std"),
     [

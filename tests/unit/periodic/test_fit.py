@@ -69,6 +69,7 @@ def test_a_rate_out_of_step_is_no_matter(rate):
     assert found.forced is None
 
 
+@pytest.mark.slow
 def test_deviations_are_those_of_repetition():
     every = [pulls(fit([record(noise=0.05, seed=seed)], [CLOCK], forced="none").model) for seed in range(12)]
     assert np.sqrt(np.mean(np.square(every))) == pytest.approx(1.0, abs=0.22)
@@ -206,6 +207,7 @@ def test_white_noise_is_not_called_coloured():
     assert texts(fit([record(n=500)], [CLOCK], forced="none").findings, "warning") == ()
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("n", [500, 1600])
 @pytest.mark.parametrize("noise", [0.0, 1e-6, 1e-3])
 def test_hardly_any_noise(n, noise):

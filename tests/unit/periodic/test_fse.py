@@ -91,6 +91,7 @@ def test_a_routine_with_its_own_covariance():
 
 
 class TestDeviations:
+    @pytest.mark.slow
     def test_errors_are_those_the_deviations_say(self):
         scores = []
         for seed in range(12):

@@ -25,13 +25,14 @@ def complex_response(model, times):
     return np.einsum("rchn,rn->chn", model.shapes(times), np.exp(np.multiply.outer(model.exponents, times)))[:, 0]
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(("turns", "phases"), [(1.9, 4), (3.7, 8), (1.2, 3), (0.3, 2), (1.3, 5)])
 def test_a_branch_above_the_nyquist_frequency_is_never_reported(turns, phases):
     found = fq.identify(record_of(turns, np.array([[0, 1.0, 0], [0, 0.5j, 0]]), phases)).model
     assert_allclose(np.abs(found.exponents.imag), turns * OMEGA, rtol=1e-8)
 
 
-@pytest.mark.first(16)
+@pytest.mark.first(6)
 @pytest.mark.parametrize("turns", [0.0, 0.5, 1.0, 1.5])
 @pytest.mark.parametrize("phases", [1, 2, 3, 4, 6, 7, 8, 16])
 @pytest.mark.parametrize("harmonics", [None, 0, 2])

@@ -38,6 +38,7 @@ THREE = [-0.02 + 1.1j, -0.03 + 2.4j, -0.015 + 7.9j]
 
 
 class TestTold:
+    @pytest.mark.slow
     def test_three_modes_with_harmonics_to_two(self):
         found = estimate_period([record_of(THREE, width=2)])
         assert found.told
@@ -46,6 +47,7 @@ class TestTold:
         assert found.model.order == 6
         assert found.model.period == found.period
 
+    @pytest.mark.first(1)
     @pytest.mark.parametrize("unit", [1e-3, 1e3])
     def test_the_unit_of_time_does_not_matter(self, unit):
         record = record_of(THREE, width=1)
@@ -154,6 +156,7 @@ class TestNotTold:
         rotor = JeffcottRotor(rotor_y=1.0).simulate(n_periods=300)
         self.check(estimate_period([rotor]), "one spacing alone")
 
+    @pytest.mark.first(2)
     @pytest.mark.parametrize("seed", range(5))
     def test_a_constant_system_of_five_modes_of_one_damping(self, seed):
         turns = np.sort(np.random.default_rng(seed).uniform(0.5, 30.0, 5))

@@ -278,6 +278,7 @@ def test_conjugates_that_are_listed_too_count_once():
         assert found.sum(axis=1).tolist() == [kept, kept]
 
 
+@pytest.mark.slow
 def test_where_harmonics_are_is_as_likely_as_it_is_said_to_be():
     """Of a periodic system all probabilities are alike: the mean of ten has a deviation of 0.09."""
     records = [

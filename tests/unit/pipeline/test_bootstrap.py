@@ -103,6 +103,7 @@ STRUCTURED = ["refined", "output error", "refined with gaps"]
 # Draws.
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", ["lifted", "two hits", "gaps", "tachometer"])
 def test_what_is_drawn_from_is_what_the_model_makes_of_the_record(name):
     """The records less it are noise, of the size that was found: the samples are those of the record."""
@@ -174,6 +175,7 @@ def test_the_quick_fit_and_that_of_lifted_responses_are_the_same():
     assert_allclose(quick.exponents, held.exponents, rtol=1e-9)
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("name", [*WAYS, *STRUCTURED, "first-order", "no deviations"])
 def test_without_noise_a_draw_gives_the_analysis_back(name):
     """Modes, coefficients and A(t): what is done to a draw is what was done to the record."""
@@ -192,7 +194,7 @@ def test_without_noise_a_draw_gives_the_analysis_back(name):
 # The spread against what was said of it.
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", WAYS)
 def test_the_deviations_of_a_right_fit_hold(name):
     checked = found(name)
@@ -223,6 +225,7 @@ def test_a_t_with_a_structure_has_deviations_that_hold(name):
     assert len(checked.system.ratios()) == 5 * 8  # the velocities' rows are what they are by definition
 
 
+@pytest.mark.slow
 def test_the_free_a_t_is_the_same_to_first_order_but_for_the_harmonics_left_out():
     """Its deviations are an upper bound: what noise alone does is below them, and said to be."""
     checked = found()
@@ -247,7 +250,7 @@ def test_deviations_of_a_t_said_too_small_are_found(name, word):
     assert f"do not hold for {word} (" in checked.reasons[0]
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "holds"), [("lifted", True), ("refined", False)])
 def test_deviations_of_a_t_said_too_large_are_a_fault_only_with_a_structure(name, holds):
     whole = analysis(name)
@@ -295,6 +298,7 @@ def test_the_bootstrap_of_a_loaded_result_with_a_structure(tmp_path):
     assert_allclose(checked.system.draws, found("refined").system.draws[:20], atol=1e-3)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("factor", "word"), [(4.0, "0.2"), (0.25, "4")])
 def test_wrong_deviations_are_found(factor, word):
     model = analysis().model
@@ -309,6 +313,7 @@ def test_wrong_deviations_are_found(factor, word):
     assert word in checked.reasons[0]
 
 
+@pytest.mark.slow
 def test_coefficients_said_too_small_are_found_alone():
     model = analysis().model
     wrong = dataclasses.replace(model, coefficient_std=0.3 * model.coefficient_std)
@@ -335,6 +340,7 @@ def test_without_asymptotic_deviations_the_draws_are_all_there_is():
     assert_allclose(checked.exponents.std.real, analysis().model.exponent_std.real, rtol=0.8)
 
 
+@pytest.mark.slow
 def test_the_bootstrap_of_a_loaded_result(tmp_path):
     floquid.save(analysis(), tmp_path / "result.h5")
     checked = bootstrap(floquid.load(tmp_path / "result.h5"), draws=DRAWS, seed=5, workers=1)
@@ -536,6 +542,7 @@ def test_the_whole_identification_again(name):
     assert checked.system.draws.shape == (checked.n_used, 5, 4, 4)
 
 
+@pytest.mark.slow
 def test_the_whole_again_has_clock_and_forced_response_as_they_were():
     """Noise alone is anew: the pulses stay, and what was forced is there to be found again."""
     whole = analysis("tachometer")
@@ -594,7 +601,7 @@ def test_what_is_no_analysis_is_refused():
         bootstrap(np.zeros(3))
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gaps", "own period"])
 def test_a_result_that_was_read_gives_the_same_draws(name, tmp_path):
     """A record that was fitted as it was sampled is in the file as it was sampled."""
@@ -603,6 +610,7 @@ def test_a_result_that_was_read_gives_the_same_draws(name, tmp_path):
     assert_allclose(one.exponents.draws, other.exponents.draws, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_period_that_was_found_is_fitted_anew():
     whole, checked = analysis("own period"), found("own period")
     assert checked.period.std > 0.0

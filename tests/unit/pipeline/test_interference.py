@@ -57,6 +57,7 @@ def test_a_mode_that_hardly_decays_stays_a_mode_where_its_decay_is_seen():
     assert not any(own.code == "interference" for own in found.fit.findings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kappa", "moves"), [(0.0, False), (0.4, True)])
 def test_two_modes_of_one_shape_are_named_as_one_that_moves(kappa, moves):
     """An oscillator with a cubic stiffness, integrated; its frequency falls with the amplitude."""

@@ -79,6 +79,7 @@ def test_the_period_is_that_of_lines_that_do_not_decay():
     assert "half-wave symmetric" in found.reasons[0]
 
 
+@pytest.mark.slow
 def test_an_orbit_that_is_not_symmetric_has_its_own_period():
     record, period, _ = record_of(0.2, 0.0, 0.15, blow=(0.0, 0.02, 0.0, 0.0), channels=slice(0, 2))
     found = estimate_period([record])
@@ -86,6 +87,7 @@ def test_an_orbit_that_is_not_symmetric_has_its_own_period():
     assert abs(found.period - period) < 4.0 * found.period_std
 
 
+@pytest.mark.slow
 def test_modes_beside_a_limit_cycle_are_found_and_the_cycle_is_none_of_them():
     record, period, multipliers = record_of(0.3, 0.3)
     analysis = floquid.identify(record, estimate_period=True)
@@ -102,6 +104,7 @@ def test_modes_beside_a_limit_cycle_are_found_and_the_cycle_is_none_of_them():
     assert "orbit_of_two_periods" in [own.code for own in analysis.findings]
 
 
+@pytest.mark.slow
 def test_an_orbit_of_two_periods_is_no_mode_where_the_period_is_given():
     record, period, multipliers = record_of(0.1, blow=(0.0, 0.02, 0.0, 0.0), channels=slice(0, 2))
     analysis = floquid.identify(record, period=0.5 * period)
@@ -113,6 +116,7 @@ def test_an_orbit_of_two_periods_is_no_mode_where_the_period_is_given():
     assert not {"multiplier_one", "multiplier_minus_one"} & {own.code for own in analysis.findings}
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("decay", [1.4, 0.05])
 def test_a_mode_near_minus_one_that_decays_is_no_orbit(decay):
     # A real negative multiplier that hardly decays over the record: a parametric resonance near its edge.
@@ -128,6 +132,7 @@ def test_a_mode_near_minus_one_that_decays_is_no_orbit(decay):
     assert analysis.model.exponent_std[own].real < 5e-5
 
 
+@pytest.mark.slow
 def test_an_orbit_alone_is_said_to_be_one():
     record, _, _ = record_of(1.0, blow=(0.0, 0.0, 0.0, 0.0), channels=slice(0, 2))
     with pytest.raises(IdentificationError, match="an orbit on which nothing is seen to decay"):

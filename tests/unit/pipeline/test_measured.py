@@ -65,12 +65,14 @@ def test_such_a_result_comes_back_from_a_file(tmp_path):
     assert_allclose(back.noise, analysis.noise)
 
 
+@pytest.mark.slow
 def test_its_figures_have_the_speed(tmp_path, monkeypatch):
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda self, target, **_: target.write_bytes(b""))
     written = [path.stem for path in save_figures(of_run(), tmp_path)]
     assert written == [name for name in FIGURES if name != "system_elements"]
 
 
+@pytest.mark.slow
 def test_resampling_everything_to_angle_would_not_do():
     """The mutant that a fit in time and angle is there for: equal angles taken for equal times bend the exponential."""
     record = Run(n_periods=200, wander=0.006, imbalance=0.0, seed=2).record()
@@ -85,6 +87,7 @@ def test_resampling_everything_to_angle_would_not_do():
     assert np.abs(off(wrong, ROTOR.exponents())).max() > 10.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_rounded_sampling_interval_is_refused_with_its_cause(seed):
     """Allen 2009, section 3: 2π/50 printed as 0.126."""
@@ -97,6 +100,7 @@ def test_a_rounded_sampling_interval_is_refused_with_its_cause(seed):
     assert identify(right).model.order == 4
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("share", [1.01, 1.0025, 1.05])
 def test_any_other_wrong_period_is_refused(share):
     record = ROTOR.simulate(n_periods=40, samples_per_period=8, seed=1)
@@ -124,6 +128,7 @@ def steady(n_periods, *, samples=16.37, share=1.0, seed=0, imbalance=0.0):
     )
 
 
+@pytest.mark.slow
 def test_a_period_that_tears_modes_by_as_much_as_they_decay_is_refused():
     """Harmonics that are left in a band, others on their own, none of them sure enough to be a sign by itself."""
     with pytest.raises(IdentificationError) as refused:
@@ -184,6 +189,7 @@ def test_an_imbalance_that_is_left_in_is_named():
     assert not any("neither grows" in warning for warning in beside.warnings)
 
 
+@pytest.mark.slow
 def test_an_angle_too_rough_for_its_imbalance_is_named():
     """Pulses of one and a half samples: what the errors of the angle leave of the imbalance looks like a mode."""
     rough = identify(Run(n_periods=100, samples_per_period=16.37, seed=3).record())
@@ -193,6 +199,7 @@ def test_an_angle_too_rough_for_its_imbalance_is_named():
     assert not any("angle of the shaft" in warning for warning in (*fine.warnings, *of_run().warnings))
 
 
+@pytest.mark.slow
 def test_a_tachometer_without_slopes_is_named_at_a_steady_speed_too():
     """High or low and nothing between: each pulse is known to a sample, and so no speed is seen to wander."""
     fine = Run(n_periods=80, samples_per_period=25.1, imbalance=5.0, pulse_deg=36.0).record()
@@ -210,6 +217,7 @@ def test_the_period_is_found():
     assert np.abs(off(analysis.model, ROTOR.exponents())).max() < 5.0
 
 
+@pytest.mark.slow
 def test_a_first_value_says_which_multiple_of_the_period_is_meant():
     record = replace(ROTOR.simulate(n_periods=60, samples_per_period=16, seed=3), clock=None)
     near, twice = (identify(record, estimate_period=True, period=value).model for value in (5.0, 11.0))
@@ -244,6 +252,7 @@ def test_impacts_are_several_hits():
     assert np.abs(off(analysis.model, ROTOR.exponents())).max() < 5.0
 
 
+@pytest.mark.slow
 def test_clipped_channels_and_missing_samples_are_reported():
     record = ROTOR.simulate(n_periods=60)
     values = np.array(record.values)

@@ -117,6 +117,7 @@ def test_deviations_of_a_forced_response_widen_too(forced):
     assert forced.failed
 
 
+@pytest.mark.slow
 def test_chance_widens_nothing_in_a_short_record():
     """The level of the noise is estimated from what is left: of few samples it is known to a tenth only."""
     rotor, misfits = JeffcottRotor(damping=0.02), []
@@ -128,6 +129,7 @@ def test_chance_widens_nothing_in_a_short_record():
     assert max(misfits) > BENT
 
 
+@pytest.mark.slow
 def test_a_bootstrap_takes_wider_deviations_for_bounds(bent):
     plain, wide = bent
     plain = bootstrap(replace(plain, fit=replace(plain.fit, misfit=1.0)), draws=40, workers=1)
@@ -167,6 +169,7 @@ def test_it_fails_without_validation_too():
     assert "do not use" in under_verdict(found)
 
 
+@pytest.mark.slow
 def test_every_output_of_a_model_that_fails_is_without_deviations(failing, forced, tmp_path):
     assert failing.state.system_std is None
     assert failing.state.transition_std is None

@@ -222,6 +222,7 @@ def test_fewer_than_four_periods_are_refused():
         identify(ringing(pairs(TWO), n_cycles=3))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("n_pairs", "n_cycles"), [(2, 6), (3, 8), (5, 20)])
 def test_fewer_periods_than_the_modes_need_are_refused(n_pairs, n_cycles):
     many = pairs(-0.02 + 1j * np.linspace(0.05, 0.5, n_pairs), channels=6)

@@ -48,6 +48,7 @@ def of_fields(one, other):
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("route", ["lifted", "as sampled"])
 @pytest.mark.parametrize("output_error", [False, True])
 def test_a_structure_is_fitted_on_both_routes(record, missing, free, route, output_error):
@@ -65,6 +66,7 @@ def test_a_structure_is_fitted_on_both_routes(record, missing, free, route, outp
     assert worst(found.state, np.s_[2:]) < 1e-3
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("route", ["lifted", "as sampled"])
 def test_the_output_error_step_is_made_on_the_record(record, missing, route):
     """It moves the parameters by far less than their deviations, and not by nothing."""
@@ -136,6 +138,7 @@ def test_first_order_and_all_channels(record):
         identify(replace(record, channels=known), states=["all"], form="first-order", validate=False)
 
 
+@pytest.mark.slow
 def test_all_channels_are_weighed_together(record):
     both = record.select(["X", "Y"])
     mixed = np.concatenate([both.values, [[1.0, 2.0], [-1.0, 0.5]] @ both.values])

@@ -108,6 +108,7 @@ def names(record):
     return [channel.name for channel in record.channels]
 
 
+@pytest.mark.first(3)
 @EVERY
 def test_identify_starts_from_what_is_prepared(case):
     record, options, analysis = found(case)
@@ -134,6 +135,7 @@ def test_lifted_responses_are_of_the_same_channels_and_cycles(case):
     assert_array_equal(again.responses.values, lifted.responses.values)
 
 
+@pytest.mark.first(3)
 @EVERY
 def test_a_scan_that_is_typed_is_of_the_same_channels_and_cycles(case, tmp_path, monkeypatch):
     record, options, analysis = found(case)

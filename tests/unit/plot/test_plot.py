@@ -522,6 +522,7 @@ def test_save_figures_without_states(found, tmp_path, monkeypatch):
     assert [path.stem for path in paths] == [name for name in FIGURES if name not in ("system_elements", "speed")]
 
 
+@pytest.mark.slow
 def test_a_figure_that_fails_leaves_the_old_file(found, tmp_path, monkeypatch):
     every = _save._drawings
     monkeypatch.setattr(_save, "_drawings", lambda *given: dict([*every(*given).items()][:2]))

@@ -378,6 +378,7 @@ def test_every_figure_is_drawn_without_overlap(found, pair):
         assert outside_and_overlaps(figure) == []
 
 
+@pytest.mark.slow
 def test_save_figure(found, tmp_path):
     figure = composite(found)
     for name, start in (("a.png", b"\x89PNG"), ("a.svg", b"<?xml"), ("a.PDF", b"%PDF")):

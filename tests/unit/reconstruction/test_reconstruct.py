@@ -164,6 +164,7 @@ def test_the_branch_of_an_exponent_does_not_matter(model):
     )
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("seed", "noise"), [(1, 0.02), (2, 0.1), (3, 0.1)])
 def test_units_of_the_channels_do_not_matter_to_the_harmonics_of_a(seed, noise):
     record = JeffcottRotor(damping=0.02).simulate(n_periods=40, samples_per_period=12, noise=noise, seed=seed)
@@ -359,7 +360,7 @@ def errors(known, drawn, harmonics):
     return np.abs(state.system - known.system.at(state.times)).max(), state
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-6, 1e-4, 2e-3])
 def test_the_automatic_harmonics_are_nearly_the_best_fixed_ones(oracle, size):
     """In the median over draws, at noise that shows many harmonics and at noise that shows few."""
@@ -407,6 +408,7 @@ def test_sizes_of_what_is_left_out(wide):
     assert_array_equal(sizes_left_out(own, np.ones(len(own.modes), bool), rows), 0.0)
 
 
+@pytest.mark.slow
 def test_what_sizes_of_any_phase_do(oracle):
     """Against draws of phases, each through `reconstruct` itself."""
     known = oracle.known(oracle.systems["one"], oracle.displacements(1), width=2)

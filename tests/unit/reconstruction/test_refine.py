@@ -62,6 +62,7 @@ def is_exact(known, found, tolerance=1e-8):
     assert (found.std > 0).all()
 
 
+@pytest.mark.first(6)
 @EVERY
 @pytest.mark.parametrize("hits", [1, 3])
 def test_it_is_exact_without_noise(oracle, name, hits):
@@ -176,7 +177,7 @@ def test_a_first_order_system_in_other_units_and_order(first):
 # What it says of its own errors.
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["one", "locked", "overdamped", "blade"])
 @pytest.mark.parametrize("free_period", [False, True])
 def test_deviations_are_those_of_the_fit_by_differences(oracle, name, free_period):
@@ -205,6 +206,7 @@ def test_deviations_are_those_of_the_fit_by_differences(oracle, name, free_perio
         assert_allclose(one, other, rtol=1e-4, atol=1e-6 * other.max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gyroscopic", "pair and real"])
 def test_errors_and_their_deviations_agree_over_draws(oracle, name):
     known, generator = make(oracle, name, hits=2), np.random.default_rng(5)
@@ -227,7 +229,7 @@ def test_errors_and_their_deviations_agree_over_draws(oracle, name):
     assert low < np.sum(left) < high
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "options"), [
     ("one", {}), ("locked", {"free_period": True}), ("blade", {"hits": 3}), ("pairs", {"width": 1}),
 ])  # fmt: skip
@@ -272,6 +274,7 @@ WRONG = {
 }
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("case", WRONG)
 def test_a_structure_that_is_wrong_in_one_way_is_refused(oracle, case):
     name, structure = WRONG[case]
@@ -585,6 +588,7 @@ def test_a_mode_of_harmonic_balance_is_a_floquet_mode(oracle):
     assert found.exponent.imag == pytest.approx(0.5, abs=1e-12)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", ["one", "blade", "pair and real"])
 @pytest.mark.parametrize("free_period", [False, True])
 def test_slopes_of_the_differences_are_differences(oracle, name, free_period):
@@ -679,7 +683,7 @@ CHAINS = {
 }
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", CHAINS)
 def test_a_record_is_refined_within_its_errors(oracle, name):
     """The chi-square of what is left, that of the parameters' errors, and A(t), over draws of the noise."""

@@ -92,7 +92,7 @@ def test_any_quantities_are_exact(exact, states):
     assert len(found.states) == 4
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("states", STATES.values(), ids=STATES)
 def test_deviations_of_any_quantities(rough, states):
     deviates_as_it_says(rough("gyroscopic", JOINT), states)
@@ -366,7 +366,7 @@ def test_all_channels_are_better_than_the_two_that_they_are_scaled_by(five):
     assert np.sum(every.system_std[:, 2:] ** 2) < 0.85 * np.sum(few.system_std[:, 2:] ** 2)
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_all_channels_deviate_nearly_as_they_say(five, seed):
     """The errors of their gains too."""

@@ -42,6 +42,7 @@ def test_the_page_of_a_driven_analysis(driven, tmp_path):
         assert f'"{label}"' in page
 
 
+@pytest.mark.slow
 def test_the_page_of_outputs_alone_has_no_inputs(tmp_path):
     system = mathieu()
     values = ambient_of(system, 400, PHASES, 0.02, 1)

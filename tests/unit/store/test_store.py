@@ -491,6 +491,7 @@ def test_what_was_measured_comes_back(rig, tmp_path):
     assert back.model is back.fit.model
 
 
+@pytest.mark.slow
 def test_it_is_the_same_to_the_last_digit_with_threads_in_blas(rig, tmp_path, monkeypatch):
     """Here, and not in a child, whose threads are those of its environment."""
     monkeypatch.setattr("floquid.store._load.GUARD._serving", True)
@@ -500,6 +501,7 @@ def test_it_is_the_same_to_the_last_digit_with_threads_in_blas(rig, tmp_path, mo
         assert list(differences(analysis, load(tmp_path / "result.h5"))) == []
 
 
+@pytest.mark.slow
 def test_the_angle_of_the_shaft_comes_back(tmp_path):
     """Of each record, with what it rests on: pulses, spline, its own deviations."""
     hits = [Run(n_periods=60, seed=seed).record() for seed in (1, 2)]
@@ -566,6 +568,7 @@ KINDS = {
 }  # fmt: skip
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_result_of_every_kind_of_record_comes_back(kind, tmp_path):
     """To the last bit: fit, cycles, lifted responses; and the records are those that were given."""

@@ -67,7 +67,7 @@ def said(shaft, words):
 # The estimate and its deviation.
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("lines", [1, 4])
 @pytest.mark.parametrize("wander", [0.0, 0.0002, 0.002, 0.02])
 def test_the_deviations_are_the_errors(wander, lines):

@@ -41,6 +41,7 @@ def integrated(rotor, times, initial, damping):
     return out
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("form", ["identity", "support"])
 @pytest.mark.parametrize("first_phase", [0.0, 0.37])
 def test_simulation_solves_the_full_equations(form, first_phase):

@@ -250,6 +250,7 @@ def rig():
     return identify(Run(n_periods=150, seed=2).record(), validate=False)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["odd", "rig"])
 def test_a_result_that_was_read_shows_the_same(name, request, tmp_path):
     """Samples missing, a begin at any time, the angle of a shaft: the file has the record as it was measured."""
@@ -512,6 +513,7 @@ def test_a_gap_is_no_extreme():
     assert len(thin_x) <= 100
 
 
+@pytest.mark.slow
 def test_no_plotting_library_is_loaded():
     code = "import sys, floquid.views; assert not {'matplotlib', 'bokeh', 'jinja2'} & set(sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

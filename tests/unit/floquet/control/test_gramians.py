@@ -140,6 +140,7 @@ def test_reachability_is_observability_of_the_adjoint(make):
     assert here[1:] == pytest.approx(there[:0:-1], abs=1e-11)
 
 
+@pytest.mark.slow
 def test_a_constant_system_and_the_same_one_turning():
     A, B, C, _ = reference_matrices()
     P, Q = solve_continuous_lyapunov(A, -B @ B.T), solve_continuous_lyapunov(A.T, -C.T @ C)
@@ -181,6 +182,7 @@ def test_the_units_of_inputs_and_outputs_do_not_matter(unit):
     assert linf_norm(mixed).gain == pytest.approx(linf_norm(plain).gain, rel=2e-6)
 
 
+@pytest.mark.slow
 def test_a_gain_that_is_weak_is_not_lost():
     coupled = np.array([[-1.0, 0.0], [1e-2, -2.0]])
     system = turned(coupled, np.array([[1.0], [0.0]]), np.array([[0.0, 1.0]]))
@@ -198,6 +200,7 @@ def test_a_direction_that_is_not_reached():
     assert linf_norm(spun).gain == pytest.approx(0.3, rel=1e-6)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("make", [smooth_system, jumping_system])
 def test_h2_norm_is_the_energy_of_impulse_responses(make):
     system = make()
@@ -221,6 +224,7 @@ def test_h2_norm_by_observability():
     assert h2_norm(system) == pytest.approx(np.sqrt(trace.mean()), rel=1e-11)
 
 
+@pytest.mark.slow
 def test_hankel_norm_between_the_phases():
     system = smooth_system()
     product = gramian(system, "reachability", 4096) @ gramian(system, "observability", 4096)
@@ -230,6 +234,7 @@ def test_hankel_norm_between_the_phases():
     assert hankel_norm(system) >= values.max() * (1 - 1e-12)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("direct", [0.0, 1.0])
 def test_gain_of_a_constant_system_and_of_the_same_one_turning(direct):
     A, B, C, D = reference_matrices()
@@ -258,6 +263,7 @@ def test_gain_of_cantoni_and_sandberg():
     assert found.omega == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("D", [None, [[0.4, 0.0], [0.0, -0.3], [0.1, 0.0]]])
 def test_gain_against_the_harmonic_transfer_function(D):
     system = smooth_system(D)

@@ -77,6 +77,7 @@ def steady(found, amplitude, times):
     return np.einsum("oih,i,ht->ot", found.values[..., 0], amplitude, waves).real
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("omega", "amplitude"), [(1.3, [1 + 0.5j, -0.4]), (W, [1.0, 0.3j]), (-0.4, [0.0, 1j]), (0.0, [1, 1])]
 )
@@ -89,6 +90,7 @@ def test_the_transfer_of_a_sine_is_what_is_left_of_a_simulation(omega, amplitude
     assert found.error.max() < 1e-10
 
 
+@pytest.mark.slow
 def test_transfer_of_a_system_that_jumps():
     """The harmonics are those of a simulation; their sum converges slowly, the velocity having kinks."""
     system = jumping_system()

@@ -175,6 +175,7 @@ def meissner(zeta, q=0.1):
     return np.stack([first, second], axis=2), np.log(np.linalg.eigvals(monodromy).astype(complex)) / pi
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("zeta", "q"), [(0.0, 0.1), (0.2, 0.1), (0.1, 5.0)])
 def test_jumps_do_not_cost_digits(zeta, q):
     """Plainly truncated, Meissner's exponents are good to 3e-9 at 60 harmonics."""
@@ -194,6 +195,7 @@ def test_jumps_settle_to_the_last_digits():
     assert_exponents_close(found.exponents, exact, pi, atol=5e-14)
 
 
+@pytest.mark.slow
 def test_shapes_of_a_system_that_jumps():
     """Shape times exponential is carried by the transition matrix of each piece."""
     values, _ = meissner(0.2)
@@ -261,7 +263,7 @@ HIDDEN = {
 }
 
 
-@pytest.mark.first(10)
+@pytest.mark.first(4)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", HIDDEN)
 def test_one_mode_of_each_family(name, seed):
@@ -318,6 +320,7 @@ def test_mathieu_on_a_characteristic_curve():
     assert_exponents_close(found.exponents, [1j, 1j], pi, atol=3e-6)
 
 
+@pytest.mark.slow
 def test_forty_states():
     """A chain of oscillators up to twelve times the fundamental."""
     generator, m = np.random.default_rng(1), 20
@@ -348,6 +351,7 @@ FAR = {
 }
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("form", ["harmonics", "function", "samples"])
 @pytest.mark.parametrize("name", FAR)
 def test_lines_that_are_far_apart_are_met(name, form):

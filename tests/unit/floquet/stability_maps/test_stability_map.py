@@ -355,6 +355,7 @@ def test_threads_change_nothing():
     assert same(one, three)
 
 
+@pytest.mark.slow
 def test_processes_change_nothing(module):
     grid = {"a": np.linspace(0.0, 5.0, 70)}
     one, two = (stability_map(module.system, np.pi, grid, edge_tolerance=1e-4, workers=n) for n in (1, 2))
