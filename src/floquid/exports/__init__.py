@@ -2,6 +2,7 @@
 
 from floquid.exports._driven import driven_summary, measured_entries, transfer_entries, transfer_rows
 from floquid.exports._modes import MODE_FORMATS, export_modes
+from floquid.exports._periodic_system import from_periodic_system, to_periodic_system
 from floquid.exports._summary import summary
 from floquid.exports._xarray import to_xarray
 
@@ -9,8 +10,10 @@ __all__ = [
     "MODE_FORMATS",
     "driven_summary",
     "export_modes",
+    "from_periodic_system",
     "measured_entries",
     "summary",
+    "to_periodic_system",
     "to_xarray",
     "transfer_entries",
     "transfer_rows",

@@ -13,7 +13,14 @@ from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet.control._system import PeriodicSystem, checked_system, input_units, matrix_reach
 from floquid.floquet.matrices import after_jumps, assembled, named
-from floquid.floquet.monodromy_matrix import TOLERANCE, checked, factors, multipliers_of, product_logarithms
+from floquid.floquet.monodromy_matrix import (
+    TOLERANCE,
+    checked,
+    factors,
+    multipliers_of,
+    product_logarithms,
+    product_shapes,
+)
 
 
 @final
@@ -125,6 +132,16 @@ class DiscretePeriodicSystem(Rebuilt):
         """
         logs = product_logarithms(self.A)
         return np.asarray(logs.real / self.period + 1j * (logs.imag / self.period), dtype=np.complex128)
+
+    def modes(self) -> tuple[Complexes, Complexes]:
+        r"""The exponents as `exponents` has them (n,) [1/s], and the periodic shapes of the states (phases, n, modes).
+
+        .. math:: A_k\, p_{r,k} = e^{\lambda_r \Delta t}\, p_{r,k+1}, \qquad p_{r,P} = p_{r,0}
+
+        Shapes of a multiplier of zero, and of one that is repeated with fewer eigenvectors, are no basis.
+        """
+        logs, shapes = product_shapes(self.A)
+        return np.asarray(logs.real / self.period + 1j * (logs.imag / self.period), np.complex128), shapes
 
     def simulate(self, inputs: ArrayLike, *, initial: ArrayLike | None = None, first_phase: int = 0) -> Floats:
         """The outputs (outputs, samples) under a sequence of inputs.

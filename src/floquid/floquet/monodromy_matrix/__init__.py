@@ -3,7 +3,7 @@
 from floquid.floquet.monodromy_matrix._collocation import MOST, Evaluate, divided, factorise, gauss, inverse, stages
 from floquid.floquet.monodromy_matrix._floquet_lyapunov import FloquetLyapunov, floquet_lyapunov
 from floquid.floquet.monodromy_matrix._modes import FloquetModes, ModesOutcome, modes
-from floquid.floquet.monodromy_matrix._periodic_schur import multipliers_of, product_logarithms
+from floquid.floquet.monodromy_matrix._periodic_schur import multipliers_of, product_logarithms, product_shapes
 from floquid.floquet.monodromy_matrix._stability import (
     Stability,
     Verdict,

@@ -172,7 +172,8 @@ def modes(
         length = prepared.matrix.period
         found = factors(prepared, length * np.arange(count + 1) / count, tolerance, of)
         carried = _periodic_schur.modes(_periodic_schur.schur(balanced(found, prepared)))
-        shapes = _at_phases(carried, found, count)
+        # The first factor of each step begins on its phase.
+        shapes = _periodic_schur.periodic_shapes(carried, np.searchsorted(found.owner, np.arange(count)))
         lines = np.fft.fft(shapes, axis=0) / count
         sizes = np.abs(lines).max(axis=1)  # (lines, modes)
         upper = sizes[count // 2 - count // 16 : count // 2 + count // 16 + 1].max(axis=0)
@@ -181,15 +182,6 @@ def modes(
         count *= 2
     refuse_lost(carried.logarithms, found, prepared, of)
     return _assembled(carried, lines, prepared, found, tolerance)
-
-
-def _at_phases(carried: _periodic_schur.ProductModes, found: Factors, count: int) -> Complexes:
-    """The shapes x_k exp(growth_k - λ t_k) at the phases (phases, n, modes), of unit length at phase zero."""
-    nodes = np.searchsorted(found.owner, np.arange(count))  # the first factor of each step begins on its phase
-    share = np.arange(count)[:, None] / count
-    # The two terms are large and nearly equal: they are taken apart before the exponential.
-    real = carried.growth[nodes] - share * carried.logarithms.real
-    return carried.vectors[nodes] * np.exp(real - 1j * share * carried.logarithms.imag)[:, None, :]
 
 
 def _assembled(

@@ -90,6 +90,24 @@ def product_logarithms(factors: Floats) -> Complexes:
     return found[principal_order(found)]
 
 
+def product_shapes(factors: Floats) -> tuple[Complexes, Complexes]:
+    r"""The logarithms l of the eigenvalues of a product of K factors (n,), and periodic shapes (factors, n, modes).
+
+    .. math:: F_k\, p_k = e^{l/K}\, p_{k+1}, \qquad p_K = p_0
+    """
+    found = modes(schur(factors))
+    order = principal_order(found.logarithms)
+    return found.logarithms[order], periodic_shapes(found, np.arange(len(factors)))[:, :, order]
+
+
+def periodic_shapes(found: ProductModes, nodes: Indices) -> Complexes:
+    """Of eigenvectors at the nodes of equal phases, the shapes x_k exp(growth_k - λ t_k) (phases, n, modes)."""
+    share = np.arange(len(nodes))[:, None] / len(nodes)
+    # The two terms are large and nearly equal: they are taken apart before the exponential.
+    real = found.growth[nodes] - share * found.logarithms.real
+    return found.vectors[nodes] * np.exp(real - 1j * share * found.logarithms.imag)[:, None, :]
+
+
 def multipliers_of(logs: Complexes) -> Complexes:
     """Multipliers from their logarithms (n,): real where these say so, zero and infinite out of range."""
     # A real multiplier that overflows is infinite, and not infinity times the zero of a sine.
