@@ -61,9 +61,13 @@ def test_transfer_functions_as_text_json_table_and_picture(file, tmp_path, capsy
     truth = mathieu().transfer([0.1, 0.2], [0])
     value = np.array(found["values"])[0, 0, 0] @ [1.0, 1j]
     assert value == pytest.approx(truth[0, 0, 0], rel=0.02)
-    for name in ("g.csv", "g.png"):
+    for name in ("g.csv", "g.mat", "g.png"):
         assert run([*command, "--out", str(tmp_path / name)]) == 0
         assert (tmp_path / name).stat().st_size > 100
+    assert run([*command, "--out", str(tmp_path / "g.s1p")]) == 2
+    assert "--harmonics 0" in capsys.readouterr().err
+    assert run([*command, "--harmonics", "0", "--out", str(tmp_path / "g.s1p")]) == 0
+    assert "# Hz Z RI R 1" in (tmp_path / "g.s1p").read_text()
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,7 @@ _OPTIONS = {
     "write": {"path": "`--out`", "record": "The record"},
     "save": {"path": "`--out`"},
     "export_modes": {"path": "`OUT`"},
+    "export_transfer": {"path": "`--out`", "found": "The transfer functions"},
     "load": {"path": "`RESULT`"},
     "bootstrap": {"analysis": "`RESULT`", **_alike("draws", "seed", "workers", "whole")},
     "save_figures": {"folder": "`--out`"},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
@@ -32,7 +33,7 @@ from floquid.cli._records import check_files, read_records
 from floquid.cli._settings import choices_of
 from floquid.cli._terminal import json_text, print_title, print_warnings, progress, terminal
 from floquid.core import Channel
-from floquid.exports import measured_entries, transfer_entries, transfer_rows
+from floquid.exports import export_transfer, measured_entries, transfer_entries
 from floquid.findings import Severity, texts
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import measure_transfer
@@ -63,7 +64,12 @@ def transfer(
     at: Annotated[str, Parameter(help=_AT)] = "",
     harmonics: Annotated[str, Parameter(help=_HARMONICS)] = "-1,0,1",
     drop: Annotated[Whole, Parameter(help=_DROP)] = 1,
-    out: Annotated[Path | None, Parameter(help="A table (.csv), or a picture (.png, .pdf, .svg).")] = None,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            help="A table (.csv, .mat, Touchstone .sNp of one harmonic of N paths), or a picture (.png, .pdf, .svg)."
+        ),
+    ] = None,
     format: Format = "text",  # noqa: A002
     settings: SettingsFile = None,
     debug: Debug = False,
@@ -151,8 +157,8 @@ def _spread(there: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def _write(found: TransferFunctions, out: Path) -> None:
     """Write transfer functions as a table, or as a picture."""
-    if out.suffix.lower() == ".csv":
-        out.write_text(transfer_rows(found), encoding="utf-8")
+    if out.suffix.lower() in (".csv", ".mat") or re.fullmatch(r"\.s\d+p", out.suffix.lower()):
+        export_transfer(found, out)
         return
     from floquid.plot import save_figure
     from floquid.plot import transfer as drawn

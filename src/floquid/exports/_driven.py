@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from floquid._json import for_json
 from floquid.exports._summary import mode_entries
 from floquid.findings import as_mapping
@@ -78,25 +76,3 @@ def measured_entries(found: MeasuredTransfer) -> dict[str, Any]:
             "warnings": list(found.warnings),
         }
     )
-
-
-def transfer_rows(found: TransferFunctions) -> str:
-    """The transfer functions `found` as a table of comma-separated values, with a line of names and units.
-
-    A row is a frequency; of each function there are the real and the imaginary part.
-    """
-    heads, columns = ["frequency [Hz]"], [found.frequencies_hz]
-    for place, harmonic in enumerate(found.harmonics.tolist()):
-        for row, output in enumerate(found.outputs):
-            for column, source in enumerate(found.inputs):
-                name, unit = f"G({harmonic:+d}) {source.name} to {output.name}", found.unit(row, column)
-                value = found.values[place, row, column]
-                heads += [f"{name} real [{unit}]", f"{name} imag [{unit}]"]
-                columns += [value.real, value.imag]
-                if found.std is not None:
-                    std = found.std[place, row, column]
-                    heads += [f"{name} real std [{unit}]", f"{name} imag std [{unit}]"]
-                    columns += [std.real, std.imag]
-    lines = [",".join(f'"{head}"' for head in heads)]
-    lines += [",".join(f"{value:.9g}" for value in row) for row in np.transpose(columns)]
-    return "\n".join(lines) + "\n"

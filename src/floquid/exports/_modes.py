@@ -6,7 +6,7 @@ import csv
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
-from io import BytesIO, StringIO
+from io import StringIO
 from itertools import product
 from os import PathLike
 from typing import Any
@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats
 from floquid._checks import describe, input_error
-from floquid._version import __version__
 from floquid.core import PeriodicModel
 from floquid.exports._driven import driven_summary
+from floquid.exports._mat import PLAIN, mat_cells, mat_file
 from floquid.exports._summary import mode_entries, summary
 from floquid.exports._uff import uff_bytes
 from floquid.io import as_path, atomic_path
@@ -165,16 +165,8 @@ def _harmless(word: str) -> str:
     return f"'{word}" if acts else word
 
 
-_PLAIN = str.maketrans({"µ": "u", "μ": "u", "ε": "e", "°": "deg", "²": "^2", "³": "^3", "·": "."})
-"""Units in ASCII: GNU Octave reads texts of other letters byte by byte, and cuts them."""
-
-_TEXT = 116  # bytes at the head of the file that are free text
-
-
 def mat_bytes(model: PeriodicModel, state: StateModel | None) -> bytes:
     """The file; what was not estimated is an empty matrix, and the same model gives the same bytes."""
-    from scipy.io import savemat
-
     content: dict[str, Any] = {
         "exponents": model.exponents,
         "exponents_std": model.exponent_std,
@@ -190,14 +182,14 @@ def mat_bytes(model: PeriodicModel, state: StateModel | None) -> bytes:
         "period": model.period,
     }
     content |= {
-        "channels": _mat_cells([channel.name for channel in model.channels]),
-        "units": _mat_cells([channel.unit.translate(_PLAIN) for channel in model.channels]),
-        "quantities": _mat_cells([str(channel.quantity) for channel in model.channels]),
+        "channels": mat_cells([channel.name for channel in model.channels]),
+        "units": mat_cells([channel.unit.translate(PLAIN) for channel in model.channels]),
+        "quantities": mat_cells([str(channel.quantity) for channel in model.channels]),
     }
     if (own := model.inputs) is not None:
         content |= {
-            "inputs": _mat_cells([channel.name for channel in own.channels]),
-            "input_units": _mat_cells([channel.unit.translate(_PLAIN) for channel in own.channels]),
+            "inputs": mat_cells([channel.name for channel in own.channels]),
+            "input_units": mat_cells([channel.unit.translate(PLAIN) for channel in own.channels]),
             "input_coefficients": own.coefficients,
             "input_coefficients_std": own.coefficient_std,
             "input_harmonics": own.harmonics.astype(np.float64),
@@ -208,23 +200,10 @@ def mat_bytes(model: PeriodicModel, state: StateModel | None) -> bytes:
     if state is not None:
         content |= {
             "times": state.times,
-            "states": _mat_cells(state.states),
+            "states": mat_cells(state.states),
             "A": np.moveaxis(state.system, 0, 2),
             "A_std": None if state.system_std is None else np.moveaxis(state.system_std, 0, 2),
             "Phi": np.moveaxis(state.transition, 0, 2),
             "Phi_std": None if state.transition_std is None else np.moveaxis(state.transition_std, 0, 2),
         }
-    stream = BytesIO()
-    empty = np.zeros((0, 0))
-    savemat(stream, {name: empty if value is None else value for name, value in content.items()}, oned_as="column")
-    whole = bytearray(stream.getbuffer())
-    written = f"MATLAB 5.0 MAT-file, modes, by floquid {__version__}"
-    whole[:_TEXT] = written.encode().ljust(_TEXT)
-    return bytes(whole)
-
-
-def _mat_cells(words: Any) -> Any:
-    """A column of texts as MATLAB has it."""
-    cells = np.empty((len(words), 1), dtype=object)
-    cells[:, 0] = list(words)
-    return cells
+    return mat_file(content, "modes")

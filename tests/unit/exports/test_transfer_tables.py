@@ -1,0 +1,86 @@
+"""Tables of transfer functions: what is read again is what was written. scikit-rf 2.2 reads them alike."""
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from floquid import Channel, InputError
+from floquid.exports import export_transfer
+from floquid.inputs import TransferFunctions
+
+PORTS = {1: "s1p", 2: "s2p", 3: "s3p", 5: "s5p"}
+
+
+def functions(outputs, inputs, harmonics=(0,), units=("A", "V")):
+    generator = np.random.default_rng(0)
+    shape = (len(harmonics), outputs, inputs, 4)
+    values, std = (generator.standard_normal(shape) + 1j * generator.standard_normal(shape) for _ in range(2))
+    return TransferFunctions(
+        frequencies_hz=[3.0, 1.0, 2.0, 4.0], harmonics=harmonics, values=values, std=np.abs(std.real) + 1j,
+        outputs=tuple(Channel(name=f"i{k}", unit=units[0]) for k in range(outputs)),
+        inputs=tuple(Channel(name=f"u{k}", unit=units[1]) for k in range(inputs)),
+    )  # fmt: skip
+
+
+def touchstone(text, ports):
+    """The kind of parameter, frequencies and matrices (frequencies, ports, ports) of a Touchstone file of version 1."""
+    lines = [line for line in text.splitlines() if not line.startswith("!")]
+    assert lines[0].split()[0::5] == ["#", "1"]
+    numbers = np.array(" ".join(lines[1:]).split(), float).reshape(-1, 1 + 2 * ports**2)
+    matrices = (numbers[:, 1::2] + 1j * numbers[:, 2::2]).reshape(-1, ports, ports)
+    return lines[0].split()[2], numbers[:, 0], matrices.transpose(0, 2, 1) if ports == 2 else matrices
+
+
+@pytest.mark.parametrize("ports", PORTS)
+def test_touchstone_of_a_square_harmonic(ports, tmp_path):
+    found, file = functions(ports, ports), tmp_path / f"g.{PORTS[ports]}"
+    export_transfer(found, file)
+    text = file.read_text("ascii")
+    kind, hertz, matrices = touchstone(text, ports)
+    assert kind == "Y"
+    assert list(hertz) == [1.0, 2.0, 3.0, 4.0]
+    assert np.allclose(matrices, np.moveaxis(found.values[0], 2, 0)[[1, 2, 0, 3]], rtol=1e-11)
+    assert f"! port {ports}: from u{ports - 1} [V] to i{ports - 1} [A]" in text
+    assert all(len(line.split()) <= 9 for line in text.splitlines() if line[0] not in "!#")
+    export_transfer(functions(ports, ports, units=("µm", "N")), file)
+    text = file.read_text("ascii")
+    assert touchstone(text, ports)[0] == "Z"
+    assert "[um]" in text
+
+
+def test_mat_has_all_of_it(tmp_path):
+    found = functions(2, 3, (-1, 0, 2), ("m/s²", "N"))
+    export_transfer(found, tmp_path / "g.mat")
+    read = loadmat(tmp_path / "g.mat", simplify_cells=True)
+    assert np.array_equal(read["values"], found.values)
+    assert np.array_equal(read["std"], found.std)
+    assert np.array_equal(read["harmonics"], [-1, 0, 2])
+    assert list(read["inputs"]) == ["u0", "u1", "u2"]
+    assert list(read["output_units"]) == ["m/s^2"] * 2
+    assert read["step"].size == 0
+
+
+def test_csv_names_path_harmonic_and_unit(tmp_path):
+    found = functions(1, 2, (-1, 0))
+    export_transfer(found, tmp_path / "g.csv")
+    head, *rows = (tmp_path / "g.csv").read_text().splitlines()
+    assert head.startswith(
+        '"frequency [Hz]","G(-1) u0 to i0 real [A/V]","G(-1) u0 to i0 imag [A/V]","G(-1) u0 to i0 real'
+    )
+    assert np.allclose(float(rows[2].split(",")[1]), found.values[0, 0, 0, 2].real)
+
+
+@pytest.mark.parametrize(
+    ("found", "name", "words"),
+    [
+        (functions(2, 1), "g.s2p", "from 1 inputs to 2 outputs"),
+        (functions(2, 2), "g.s3p", "3 outputs and inputs"),
+        (functions(2, 2, (0, 1)), "g.s2p", "`harmonics=0`"),
+        (functions(1, 1), "g.xls", "known suffix"),
+        (None, "g.csv", "TransferFunctions"),
+    ],
+)
+def test_what_has_no_such_form_is_refused(found, name, words, tmp_path):
+    with pytest.raises(InputError, match=words):
+        export_transfer(found, tmp_path / name)
+    assert not list(tmp_path.iterdir())
