@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from floquid import Record, identify
 from floquid.core import ConstantPeriod, PeriodicModel
-from floquid.lifting import lift, unlift, whitened, whitening_filter
+from floquid.lifting import filters_of, lift, unlift, whitened, whitening_filter
 from floquid.lti import fit_residues
 from floquid.periodic import Known, assemble, synchrony
 from floquid.periodic.significance._period_mismatch import drift
@@ -128,6 +128,17 @@ def test_white_noise_is_left_alone(n_phases):
     model = system(channels=3, hits=2)
     for seed in range(20):
         assert found_filter(lifted(model, noise=0.1, n_phases=max(n_phases, 6), seed=seed), model) is None
+
+
+@pytest.mark.parametrize("lags", [1, 6])
+def test_a_filter_is_made_from_eight_deviations_on(lags):
+    """Box and Pierce's sum over white noise has the mean of the lags, and twice their variance."""
+    numbers, kinds = np.array([150.0]), []
+    for deviations in (7.5, 8.5):
+        correlations = np.zeros((1, lags + 1))
+        correlations[0, :2] = 1.0, np.sqrt((lags + deviations * np.sqrt(2.0 * lags)) / numbers[0])
+        kinds.append(filters_of(correlations, numbers) is not None)
+    assert kinds == [False, True]
 
 
 @pytest.mark.parametrize("colour", [(-0.9,), (0.7,), (-0.5,), (-1.2, 0.8), (-0.999,)])
