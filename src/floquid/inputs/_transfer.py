@@ -12,9 +12,6 @@ from floquid.core import Channel, PeriodicModel
 from floquid.inputs._modes import input_gain
 from floquid.inputs._samples import Hold
 
-RESONANT = 1e-12
-"""The distance of a frequency from a pole, over the fundamental, below which there is no steady response."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TransferFunctions(Rebuilt):

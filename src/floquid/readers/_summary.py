@@ -115,11 +115,6 @@ class FileSummary:
     clock_candidates: tuple[ClockCandidate, ...]
     notes: tuple[str, ...]
 
-    @property
-    def has_missing(self) -> bool:
-        """True where any sample is missing."""
-        return any(channel.n_missing for channel in self.channels)
-
 
 def describe_file(
     path: str | PathLike[str], *, rate: float | None = None, channels: Sequence[str] | None = None

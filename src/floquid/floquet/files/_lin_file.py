@@ -118,9 +118,9 @@ class _Text:
         where = f"{self.file}" if index is None else f"line {index + 1} of {self.file}"
         return input_error(self.argument, self.of, "name linearisation files of OpenFAST", f"{where} {got}", remedy)
 
-    def starting(self, title: str, start: int = 0) -> int | None:
-        """The first line from `start` on that begins with `title` (in small letters)."""
-        return next((i for i in range(start, len(self.lines)) if self.lines[i].strip().lower().startswith(title)), None)
+    def starting(self, title: str) -> int | None:
+        """The first line that begins with `title` (in small letters)."""
+        return next((i for i, line in enumerate(self.lines) if line.strip().lower().startswith(title)), None)
 
 
 def read_lin(path: object, *, of: str = "floquet.read_lin", argument: str = "path") -> LinFile:

@@ -147,7 +147,7 @@ def coefficients_of(entries: ModeParameters) -> int:
     return len(sines) + int(sines.sum())
 
 
-def with_bands(state: State, limits: Limits, level: float = STRICT, *, refused: set[bytes] | None = None) -> State:
+def with_bands(state: State, limits: Limits, *, refused: set[bytes] | None = None) -> State:
     """With the bands of the harmonics that rise above the noise.
 
     They end where taking the last harmonic away would raise the cost by what noise explains, and go on to the outermost
@@ -157,12 +157,12 @@ def with_bands(state: State, limits: Limits, level: float = STRICT, *, refused: 
     if not limits.choose or not (~entries.fixed).any():
         return state
     wide = state.linearise(entries.padded(GAP + 1, limits.most))
-    chosen = chosen_bands(state.blocks, wide, level, each=True)
-    inner = _narrowed(state, level)
+    chosen = chosen_bands(state.blocks, wide, STRICT, each=True)
+    inner = _narrowed(state)
     bands = np.stack([np.minimum(inner[:, 0], chosen[:, 0]), np.maximum(inner[:, 1], chosen[:, 1])], axis=1)
     key, refused = chosen.tobytes() + bands.tobytes(), set() if refused is None else refused
     again = (chosen != bands).any() and key not in refused
-    narrower = _refitted(state, chosen, limits.most, level) if again else None
+    narrower = _refitted(state, chosen, limits.most) if again else None
     if narrower is not None:
         return narrower
     refused.add(key)
@@ -172,7 +172,7 @@ def with_bands(state: State, limits: Limits, level: float = STRICT, *, refused: 
     return state if solution is None else state.with_fit(solution)
 
 
-def _refitted(state: State, bands: Integers, most: int, level: float) -> State | None:
+def _refitted(state: State, bands: Integers, most: int) -> State | None:
     """The fit with narrower bands that grow again as they need; None where noise does not explain what that costs.
 
     Where modes share lines, exponents follow the noise until none of the shared harmonics can be done without.
@@ -188,9 +188,9 @@ def _refitted(state: State, bands: Integers, most: int, level: float) -> State |
         fewer = coefficients_of(state.solution.entries) - coefficients_of(solution.entries)
         if fewer <= 0:
             return None
-        if solution.cost < state.solution.cost + float(chdtri(state.rows * fewer, level)):
+        if solution.cost < state.solution.cost + float(chdtri(state.rows * fewer, STRICT)):
             return trial
-        found = chosen_bands(state.blocks, trial.linearise(solution.entries.padded(GAP + 1, most)), level, each=True)
+        found = chosen_bands(state.blocks, trial.linearise(solution.entries.padded(GAP + 1, most)), STRICT, each=True)
         wider = np.stack([np.minimum(bands[:, 0], found[:, 0]), np.maximum(bands[:, 1], found[:, 1])], axis=1)
         if (wider == bands).all():
             return None
@@ -198,13 +198,13 @@ def _refitted(state: State, bands: Integers, most: int, level: float) -> State |
     return None
 
 
-def _narrowed(state: State, level: float) -> Integers:
+def _narrowed(state: State) -> Integers:
     """The bands without the harmonics at their ends that noise explains, taken away one after another (entries, 2)."""
     from scipy.special import chdtri
 
     entries = state.solution.entries
     columns, bands = entries.columns(), entries.bands.copy()
-    left, limit = ColumnsLeft(state.blocks, state.solution), float(chdtri(2 * state.rows, level))
+    left, limit = ColumnsLeft(state.blocks, state.solution), float(chdtri(2 * state.rows, STRICT))
     place = {(int(e), int(m)): j for j, (e, m) in enumerate(zip(columns.modes, columns.harmonics, strict=True))}
     ends = {(int(e), side): np.inf for e in np.flatnonzero(~entries.fixed & ~entries.real) for side in (0, 1)}
     while True:

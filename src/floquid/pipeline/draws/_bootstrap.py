@@ -125,11 +125,6 @@ class Bootstrap(Told, Rebuilt):
         return tuple((own[0], len(own)) for own in sorted(alike.values(), key=len, reverse=True))
 
     @property
-    def same_order(self) -> float:
-        """The share of the draws whose order came out as that drawn from."""
-        return self.n_used / self.n_draws
-
-    @property
     def doubtful(self) -> dict[str, Mask]:
         """Elements of `Spread.ratios` that differ from one by more than chance, by quantity; those alone that have any.
 
