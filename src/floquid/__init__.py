@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
     from floquid.reporting import report
     from floquid.store import load, save
-    from floquid.transfer import multisine
+    from floquid.transfer import fit_transfer, multisine
 
 __all__ = [
     "AmbientAnalysis",
@@ -57,6 +57,7 @@ __all__ = [
     "TachometerSignal",
     "bootstrap",
     "export_modes",
+    "fit_transfer",
     "floquet",
     "from_pandas",
     "from_sep005",
@@ -89,7 +90,7 @@ _ROOMS = {
     "reconstruction": "Refinement StateModel reconstruct refine",
     "reporting": "report",
     "store": "load save",
-    "transfer": "multisine",
+    "transfer": "fit_transfer multisine",
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names.split()}
 

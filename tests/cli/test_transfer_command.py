@@ -59,6 +59,20 @@ def test_polynomials_at_frequencies_that_are_named(file, capsys):
     assert len(json.loads(capsys.readouterr().out)["frequencies_hz"]) == 2
 
 
+@pytest.mark.slow
+def test_modes_fitted_to_the_lines(file, capsys):
+    command = ["transfer", str(file), "--period", PERIOD, "--inputs", "F", "--method", "fit", "--at", "0.1,0.2"]
+    assert run(command) == 0
+    said = capsys.readouterr().out
+    assert "λ = -0.07" in said
+    assert "Modes fitted to the lines: 1." in said
+    assert run([*command, "--format", "json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["exponents"][0][0] == pytest.approx(-0.05 * 2**0.5, abs=5 * found["exponents_std"][0][0])
+    assert found["frequencies_hz"] == [0.1, 0.2]
+    assert found["step"] is None
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

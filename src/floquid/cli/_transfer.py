@@ -33,25 +33,27 @@ from floquid.cli._records import check_files, read_records
 from floquid.cli._settings import choices_of
 from floquid.cli._terminal import json_text, print_title, print_warnings, progress, terminal
 from floquid.core import Channel
-from floquid.exports import export_transfer, measured_entries, transfer_entries
+from floquid.exports import export_transfer, fit_entries, measured_entries, transfer_entries
 from floquid.findings import Severity, texts
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import measure_transfer
 from floquid.readers import write
-from floquid.transfer import Multisine
+from floquid.transfer import Multisine, fit_transfer
 from floquid.transfer import multisine as designed
+from floquid.views import with_error
 
 OF = "floquid transfer"
 DESIGN = "floquid multisine"
 SHOWN = 12  # frequencies that are printed
 
-Method: TypeAlias = Literal["model", "repeats", "polynomials"]
+Method: TypeAlias = Literal["model", "repeats", "polynomials", "fit"]
 
 _AT = "Frequencies [Hz]: one, several with commas, or first:last:number. By default all that the method has."
 _HARMONICS = "Harmonics m, with commas: the response at the input's frequency plus m times the fundamental."
 _METHOD = (
     "model: that of the modes identified. repeats: line by line from inputs that repeat, as those of floquid "
-    "multisine. polynomials: line by line from any broad-band inputs."
+    "multisine. polynomials: line by line from any broad-band inputs. fit: of "
+    "modes fitted to lines so measured."
 )
 _DROP = "Repeats at the begin of each record that are left out, for what rings there to die."
 _BAND = "The lowest and the highest line [Hz], with a comma; by default up to a fifth of the rate."
@@ -102,22 +104,25 @@ def transfer(
             analysis = identified(records, choices, report)
             found, findings, more = analysis.transfer(hertz, turns), analysis.findings, {}
         else:
+            # Of a fit all lines are measured, and G is asked of the modes at the frequencies named.
+            way, wanted = (None, None) if method == "fit" else (method, hertz)
+            chosen = choices.resolved()
             measured = measure_transfer(
-                records,
-                choices.resolved(),
-                method=method,
-                harmonics=turns,
-                frequencies_hz=hertz,
-                drop=drop,
-                report=report,
+                records, chosen, method=way, harmonics=turns, frequencies_hz=wanted, drop=drop, report=report
             )
             found, findings, more = measured.transfer, measured.findings, measured_entries(measured)
+            if method == "fit":
+                fit = fit_transfer(measured, hold=chosen.hold, report=report)
+                found, findings, more = fit.transfer(hertz, turns), (*findings, *fit.findings), more | fit_entries(fit)
         if out is not None:
             _write(found, out)
     if format == "json":
         sys.stdout.write(json_text(transfer_entries(found) | more))
         return
     print_transfer(terminal(), found)
+    for value, std in zip(more.get("exponents", ()), more.get("exponents_std") or (), strict=True):
+        real, imag = (with_error(*part) for part in zip(value, std, strict=True))
+        terminal().print(f"λ = {real} + {imag} i")
     for words in texts(findings, Severity.NOTE) if more else ():
         terminal().print(words)
     print_warnings(terminal(), texts(findings, Severity.FAILURE, Severity.WARNING))
@@ -127,8 +132,6 @@ def transfer(
 
 def print_transfer(console: Console, found: TransferFunctions) -> None:
     """Print magnitude and phase of each harmonic at a few frequencies, for every input and output."""
-    from floquid.views import with_error
-
     for row, output in enumerate(found.outputs):
         for column, source in enumerate(found.inputs):
             print_title(console, f"{source.name} to {output.name} [{found.unit(row, column)}]: |G_m|, arg [°]")

@@ -1,6 +1,6 @@
 """Results for other programs: modes as CSV, MAT, JSON and universal files, `summary.json`, and xarray."""
 
-from floquid.exports._driven import driven_summary, measured_entries, transfer_entries
+from floquid.exports._driven import driven_summary, fit_entries, measured_entries, transfer_entries
 from floquid.exports._modes import MODE_FORMATS, export_modes
 from floquid.exports._periodic_system import from_periodic_system, to_periodic_system
 from floquid.exports._summary import summary
@@ -13,6 +13,7 @@ __all__ = [
     "driven_summary",
     "export_modes",
     "export_transfer",
+    "fit_entries",
     "from_periodic_system",
     "measured_entries",
     "summary",

@@ -9,7 +9,7 @@ from floquid.exports._summary import mode_entries
 from floquid.findings import as_mapping
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import AmbientAnalysis, ExcitedAnalysis
-from floquid.transfer import MeasuredTransfer
+from floquid.transfer import MeasuredTransfer, TransferFit
 
 
 def driven_summary(analysis: ExcitedAnalysis) -> dict[str, Any]:
@@ -74,5 +74,19 @@ def measured_entries(found: MeasuredTransfer) -> dict[str, Any]:
             "coherence": found.coherence,
             "nonlinear": found.nonlinear,
             "warnings": list(found.warnings),
+        }
+    )
+
+
+def fit_entries(fit: TransferFit) -> dict[str, Any]:
+    """What is known of modes fitted to transfer functions, `fit`, for `json.dump`: of a pair the upper one."""
+    upper, std = list(fit.model.upper_modes), fit.model.exponent_std
+    return for_json(
+        {
+            "method": "fit",
+            "exponents": fit.model.exponents[upper],
+            "exponents_std": None if std is None else std[upper],
+            "chi_square": fit.chi_square,
+            "degrees": fit.degrees,
         }
     )

@@ -176,7 +176,8 @@ def model_of(fit: Fit, channels: Sequence[Channel], inputs: Sequence[Channel], p
             initial.imag = fit.at.initial[:, row + 1]
         row += mode.rows
         own = _as_input_mode(mode, fit.samples, initial)
-        parts.append(listed(fit.samples, own, (mode.shape, shape_std), gain_std, rows))
+        both = (mode.shape, shape_std)
+        parts.append(listed(own, both, gain_std, rows, fit.samples.fundamental, fit.samples.first_times))
     turns = np.zeros(int(fit.acting > 0), np.int64)
     direct = fit.at.columns[:, fit.at.columns.shape[1] - len(inputs) :, None].astype(complex)[..., : len(turns)]
     period = 2.0 * np.pi / fit.samples.fundamental

@@ -208,7 +208,8 @@ def _part_of(found: Uncertainty, number: int) -> Part:
         else found.spread_over(number, unit[width // 2 : width // 2 + 1])
     )
     rows = np.concatenate([found.spread_over(number, unit[:1]), imag])
-    return listed(found.samples, mode, (shape, std), gain_std, rows)
+    samples = found.samples
+    return listed(mode, (shape, std), gain_std, rows, samples.fundamental, samples.first_times)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,20 +230,24 @@ class Part:
 
 
 def listed(
-    samples: Samples,
     mode: InputMode,
     shape: tuple[NDArray[np.complex128], NDArray[np.complex128]],
     gain_std: NDArray[np.complex128],
     rows: NDArray[np.float64],
+    fundamental: float,
+    begins: NDArray[np.float64],
 ) -> Part:
-    """A mode as a model lists it, of amplitudes 2 c and their deviations (outputs, turns), and those of its gains."""
-    omega, initial, std = samples.fundamental, mode.initial, 0.5 * shape[1]
-    exponent, harmonics, coefficients, reach, gains = terms_of(mode, shape[0], omega)[0]
+    """A mode as a model lists it, of amplitudes 2 c and their deviations (outputs, turns), and those of its gains.
+
+    `begins` are the times at which the records begin.
+    """
+    initial, std = mode.initial, 0.5 * shape[1]
+    exponent, harmonics, coefficients, reach, gains = terms_of(mode, shape[0], fundamental)[0]
     if mode.real:
         begin = mode.turns[0] % 1.0
         std = _mirrored(mode.turns, shape[1], -begin, deviations=True)[1]
         gain_std = _mirrored(mode.reach, gain_std, begin, deviations=True)[1]
-        initial = initial * np.exp(1j * begin * omega * samples.times[list(samples.begins[:-1])])
+        initial = initial * np.exp(1j * begin * fundamental * begins)
     return Part(mode.real, exponent, rows, harmonics, coefficients, std, reach, gains, gain_std, initial)
 
 

@@ -52,6 +52,11 @@ class Samples(Rebuilt):
         return [slice(a, b) for a, b in pairwise(self.begins)]
 
     @property
+    def first_times(self) -> NDArray[np.float64]:
+        """Those of the first sample of each record (records,) [s]."""
+        return self.times[list(self.begins[:-1])]
+
+    @property
     def n_samples(self) -> int:
         """Samples of all records."""
         return self.values.shape[1]

@@ -126,7 +126,6 @@ def modal_transfer(
     :math:`b_l / (i (\Omega + l \omega) - \lambda)`.
     """
     (turns, c), (reach, b) = seen, reached
-    found = np.zeros((len(harmonics), len(c), len(b), len(omega)), complex)
     turned = omega + reach[:, None] * fundamental
     with np.errstate(divide="ignore", invalid="ignore"):
         if sampled is None:
@@ -135,9 +134,7 @@ def modal_transfer(
             step, ahead = sampled[0], np.exp(1j * turned * sampled[0])
             shares = np.array([input_gain(exponent, turn, fundamental, *sampled) for turn in reach.tolist()])
             resonance = (shares[:, :1] + shares[:, 1:] * ahead) / (ahead - np.exp(exponent * step))
-    for place, harmonic in enumerate(harmonics.tolist()):
-        for number, turn in enumerate(reach.tolist()):
-            at = np.flatnonzero(turns == harmonic - turn)
-            if len(at):
-                found[place] += np.einsum("o,i,f->oif", c[:, at[0]], b[:, number], resonance[number])
-    return found
+    wanted = harmonics[:, None] - reach
+    place = np.clip(np.searchsorted(turns, wanted), 0, len(turns) - 1)
+    shifted = np.where(turns[place] == wanted, c[:, place], 0.0)
+    return np.einsum("oml,ilf->moif", shifted, b[:, :, None] * resonance)

@@ -23,6 +23,8 @@ class MeasuredTransfer(Rebuilt):
     ----------
     transfer
         G with its deviations; NaN where an input has no line.
+    period
+        That of the system [s].
     method
         "repeats" or "polynomials".
     noise
@@ -32,15 +34,21 @@ class MeasuredTransfer(Rebuilt):
     nonlinear
         The power where a linear system has none, over that of the noise (outputs,): 1 of a linear one; NaN where the
         inputs leave no such lines.
+    echoes, begins
+        What one unit in the spectrum of the response of each record adds to G (records, inputs, frequencies), and the
+        times at which the records begin (records,) [s]: what rings there is fitted with them. Of repeats alone.
     findings
         What was done, and what a reader must know.
     """
 
     transfer: TransferFunctions
+    period: float
     method: str
     noise: NDArray[np.float64]
     coherence: NDArray[np.float64]
     nonlinear: NDArray[np.float64]
+    echoes: NDArray[np.complex128]
+    begins: NDArray[np.float64]
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
@@ -49,8 +57,11 @@ class MeasuredTransfer(Rebuilt):
             ("noise", ("outputs", "frequencies")),
             ("coherence", ("outputs", "frequencies")),
             ("nonlinear", ("outputs",)),
+            ("begins", ("records",)),
         ):
             put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, finite=False))
+        axes = ("records", "inputs", "frequencies")
+        put(self, "echoes", frozen_array(self.echoes, "echoes", of, axes=axes, dtype=np.complex128, finite=False))
 
     @property
     def warnings(self) -> tuple[str, ...]:

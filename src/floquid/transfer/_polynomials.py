@@ -124,10 +124,13 @@ def by_polynomials(
     )
     return MeasuredTransfer(
         transfer=found,
+        period=2.0 * np.pi / samples.fundamental,
         method="polynomials",
         noise=noise,
         coherence=explained,
         nonlinear=np.full(outputs.shape[1], np.nan),
+        echoes=np.zeros((0, inputs.shape[1], len(lines)), complex),
+        begins=np.zeros(0),
         findings=(
             note("measured_polynomials", lines=2 * half + 1, width=(2 * half + 1) / (count * samples.step)),
             *_flattened(outputs, inputs, lines + asked[:, None] * periods, bends, asked, periods, half),

@@ -94,36 +94,46 @@ def by_repeats(
         Fewer than two repeats are left, or lines of the response belong to two of the inputs.
     """
     count = round(turns * 2.0 * np.pi / (samples.fundamental * samples.step))
-    records = [own for own in _spectra(samples, count, drop) if own[0].shape[1]]
-    counts = np.array([own[0].shape[1] for own in records])
+    both = [
+        (begin, *own)
+        for begin, own in zip(samples.first_times.tolist(), _spectra(samples, count, drop), strict=True)
+        if own[0].shape[1]
+    ]
+    answers = [own for _, own, _ in both]
+    counts = np.array([own.shape[1] for own in answers])
     repeats = int(counts.sum())
-    if repeats < len(records) + 1:
+    if repeats < len(both) + 1:
         raise IdentificationError(
             f"Of the records {repeats} whole repeats of {turns} periods are left once the first {drop} are: a variance "
             "needs two at least. Record more of them, or drop fewer."
         )
-    (outputs, spread), (inputs, unlike) = (_means([own[side] for own in records]) for side in (0, 1))
+    (outputs, spread), (inputs, unlike) = _means(answers), _means([own for _, _, own in both])
+    alive = _transient(answers, drop)
+    if alive and counts.min() > 2:
+        # What rings at the begin is no noise: what is left of it after a repeat more is smaller.
+        spread = _means([own[:, 1:] for own in answers])[1]
     power = np.einsum("p,pil->il", counts, np.abs(inputs) ** 2)
     excited = (power > EXCITED**2 * power.max(axis=1, keepdims=True)) & (power > LOUD * unlike)
     excited[:, 0] = excited[:, (count - 1) // 2 + 1 :] = False
     _refuse_collisions(excited, turns)
     places = np.flatnonzero(excited.any(axis=0))
     asked = np.unique(np.asarray(harmonics, np.int64))
-    shape = (len(asked), outputs.shape[1], len(excited), len(places))
-    values, std = np.full(shape, np.nan, complex), np.full(shape, np.nan, complex)
+    values = np.full((len(asked), outputs.shape[1], len(excited), len(places)), np.nan, complex)
+    std, echoes = np.full(values.shape, np.nan, complex), np.zeros((len(both), *values.shape[2:]), complex)
     for number, own in enumerate(excited):
         seen = own[places]
         line = places[seen]
-        driven = counts[:, None] * inputs[:, number, line].conj() / power[number, line]
+        driven = inputs[:, number, line].conj() / power[number, line]
+        echoes[:, number, seen] = driven
         for row, harmonic in enumerate(asked.tolist()):
             answered = (line + harmonic * turns) % count
-            found = np.einsum("pok,pk->ok", outputs[:, :, answered], driven)
+            found = np.einsum("p,pok,pk->ok", counts, outputs[:, :, answered], driven)
             variance = (spread[:, answered] + np.abs(found) ** 2 * unlike[number, line]) / power[number, line]
             values[row, :, number][:, seen] = found
             std[row, :, number][:, seen] = (1.0 + 1.0j) * np.sqrt(0.5 * variance)
     level = spread[:, places]
     explained = level + np.einsum("p,pok->ok", counts, np.abs(outputs[:, :, places]) ** 2) / repeats
-    nonlinear, lines = _nonlinear([own[0] for own in records], spread, excited, turns)
+    nonlinear, lines = _nonlinear(answers, spread, excited, turns)
     measured = TransferFunctions(
         frequencies_hz=places / (count * samples.step),
         harmonics=asked,
@@ -135,13 +145,16 @@ def by_repeats(
     )
     return MeasuredTransfer(
         transfer=measured,
+        period=2.0 * np.pi / samples.fundamental,
         method="repeats",
         noise=2.0 / count * np.sqrt(level),
         coherence=np.clip(1.0 - level / np.maximum(explained, np.finfo(float).tiny), 0.0, 1.0),
         nonlinear=nonlinear,
+        echoes=echoes,
+        begins=np.array([begin for begin, _, _ in both]),
         findings=(
             note("measured_repeats", repeats=repeats, turns=turns, dropped=drop),
-            *_transient([own[0] for own in records], drop),
+            *alive,
             *_not_linear(nonlinear, lines, [channel.name for channel in channels[0]]),
         ),
     )

@@ -1,0 +1,231 @@
+"""A model of harmonic transfer functions that were measured: modes common to all of them, with deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import chdtrc
+
+from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid.core import PeriodicModel, Provenance
+from floquid.errors import IdentificationError
+from floquid.findings import Finding, Severity, note, texts, warning
+from floquid.inputs import Hold, Limits, TransferFunctions, assembled, listed, sealed
+from floquid.transfer._measured import MeasuredTransfer
+from floquid.transfer._modal import Fitted, Lines
+from floquid.transfer._search import searched
+
+SURE = 1e-6
+"""The probability of χ² below which the modes do not explain G."""
+
+WORSE = 1.3
+"""The χ² of a degree of freedom above which that is told: deviations of G are estimates themselves."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TransferFit(Rebuilt):
+    """Modes fitted to harmonic transfer functions, with the joint covariance of all that was fitted.
+
+    Parameters
+    ----------
+    measured
+        What was fitted.
+    model
+        The periodic model with its inputs; of no scale of its own where G has none.
+    lines, fit
+        What was fitted and the fit, from which deviations are made.
+    chi_square, degrees
+        The squares that are left over the variances of G, and how many are free. Where that is more than one a degree
+        all deviations are widened by its root.
+    findings
+        What was done, and what a reader must know.
+    """
+
+    measured: TransferFunctions
+    model: PeriodicModel
+    lines: Lines
+    fit: Fitted
+    chi_square: float
+    degrees: int
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings to a reader, a sentence each."""
+        return (*texts(self.findings, Severity.FAILURE), *texts(self.findings, Severity.WARNING))
+
+    def transfer(
+        self, frequencies_hz: ArrayLike | None = None, harmonics: ArrayLike | None = None, *, sampled: bool = False
+    ) -> TransferFunctions:
+        """G of the model with deviations by all that is uncertain in it, to first order.
+
+        Parameters
+        ----------
+        frequencies_hz
+            Ω/2π (frequencies,) [Hz]; by default those measured.
+        harmonics
+            The integers m (harmonics,); by default those measured.
+        sampled
+            True for that of samples: the same as was measured.
+
+        Returns
+        -------
+        TransferFunctions
+            G.
+
+        Raises
+        ------
+        InputError
+            A frequency is no number, or that of samples is asked for where none were measured.
+        """
+        of, own = "TransferFit.transfer", self.measured
+        if sampled and own.step is None:
+            raise input_error("sampled", of, "be False", "is True, and G is of continuous time", "Leave it out.")
+        hertz = own.frequencies_hz if frequencies_hz is None else np.atleast_1d(np.asarray(frequencies_hz, float))
+        hertz = frozen_array(hertz, "frequencies_hz", of, axes=("frequencies",))
+        turns = own.harmonics if harmonics is None else np.unique(np.atleast_1d(np.asarray(harmonics, np.int64)))
+        empty = np.zeros((len(turns), len(own.outputs), len(own.inputs), len(hertz)), complex)
+        begins = self.lines.echoes[1]
+        lines = Lines(
+            omega=2.0 * np.pi * hertz,
+            harmonics=turns,
+            values=empty,
+            std=empty,
+            fundamental=self.lines.fundamental,
+            held=self.lines.held if sampled else None,
+            echoes=(np.zeros((len(begins), len(own.inputs), len(hertz)), complex), begins),
+        )
+        modal = self.fit.modal
+        slopes = modal.slopes(lines, modal.masks())
+        real, imag = (
+            np.sqrt(np.maximum(np.einsum("p...,pq,q...->...", part, self.fit.covariance, part), 0.0))
+            for part in (slopes.real, slopes.imag)
+        )
+        return TransferFunctions(
+            frequencies_hz=hertz,
+            harmonics=turns,
+            values=modal.values(lines),
+            std=real + 1j * imag,
+            outputs=own.outputs,
+            inputs=own.inputs,
+            step=own.step if sampled else None,
+        )
+
+
+def fit_transfer(
+    measured: MeasuredTransfer | TransferFunctions,
+    *,
+    period: float | None = None,
+    hold: Hold = "zero",
+    limits: Limits | None = None,
+    report: Callable[[str], None] = lambda _: None,
+) -> TransferFit:
+    r"""Fit modes to harmonic transfer functions that were measured, weighted by their variance.
+
+    .. math:: G_m(\Omega) = \sum_r \sum_l \frac{c_{r,m-l}\, b_{r,l}}{i (\Omega + l \omega) - \lambda_r} + D_m
+
+    with conjugates. Exponents begin on a grid, one after another as long as χ² falls by more than noise makes it; the
+    harmonics of each mode grow by the same test; all is finished by least squares. What rings at the begin of
+    records of repeats is fitted beside the modes where it is seen.
+
+    Parameters
+    ----------
+    measured
+        G with its deviations: what `measure_transfer` returns, or lines that others have measured.
+    period
+        That of the system, T [s]; of lines that `measure_transfer` has measured the one it had.
+    hold
+        The input between its samples, where G is that of samples.
+    limits
+        Limits of the search.
+    report
+        Is told what is being done, a phrase a stage.
+
+    Returns
+    -------
+    TransferFit
+        The model with deviations, χ², and G at any frequency.
+
+    Raises
+    ------
+    InputError
+        G has no deviations, or the period is none.
+    IdentificationError
+        No mode rises above the deviations.
+    """
+    of, own = "fit_transfer", measured if isinstance(measured, TransferFunctions) else measured.transfer
+    if period is None and isinstance(measured, MeasuredTransfer):
+        period = measured.period
+    if period is None or not (np.isfinite(period) and period > 0.0):
+        raise input_error("period", of, "be above 0", f"is {period!r}", "Give it in s.")
+    if own.std is None:
+        remedy = "A constant one will do where nothing is known: only its ratios count then."
+        raise input_error("measured", of, "have deviations", "has none", remedy)
+    none = np.zeros((0, len(own.inputs), len(own.frequencies_hz)), complex), np.zeros(0)
+    lines = Lines(
+        omega=2.0 * np.pi * own.frequencies_hz,
+        harmonics=own.harmonics,
+        values=own.values,
+        std=own.std,
+        fundamental=2.0 * np.pi / period,
+        held=None if own.step is None else (own.step, hold),
+        echoes=(measured.echoes, measured.begins) if isinstance(measured, MeasuredTransfer) else none,
+        alive=isinstance(measured, MeasuredTransfer)
+        and any(one.code == "measured_transient" for one in measured.findings),
+    )
+    report("searching for modes")
+    found = searched(lines, limits or Limits(), report)
+    if found is None:
+        raise IdentificationError(
+            "Identification ended without a result: no mode rises above the deviations of the transfer functions. "
+            "Drive the system harder or for longer, at more lines near its resonances."
+        )
+    degrees = 2 * int(np.count_nonzero(lines.there)) - found.n_parameters
+    ratio = found.chi_square / max(degrees, 1)
+    found = Fitted(found.modal, found.chi_square, found.covariance * max(ratio, 1.0))
+    misfit = degrees > 0 and ratio > WORSE and chdtrc(degrees, found.chi_square) < SURE
+    for one in (lines, found, *found.modal.modes):
+        sealed(one)
+    return TransferFit(
+        measured=own,
+        model=_model(lines, found, own, period),
+        lines=lines,
+        fit=found,
+        chi_square=found.chi_square,
+        degrees=degrees,
+        findings=(
+            note("modes_of_lines", modes=len(found.modal.modes), ratio=ratio, degrees=degrees),
+            *([warning("modes_of_lines_misfit", ratio=ratio)] if misfit else []),
+        ),
+    )
+
+
+def _model(lines: Lines, found: Fitted, own: TransferFunctions, period: float) -> PeriodicModel:
+    """The periodic model of a fit, each mode with its conjugate, with deviations."""
+    parts, place, std = [], 0, np.sqrt(np.diag(found.covariance))
+    modal = found.modal
+    for mode, shape, mask in zip(modal.modes, modal.shapes, modal.masks(), strict=False):
+        spread, index = np.zeros(len(mask)), np.full(len(mask), -1)
+        index[mask] = place + np.arange(int(mask.sum()))
+        spread[mask] = std[index[mask]]
+        place += int(mask.sum())
+        width, size = len(mode.free), mode.gains.size
+        both = spread[width:].reshape(2, *shape.shape)
+        later = 1 + size if mode.real else 1 + width // 2
+        gain_std = (spread[1 : 1 + size] + 1j * spread[later : later + size]).reshape(mode.gains.shape)
+        rows = np.zeros((2, len(std)))
+        rows[0, index[0]] = 1.0
+        if not mode.real:
+            rows[1, index[width // 2]] = 1.0
+        begins = lines.echoes[1][: len(mode.initial)]
+        parts.append(listed(mode, (shape, both[0] + 1j * both[1]), gain_std, rows, lines.fundamental, begins))
+    turns = np.arange(-len(modal.direct) + 1, len(modal.direct)) if modal.direct else np.zeros(0, np.int64)
+    direct = np.zeros((len(own.outputs), len(own.inputs), len(turns)), complex)
+    for turn, value in enumerate(modal.direct):
+        direct[:, :, turns == turn] += value[:, :, None]
+        if turn:
+            direct[:, :, turns == -turn] += value.conj()[:, :, None]
+    return assembled(parts, found.covariance, period, own.outputs, own.inputs, (turns, direct), Provenance())

@@ -1,0 +1,225 @@
+"""Search for the modes of transfer functions that were measured: a grid of exponents, then harmonics by χ²."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.inputs import InputMode, Limits, limit_of
+from floquid.transfer._modal import Fitted, Lines, Modal, fitted, promised, with_amplitudes
+
+DECAYS = 10
+"""Decays of the grid, from a part of the distance of lines to their range."""
+
+FINE = 3
+"""Frequencies of the grid for a line."""
+
+TRIED = 3
+"""Exponents of the grid that are fitted."""
+
+ROUGH = 8
+"""Evaluations of a fit that is to be compared with others."""
+
+LOOSE = 0.02
+"""The probability at which noise may pass for what rings at the begin: one that is missing does more harm."""
+
+HELD = 1e6
+"""What a gain counts over what rings at the begin, where the scale of a mode is fixed."""
+
+
+def searched(lines: Lines, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Fitted | None:
+    """The modes that rise above the deviations of G with their harmonics; None where there is none."""
+    now: Fitted | None = None
+    chi_square = float(np.sum(lines.weighed(lines.values) ** 2))
+    while now is None or len(now.modal.modes) < limits.modes:
+        trial = _with_one_more(lines, now)
+        if trial is None:
+            break
+        trial = _grown(lines, trial, limits)
+        more = trial.n_parameters - (0 if now is None else now.n_parameters)
+        if chi_square - trial.chi_square < limit_of(max(more, 1), limits.mode_alarm) * _level(lines, trial):
+            break
+        now, chi_square = trial, trial.chi_square
+        report(f"searching for modes: {len(now.modal.modes)} found")
+    if now is None:
+        return None
+    return fitted(lines, _padded(lines, _centred(lines, _with_echoes(lines, now).modal), limits))
+
+
+def _with_echoes(lines: Lines, now: Fitted) -> Fitted:
+    """The fit with what rings at the begin of the records, where it is more than noise is likely to be."""
+    begins = lines.echoes[1]
+    if lines.alive or not len(begins):
+        return now
+    modes = tuple(replace(mode, initial=np.zeros(len(begins), complex)) for mode in now.modal.modes)
+    trial = fitted(lines, replace(now.modal, modes=modes))
+    limit = limit_of(trial.n_parameters - now.n_parameters, LOOSE) * _level(lines, trial)
+    return trial if now.chi_square - trial.chi_square > limit else now
+
+
+def _level(lines: Lines, fit: Fitted) -> float:
+    """χ² of a degree of freedom, at least 1: deviations that are too small make no modes of noise."""
+    return max(fit.chi_square / max(2 * np.count_nonzero(lines.there) - fit.n_parameters, 1), 1.0)
+
+
+def _padded(lines: Lines, modal: Modal, limits: Limits) -> Modal:
+    """With one harmonic more at each end of all bands: what is left out has no deviation."""
+    for number in range(2 * len(modal.modes)):
+        wider = _wider(modal, number, limits, lines.values.shape[1:3])
+        if wider is not None and sum(int(mask.sum()) for mask in wider.masks()) < np.count_nonzero(lines.there):
+            modal = wider
+    return modal
+
+
+def _centred(lines: Lines, modal: Modal) -> Modal:
+    """Pairs on the branch on which the outputs see them most, at a positive frequency where it is one."""
+    modes, shapes = [], []
+    for mode, shape in zip(modal.modes, modal.shapes, strict=True):
+        if not mode.real:
+            turn = mode.turns[np.argmax(np.linalg.norm(shape, axis=0))]
+            mode = replace(
+                mode,
+                exponent=mode.exponent + 1j * turn * lines.fundamental,
+                turns=mode.turns - turn,
+                reach=mode.reach + turn,
+                initial=mode.initial * np.exp(1j * turn * lines.fundamental * lines.echoes[1][: len(mode.initial)]),
+            )
+            if mode.exponent.imag < 0.0:
+                mode, shape = _conjugate(mode), shape.conj()[:, ::-1]
+        modes.append(mode)
+        shapes.append(shape)
+    return Modal(tuple(modes), tuple(shapes), modal.direct)
+
+
+def _conjugate(mode: InputMode) -> InputMode:
+    """The other one of a pair."""
+    return replace(
+        mode,
+        exponent=mode.exponent.conjugate(),
+        turns=-mode.turns[::-1],
+        reach=-mode.reach[::-1],
+        gains=mode.gains.conj()[:, ::-1],
+        initial=mode.initial.conj(),
+    )
+
+
+def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:
+    """The fit with the exponent of the grid that makes it best; None where no fit has fewer numbers than there are."""
+    modal = Modal((), ()) if now is None else now.modal
+    residual = lines.values - modal.values(lines)
+    trials = []
+    for exponent in _candidates(lines, residual):
+        for kind, main in product(_kinds(exponent, lines.fundamental), (0, 1, -1)):
+            mode = _bare(lines, exponent, kind, main)
+            own = with_amplitudes(lines, [mode], residual)
+            start = Modal((*modal.modes, *own.modes), (*modal.shapes, *own.shapes), modal.direct)
+            if 2 * np.count_nonzero(lines.there) <= sum(int(mask.sum()) for mask in start.masks()):
+                continue
+            trials.append(fitted(lines, start, ROUGH))
+    trials = [one for one in trials if np.isfinite(one.chi_square)]
+    return fitted(lines, min(trials, key=lambda one: one.chi_square).modal) if trials else None
+
+
+def _kinds(exponent: complex, fundamental: float) -> list[float | None]:
+    """None for a pair; 0 or ½ for a real multiplier, where the exponent is no further from one than it decays."""
+    turn = 2.0 * exponent.imag / fundamental
+    near = abs(turn - round(turn)) * 0.5 * fundamental < abs(exponent.real)
+    return [None, 0.5 * (round(turn) % 2)] if near else [None]
+
+
+def _bare(lines: Lines, exponent: complex, kind: float | None, main: int) -> InputMode:
+    """A mode with one harmonic on either side, reached by one of them above all."""
+    inputs, records = lines.values.shape[2], len(lines.echoes[1]) * lines.alive
+    reach = np.arange(-1.0, 2.0) if kind is None else kind + np.arange(2.0)
+    if kind is not None:
+        exponent, main = complex(exponent.real), abs(main)
+    gains = np.full((inputs, len(reach)), 0.01 + 0.0j)
+    gains[:, main + (kind is None)] = 1.0
+    return InputMode(
+        exponent=exponent,
+        real=kind is not None,
+        reach=reach,
+        gains=gains,
+        turns=reach.copy(),
+        initial=np.zeros(records, complex),
+        sizes=np.full(inputs, HELD),
+    )
+
+
+def _candidates(lines: Lines, residual: NDArray[np.complex128]) -> list[complex]:
+    """Exponents that explain most of a residual, harmonics each with an amplitude of its own, best first."""
+    low, high = float(lines.omega.min()), float(lines.omega.max())
+    gap = (high - low) / max(len(lines.omega) - 1, 1)
+    decays = -np.geomspace(0.1 * gap, high, DECAYS)
+    turned = np.linspace(max(low - gap, 0.0), high + gap, FINE * len(lines.omega) + 1)
+    poles = (decays[:, None] + 1j * turned).ravel()
+    left = np.zeros(len(poles))
+    for source in range(lines.values.shape[2]):
+        there = np.asarray(lines.there[:, :, source].all(axis=(0, 1)), np.bool_)
+        std = lines.std[:, :, source, there].reshape(-1, int(there.sum()))
+        weight = np.sqrt(np.mean(1.0 / np.abs(std) ** 2, axis=0))
+        right = (residual[:, :, source, there].reshape(len(std), -1) * weight).T
+        basis = np.concatenate([_resonances(lines, own, there) for own in (poles, poles.conj())], axis=1) * weight
+        matrix = np.moveaxis(basis, 1, 2)
+        orthogonal, _ = np.linalg.qr(matrix / np.linalg.norm(matrix, axis=1, keepdims=True))
+        left += np.sum(np.abs(right) ** 2) - np.sum(np.abs(orthogonal.conj().swapaxes(1, 2) @ right) ** 2, axis=(1, 2))
+    chosen: list[complex] = []
+    for pole in poles[np.argsort(left)].tolist():
+        if all(abs(pole - other) > max(2.0 * gap, abs(other.real)) for other in chosen):
+            chosen.append(pole)
+        if len(chosen) == TRIED:
+            break
+    return chosen
+
+
+def _resonances(lines: Lines, poles: NDArray[np.complex128], there: NDArray[np.bool_]) -> NDArray[np.complex128]:
+    """1/(i(Ω + lω) - λ), or that of samples, of l from -1 to 1 (exponents, 3, frequencies)."""
+    turned = 1j * (lines.omega[there] + np.arange(-1, 2)[:, None] * lines.fundamental)
+    if lines.held is None:
+        return np.asarray(1.0 / (turned - poles[:, None, None]), np.complex128)
+    step = lines.held[0]
+    return np.asarray(1.0 / (np.exp(turned * step) - np.exp(poles * step)[:, None, None]), np.complex128)
+
+
+def _grown(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
+    """The fit with harmonics of inputs, of outputs and of D beside its own as long as each makes it better."""
+    improved = True
+    while improved:
+        improved = False
+        for number in range(2 * len(now.modal.modes) + 1):
+            wider = _wider(now.modal, number, limits, lines.values.shape[1:3])
+            if wider is None:
+                continue
+            more = max(sum(int(mask.sum()) for mask in wider.masks()) - now.n_parameters, 1)
+            limit, gain = limit_of(more, limits.harmonic_alarm), promised(lines, wider)
+            if gain < limit * _level(lines, replace(now, chi_square=now.chi_square - gain)):
+                continue
+            trial = fitted(lines, wider, ROUGH)
+            if now.chi_square - trial.chi_square > limit * _level(lines, trial):
+                now, improved = trial, True
+    return now
+
+
+def _wider(modal: Modal, number: int, limits: Limits, size: tuple[int, ...]) -> Modal | None:
+    """Modes, one with one harmonic more on either side of its turns (even number) or reach, or one more of D."""
+    if number == 2 * len(modal.modes):
+        return replace(modal, direct=(*modal.direct, np.zeros(size, complex))) if len(modal.direct) < 3 else None
+    place, side = divmod(number, 2)
+    mode, shape = modal.modes[place], modal.shapes[place]
+    bands = (mode.turns, mode.reach)[side]
+    if bands[-1] >= limits.highest:
+        return None
+    below = 0 if mode.real else 1
+    added = np.concatenate([bands[:below] - 1.0, bands, bands[-1:] + 1.0])
+    pad = ((0, 0), (below, 1))
+    if side == 0:
+        mode, shape = replace(mode, turns=added), np.pad(shape, pad)
+    else:
+        mode = replace(mode, reach=added, gains=np.pad(mode.gains, pad))
+    modes, shapes = list(modal.modes), list(modal.shapes)
+    modes[place], shapes[place] = mode, shape
+    return Modal(tuple(modes), tuple(shapes), modal.direct)
