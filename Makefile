@@ -33,7 +33,7 @@ demo: $(INSTALLED) ## simulate a rotor, identify it, compare with the truth (int
 	$(BIN)/floquid demo jeffcott --out demo
 
 test: $(INSTALLED) ## run the tests
-	$(PYTEST) $(PARALLEL)
+	$(PYTEST) $(PARALLEL) $(if $(MARKS),-m "$(MARKS)")
 
 slow: $(INSTALLED) ## run the slow tests, look further for what breaks a law, and measure docs/validation/ again
 	$(PYTEST) $(PARALLEL) -m slow
