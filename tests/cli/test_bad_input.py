@@ -423,6 +423,7 @@ def test_ctrl_c(here):
     assert contents(here / "out") == EARLIER
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_output_that_cannot_be_written(here):
     with Path("/dev/full").open("w") as full:

@@ -27,11 +27,16 @@ sys.exit(run(sys.argv[1:]))
 """
 
 
-@pytest.fixture
-def result(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(scope="module")
+def analysis():
     record = JeffcottRotor().simulate(n_periods=128, samples_per_period=12, noise=0.01)
-    save(identify(record, states=["X", "Y"], validate=False), tmp_path / "result.h5")
+    return identify(record, states=["X", "Y"], validate=False)
+
+
+@pytest.fixture
+def result(analysis, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save(analysis, tmp_path / "result.h5")
     return tmp_path
 
 

@@ -44,7 +44,7 @@ def test_names_are_distinct():
     assert len(OF) == len(RECORDS)
 
 
-@pytest.mark.first(40)
+@pytest.mark.first(30)
 @pytest.mark.parametrize("bad", ROWS)
 def test_right_doubted_or_refused(bad):
     answer, words, deviations = told(bad)

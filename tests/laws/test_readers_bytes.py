@@ -241,7 +241,7 @@ def test_every_target_has_a_scenario():
 
 
 @pytest.mark.parametrize("name", EVERY)
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(data=st.data())
 def test_any_bytes(name, data):
     promised(name, data.draw(st.one_of(EVERY[name])))

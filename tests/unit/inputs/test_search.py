@@ -213,6 +213,7 @@ def test_missing_samples_are_refused():
         identify_driven(record(system, values, inputs, 20), period=system.period, inputs=["F0"])
 
 
+@pytest.mark.slow
 def test_a_measured_angle_is_followed_where_the_speed_wanders():
     periods, phases, fixed = 60, 12, mathieu()
     step, count = fixed.period / phases, periods * phases

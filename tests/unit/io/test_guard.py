@@ -70,6 +70,7 @@ def test_a_decoder_that_ends_is_damage_and_the_next_file_is_read(guard, ended):
     assert guard.call(HERE, os.getpid) != first
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="limits are those of POSIX")
 def test_a_decoder_that_never_ends_is_damage(guard, monkeypatch):
     monkeypatch.setattr("floquid.io._guard.SECONDS", 1)

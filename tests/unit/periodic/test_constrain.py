@@ -185,6 +185,7 @@ def test_errors_are_those_of_the_deviations(model, noise, taps):
     assert np.sqrt(np.mean(np.square(of_shapes))) == pytest.approx(1.0, abs=0.13)
 
 
+@pytest.mark.slow
 def test_the_noise_of_the_coefficients_is_taken_off_the_information():
     model, noise = system([-0.3 + 0.9j, -0.25 + 2.2j]), 0.2
     clean = lift(segment(records(model))).with_noise(np.full((2, 1), noise))

@@ -129,6 +129,7 @@ def test_several_hits_start_at_any_phase_and_have_any_length():
     assert np.abs(pulls(found.model)).max() < 4.0
 
 
+@pytest.mark.slow
 def test_a_free_period_comes_with_its_deviation():
     every = []
     for seed in range(6):

@@ -239,7 +239,7 @@ def test_the_free_a_t_is_the_same_to_first_order_but_for_the_harmonics_left_out(
     assert "they also count what is left out of the model may do" in said
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "word"), [("lifted", "A(t)"), ("refined", "A(t)")])
 def test_deviations_of_a_t_said_too_small_are_found(name, word):
     whole = analysis(name)

@@ -291,6 +291,7 @@ def test_an_unsymmetric_stiffness_is_not_fitted_by_a_symmetric_one(oracle):
     is_exact(known, refined(known, SecondOrder(stiffness=ONE, damping=SYMMETRIC)))
 
 
+@pytest.mark.slow
 def test_a_refusal_names_what_would_fit(oracle):
     with pytest.raises(IdentificationError, match=r"damping that is not symmetric leaves [0-9.e-]+ for \d+"):
         refined(make(oracle, "gyroscopic"), WRONG["gyroscopic left out"][1])

@@ -264,7 +264,7 @@ def pulls(known, structure="auto", seeds=range(16)):
     return np.abs(off), [own.structure for own in found]
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-5, 2e-5, 1e-4])
 def test_deviations_hold_where_a_small_damping_is_left_out(oracle, size):
     """Given as constant, which it is not, its intervals hold the truth in less than two thirds."""

@@ -71,10 +71,18 @@ def bare():
     return replace(found, modal=modal, model=model, fit=replace(found.fit, model=model))
 
 
-@pytest.fixture
-def saved(full, tmp_path):
-    path = tmp_path / "result.h5"
+@pytest.fixture(scope="module")
+def content(full, tmp_path_factory):
+    """The bytes of its file."""
+    path = tmp_path_factory.mktemp("saved") / "result.h5"
     save(full, path)
+    return path.read_bytes()
+
+
+@pytest.fixture
+def saved(content, tmp_path):
+    path = tmp_path / "result.h5"
+    path.write_bytes(content)
     return path
 
 

@@ -68,6 +68,7 @@ def with_force(record, blows, *, noise=0.01, seed=1, at_row=4):
     return replace(record, values=np.insert(record.values, at_row, force, axis=0), channels=tuple(channels))
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize("seed", range(20))
 def test_hits_in_the_response_of_others_are_found_to_two_samples(seed):
     record = measured(seed=seed)

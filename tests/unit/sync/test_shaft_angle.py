@@ -89,6 +89,7 @@ def test_the_deviations_are_the_errors(wander, lines):
         assert 0.75 < np.sqrt(np.mean(np.square(geometries))) < 1.25
 
 
+@pytest.mark.slow
 def test_a_steady_shaft_is_a_straight_line():
     straight = [found(pulses(0.0, seed=seed)).spline.degree == 1 for seed in range(60)]
     assert sum(straight) >= 57
