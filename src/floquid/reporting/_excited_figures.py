@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from floquid._arrays import Floats
+from floquid.errors import IdentificationError, InputError
 from floquid.inputs import TransferFunctions
-from floquid.pipeline import ExcitedAnalysis, predicted_rest
+from floquid.pipeline import ExcitedAnalysis, measure_transfer, predicted_rest
 from floquid.reporting._case import LONGEST, Case
 from floquid.reporting._chosen_figures import BAND
-from floquid.reporting._look import BLACK, BLUE, CURVES, DASHES, VERMILION, Figure, legend_above, new_figure
+from floquid.reporting._look import BLACK, BLUE, CURVES, DASHES, MARKERS, VERMILION, Figure, legend_above, new_figure
+from floquid.transfer import MeasuredTransfer
 from floquid.views import magnitude_bands, shortened
 
 MOST_PATHS = 6  # paths from an input to an output that are drawn; transfer.csv holds all
 CLOSE = 5.0  # periods of the stretch left out
+LINES = 120  # frequencies at which G is measured beside the model
+FLAT = 8.0  # widths of a resonance over which a line is measured, from which on resonances are lost
+STRONGEST = 3  # harmonics of a path that are drawn beside measured lines
 SEEN = 4.0  # deviations from which on a phase is one
 MOST_MODES = 8  # modes whose inputs are drawn
 
@@ -41,6 +48,11 @@ def matrix_rows(found: TransferFunctions, paths: list[Path]) -> list[tuple[str, 
     return rows
 
 
+def _curve(harmonic: int) -> int:
+    """The number of the curve of a harmonic: 0, -1, 1, -2, ...."""
+    return (2 * abs(harmonic) - (harmonic > 0)) % len(CURVES)
+
+
 def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure]:
     """Magnitude and phase of each harmonic of each path, a pair of figures a path."""
     figures = []
@@ -58,7 +70,7 @@ def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure
             value = found.values[place, row, column]
             if not value.any():
                 continue
-            number = (2 * abs(m) - (m > 0)) % len(CURVES)
+            number = _curve(m)
             look = {"line_color": CURVES[number], "line_dash": DASHES[number], "legend_label": f"m = {m}"}
             if found.std is not None:
                 size.varea(
@@ -74,6 +86,71 @@ def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure
         for made in (size, phase):
             legend_above(made, columns=3)
         figures += [size, phase]
+    return figures
+
+
+def measured_beside(analysis: ExcitedAnalysis, found: TransferFunctions) -> MeasuredTransfer | str:
+    """G measured line by line over the frequencies of that of the model, without it; or why it is not had."""
+    hertz = np.linspace(found.frequencies_hz[0], found.frequencies_hz[-1], LINES)
+    try:
+        measured = measure_transfer(
+            analysis.records,
+            replace(analysis.settings, excitation="none"),
+            harmonics=found.harmonics,
+            frequencies_hz=hertz,
+        )
+    except (InputError, IdentificationError) as error:
+        return str(error)
+    narrowest = float(np.abs(analysis.model.exponents.real).min()) / np.pi
+    for finding in measured.findings:
+        if finding.code == "measured_polynomials" and finding.numbers["width"] > FLAT * narrowest:
+            return (
+                f"The records are too short for that: a line is measured over {finding.numbers['width']:.3g} Hz, and "
+                f"the narrowest resonance is {narrowest:.3g} Hz wide."
+            )
+    return measured
+
+
+def measured_figures(analysis: ExcitedAnalysis, measured: MeasuredTransfer, paths: list[Path]) -> list[Figure]:
+    """Lines measured without the model, with bars of 95 %, and the model's G of samples, a figure a path."""
+    from bokeh.models import ColumnDataSource, Whisker
+
+    lines, figures = measured.transfer, []
+    model = analysis.transfer(lines.frequencies_hz, lines.harmonics, sampled=True)
+    drawn = analysis.transfer(None, lines.harmonics, sampled=True)
+    assert lines.std is not None
+    for row, column in paths:
+        made = new_figure(
+            "frequency of the input f [Hz]", f"|G| [{lines.unit(row, column)}]", name=f"measured-{row}-{column}",
+            y_axis_type="log",
+        )  # fmt: skip
+        off, std = (model.values - lines.values)[:, row, column], lines.std[:, row, column]
+        apart = np.sqrt(np.nanmean(np.concatenate([off.real / std.real, off.imag / std.imag]) ** 2))
+        made.title.text = f"{_name(lines, (row, column))}: {apart:.2g} deviations apart (rms)"
+        sizes, low, high, made.y_range.start = magnitude_bands(lines, row, column)
+        curves = np.abs(drawn.values[:, row, column])
+        strongest = np.sort(np.argsort(-curves.max(axis=1), kind="stable")[:STRONGEST])
+        for place in strongest.tolist():
+            there = (high[place] - sizes[place]) * SEEN < BAND * sizes[place]  # false of one that is missing
+            number, label = _curve(int(lines.harmonics[place])), f"m = {lines.harmonics[place]}"
+            colour = CURVES[number]
+            made.line(
+                drawn.frequencies_hz, curves[place], line_width=1.5, line_color=colour, line_dash=DASHES[number],
+                legend_label=label,
+            )  # fmt: skip
+            source = ColumnDataSource({
+                "f": lines.frequencies_hz[there], "size": sizes[place, there],
+                "low": low[place, there], "high": high[place, there],
+            })  # fmt: skip
+            bars = Whisker(base="f", upper="high", lower="low", source=source, line_color=colour, level="underlay")
+            bars.upper_head = bars.lower_head = None
+            made.add_layout(bars)
+            made.scatter(
+                "f", "size", source=source, size=4, marker=MARKERS[number], line_color=colour, fill_color="white",
+                legend_label=label,
+            )  # fmt: skip
+        legend_above(made, columns=3)
+        figures.append(made)
     return figures
 
 

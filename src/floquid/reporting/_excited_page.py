@@ -17,6 +17,8 @@ from floquid.reporting._chosen_figures import (
 from floquid.reporting._excited_figures import (
     left_out_figures,
     matrix_rows,
+    measured_beside,
+    measured_figures,
     paths_of,
     reach_figures,
     transfer_figures,
@@ -37,16 +39,20 @@ def excited_page(case: Case, *, title: str | None) -> str:
         "coefficients": [coefficients_figure(case, coefficients)],
         "plane": [exponents_figure(case, modes), multipliers_figure(case, modes)],
         "transfer": [],
+        "measured": [],
         "reach": [],
         "record": record,
     }
-    paths, matrix, harmonics = [], [], []
+    paths, matrix, harmonics, beside = [], [], [], []
     if analysis.inputs:
         found = analysis.transfer()
         paths = paths_of(found, analysis.noise, analysis.fit.samples.input_size)
         matrix, harmonics = matrix_rows(found, paths), found.harmonics.tolist()
+        measured = measured_beside(analysis, found)
+        beside = [measured] if isinstance(measured, str) else [str(finding) for finding in measured.findings]
         figures |= {
             "transfer": transfer_figures(found, paths),
+            "measured": [] if isinstance(measured, str) else measured_figures(analysis, measured, paths),
             "reach": reach_figures(case),
         }
     rows, checked = mode_table(analysis), bool(np.isfinite(analysis.held_out).all())
@@ -71,6 +77,7 @@ def excited_page(case: Case, *, title: str | None) -> str:
         inputs=analysis.inputs,
         matrix=matrix,
         harmonics=harmonics,
+        beside=beside,
         paths_shown=len(paths),
         paths_left=len(analysis.inputs) * len(analysis.model.channels) - len(paths),
         held_out=held_out,

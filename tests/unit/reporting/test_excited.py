@@ -1,6 +1,7 @@
 """The page of records whose excitation goes on: what it says, what it draws, and what it leaves out without inputs."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,18 +11,22 @@ import floquid
 from floquid import Channel, Record
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import predicted_rest
-from floquid.reporting._excited_figures import matrix_rows, paths_of
+from floquid.reporting._excited_figures import matrix_rows, measured_beside, measured_figures, paths_of
 from floquid.views import magnitude_bands
 
 PHASES = 20
 
 
+def record_with_force(system, periods):
+    values, inputs = record_of(system, periods, PHASES, 0.02, 1)
+    channels = [Channel(name="tip <b>", unit="mm"), Channel(name="force", unit="N")]
+    return Record(values=np.vstack([values, inputs]), sample_rate=PHASES / system.period, channels=channels)
+
+
 @pytest.fixture(scope="module")
 def driven():
     system = mathieu()
-    values, inputs = record_of(system, 50, PHASES, 0.02, 1)
-    channels = [Channel(name="tip <b>", unit="mm"), Channel(name="force", unit="N")]
-    record = Record(values=np.vstack([values, inputs]), sample_rate=PHASES / system.period, channels=channels)
+    record = record_with_force(system, 50)
     return floquid.identify_driven(record, period=system.period, inputs=["force"])
 
 
@@ -36,6 +41,8 @@ def test_the_page_of_a_driven_analysis(driven, tmp_path):
     assert "1 mode (order 2) found in 1 record of 1 output and 1 measured input, 50 periods" in said
     assert "Harmonic transfer functions" in said
     assert "by a fit to the first three quarters alone" in said
+    assert "The records are too short for that: a line is measured over 0.248 Hz" in said
+    assert "deviations apart" not in page
     assert "no standard deviations" not in said
     assert "tip &lt;b&gt;" in page
     for label in ("|G| [mm/N]", "arg G [\\u00b0]", "|b| times rms [1/s]", "response [mm]", "time [s]"):
@@ -100,3 +107,22 @@ def test_the_frequencies_of_transfer_functions_have_the_tops_of_the_resonances(d
     model = driven.model
     peak = driven.transfer([model.exponents[0].imag / (2.0 * np.pi)], [0])
     assert np.abs(driven.transfer(harmonics=[0]).values).max() == pytest.approx(abs(peak.values[0, 0, 0, 0]), rel=1e-3)
+
+
+def test_lines_measured_without_the_model_tell_a_wrong_one(tmp_path):
+    system = mathieu()
+    record = record_with_force(system, 200)
+    found = floquid.identify_driven(record, period=system.period, inputs=["force"], validate=False)
+    page = floquid.report(found, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Polynomials over" in words_of(page)
+    assert 0.7 < float(re.search(r"([\d.]+) deviations apart", page)[1]) < 1.5
+    # The same lines beside a model of another force.
+    louder = replace(record, values=record.values * [[1.0], [1.1]])
+    measured = measured_beside(replace(found, records=(louder,)), found.transfer())
+    wrong = measured_figures(found, measured, [(0, 0)])[0].title.text
+    assert float(re.search(r"([\d.]+) deviations apart", wrong)[1]) > 3.0
+
+
+def test_where_no_lines_can_be_measured_the_page_says_why(driven):
+    short = replace(driven, records=(replace(driven.records[0], values=driven.records[0].values[:, :60]),))
+    assert "period" in measured_beside(short, driven.transfer())
