@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from tests.driven import mathieu, record_of
+from tests.unit.transfer.test_polynomials import looped
 
 from floquid import Channel, Record, read
 from floquid.cli import run
@@ -57,6 +58,16 @@ def test_polynomials_at_frequencies_that_are_named(file, capsys):
     command = ["transfer", str(file), "--period", PERIOD, "--inputs", "F", "--method", "polynomials", "--at", "0.1,0.2"]
     assert run([*command, "--format", "json"]) == 0
     assert len(json.loads(capsys.readouterr().out)["frequencies_hz"]) == 2
+
+
+def test_a_loop_with_its_command_as_reference(tmp_path, capsys):
+    path = tmp_path / "loop.csv"
+    write(looped(mathieu(damping=0.2), 20, 200, 0.3, 0.1, 0.0, 0), path)
+    command = ["transfer", str(path), "--period", PERIOD, "--inputs", "F", "--reference", "r", "--at", "0.1,0.2"]
+    assert run([*command, "--method", "polynomials"]) == 0
+    assert "F to y" in capsys.readouterr().out
+    assert run(command) == 2
+    assert "--reference" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -56,6 +56,10 @@ _METHOD = (
     "modes fitted to lines so measured."
 )
 _DROP = "Repeats at the begin of each record that are left out, for what rings there to die."
+_REFERENCE = (
+    "Channels, with commas, one for each input, that drive the inputs and know nothing of the noise: for a closed loop "
+    "and noisy inputs, with polynomials or fit."
+)
 _BAND = "The lowest and the highest line [Hz], with a comma; by default up to a fifth of the rate."
 
 
@@ -66,6 +70,7 @@ def transfer(
     at: Annotated[str, Parameter(help=_AT)] = "",
     harmonics: Annotated[str, Parameter(help=_HARMONICS)] = "-1,0,1",
     drop: Annotated[Whole, Parameter(help=_DROP)] = 1,
+    reference: Annotated[str, Parameter(help=_REFERENCE)] = "",
     out: Annotated[
         Path | None,
         Parameter(
@@ -94,7 +99,10 @@ def transfer(
     choices = choices_of(settings).with_given(**given(record, OF))
     if not choices.settings.inputs:
         raise input_error("--inputs", OF, "name the channels that drive the system", "is not given", "As --inputs F.")
-    turns, hertz = _whole(harmonics), _frequencies(at)
+    turns, hertz, references = _whole(harmonics), _frequencies(at), split(reference)
+    if references and method == "model":
+        remedy = "Leave it out: `--excitation ambient` with --inputs takes account of a loop."
+        raise input_error("--reference", OF, "not be given with --method model", f"is {reference!r}", remedy)
     if method == "repeats" and hertz is not None:
         must, remedy = "not be given with --method repeats", "Leave it out: the lines are those of the inputs."
         raise input_error("--at", OF, must, f"is {at!r}", remedy)
@@ -108,7 +116,14 @@ def transfer(
             way, wanted = (None, None) if method == "fit" else (method, hertz)
             chosen = choices.resolved()
             measured = measure_transfer(
-                records, chosen, method=way, harmonics=turns, frequencies_hz=wanted, drop=drop, report=report
+                records,
+                chosen,
+                method=way,
+                harmonics=turns,
+                frequencies_hz=wanted,
+                drop=drop,
+                reference=references,
+                report=report,
             )
             found, findings, more = measured.transfer, measured.findings, measured_entries(measured)
             if method == "fit":

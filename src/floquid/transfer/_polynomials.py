@@ -39,15 +39,20 @@ def by_polynomials(
     harmonics: Sequence[int],
     channels: tuple[tuple[Channel, ...], tuple[Channel, ...]],
     frequencies_hz: NDArray[np.float64] | int = 400,
+    reference: NDArray[np.float64] | None = None,
 ) -> MeasuredTransfer:
     r"""G by least squares over the lines beside each (local polynomial method).
 
     .. math:: Y(k + r) = \sum_{m,i} \Big(\sum_{s=0}^{2} g_{m,i,s}\, r^s\Big) U_i(k + r - mM) + \sum_{s=0}^{2} t_s r^s
               + \text{noise}
 
-    of records of M whole periods; t is the transient. `Schoukens, Vandersteen, Barbé and Pintelon (2009)`, with
-    the inputs modulated as Louarroudi, Lataire and Pintelon (2012) have them. G must vary little over a window: a
-    resonance needs some fifty lines over half of its width.
+    of records of M whole periods; t is the transient. `Schoukens, Vandersteen, Barbé and Pintelon (2009)`, with the
+    inputs modulated as Louarroudi, Lataire and Pintelon (2012) have them. G must vary little over a window: a resonance
+    needs some fifty lines over half of its width.
+
+    With a reference R, as many channels as inputs, the equations are held against R in the place of U (instrumental
+    variables), all harmonics at once: what R knows nothing of, noise on an input or what a feedback makes of that of
+    the outputs, is then no bias.
 
     Parameters
     ----------
@@ -59,6 +64,8 @@ def by_polynomials(
         Those of the outputs and of the inputs.
     frequencies_hz
         Ω/2π (frequencies,) [Hz], the nearest lines are taken; or so many over what the inputs excite.
+    reference
+        Signals that drive the inputs and know nothing of the noise (inputs, samples); None for the inputs themselves.
 
     Returns
     -------
@@ -74,19 +81,17 @@ def by_polynomials(
     periods, count = _whole(samples)
     parts = [slice(own.start, own.start + count) for own in samples.records]
     hertz = np.fft.fftfreq(count, samples.step)
-    outputs, inputs = (
-        np.array(
-            [
-                np.fft.fft(signals[:, own], axis=1) * np.exp(-2j * np.pi * hertz * samples.times[own.start])
-                for own in parts
-            ]
-        )
-        for signals in (samples.values, samples.inputs)
-    )
+
+    def spectra(signals: NDArray[np.float64]) -> NDArray[np.complex128]:
+        turned = np.exp(-2j * np.pi * hertz * samples.first_times[:, None, None])
+        return np.array([np.fft.fft(signals[:, own], axis=1) for own in parts]) * turned
+
+    outputs, inputs = spectra(samples.values), spectra(samples.inputs)
+    known = inputs if reference is None else spectra(reference)
     if not isinstance(frequencies_hz, int):
         lines = np.unique(np.rint(frequencies_hz * count * samples.step).astype(int))
     else:
-        lines = _excited(inputs, frequencies_hz)
+        lines = _excited(known, frequencies_hz)
     unknowns = (DEGREE + 1) * (len(asked) * inputs.shape[1] + len(parts))
     half = int(np.ceil(0.5 * (unknowns + max(FREE[0], FREE[1] * unknowns)) / len(parts)))
     if 4 * half > count // 2:
@@ -101,7 +106,7 @@ def by_polynomials(
     for row, begin in product(range(len(asked)), range(0, len(lines), TOGETHER)):
         own = slice(begin, begin + TOGETHER)
         middle = lines[own] + asked[row] * periods
-        solved, variance, left, share = _windows(outputs, inputs, middle, asked, periods, half)
+        solved, variance, left, share = _windows(outputs, (inputs, known), middle, asked, periods, half)
         driven = slice(0, (DEGREE + 1) * len(asked) * inputs.shape[1])
         bend = np.abs(solved) ** 2 / (variance[:, :, None] * left[:, None, :])
         bends[row, own] = (
@@ -133,14 +138,14 @@ def by_polynomials(
         begins=np.zeros(0),
         findings=(
             note("measured_polynomials", lines=2 * half + 1, width=(2 * half + 1) / (count * samples.step)),
-            *_flattened(outputs, inputs, lines + asked[:, None] * periods, bends, asked, periods, half),
+            *_flattened(outputs, (inputs, known), lines + asked[:, None] * periods, bends, asked, periods, half),
         ),
     )
 
 
 def _flattened(
     outputs: NDArray,
-    inputs: NDArray,
+    inputs: tuple[NDArray, NDArray],
     middle: NDArray[np.int64],
     bends: NDArray[np.float64],
     harmonics: NDArray[np.int64],
@@ -188,7 +193,7 @@ def _excited(inputs: NDArray, count: int) -> NDArray[np.int64]:
 
 def _windows(
     outputs: NDArray,
-    inputs: NDArray,
+    inputs: tuple[NDArray, NDArray],
     middle: NDArray[np.int64],
     harmonics: NDArray[np.int64],
     periods: int,
@@ -204,26 +209,32 @@ def _windows(
     offsets = np.arange(-half, half + 1)
     line = (middle[:, None] + offsets) % count
     powers = (offsets / half)[:, None] ** np.arange(degree + 1)
-    blocks, sides = [], []
+    shifted = (line[:, None, :] - harmonics[:, None] * periods) % count
     # Lines of the period itself belong to what repeats with it, an orbit or an imbalance.
     used = (line % periods != 0).astype(float)
-    for record in range(records):
-        shifted = (line[:, None, :] - harmonics[:, None] * periods) % count
-        driven = np.moveaxis(inputs[record][:, shifted], 0, 2)  # windows, harmonics, inputs, lines
-        regressors = driven.reshape(len(line), -1, len(offsets))[..., None] * powers
-        flat = np.moveaxis(regressors, 2, 1).reshape(len(line), len(offsets), -1)
-        transient = np.zeros((len(line), len(offsets), records * (degree + 1)), complex)
-        transient[..., record * (degree + 1) : (record + 1) * (degree + 1)] = powers
-        blocks.append(np.concatenate([flat, transient], axis=2) * used[..., None])
-        sides.append(np.moveaxis(outputs[record][:, line], 0, 2) * used[..., None])
-    matrix, right = np.concatenate(blocks, axis=1), np.concatenate(sides, axis=1)
+
+    def columns(signals: NDArray) -> NDArray:
+        """Signals modulated by each harmonic, and a transient of each record, times powers."""
+        blocks = []
+        for record in range(records):
+            driven = np.moveaxis(signals[record][:, shifted], 0, 2)  # windows, harmonics, inputs, lines
+            regressors = driven.reshape(len(line), -1, len(offsets))[..., None] * powers
+            flat = np.moveaxis(regressors, 2, 1).reshape(len(line), len(offsets), -1)
+            transient = np.zeros((len(line), len(offsets), records * (degree + 1)), complex)
+            transient[..., record * (degree + 1) : (record + 1) * (degree + 1)] = powers
+            blocks.append(np.concatenate([flat, transient], axis=2) * used[..., None])
+        return np.concatenate(blocks, axis=1)
+
+    matrix = columns(inputs[0])
+    right = np.concatenate([np.moveaxis(own[:, line], 0, 2) * used[..., None] for own in outputs], axis=1)
     size = np.sqrt(np.sum(np.abs(matrix) ** 2, axis=1, keepdims=True))
     size = np.where(size > 0.0, size, 1.0)
-    orthogonal, upper = np.linalg.qr(matrix / size)
-    inverse = np.linalg.inv(upper)
-    along = orthogonal.conj().swapaxes(1, 2) @ right
-    solved = inverse @ along / size.swapaxes(1, 2)
-    left = right - orthogonal @ along
+    held = matrix if inputs[1] is inputs[0] else columns(inputs[1])
+    orthogonal = np.linalg.qr(held / size)[0]
+    against = orthogonal.conj().swapaxes(1, 2)
+    inverse = np.linalg.inv(against @ (matrix / size))
+    solved = inverse @ (against @ right) / size.swapaxes(1, 2)
+    left = right - matrix @ solved
     free = records * used.sum(axis=1) - matrix.shape[2]
     variance = np.sum(np.abs(left) ** 2, axis=1) / free[:, None]
     power = np.sum(np.abs(right) ** 2, axis=1) / (records * used.sum(axis=1))[:, None]

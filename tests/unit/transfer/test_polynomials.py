@@ -7,7 +7,7 @@ import pytest
 from tests.driven import mathieu, record_of, two_masses
 from tests.unit.transfer.test_repeats import squares
 
-from floquid import IdentificationError, Record, measure_transfer
+from floquid import IdentificationError, InputError, Record, measure_transfer
 
 
 def measured(system, phases, periods, noise, seed, **words):
@@ -33,6 +33,50 @@ def test_the_variance_is_calibrated_where_resonances_are_wide(system, phases, pe
     assert np.mean([squares(own, system, phases).mean() for own in found]) == pytest.approx(1.05, abs=0.05)
     assert not any(own.warnings for own in found)
     assert all(np.isnan(own.nonlinear).all() for own in found)
+
+
+def looped(system, phases, periods, feedback, noise, on_input, seed):
+    """A record of a loop u = r - K y, y with noise and u measured with noise."""
+    generator = np.random.default_rng(seed)
+    command = generator.standard_normal(periods * phases)
+    off, maps, step = noise * generator.standard_normal(len(command)), system.maps(phases), system.period / phases
+    state, rows = np.zeros(len(system.A(0.0))), []
+    for number, own in enumerate(command.tolist()):
+        answer = float((system.C(number * step) @ state)[0]) + off[number]
+        force = own - feedback * answer
+        rows.append([answer, force, own])
+        transition, forcing = maps[number % phases]
+        state = transition @ state + forcing[:, 0] * force
+    values = np.array(rows).T
+    values[1] += on_input * generator.standard_normal(len(command))
+    return Record(values=values, sample_rate=phases / system.period, channels=["y", "F", "r"])
+
+
+def bias(records, truth, hertz, **words):
+    """The squared mean error over records, over the variance of that mean: 1 where there is no bias."""
+    found = [measure_transfer(own, inputs=["F"], period=np.pi, frequencies_hz=hertz, **words) for own in records]
+    error = np.mean([own.transfer.values - truth for own in found], axis=0)
+    variance = np.mean([np.abs(own.transfer.std) ** 2 for own in found], axis=0) / len(found)
+    return np.mean(np.abs(error) ** 2 / variance)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("feedback", "noise", "on_input"), [(0.5, 0.5, 0.02), (0.0, 0.02, 0.3)])
+def test_a_reference_takes_the_bias_of_a_loop_and_of_noise_on_the_input(feedback, noise, on_input):
+    system, phases = mathieu(damping=0.1), 20
+    records = [looped(system, phases, 800, feedback, noise, on_input, seed) for seed in range(20)]
+    hertz = np.rint(np.linspace(0.5, 1.0, 30) * 800) / (800 * np.pi)
+    truth = system.sampled_transfer(hertz, np.arange(-2, 3), phases)
+    words = {"harmonics": np.arange(-2, 3)}
+    assert bias(records, truth, hertz, reference=["r"], **words) == pytest.approx(1.0, abs=0.25)
+    assert bias(records, truth, hertz, channels=["y"], method="polynomials", **words) > 3.0
+
+
+def test_references_that_cannot_stand_for_the_inputs():
+    record = looped(mathieu(), 20, 60, 0.1, 0.01, 0.0, 0)
+    for words, message in (({"reference": ["F"]}, "reference"), ({"reference": ["r"], "method": "repeats"}, "method")):
+        with pytest.raises(InputError, match=message):
+            measure_transfer(record, period=np.pi, inputs=["F"], **words)
 
 
 def test_two_inputs_and_frequencies_that_are_named():

@@ -35,6 +35,7 @@ def measure_transfer(
     frequencies_hz: ArrayLike | None = None,
     repeat: int | None = None,
     drop: int = 1,
+    reference: Sequence[str] = (),
     report: Callable[[str], None] = lambda _: None,
     **options: object,
 ) -> MeasuredTransfer:
@@ -63,6 +64,9 @@ def measure_transfer(
         Periods of the system in a repeat of the inputs; by default found from them.
     drop
         Repeats at the begin of each record that are left out, for the transient to die.
+    reference
+        Names of channels, as many as inputs, that drive the inputs and know nothing of the noise, as the command of a
+        loop: G is then free of bias where there is a feedback or noise on the inputs. By polynomials alone.
     report
         Is told what is being done, a phrase a stage.
     **options
@@ -91,19 +95,22 @@ def measure_transfer(
         raise input_error("repeat", OF, "be 2 periods or more", f"is {repeat}", "Leave it out: it is found.")
     if drop < 0:
         raise input_error("drop", OF, "be 0 or more", f"is {drop}", "As drop=1.")
+    _refuse_references(reference, chosen, method)
     turns = frozen_array(np.atleast_1d(harmonics), "harmonics", OF, axes=("harmonics",), dtype=np.int64).tolist()
     with own_names(OF):
         used = clocked(records, chosen, OF)
         report("parting inputs and outputs")
         # What repeats with the period stands at lines of its own, which are left out.
-        own = parted(used, replace(chosen, forced="none"), OF)
+        own = parted(used, replace(chosen, inputs=(*chosen.inputs, *reference), forced="none"), OF)
         if own.shafts:
             must, got = "have a constant period", "have a measured clock"
             remedy = "Lines are sharp at constant speed alone: use `identify_driven`, which follows the angle."
             raise input_error("records", OF, must, got, remedy)
-        samples, channels = own.samples, (own.outputs, own.inputs)
+        count = len(chosen.inputs)
+        held = own.samples.inputs[count:] if reference else None
+        samples, channels = replace(own.samples, inputs=own.samples.inputs[:count]), (own.outputs, own.inputs[:count])
         with blas_threads(used):
-            periods = None if method == "polynomials" else repeat or repeat_of(samples)
+            periods = None if method == "polynomials" or reference else repeat or repeat_of(samples)
             if method == "repeats" and periods is None:
                 raise IdentificationError(
                     "The inputs do not repeat after a whole number of periods, three times at least. Name that number "
@@ -114,4 +121,15 @@ def measure_transfer(
                 return by_repeats(samples, periods, turns, channels, drop)
             report("fitting polynomials over lines")
             hertz = POINTS if frequencies_hz is None else np.atleast_1d(np.asarray(frequencies_hz, float))
-            return by_polynomials(samples, turns, channels, hertz)
+            return by_polynomials(samples, turns, channels, hertz, held)
+
+
+def _refuse_references(reference: Sequence[str], settings: Settings, method: Method | None) -> None:
+    """Refuse references that cannot stand for the inputs."""
+    if not reference:
+        return
+    if isinstance(reference, str) or len(reference) != len(settings.inputs) or {*reference} & {*settings.inputs}:
+        must = f"name {len(settings.inputs)} channels other than the inputs, one for each"
+        raise input_error("reference", OF, must, f"is {reference!r}", 'As reference=["command"].')
+    if method == "repeats":
+        raise input_error("method", OF, "be left out with `reference`", "is 'repeats'", "It is by polynomials.")
