@@ -21,6 +21,18 @@ def _inputs(channels: Sequence[str], hold: str) -> str:
     )
 
 
+def _instants(delay: int, hold: str, given: str) -> str:
+    if delay:
+        when = "came one sample later" if delay > 0 else "came one sample earlier"
+        remedy = "Move them against the outputs"
+    else:
+        when, remedy = f"were {HOLDS[hold]}, not {HOLDS[given]}", f'Use hold="{hold}"'
+    return (
+        f"The response is explained better, and with fewer parameters, if the inputs {when}: the way that they reach "
+        f"the modes would look right and be wrong. {remedy}."
+    )
+
+
 INPUTS: dict[str, str | Callable[..., str]] = {
     "inputs": _inputs,
     "steady_beside_inputs": lambda harmonics: (
@@ -36,9 +48,14 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "not linear or not periodic with that period.",
     "inputs_period": "The response does not repeat with the period given: its own is {own:.10g} ± {std:.1g} s, not "
     "{given:.10g} s. Exponents and shapes would look right and be wrong. Correct the period, or the rate.",
+    "inputs_instants": _instants,
+    "inputs_nonlinear": "What is left goes with squares and cubes of the response (squared scores of {squares:.3g}; "
+    "noise alone stays below {limit:.3g}): the system is not linear at this force, and exponents are those of this "
+    "level. Drive it less.",
     "inputs_colour": "What is left is not white (squared correlations sum to {squares:.2g}): the noise is coloured or "
-    "drives the system itself, or the input between its samples is not what `hold` says. Deviations are too small or "
-    "too large. Of forces beside those measured `identify_ambient`, or `--excitation ambient`, takes account.",
+    "drives the system itself, the inputs were measured with noise, or what they are between their samples is not what "
+    "`hold` says. Deviations are too small or too large. Of forces beside those measured `identify_ambient`, or "
+    "`--excitation ambient`, takes account.",
     "inputs_modes": "The search ended at the most modes that it may find ({most}): there may be more.",
     "inputs_undetermined": "The decay of a mode is not determined: modes make up for one another, or one dies at "
     "once. There may be fewer modes, or others.",

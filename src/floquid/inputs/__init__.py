@@ -20,6 +20,7 @@ from floquid.inputs._result import transfer_of as transfer_of
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
 from floquid.inputs._samples import samples_of as samples_of
+from floquid.inputs._scores import Scores as Scores
 from floquid.inputs._scores import period_step as period_step
 from floquid.inputs._search import nearly_one as nearly_one
 from floquid.inputs._search import searched as searched

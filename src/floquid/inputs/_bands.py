@@ -198,7 +198,8 @@ def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], whic
     later = len(turning) + np.cumsum(turning) - 1
     index = columns.start + np.concatenate([which, later[which[turning[which]]]])
     own = now.coefficients[index] / now.noise
-    return float(np.sum(own * np.linalg.solve(now.inverse[np.ix_(index, index)], own)))
+    # A direction that another column has, too, is none: the block may be singular.
+    return float(np.sum(own * (np.linalg.pinv(now.inverse[np.ix_(index, index)], hermitian=True) @ own)))
 
 
 def _input_weight(mode: InputMode, spread: NDArray[np.float64], which: NDArray[np.int64]) -> float:
@@ -214,4 +215,4 @@ def _input_weight(mode: InputMode, spread: NDArray[np.float64], which: NDArray[n
         return np.inf
     own, index = own[free[index]], index[free[index]]
     place = np.cumsum(free)[index] - 1
-    return float(own @ np.linalg.solve(spread[np.ix_(place, place)], own)) if len(own) else np.inf
+    return float(own @ np.linalg.pinv(spread[np.ix_(place, place)], hermitian=True) @ own) if len(own) else np.inf

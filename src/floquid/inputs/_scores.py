@@ -68,15 +68,23 @@ class Scores:
             found.append(_gain(left, pull[rows].T.ravel(), np.tile(size[rows], channels), self.least))
         return np.array(found)
 
-    def by_inputs(self, asked: Sequence[tuple[int, float]]) -> NDArray[np.float64]:
-        """The gains by the inputs at a harmonic more that a mode does not have yet: of modes and harmonics (asked,)."""
+    def by_inputs(
+        self, asked: Sequence[tuple[int, float]], inputs: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """The gains by the inputs at a harmonic more that a mode does not have yet: of modes and harmonics (asked,).
+
+        By other inputs if they are given (inputs, samples).
+        """
         if not asked:
             return np.zeros(0)
         now, samples, drives = self.now, self.samples, []
+        if inputs is not None:
+            samples = replace(samples, inputs=inputs)
+        many = len(samples.inputs)
         for mode, turn in asked:
             own = now.modes[mode]
-            alone = replace(own, reach=np.array([turn]), gains=np.ones((len(own.gains), 1), complex))
-            drives.append(reached_by(samples, alone)[: (2 if own.real else 1) * len(own.gains)])
+            alone = replace(own, reach=np.array([turn]), gains=np.ones((many, 1), complex))
+            drives.append(reached_by(samples, alone)[: (2 if own.real else 1) * many])
         counts = [len(own) if now.modes[m].real else 2 * len(own) for own, (m, _) in zip(drives, asked, strict=True)]
         ends = np.cumsum([0, *counts])
         information, pull, size = np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1]), np.zeros(ends[-1])
@@ -128,13 +136,14 @@ class Scores:
         return pull / information, information**-0.5
 
 
-def period_step(samples: Samples, now: Linearisation) -> tuple[float, float]:
+def period_step(scores: Scores) -> tuple[float, float]:
     """(Own period - period given)/period given, as the response has it, to first order, and its deviation."""
+    samples, now = scores.samples, scores.now
     ends = []
     for sign in (1.0, -1.0):
         moved = replace(samples, fundamental=samples.fundamental * (1.0 + sign * NUDGE))
         ends.append(now.coefficients.T @ linearise(moved, now.modes, now.direct).columns)
-    step, std = Scores(samples, now, rough=False).step_along((ends[0] - ends[1]) / (2.0 * NUDGE))
+    step, std = scores.step_along((ends[0] - ends[1]) / (2.0 * NUDGE))
     return -step, std
 
 

@@ -16,6 +16,7 @@ from floquid.inputs import (
     Limits,
     Linearisation,
     Samples,
+    Scores,
     Uncertainty,
     fitted_freely,
     linearise,
@@ -32,6 +33,7 @@ from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, refuse_driven, settings_of
 from floquid.pipeline.with_inputs._again import KEPT
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, DrivenAnalysis
+from floquid.pipeline.with_inputs._doubts import doubts
 from floquid.pipeline.with_inputs._prepare import OF, Parted, parted, refuse_others
 
 HIGHEST = 24
@@ -146,6 +148,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     if settings.validate:
         report("predicting samples left out")
         held_out = _held_out(own, found)
+    scores = Scores(samples, found, rough=False)
     return DrivenAnalysis(
         settings=settings,
         records=own.records,
@@ -159,7 +162,8 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             *_unreached(fit),
             *_against(found, held_out),
             *_ended(samples, found, model, limits, every=free is not None),
-            *(() if own.shafts else _period(samples, found)),
+            *(() if own.shafts else _period(scores)),
+            *doubts(fit, scores),
         ),
     )
 
@@ -245,12 +249,12 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def _period(samples: Samples, found: Linearisation) -> tuple[Finding, ...]:
+def _period(scores: Scores) -> tuple[Finding, ...]:
     """Finding on a period that is not that of the response, to first order."""
-    step, std = period_step(samples, found)
+    step, std = period_step(scores)
     if abs(step) <= SIGNIFICANT * std:
         return ()
-    given = 2.0 * np.pi / samples.fundamental
+    given = 2.0 * np.pi / scores.samples.fundamental
     return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
 
 

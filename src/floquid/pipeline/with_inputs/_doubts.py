@@ -1,0 +1,106 @@
+"""What the residual of a fit with inputs says against its inputs, and against a linear system."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.findings import Finding, failure
+from floquid.inputs import Linearisation, Samples, Scores, Uncertainty, limit_of, solve
+
+SURE = 1e-9
+"""The probability at which noise may pass for something that is told."""
+
+LAGS = (-2, -1, 0, 1, 2)
+"""Samples by which inputs are moved to see whether outputs answer to them apart from the modes."""
+
+STEPS = 10
+"""Steps of the fit with other instants."""
+
+VAGUE = 0.3
+"""The deviation of a decay over it, from which on a mode may stand for inputs at other instants."""
+
+AT_ONCE = 1.0
+"""The decay from sample to sample from which on it may, too [nepers]."""
+
+
+def doubts(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
+    """Findings on inputs that act at other instants than it was said, and on a system that is not linear."""
+    return _instants(fit, scores) or _nonlinear(scores)
+
+
+def _moved(samples: Samples, lag: int) -> NDArray[np.float64]:
+    """The inputs some samples ago, zero where there were none (inputs, samples)."""
+
+    def of(own: NDArray) -> NDArray:
+        found, count = np.zeros_like(own), own.shape[1]
+        if abs(lag) < count:
+            found[:, max(lag, 0) : count + min(lag, 0)] = own[:, max(-lag, 0) : count - max(lag, 0)]
+        return found
+
+    return samples.each(samples.inputs, of)
+
+
+def _instants(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
+    """Finding on inputs that come late or early, or between the samples in another way than `hold` says.
+
+    Gains take up a delay but for the first samples of each response. For those a direct term stands, or modes that die
+    at once, or outputs answer apart from the modes. With the right instants none of that is needed.
+    """
+    samples, now = scores.samples, scores.now
+    modes = [
+        mode
+        for mode, (place, _) in zip(now.modes, fit.places, strict=True)
+        if fit.parameters[place.start, place.start] ** 0.5 < VAGUE * abs(mode.exponent.real)
+        and -mode.exponent.real * samples.step < AT_ONCE
+    ]
+    if not modes or not (now.direct or len(modes) < len(now.modes) or _answers_apart(scores)):
+        return ()
+
+    def criterion(at: Linearisation) -> float:
+        return at.log_likelihood - at.n_parameters * float(np.log(samples.n_samples))
+
+    gains = {key: criterion(solve(other, modes, iterations=STEPS)) - criterion(now) for key, other in _others(samples)}
+    delay, hold = max(gains, key=lambda key: gains[key])
+    if gains[delay, hold] <= 0.0:
+        return ()
+    return (failure("inputs_instants", delay=delay, hold=hold, given=samples.hold),)
+
+
+def _answers_apart(scores: Scores) -> bool:
+    """True where outputs answer to single samples of the inputs beside what the modes do."""
+    samples = scores.samples
+    angle, groups = samples.turned(1), []
+    for lag in LAGS:
+        own = _moved(samples, lag)
+        groups.append(np.concatenate([own, angle.real * own, angle.imag * own]))
+    limit = limit_of(len(groups[0]) * len(samples.values), SURE / len(groups))
+    return bool(scores.by_columns(groups).max() > limit)
+
+
+def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
+    """Samples of which the inputs act at other instants, with the delay in samples and the hold."""
+    for delay in (1, -1):
+        yield (delay, samples.hold), replace(samples, inputs=_moved(samples, delay))
+    for hold in ("zero", "first", "none"):
+        if hold != samples.hold:
+            yield (0, hold), replace(samples, hold=hold)
+
+
+def _nonlinear(scores: Scores) -> tuple[Finding, ...]:
+    """Finding on squares and cubes of the response that drive the modes as inputs would (Billings and Voon 1983)."""
+    samples, now = scores.samples, scores.now
+    fitted = samples.values - now.left
+    size = fitted.std(axis=1, keepdims=True)
+    fitted = (fitted - fitted.mean(axis=1, keepdims=True)) / np.where(size > 0.0, size, 1.0)
+    powers = np.concatenate([fitted**2, fitted**3])
+    powers -= powers.mean(axis=1, keepdims=True)
+    asked = [(number, 0.5 if mode.real and mode.reach[0] else 0.0) for number, mode in enumerate(now.modes)]
+    gains = scores.by_inputs(asked, powers)
+    limit = limit_of(2 * len(powers), SURE / max(len(asked), 1))
+    if gains.max(initial=0.0) < limit:
+        return ()
+    return (failure("inputs_nonlinear", squares=float(gains.max()), limit=limit),)

@@ -1,0 +1,62 @@
+"""What would be taken up by the model without a word: inputs at other instants, and a system that is not linear."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from tests.driven import mathieu, record_of
+
+from floquid import Record, identify_driven
+
+PHASES, PERIODS = 20, 60
+
+
+def identified(values, inputs, period, **options):
+    record = Record(values=np.vstack([values, inputs]), sample_rate=PHASES / period, channels=["y", "u"])
+    return identify_driven(record, period=period, inputs=["u"], **options)
+
+
+def codes(found):
+    return {own.code for own in found.findings if own.severity.name != "NOTE"}
+
+
+@pytest.mark.parametrize(
+    ("moved", "hold", "words"),
+    [
+        (1, "zero", "came one sample earlier"),
+        (-1, "zero", "came one sample later"),
+        (0, "first", 'Use hold="zero"'),
+    ],
+)
+def test_inputs_at_other_instants_are_named(moved, hold, words):
+    system = mathieu()
+    values, inputs = record_of(system, PERIODS, PHASES, 0.02, 0)
+    found = identified(values, np.roll(inputs, moved, axis=1), system.period, hold=hold)
+    assert not found.passed
+    assert any(words in text for text in found.warnings)
+
+
+@pytest.mark.parametrize("direct", [0.0, 1.0])
+def test_inputs_as_they_are_said_are_not(direct):
+    system = mathieu(direct)
+    values, inputs = record_of(system, PERIODS, PHASES, 0.02, 1)
+    found = identified(values, inputs, system.period)
+    assert found.passed
+    assert not codes(found)
+
+
+def test_a_spring_that_hardens_is_named():
+    system, spring = mathieu(), 0.02
+    generator = np.random.default_rng(1)
+    inputs, step = generator.standard_normal(PERIODS * PHASES), system.period / PHASES
+    state, values = np.zeros(2), []
+    for number, force in enumerate(inputs):
+        values.append(state[0])
+
+        def rates(t, x, force=force):
+            return system.A(t) @ x + np.array([0.0, force - spring * x[0] ** 3])
+
+        state = solve_ivp(rates, (number * step, (number + 1) * step), state, rtol=1e-6, atol=1e-8).y[:, -1]
+    values = np.array(values) + 0.02 * np.std(values) * generator.standard_normal(len(values))
+    found = identified(values, inputs, system.period)
+    assert not found.passed
+    assert "inputs_nonlinear" in codes(found)
