@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from tests.driven import ambient_of, mathieu, paper_rotor, pulls
+from scipy.signal import lfilter
+from tests.driven import ambient_of, mathieu, paper_rotor, pulls, two_masses
 
 from floquid import ConstantPeriod, Record, identify_ambient
 
@@ -66,3 +67,28 @@ def test_deviations_hold_where_other_forces_act_too(process, feedback, noise):
         errors.append(np.concatenate([(gap.real / own.std.real).ravel(), (gap.imag / own.std.imag).ravel()]))
     assert 0.8 < np.sqrt(np.mean(np.array(off) ** 2)) < 1.3
     assert 0.8 < np.sqrt(np.mean(np.array(errors) ** 2)) < 1.25
+
+
+def coloured(system, periods, phases, noise, seed, corner=0.5, warm=40):
+    """The response to forces of a first-order low-pass, with lines of one and three a revolution (outputs, samples)."""
+    generator = np.random.default_rng(seed)
+    count, step = (periods + warm) * phases, system.period / phases
+    decay, times = np.exp(-corner * step), step * np.arange((periods + warm) * phases)
+    forces = lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], generator.standard_normal((2, count)), axis=1)
+    forces += np.outer([0.5, 0.3], np.cos(times + 0.3)) + np.outer([0.4, 0.6], np.cos(3.0 * times + 1.0))
+    values = system.response(forces, phases)[:, warm * phases :]
+    return values + noise * values.std(axis=1, keepdims=True) * generator.standard_normal(values.shape)
+
+
+def test_modes_beside_coloured_excitation_are_right_or_the_model_fails():
+    system, off = two_masses(), []
+    for seed in range(8):
+        found = identify_ambient(record_from(coloured(system, 400, 20, 0.02, seed), system, 20, ["tower", "blade"]))
+        modes = found.model.exponents
+        if found.passed:
+            assert found.model.order == 6
+            swinging = np.abs(modes.real) < 0.2  # what is faster is the excitation's own
+            assert np.count_nonzero(swinging) == 4
+            off.append(pulls(system, found.model)[swinging])
+    assert len(off) >= 5
+    assert np.max(off) < 4.0

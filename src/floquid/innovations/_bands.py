@@ -120,8 +120,20 @@ def weight(mode: Mode, spread: NDArray[np.float64], gone: list[NDArray[np.bool_]
     parts = [np.zeros(mode.rows)]
     for values in (mode.gains, mode.shape):
         parts += [values.real.ravel(), values.imag.ravel()]
-    own = np.concatenate(parts)[mask]
-    return float(own @ np.linalg.pinv(spread[np.ix_(mask, mask)], hermitian=True) @ own)
+    size = np.sqrt(np.maximum(np.diag(spread)[mask], np.finfo(float).tiny))
+    own = np.concatenate(parts)[mask] / size
+    return float(own @ np.linalg.pinv(spread[np.ix_(mask, mask)] / np.outer(size, size), hermitian=True) @ own)
+
+
+def anchored(now: Predictor) -> NDArray[np.bool_]:
+    """The parameters less the largest gain of each mode, which says what its scale is (parameters,)."""
+    free = []
+    for mode in now.modes:
+        own = np.ones(sum(mode.sizes), bool)
+        largest = mode.rows + int(np.argmax(np.abs(mode.gains)))
+        own[[largest] if mode.real else [largest, largest + mode.gains.size]] = False
+        free.append(own)
+    return np.concatenate([*free, np.ones(now.columns.size + now.initial.size, bool)])
 
 
 def centred(samples: Samples, now: Predictor) -> Predictor:

@@ -21,7 +21,7 @@ TOGETHER = 512
 """Samples whose derivatives are held at once."""
 
 LARGEST = 1e3
-"""Innovations over the response, and a last state over the first, from which on the predictor diverges."""
+"""Innovations over the response from which on the predictor diverges."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -169,7 +169,7 @@ def predicted(
     samples: Samples, modes: Sequence[Mode], columns: NDArray[np.float64], initial: NDArray[np.float64]
 ) -> Predictor | None:
     """The predictor with its innovations; None where it diverges."""
-    system, gains, seen, drive = _matrices(samples, modes)
+    system, gains, seen, drive = matrices(samples, modes)
     beside = samples.values - columns @ samples.known
     moved = system - gains @ seen
     drive = drive + np.einsum("kni,ik->kn", gains, beside)
@@ -186,7 +186,7 @@ def predicted(
         innovations = beside - np.einsum("kin,kn->ik", seen, states)
         # One that grows may leave innovations that are small: its derivatives would be none.
         grown = np.abs(np.array(ends)).max(initial=0.0)
-    if not (np.abs(innovations).max() <= limit and grown <= LARGEST):
+    if not (np.abs(innovations).max() <= limit and grown <= 1.0):
         return None
     return Predictor(tuple(modes), columns, initial, innovations, states)
 
@@ -228,7 +228,7 @@ def rebuilt(samples: Samples, now: Predictor, modes: Sequence[Mode]) -> Predicto
     return predicted(samples, modes, now.columns, initial)
 
 
-def _matrices(
+def matrices(
     samples: Samples, modes: Sequence[Mode]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Λ (states, states), K (samples, states, channels), C (samples, channels, states), Bu (samples, states)."""
@@ -267,7 +267,7 @@ def slopes(
     states of each record. Rough ones are made in single precision.
     """
     number = np.float32 if rough else np.float64
-    system, gains, seen, _ = _matrices(samples, at.modes)
+    system, gains, seen, _ = matrices(samples, at.modes)
     moved, white = (system - gains @ seen).astype(number), (root @ seen).astype(number)
     gains, weights = gains.astype(number), root.astype(number)
     width = sum(sum(mode.sizes) for mode in at.modes) + at.columns.size + at.initial.size
@@ -341,7 +341,7 @@ def gradient(samples: Samples, at: Predictor, of: NDArray[np.float64]) -> NDArra
 
     The adjoint of the predictor runs backwards once, whatever the number of parameters.
     """
-    system, gains, seen, _ = _matrices(samples, at.modes)
+    system, gains, seen, _ = matrices(samples, at.modes)
     moved, weighted = system - gains @ seen, np.linalg.solve(at.covariance, of)
     pull = -np.einsum("kin,ik->kn", seen, weighted)
     behind, begun = np.zeros((samples.n_samples, len(system))), []

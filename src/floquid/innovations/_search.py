@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.innovations._bands import grown, narrowed, weight
+from floquid.innovations._bands import anchored, grown, narrowed, weight
+from floquid.innovations._colour import colour
+from floquid.innovations._gain import stable_gains
 from floquid.innovations._predictor import Mode, Predictor, predicted, rebuilt
 from floquid.innovations._real import with_real_ones
 from floquid.innovations._solve import normal_of, places, solve
@@ -18,29 +20,30 @@ from floquid.inputs import (
     Samples,
     bare_mode,
     candidates,
+    chosen_together,
     fitted_together,
     input_gain,
     limit_of,
-    linearise,
 )
+from floquid.inputs import solve as solve_driven
 
-STABLE = (0.8, 0.5)
+STABLE = (0.5, 0.2)
 """Shares of the looks at which a candidate comes up from which on a search begins with it: the better of both."""
-
-LEAST = 0.1
-"""The share from which on it is tried later."""
 
 TRIED = 4
 """Candidates that are fitted beside the modes in vain before the search ends."""
 
-SHRUNK = (1.0, 0.7, 0.4, 0.2, 0.05)
-"""Factors of the gains of the innovations at which a predictor is tried."""
+HELD = 6
+"""Steps by which modes are fitted with the innovations held."""
+
+SHRUNK = (1.0, 0.5, 0.2, 0.05)
+"""Factors of the gains of new modes at which a predictor is tried."""
 
 REAL = 1e-9
 """The share of ω within which the frequency of a candidate is that of a real multiplier."""
 
 DOUBTFUL = 5.0
-"""The squared deviations of a mode's gains over the limit, from which on no fit without it is tried."""
+"""The squared deviations of a mode's shape over the limit, from which on no fit without it is tried."""
 
 HOPELESS = 5.0
 """The loss by leaving a mode out, over the limit, from which on no harmonics of others are grown to make it up."""
@@ -76,31 +79,54 @@ def searched(
 
 def _searched(samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None]) -> Predictor:
     driven = replace(samples, inputs=np.concatenate([samples.inputs, first]), hold="none")
-    now = _none(samples)
-    poles, shares = candidates(driven, now.innovations)
-    begun = {max(int(np.count_nonzero(shares >= stable)), 1) for stable in STABLE}
-    trials = {count: _with(samples, driven, now, poles[:count].tolist(), limits) for count in sorted(begun)}
-    tried, failed = min(begun), 0
-    for count, trial in trials.items():
+    none = now = _none(samples)
+    of_known = replace(driven, values=none.innovations)
+    poles, shares = candidates(driven, none.innovations)
+    bare = [_bare(driven, pole) for pole in poles.tolist()]
+    for share in STABLE:
+        begun = bare[: int(np.count_nonzero(shares >= share))]
+        chosen = chosen_together(of_known, begun, limits.modes, acting=0)
+        trial = _with(samples, of_known, none, chosen, limits)
         trial = None if trial is None else grown(samples, trial, limits, rounds=1)
         if trial is not None and _better(trial, now, limits):
-            now, tried = trial, count
-    report(f"searching for modes: {len(now.modes)} found")
-    for exponent in poles[tried:][shares[tried:] >= LEAST].tolist():
-        own = replace(driven, inputs=np.concatenate([samples.inputs, now.innovations]))
-        trial = _with(samples, own, now, [exponent], limits)
-        if trial is not None and _better(trial, now, limits):
-            now, failed = grown(samples, trial, limits, rounds=1), 0
-            report(f"searching for modes: {len(now.modes)} found")
-        else:
-            failed += trial is not None
-        if failed == TRIED or len(now.modes) >= limits.modes:
+            now = trial
+        if now.modes and _white(samples, now, limits):
             break
+    report(f"searching for modes: {len(now.modes)} found")
+    while len(now.modes) < limits.modes and not _white(samples, now, limits):
+        more = _with_one_more(samples, driven, now, poles, limits)
+        if more is None:
+            break
+        now = grown(samples, more, limits, rounds=1)
+        report(f"searching for modes: {len(now.modes)} found")
     now = _needed(samples, grown(samples, now, limits), limits)
     now = with_real_ones(samples, now, limits)
     loose = replace(limits, harmonic_alarm=LOOSE)
     now = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
     return solve(samples, rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now)
+
+
+def _white(samples: Samples, now: Predictor, limits: Limits) -> bool:
+    """True where the innovations hold nothing that noise does not explain: no mode is missing."""
+    return colour(samples, now)[1] > limits.mode_alarm
+
+
+def _with_one_more(
+    samples: Samples, driven: Samples, now: Predictor, before: NDArray[np.complex128], limits: Limits
+) -> Predictor | None:
+    """The predictor with the candidate that explains most of the innovations; None where noise does."""
+    own = replace(driven, inputs=np.concatenate([samples.inputs, now.innovations]), values=now.innovations)
+    poles = np.concatenate([candidates(own, now.innovations)[0], before])
+    ranked = [fitted_together(own, now.innovations, [_bare(own, pole)], acting=0) for pole in poles.tolist()]
+    ranked.sort(key=lambda one: -one[0])
+    for gain, modes in ranked[:TRIED]:
+        products = 2 * modes[0].turns.size * (modes[0].gains.size + len(samples.records))
+        if gain < limit_of(len(now.innovations) * products, limits.mode_alarm):
+            break
+        trial = _with(samples, own, now, modes, limits)
+        if trial is not None and _better(trial, now, limits):
+            return trial
+    return None
 
 
 def _none(samples: Samples) -> Predictor:
@@ -119,38 +145,33 @@ def _better(trial: Predictor, now: Predictor, limits: Limits) -> bool:
 
 
 def _with(
-    samples: Samples, driven: Samples, now: Predictor, exponents: list[complex], limits: Limits
+    samples: Samples, driven: Samples, now: Predictor, more: Sequence[InputMode], limits: Limits
 ) -> Predictor | None:
-    """The predictor with modes of some exponents more, driven by the innovations of now; None where none is stable."""
-    if not exponents:
+    """The predictor with modes more, as fitted to the innovations of now; None where none is stable."""
+    if not more:
         return None
-    bare = [_bare(driven, exponent) for exponent in exponents]
-    gain, driven_modes = fitted_together(driven, now.innovations, bare, acting=0)
-    products = sum(2 * len(own.turns) * (own.gains.size + len(samples.records)) for own in bare)
-    if gain < limit_of(len(now.innovations) * products, limits.mode_alarm):
-        return None
-    seen = linearise(replace(driven, values=now.innovations), driven_modes)
-    modes = []
-    for number, mode in enumerate(driven_modes):
-        shape = seen.shape(number)
+    seen = solve_driven(driven, more, iterations=HELD, rough=True)
+    found = []
+    for number, mode in enumerate(seen.modes):
         gains = [
             input_gain(mode.exponent, turn, samples.fundamental, samples.step, "none")[0]
             for turn in mode.reach.tolist()
         ]
-        modes.append(
+        found.append(
             Mode(
                 exponent=mode.exponent,
                 real=mode.real,
                 turns=mode.turns,
-                shape=shape.T,
+                shape=seen.shape(number).T,
                 reach=mode.reach,
                 gains=mode.gains * np.array(gains),
             ).scaled()
         )
-    for share in SHRUNK:
-        shrunk = [replace(mode, gains=share * mode.gains) for mode in modes]
-        trial = rebuilt(samples, now, [*now.modes, *shrunk])
-        if trial is not None:
+    starts = [stable_gains(samples, [*now.modes, *found], seen.left @ seen.left.T / samples.n_samples, limits.highest)]
+    starts += [[*now.modes, *(replace(mode, gains=share * mode.gains) for mode in found)] for share in SHRUNK]
+    for start in starts:
+        trial = rebuilt(samples, now, start)
+        if trial is not None and trial.log_likelihood > now.log_likelihood:
             return solve(samples, trial, rough=True)
     return None
 
@@ -168,11 +189,11 @@ def _bare(driven: Samples, exponent: complex) -> InputMode:
 def _needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """Without modes that noise explains once all others are fitted again."""
     while len(now.modes) > 1:
-        inverse, trials = normal_of(samples, now, rough=True).inverse(), []
+        inverse, trials = normal_of(samples, now, rough=True).inverse(anchored(now)), []
         for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
-            everywhere = [np.zeros(len(mode.turns), bool), np.ones(len(mode.reach), bool)]
+            everywhere = [np.ones(len(mode.turns), bool), np.zeros(len(mode.reach), bool)]
             if weight(mode, inverse[place, place], everywhere) > DOUBTFUL * limit_of(
-                2 * mode.gains.size, limits.mode_alarm
+                2 * mode.shape.size, limits.mode_alarm
             ):
                 continue
             modes = [mode for k, mode in enumerate(now.modes) if k != number]

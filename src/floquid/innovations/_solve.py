@@ -26,7 +26,7 @@ SERVES = 0.7
 FINE = (20, 1e-3)
 """Steps at most, and the gain in twice the logarithm of the likelihood that ends them."""
 
-ROUGH = (4, 0.5)
+ROUGH = (10, 0.5)
 """Those of a fit that is not the last."""
 
 

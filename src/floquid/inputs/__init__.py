@@ -7,6 +7,7 @@ make a model and transfer functions of both: `floquid.identify_driven` is the ch
 from floquid.inputs._bands import Limits as Limits
 from floquid.inputs._bands import limit_of as limit_of
 from floquid.inputs._free import fitted_freely as fitted_freely
+from floquid.inputs._joint import chosen_together as chosen_together
 from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import InputMode as InputMode
 from floquid.inputs._modes import input_gain as input_gain

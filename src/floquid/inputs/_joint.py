@@ -11,10 +11,7 @@ from numpy.typing import NDArray
 from floquid.inputs._modes import InputMode, reached_by
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import columns_of
-from floquid.inputs._start import bare_mode, split_products
-
-REACH = 1
-"""Harmonics of inputs and outputs on either side of the largest that a candidate has."""
+from floquid.inputs._start import split_products
 
 COLLINEAR = 1e-5
 """The share of the largest below which a direction of a candidate's columns, less those chosen, is none."""
@@ -23,17 +20,18 @@ PROBABILITY = 1e-9
 """The probability at which noise may pass for a candidate."""
 
 
-def chosen_together(samples: Samples, exponents: NDArray[np.complex128], most: int) -> list[InputMode]:
-    r"""Modes of some of many exponents (candidates,), one after another by what they explain beside those chosen.
+def chosen_together(
+    samples: Samples, bare: Sequence[InputMode], most: int, *, acting: int | None = None
+) -> list[InputMode]:
+    r"""Some of many modes of which exponents and harmonics are known, by what they explain beside those chosen.
 
     With all λ given the response is linear in the products :math:`c_m b_{i,l}` of every candidate: groups of columns
     enter by the gain in likelihood (orthogonal matching pursuit, Pati et al. 1993; Swirszcz et al. 2009 for groups).
+    The first inputs, `acting` of them, act on the response at once as well: all by default.
     """
     from scipy.special import chdtri
 
-    turns = np.arange(-REACH, REACH + 1.0)
-    bare = [bare_mode(samples, exponent, turns, turns) for exponent in exponents.tolist()]
-    columns, places, _ = _columns(samples, bare)
+    columns, places, _ = _columns(samples, bare, acting)
     columns /= _size(columns)[:, None]
     gram, seen, energy = columns @ columns.T, columns @ samples.values.T, np.sum(samples.values**2, axis=1)
     gram, seen, energy = _less(gram, seen, energy, slice(0, places[0].start if places else len(columns)))
@@ -45,7 +43,7 @@ def chosen_together(samples: Samples, exponents: NDArray[np.complex128], most: i
             break
         taken.append(best)
         gram, seen, energy = _less(gram, seen, energy, places[best])
-    return fitted_together(samples, samples.values, [bare[k] for k in taken])[1]
+    return fitted_together(samples, samples.values, [bare[k] for k in taken], acting=acting)[1]
 
 
 def fitted_together(

@@ -20,6 +20,9 @@ from floquid.inputs._start import bare_mode, candidates
 TRIED = 4
 """Candidates that are fitted beside the modes before the search ends."""
 
+REACH = 1
+"""Harmonics of inputs and outputs on either side of the largest that a candidate has at first."""
+
 START = (1, 2)
 """Harmonics of input and output on either side that a candidate has."""
 
@@ -51,7 +54,9 @@ LOOSE = 0.02
 def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Linearisation:
     """The modes that rise above the noise, with the harmonics by which inputs reach them and outputs see them."""
     poles, shares = candidates(samples, samples.values)
-    first = chosen_together(samples, poles[shares >= STABLE], limits.modes)
+    turns = np.arange(-REACH, REACH + 1.0)
+    bare = [bare_mode(samples, exponent, turns, turns) for exponent in poles[shares >= STABLE].tolist()]
+    first = chosen_together(samples, bare, limits.modes)
     now = _found(samples, first, limits, report)
     if len(first) > 1 and len(now.modes) > 1 and (len(first) <= FEW or _crowded(samples, now)):
         # Two poles may stand for one mode of strong harmonics: begin with one, too.

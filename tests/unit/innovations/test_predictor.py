@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from floquid.innovations import _bands, _real
+from floquid.innovations._colour import colour
+from floquid.innovations._gain import stable_gains
 from floquid.innovations._predictor import Mode, gradient, predicted, slopes
 from floquid.innovations._result import Fit, sized
 from floquid.innovations._solve import moved, normal_of, solve
@@ -18,7 +20,7 @@ def modes_of(generator, channels=2, inputs=1):
     """A pair and a real negative multiplier."""
 
     def some(*shape):
-        return 0.12 * (generator.standard_normal(shape) + 1j * generator.standard_normal(shape))
+        return 0.08 * (generator.standard_normal(shape) + 1j * generator.standard_normal(shape))
 
     pair = Mode(
         exponent=-0.1 + 0.7j,
@@ -126,6 +128,23 @@ def test_a_predictor_that_diverges_is_none(case):
     samples, at, _ = case
     wild = [replace(mode, gains=-30.0 * mode.gains) for mode in at.modes]
     assert predicted(samples, wild, at.columns, at.initial) is None
+
+
+def test_gains_of_a_predictor_that_grows_have_a_stable_one_of_the_same_spectrum(case):
+    generator, times = np.random.default_rng(4), 0.4 + STEP * np.arange(4000)
+    wild = [replace(mode, gains=25.0 * mode.gains) for mode in case[1].modes]
+    noise, inputs = generator.standard_normal((2, 4000)), np.zeros((1, 4000))
+    values = response_of(wild, noise, inputs, times, np.zeros(3))
+    samples = samples_of([values], [inputs], [0.4], step=STEP, fundamental=OMEGA, hold="none")
+    still = np.zeros((2, 1)), np.zeros((1, 3))
+    assert predicted(samples, wild, *still) is None
+    stable = stable_gains(samples, wild, np.eye(2), 8.0)
+    found = predicted(samples, stable, *still)
+    assert found is not None
+    assert colour(samples, found)[1] > 1e-3
+    # Half of the gain is no longer that spectrum.
+    half = predicted(samples, [replace(mode, gains=0.5 * mode.gains) for mode in stable], *still)
+    assert half is None or colour(samples, half)[1] < 1e-9
 
 
 def test_a_predictor_that_grows_unseen_is_none(case):

@@ -12,13 +12,16 @@ from floquid.inputs._bands import with_reach
 from floquid.inputs._joint import chosen_together
 from floquid.inputs._scores import Scores
 from floquid.inputs._solver import columns_of
+from floquid.inputs._start import bare_mode
 
 
 @pytest.fixture(scope="module")
 def fit():
     system = mathieu()
     samples = samples_from(system, 60, 20, 0.3)
-    first = chosen_together(samples, system.exponents()[:1] + 0.0j, 1)[0]
+    turns = np.arange(-1.0, 2.0)
+    bare = [bare_mode(samples, complex(system.exponents()[0]), turns, turns)]
+    first = chosen_together(samples, bare, 1)[0]
     small = replace(first, turns=first.turns[1:], reach=first.reach[1:], gains=first.gains[:, 1:])
     return samples, solve(samples, [small], (0.0,), at_rest=1e-9)
 

@@ -6,7 +6,7 @@ from tests.driven import mathieu, record_of, two_masses
 
 from floquid.inputs import samples_of
 from floquid.inputs._joint import chosen_together
-from floquid.inputs._start import _products_of_lags, candidates
+from floquid.inputs._start import _products_of_lags, bare_mode, candidates
 
 
 def samples_from(system, periods, phases, noise, seed=0):
@@ -37,7 +37,7 @@ def test_too_short_a_record_has_no_candidates():
     samples = samples_from(mathieu(), 2, 10, 0.01)
     found, shares = candidates(samples, samples.values)
     assert len(found) == len(shares) == 0
-    assert chosen_together(samples, found, 20) == []
+    assert chosen_together(samples, [], 20) == []
 
 
 def test_modes_are_chosen_before_what_is_none():
@@ -46,7 +46,9 @@ def test_modes_are_chosen_before_what_is_none():
     # On the branches where they are seen most: two masses of frequencies about 1.1 and 2.3, in a period of 2 pi.
     slow, fast = sorted((own for own in system.exponents() if own.imag > 0.0), key=lambda own: own.imag)
     offered = np.array([-0.9 + 0.2j, slow + 1.0j, fast + 2.0j, -0.4 + 0.45j])
-    found = chosen_together(samples, offered, 2)
+    turns = np.arange(-1.0, 2.0)
+    bare = [bare_mode(samples, exponent, turns, turns) for exponent in offered.tolist()]
+    found = chosen_together(samples, bare, 2)
     assert gaps(system, np.array([mode.exponent for mode in found])).max() < 1e-9
 
 

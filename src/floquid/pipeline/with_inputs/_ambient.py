@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import combinations, product
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from floquid.findings import Finding, failure, note, warning
 from floquid.innovations import (
     Fit,
     Predictor,
+    colour,
     first_innovations,
     model_of,
     period_step,
@@ -32,9 +33,6 @@ from floquid.pipeline.with_inputs._identify import HIGHEST, SIGNIFICANT, done_be
 from floquid.pipeline.with_inputs._prepare import COPY, Parted, parted, refuse_others
 
 OF = "identify_ambient"
-
-LAGS = 20
-"""Lags of the correlation of the innovations."""
 
 PREDICTABLE = 0.03
 """The share of the variance of the innovations that is predictable from those before, from which on a model fails."""
@@ -254,25 +252,11 @@ def _told(fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duratio
 
 def _against(samples: Samples, found: Predictor, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
     """Findings against the model: samples left out that it does not predict, and colour in the innovations."""
-    from scipy.special import chdtrc
-
     against = []
     if (held_out >= HELD_OUT).any():
         against.append(failure("ambient_held_out", error=float(np.nanmax(held_out))))
-    root = np.linalg.inv(np.linalg.cholesky(found.covariance))
-    white = root @ found.innovations
-    # Colour that turns with the system is looked for as well as colour that does not.
-    turned = [
-        np.ones(samples.n_samples),
-        *(2.0**0.5 * part for part in (samples.turned(1).real, samples.turned(1).imag)),
-    ]
-    squares, count = 0.0, samples.n_samples
-    for lag, angle in product(range(1, LAGS + 1), turned):
-        both = (white[:, lag:] * angle[lag:]) @ white[:, :-lag].T / count
-        squares += count * float(np.sum(both**2))
-    degrees = LAGS * len(turned) * len(white) ** 2
-    share = (squares - degrees) / (count * len(white))
-    if chdtrc(degrees, squares) < SURE:
+    share, chance = colour(samples, found)
+    if chance < SURE:
         told = failure if share > PREDICTABLE else warning
         against.append(told("ambient_colour", share=share))
     return tuple(against)
