@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from floquid import ConstantPeriod, Record, identify
+from floquid import ConstantPeriod, PeriodicModel, Record, identify
 from floquid.exports import summary
+from floquid.pipeline._doubts import doubts_of
 from floquid.systems import JeffcottRotor
 from floquid.views import outcome_lines
 
@@ -56,6 +57,28 @@ def test_a_mode_that_hardly_decays_stays_a_mode_where_its_decay_is_seen():
     found = identify(record, validate=False)
     assert found.model.order == 4
     assert not any(own.code == "interference" for own in found.fit.findings)
+
+
+@pytest.mark.parametrize("turns", [0, 1])
+@pytest.mark.parametrize(
+    ("apart", "turned", "moves"), [(0.7, 0.0, True), (0.8, 0.0, False), (0.7, 0.5, False)], ids=["one", "far", "other"]
+)
+def test_modes_of_one_shape_nearer_than_three_quarters_of_their_decays(apart, turned, moves, turns):
+    """On any branch: a whole number of fundamentals goes from the exponent to the shape."""
+    shape = np.zeros((2, 2, 9), complex)
+    shape[:, 0, 3:6] = np.array([[1.0, 2.0, 0.5], [0.3, 1.0, -0.4j]])
+    shape[:, 1, 3:6] = shape[:, 0, 3:6] * np.exp(2j * np.pi * turned * np.arange(3))
+    shape[1, 1] *= 1.0 - 2.0 * turned
+    shape = np.stack([shape[:, 0], np.roll(shape[:, 1], -turns, axis=-1)])
+    exponents = np.array([-0.1 + 2.0j, -0.3 + 2.0j + 1j * np.sqrt((0.4 * apart) ** 2 - 0.2**2) + 1j * turns])
+    model = PeriodicModel(
+        exponents=np.concatenate([exponents, exponents.conj()]),
+        coefficients=np.concatenate([shape, shape[..., ::-1].conj()])[:, :, None, :],
+        harmonics=np.arange(-4, 5),
+        period=2.0 * np.pi,
+        channels=["x", "y"],
+    )
+    assert any(own.code == "one_that_moves" for own in doubts_of(model)) == moves
 
 
 @pytest.mark.slow
