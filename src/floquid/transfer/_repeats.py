@@ -68,7 +68,7 @@ def by_repeats(
 
     with Y and U the means of the n repeats of record p, and s² of what each repeat differs from that mean, over some
     lines. Each line of the response must belong to one line of one input, as those of `multisine` do (Louarroudi,
-    Lataire and Pintelon 2012).
+    Lataire and Pintelon 2012). A scan is several records, each of one sine or a few: the lines of all are joined.
 
     Parameters
     ----------
@@ -112,10 +112,12 @@ def by_repeats(
     if alive and counts.min() > 2:
         # What rings at the begin is no noise: what is left of it after a repeat more is smaller.
         spread = _means([own[:, 1:] for own in answers])[1]
-    power = np.einsum("p,pil->il", counts, np.abs(inputs) ** 2)
-    excited = (power > EXCITED**2 * power.max(axis=1, keepdims=True)) & (power > LOUD * unlike)
-    excited[:, 0] = excited[:, (count - 1) // 2 + 1 :] = False
-    _refuse_collisions(excited, turns)
+    powers = counts[:, None, None] * np.abs(inputs) ** 2
+    driving = (powers > EXCITED**2 * powers.max(axis=(0, 2), keepdims=True)) & (powers > LOUD * unlike)
+    driving[:, :, 0] = driving[:, :, (count - 1) // 2 + 1 :] = False
+    for own in driving:  # lines of different records do not meet: a scan may have one in each
+        _refuse_collisions(own, turns)
+    power, excited = np.sum(driving * powers, axis=0), driving.any(axis=0)
     places = np.flatnonzero(excited.any(axis=0))
     asked = np.unique(np.asarray(harmonics, np.int64))
     values = np.full((len(asked), outputs.shape[1], len(excited), len(places)), np.nan, complex)
@@ -123,7 +125,7 @@ def by_repeats(
     for number, own in enumerate(excited):
         seen = own[places]
         line = places[seen]
-        driven = inputs[:, number, line].conj() / power[number, line]
+        driven = driving[:, number, line] * inputs[:, number, line].conj() / power[number, line]
         echoes[:, number, seen] = driven
         for row, harmonic in enumerate(asked.tolist()):
             answered = (line + harmonic * turns) % count

@@ -86,6 +86,22 @@ def test_several_records_are_one():
     assert ratio == pytest.approx(2.0, rel=0.3)
 
 
+def test_a_scan_is_a_record_a_line():
+    system, phases, turns = mathieu(), 20, 16
+    angle = 2.0 * np.pi * np.arange(turns * phases) / (turns * phases)
+    lines, records = [3, 5, 11, 5 + turns, 27], []
+    for line in lines:  # 5 and 5 + J would meet in one record
+        once = np.cos(line * angle + 0.3 * line)
+        values, inputs = record_of(system, None, phases, 0.01, line, np.tile(once, 6)[None])
+        both = np.concatenate([values, inputs])
+        records.append(Record(values=both, sample_rate=phases / np.pi, channels=["y", "F"]))
+    found = measure_transfer(records, period=np.pi, inputs=["F"], drop=3, harmonics=HARMONICS)
+    assert found.transfer.frequencies_hz == pytest.approx(np.sort(lines) / (turns * np.pi))
+    assert squares(found, system, phases).mean() == pytest.approx(1.0, abs=0.6)
+    truth = system.sampled_transfer(found.transfer.frequencies_hz, HARMONICS, phases)
+    assert np.abs(found.transfer.values - truth).max() < 0.02 * np.abs(truth).max()
+
+
 def cubic(phases, design: Multisine, repeats, stiffness):
     """x'' + 0.2 x' + (2 - cos 2t) x + k x³ = u by Runge and Kutta's steps, u held."""
     step, inner = np.pi / phases, 8
