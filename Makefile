@@ -24,7 +24,7 @@ export PYTHONDONTWRITEBYTECODE :=
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/bytecode
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test slow kill pages bench peers order adversary structure fuzz platform lint format docs requirements upgrade clean
+.PHONY: help install demo test slow kill pages bench peers order adversary structure methods fuzz platform lint format docs requirements upgrade clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
@@ -60,6 +60,9 @@ structure: $(INSTALLED) ## A(t) with the structure that is found, over random me
 
 peers: $(INSTALLED) ## our identifiers beside other people's (into docs/peers/; a quarter of an hour)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.peers --out docs/peers
+
+methods: $(INSTALLED) ## methods of the literature beside ours (into docs/methods/; a quarter of an hour)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.methods --out docs/methods
 
 fuzz: $(INSTALLED) ## a minute of fuzzing for each reader (what it finds goes to build/fuzz/)
 	$(BIN)/python -m tests.fuzz --seconds 60 --findings build/fuzz
