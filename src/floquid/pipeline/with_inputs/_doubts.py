@@ -17,6 +17,9 @@ SURE = 1e-9
 LAGS = (-2, -1, 0, 1, 2)
 """Samples by which inputs are moved to see whether outputs answer to them apart from the modes."""
 
+CLEARLY = 3.0
+"""What the criterion must be better by: some holds differ in nothing but b."""
+
 STEPS = 10
 """Steps of the fit with other instants."""
 
@@ -63,9 +66,11 @@ def _instants(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
     def criterion(at: Linearisation) -> float:
         return at.log_likelihood - at.n_parameters * float(np.log(samples.n_samples))
 
-    gains = {key: criterion(solve(other, modes, iterations=STEPS)) - criterion(now) for key, other in _others(samples)}
-    delay, hold = max(gains, key=lambda key: gains[key])
-    if gains[delay, hold] <= 0.0:
+    # A direct term comes in by noise, too: as it was said, but without it, is one of those compared.
+    as_said = max(criterion(now), criterion(solve(samples, modes, iterations=STEPS)))
+    others = {key: criterion(solve(other, modes, iterations=STEPS)) for key, other in _others(samples)}
+    delay, hold = max(others, key=lambda key: others[key])
+    if others[delay, hold] <= as_said + CLEARLY:
         return ()
     return (failure("inputs_instants", delay=delay, hold=hold, given=samples.hold),)
 
