@@ -8,7 +8,7 @@ import pytest
 from floquid.innovations import _bands, _real
 from floquid.innovations._colour import colour
 from floquid.innovations._gain import stable_gains
-from floquid.innovations._predictor import Mode, gradient, predicted, slopes
+from floquid.innovations._predictor import Mode, gradient, matrices, predicted, slopes
 from floquid.innovations._result import Fit, sized
 from floquid.innovations._solve import moved, normal_of, solve
 from floquid.inputs import samples_of
@@ -145,6 +145,27 @@ def test_gains_of_a_predictor_that_grows_have_a_stable_one_of_the_same_spectrum(
     # Half of the gain is no longer that spectrum.
     half = predicted(samples, [replace(mode, gains=0.5 * mode.gains) for mode in stable], *still)
     assert half is None or colour(samples, half)[1] < 1e-9
+
+
+def test_stable_gains_are_those_of_the_equation_run_along_a_record(case):
+    """Half harmonics change their sign from period to period: two periods are what they repeat with."""
+    slow = [replace(mode, exponent=0.3 * mode.exponent.real + 1j * mode.exponent.imag) for mode in case[1].modes]
+    wild = [replace(mode, gains=25.0 * mode.gains) for mode in slow]
+    step = 2.0 * np.pi / (24.0 * OMEGA)
+    nothing = np.zeros((2, 24 * 150))
+    samples = samples_of([nothing], [nothing[:1]], [0.4], step=step, fundamental=OMEGA, hold="none")
+    system, gains, seen, _ = matrices(samples, wild)
+    variance, found = 1e3 * np.eye(len(system)), []
+    for drive, output in zip(gains, seen, strict=True):
+        across = system @ variance @ output.T + drive
+        gain = across @ np.linalg.inv(output @ variance @ output.T + np.eye(2))
+        variance = system @ variance @ system.T + drive @ drive.T - gain @ across.T
+        variance = 0.5 * (variance + variance.T)
+        found.append(output @ gain)
+    own = matrices(samples, stable_gains(samples, wild, np.eye(2), 11.0))
+    # A state's own scale is free: what counts is the gain seen at the outputs.
+    off = own[2][-24:] @ own[1][-24:] - np.array(found[-24:])
+    assert np.sqrt(np.mean(off**2)) < 0.02 * np.abs(found[-24:]).max()
 
 
 def test_a_predictor_that_grows_unseen_is_none(case):
