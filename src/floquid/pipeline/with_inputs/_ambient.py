@@ -40,8 +40,11 @@ PREDICTABLE = 0.03
 SURE = 1e-6
 """The probability at which noise may pass for something that is told."""
 
-CLEARLY = 50.0
-"""The squared scores that the own period of a response has more than the one given, to be told from it."""
+CLEARLY = 2.0
+"""The squared scores of the own period of a response over those of the one given, from which on it is told from it.
+
+A response that is hardly periodic scores at many periods, by up to 1.6 times what it does at its own.
+"""
 
 ALIKE = 0.5
 """The distance of two modes over their decay below which they may be one."""
@@ -170,7 +173,7 @@ def _refuse_period(samples: Samples) -> None:
     """Refuse a period that is clearly not that of the response."""
     found, given = repetition(samples), 2.0 * np.pi / samples.fundamental
     period = given * (1.0 + found.shift)
-    if found.own > found.limit and found.own > found.given + CLEARLY and abs(found.shift) > found.resolution:
+    if found.own > found.limit and found.own > CLEARLY * found.given and abs(found.shift) > found.resolution:
         raise IdentificationError(
             f"The response repeats with about {period:.5g} s, not with the {given:.6g} s given (squared scores "
             f"{found.own:.3g} and {found.given:.3g}; noise alone stays below {found.limit:.3g}): exponents and shapes "
