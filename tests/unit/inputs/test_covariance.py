@@ -8,13 +8,16 @@ from tests.unit.inputs.test_start import samples_from
 from floquid.inputs import linearise, solve
 from floquid.inputs._joint import chosen_together
 from floquid.inputs._solver import covariance
+from floquid.inputs._start import bare_mode
 
 
 def test_a_step_by_a_deviation_costs_one():
     """Twice the logarithm of the likelihood is 1 less at C e / √C_ee, coefficients fitted again (Cramér and Rao)."""
     system = mathieu()
     samples = samples_from(system, 80, 20, 0.02)
-    now = solve(samples, chosen_together(samples, system.exponents()[:1] + 0.0j, 2), at_rest=1e-9)
+    turns = np.arange(-1.0, 2.0)
+    bare = [bare_mode(samples, complex(system.exponents()[0]), turns, turns)]
+    now = solve(samples, chosen_together(samples, bare, 2), at_rest=1e-9)
     (mode,), found = now.modes, covariance(samples, now)
     assert len(found) == mode.free.sum()
     for number, column in enumerate(found.T):
