@@ -21,6 +21,9 @@ from floquid.inputs._samples import Samples
 ROUNDING = 1e-12
 """The share of the largest below which a direction of the columns is rounding."""
 
+EXACT = 1e-5
+"""The share of the largest value that noise is taken to be at least: no instrument is better, and no hold is exact."""
+
 LONGEST_STEP = 0.3
 """The most that an exponent may move in a step, over one period."""
 
@@ -65,7 +68,9 @@ class Linearisation(Rebuilt):
     @property
     def log_likelihood(self) -> float:
         """Twice the logarithm of the likelihood at its own noise, up to a constant."""
-        return -float(self.left.shape[1] * np.sum(np.log(np.mean(self.left**2, axis=1))))
+        count, squares = self.left.shape[1], np.mean(self.left**2, axis=1)
+        held = self.noise**2 * max(count - len(self.columns), 1) / count
+        return -float(count * np.sum(np.log(held) + squares / held - 1.0))
 
     @property
     def n_parameters(self) -> int:
@@ -110,7 +115,7 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
     again = inverse @ (columns @ left.T)
     coefficients, left = coefficients + again, left - again.T @ columns
     noise = np.sqrt(np.sum(left**2, axis=1) / max(left.shape[1] - len(columns), 1))
-    floor = ROUNDING * np.abs(samples.values).max(axis=1) + np.finfo(float).tiny
+    floor = EXACT * np.abs(samples.values).max(axis=1) + np.finfo(float).tiny
     return Linearisation(
         tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, np.maximum(noise, floor)
     )

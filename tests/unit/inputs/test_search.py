@@ -42,6 +42,13 @@ def test_a_pair_of_conjugates():
     assert found.passed
 
 
+def test_a_record_without_noise_ends_and_is_right():
+    found = identified(mathieu(), 60, 20, 0.0)
+    assert found.model.order == 2
+    assert found.passed
+    assert pulls(mathieu(), found.model).max() < 1.0
+
+
 def test_two_outputs_two_inputs_and_a_frame_that_turns():
     system = two_masses()
     found = identified(system, 60, 24, 0.02)
