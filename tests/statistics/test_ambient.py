@@ -81,14 +81,15 @@ def coloured(system, periods, phases, noise, seed, corner=0.5, warm=40):
 
 
 def test_modes_beside_coloured_excitation_are_right_or_the_model_fails():
-    system, off = two_masses(), []
+    """The excitation is of order two; a pole more of it may pass, a mode of the system more may not."""
+    system, off, orders = two_masses(), [], []
     for seed in range(8):
         found = identify_ambient(record_from(coloured(system, 400, 20, 0.02, seed), system, 20, ["tower", "blade"]))
-        modes = found.model.exponents
         if found.passed:
-            assert found.model.order == 6
-            swinging = np.abs(modes.real) < 0.2  # what is faster is the excitation's own
+            swinging = np.abs(found.model.exponents.real) < 0.2  # what is faster is the excitation's own
             assert np.count_nonzero(swinging) == 4
             off.append(pulls(system, found.model)[swinging])
-    assert len(off) >= 5
+            orders.append(found.model.order)
+    assert orders.count(6) >= 5
+    assert max(orders) <= 7
     assert np.max(off) < 4.0
