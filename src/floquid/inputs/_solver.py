@@ -22,7 +22,7 @@ ROUNDING = 1e-12
 """The share of the largest below which a direction of the columns is rounding."""
 
 EXACT = 1e-5
-"""The share of the largest value that noise is taken to be at least: no instrument is better, and no hold is exact."""
+"""The share of a channel's swing that its noise is taken to be at least: no instrument is better, no hold is exact."""
 
 LONGEST_STEP = 0.3
 """The most that an exponent may move in a step, over one period."""
@@ -115,7 +115,7 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
     again = inverse @ (columns @ left.T)
     coefficients, left = coefficients + again, left - again.T @ columns
     noise = np.sqrt(np.sum(left**2, axis=1) / max(left.shape[1] - len(columns), 1))
-    floor = EXACT * np.abs(samples.values).max(axis=1) + np.finfo(float).tiny
+    floor = np.maximum(EXACT * samples.swing, ROUNDING * np.abs(samples.values).max(axis=1)) + np.finfo(float).tiny
     return Linearisation(
         tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, np.maximum(noise, floor)
     )

@@ -49,6 +49,17 @@ def test_a_record_without_noise_ends_and_is_right():
     assert pulls(mathieu(), found.model).max() < 1.0
 
 
+def test_an_offset_however_large_is_no_reason_for_more_noise():
+    system = mathieu()
+    values, inputs = record_of(system, 60, 20, 0.02, 0)
+    alone, beside = (
+        identify_driven(record(system, values + by, inputs, 20), period=system.period, inputs=named(inputs))
+        for by in (0.0, 1e6 * values.std())
+    )
+    assert beside.passed
+    assert beside.model.exponent_std == pytest.approx(alone.model.exponent_std, rel=0.05)
+
+
 def test_two_outputs_two_inputs_and_a_frame_that_turns():
     system = two_masses()
     found = identified(system, 60, 24, 0.02)
