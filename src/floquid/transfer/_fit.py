@@ -16,7 +16,7 @@ from floquid.findings import Finding, Severity, note, texts, warning
 from floquid.inputs import Hold, Limits, TransferFunctions, assembled, listed, sealed
 from floquid.transfer._measured import MeasuredTransfer
 from floquid.transfer._modal import Fitted, Lines
-from floquid.transfer._search import searched
+from floquid.transfer._search import kinds, searched
 
 SURE = 1e-6
 """The probability of χ² below which the modes do not explain G."""
@@ -187,6 +187,7 @@ def fit_transfer(
     ratio = found.chi_square / max(degrees, 1)
     found = Fitted(found.modal, found.chi_square, found.covariance * max(ratio, 1.0))
     misfit = degrees > 0 and ratio > WORSE and chdtrc(degrees, found.chi_square) < SURE
+    real = any(mode.real or len(kinds(mode.exponent, lines.fundamental)) > 1 for mode in found.modal.modes)
     for one in (lines, found, *found.modal.modes):
         sealed(one)
     return TransferFit(
@@ -199,6 +200,7 @@ def fit_transfer(
         findings=(
             note("modes_of_lines", modes=len(found.modal.modes), ratio=ratio, degrees=degrees),
             *([warning("modes_of_lines_misfit", ratio=ratio)] if misfit else []),
+            *([warning("modes_of_lines_real")] if real else []),
         ),
     )
 

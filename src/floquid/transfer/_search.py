@@ -113,7 +113,7 @@ def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:
     residual = lines.values - modal.values(lines)
     trials = []
     for exponent in _candidates(lines, residual):
-        for kind, main in product(_kinds(exponent, lines.fundamental), (0, 1, -1)):
+        for kind, main in product(kinds(exponent, lines.fundamental), (0, 1, -1)):
             mode = _bare(lines, exponent, kind, main)
             own = with_amplitudes(lines, [mode], residual)
             start = Modal((*modal.modes, *own.modes), (*modal.shapes, *own.shapes), modal.direct)
@@ -124,7 +124,7 @@ def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:
     return fitted(lines, min(trials, key=lambda one: one.chi_square).modal) if trials else None
 
 
-def _kinds(exponent: complex, fundamental: float) -> list[float | None]:
+def kinds(exponent: complex, fundamental: float) -> list[float | None]:
     """None for a pair; 0 or ½ for a real multiplier, where the exponent is no further from one than it decays."""
     turn = 2.0 * exponent.imag / fundamental
     near = abs(turn - round(turn)) * 0.5 * fundamental < abs(exponent.real)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import mathieu, pulls, shaken, two_masses
+from tests.driven import Driven, mathieu, pulls, shaken, two_masses
 
 from floquid import Channel, IdentificationError, InputError, fit_transfer, identify_driven, measure_transfer
 from floquid.inputs import Limits, TransferFunctions
@@ -84,6 +84,17 @@ def test_two_modes_two_inputs_of_lines_measured_by_others():
     assert 0.8 < found.chi_square / found.degrees < 1.25
     with pytest.raises(InputError, match="sampled"):
         found.transfer(sampled=True)
+
+
+def test_a_real_multiplier_is_told():
+    one = np.ones((1, 1))
+    system = Driven(A=lambda _: -0.5 * one, B=lambda _: one, C=lambda _: one, period=np.pi)
+    given = of_equations(system, np.linspace(0.02, 0.4, 20), harmonics=np.arange(1))
+    found = fit_transfer(given, period=system.period, limits=Limits(modes=1))
+    assert found.model.exponents.real == pytest.approx(-0.5, abs=0.05)
+    assert any("real multiplier" in warning for warning in found.warnings)
+    pair = fit_transfer(of_equations(mathieu(), np.linspace(0.05, 0.8, 30)), period=np.pi, limits=Limits(modes=1))
+    assert not any("real multiplier" in warning for warning in pair.warnings)
 
 
 def test_a_direct_term():
