@@ -48,13 +48,12 @@ def identify(
     verbose: Verbose = False,
     debug: Debug = False,
 ) -> None:
-    """Identify the Floquet exponents, the periodic mode shapes and A(t) from free responses.
+    """Identify the Floquet exponents, the periodic mode shapes and A(t) from measured responses.
+
+    Free responses, unless --inputs names what drove the system, or --excitation ambient says that nobody measured it.
 
     Parameters
     ----------
-    files
-        Records of free responses, of any format that is read, several hits on one system; with --inputs, of responses
-        to what these channels measure; with --excitation ambient, of random responses to what nobody measured.
     record, model
         The fields of `Settings`.
     enforce

@@ -45,8 +45,8 @@ Whole = Annotated[int, Parameter(converter=whole_number)]
 OptionalWhole = Annotated[int | None, Parameter(converter=whole_number)]
 Place = Annotated[Path, Parameter(converter=_path)]
 RecordFile = Annotated[Path, Parameter(converter=_path, help=f"The record: {SUFFIXES}.")]
-FREE = f"Records of free responses: {SUFFIXES}. Several files are several hits on one system."
-RecordFiles = Annotated[Path, Parameter(converter=_path, help=FREE)]
+_FILES = f"Records of one system, {SUFFIXES}: several files are several hits, or runs."
+RecordFiles = Annotated[Path, Parameter(converter=_path, help=_FILES)]
 NewRecordFile = Annotated[
     Path, Parameter(converter=_path, help=f"The file to write; its suffix chooses the format: {WRITTEN}.")
 ]
