@@ -20,7 +20,7 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         "rotation does not reach."
     ),
     "ambient_length": "Random excitation tells little of damping: that at {frequency:.4g} Hz is known to {share:.0%}, "
-    "and to 10 % it needs {seconds:.3g} s, {periods:.3g} periods (`lengths` has them all).",
+    "and to 10 % it needs {seconds:.3g} s, {periods:.3g} periods.",
     "ambient_undetermined": lambda frequencies: (
         f"The decay is not determined: {_at(frequencies)}. It dies in a period, or modes make up for one another; "
         "random excitation does not tell how many there are."

@@ -21,6 +21,14 @@ def _inputs(channels: Sequence[str], hold: str) -> str:
     )
 
 
+def _needed(modes: int, frequency: float, rise: float) -> str:
+    told = f"χ² of {rise:.2g}" if rise < 100.0 else "χ² of more than 100"
+    told += f" times the limit of noise{': only just more' if rise < 2.0 else ''}."
+    if modes == 1:
+        return f"The one mode is needed: its shape has a {told}"
+    return f"Each of the {modes} modes is needed: the shape of that missed least, at {frequency:.4g} Hz, has a {told}"
+
+
 def _instants(delay: int, hold: str, given: str) -> str:
     if delay:
         when = "came one sample later" if delay > 0 else "came one sample earlier"
@@ -35,6 +43,7 @@ def _instants(delay: int, hold: str, given: str) -> str:
 
 INPUTS: dict[str, str | Callable[..., str]] = {
     "inputs": _inputs,
+    "excited_order": _needed,
     "steady_beside_inputs": lambda harmonics: (
         f"A response that repeats with the period was fitted beside the modes: {both([str(j) for j in harmonics])} "
         "a period."

@@ -77,8 +77,16 @@ class Fit(Rebuilt):
 
     def varying(self, number: int) -> tuple[float, int]:
         """Squared deviations of the harmonics of a shape, but for the largest, from zero, and how many those are."""
-        mode, place = self.at.modes[number], self.places[number]
+        mode = self.at.modes[number]
         turns = np.arange(len(mode.turns)) != int(np.argmax(np.sum(np.abs(mode.shape / self.noise) ** 2, axis=0)))
+        return self._squares(number, turns)
+
+    def seen(self, number: int) -> tuple[float, int]:
+        """Squared deviations of a shape from zero, and how many numbers it has."""
+        return self._squares(number, np.ones(len(self.at.modes[number].turns), bool))
+
+    def _squares(self, number: int, turns: NDArray[np.bool_]) -> tuple[float, int]:
+        mode, place = self.at.modes[number], self.places[number]
         mask = np.concatenate([np.zeros(mode.rows + 2 * mode.gains.size, bool), np.tile(turns, 2 * len(mode.shape))])
         own = np.concatenate([mode.shape.real.ravel(), mode.shape.imag.ravel()])[mask[-2 * mode.shape.size :]]
         if not len(own):

@@ -30,8 +30,10 @@ def magnitude_bands(found: TransferFunctions, row: int, column: int) -> tuple[Fl
 
 
 def excited_lines(analysis: ExcitedAnalysis) -> dict[str, str]:
-    """Name and words of each line on `analysis`: noise, period, inputs, the way they reach the modes, the verdict."""
+    """Name and words of each line on `analysis`: noise, order, period, the way inputs reach the modes, the verdict."""
     model, own = analysis.model, analysis.model.inputs
+    order = [finding for finding in analysis.findings if finding.code == "excited_order"]
+    notes = [finding for finding in analysis.findings if finding not in order]
     ambient = isinstance(analysis, AmbientAnalysis)
     lines = {
         "Innovations" if ambient else "Noise": ("each sample is predicted to " if ambient else "taken for white, ")
@@ -39,8 +41,9 @@ def excited_lines(analysis: ExcitedAnalysis) -> dict[str, str]:
             f"{value:.3g} {channel.unit} in {channel.name}"
             for value, channel in zip(analysis.noise[:, 0], model.channels, strict=True)
         ),
+        "Order": f"{model.order}. {' '.join(texts(order))}" if order else "",
         "Period": f"{model.period:.10g} s, {'as given' if not analysis.measured_clock else 'the mean of the shaft'}",
-        "Inputs" if own else "Notes": " ".join(texts(analysis.findings, Severity.NOTE)),
+        "Notes": " ".join(texts(notes, Severity.NOTE)),
         "Reach": "" if own is None else _reach(analysis, own),
         "Direct": ""
         if own is None or not own.direct.size

@@ -47,7 +47,7 @@ def test_its_damping_tells_how_long_a_record_would_do(analysis):
     relative = analysis.model.exponent_std.real / np.abs(analysis.model.exponents.real)
     duration = analysis.records[0].n_samples / analysis.records[0].sample_rate
     assert analysis.lengths == pytest.approx(duration * (relative / 0.1) ** 2)
-    assert {finding.code for finding in analysis.findings} == {"ambient_length"}
+    assert {finding.code for finding in analysis.findings} == {"excited_order", "ambient_length"}
 
 
 def test_its_summary_and_its_words_are_whole(analysis):
@@ -56,6 +56,7 @@ def test_its_summary_and_its_words_are_whole(analysis):
     assert content["inputs"] is None
     assert len(content["lengths"]) == 2
     assert "Innovations" in analysis.summary()
+    assert "The one mode is needed" in " ".join(analysis.summary().split())
     with pytest.raises(InputError, match="measured inputs"):
         analysis.transfer()
 

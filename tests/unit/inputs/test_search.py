@@ -77,6 +77,16 @@ def test_two_real_negative_multipliers_that_die_within_a_period():
     assert pulls(system, found.model)[:, 0].max() < 4.0
 
 
+def test_the_mode_missed_least_is_told_with_its_distance_from_noise():
+    told = {}
+    for noise in (0.3, 0.6):
+        found = identified(two_masses(), 60, 24, noise)
+        (told[noise],) = (one.numbers for one in found.findings if one.code == "excited_order")
+        assert told[noise]["modes"] == 2
+        assert np.abs(found.model.frequencies_hz - told[noise]["frequency"]).min() < 1e-9
+    assert told[0.3]["rise"] / told[0.6]["rise"] == pytest.approx(4.0, rel=0.1)
+
+
 def test_a_direct_term():
     system = mathieu(direct=0.7)
     found = identified(system, 80, 20, 0.01)

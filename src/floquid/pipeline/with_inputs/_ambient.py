@@ -29,7 +29,7 @@ from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
 from floquid.pipeline.with_inputs._again import first_part, with_acting
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis
-from floquid.pipeline.with_inputs._identify import HIGHEST, SIGNIFICANT, done_beside
+from floquid.pipeline.with_inputs._identify import HIGHEST, SIGNIFICANT, done_beside, needed
 from floquid.pipeline.with_inputs._prepare import COPY, Parted, parted, refuse_others
 
 OF = "identify_ambient"
@@ -150,6 +150,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         lengths=duration * (relative / AIM) ** 2,
         findings=(
             *done_beside(own),
+            needed(model, limits, [fit.seen(number) for number in range(len(found.modes))]),
             *_told(fit, model, relative, duration),
             *_against(samples, found, held_out),
             *(() if own.shafts else _period(fit)),

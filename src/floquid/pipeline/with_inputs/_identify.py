@@ -19,6 +19,7 @@ from floquid.inputs import (
     Scores,
     Uncertainty,
     fitted_freely,
+    limit_of,
     linearise,
     model_of,
     nearly_one,
@@ -158,7 +159,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         held_out=held_out,
         findings=(
             *done_beside(own),
-            *([note("inputs_free", phases=round(phases))] if free else []),
+            *([note("inputs_free", phases=round(phases))] if free else [needed(model, limits, _seen(scores))]),
             *_unreached(fit),
             *_against(found, held_out),
             *_ended(samples, found, model, limits, every=free is not None),
@@ -224,6 +225,24 @@ def done_beside(own: Parted) -> tuple[Finding, ...]:
     done += [note("no_response", channel=name, quantity="force") for name in sorted(forces - used)]
     steady = [note("steady_beside_inputs", harmonics=own.turns)] if own.turns else []
     return (*done, *steady, *(finding for shaft in own.shafts for finding in shaft.findings))
+
+
+def _seen(scores: Scores) -> list[tuple[float, int]]:
+    """Squared deviations of the shape of each mode from zero, and how many numbers it has."""
+    columns, channels = scores.now.slices(), len(scores.left)
+    sizes = [channels * (own.stop - own.start) for own, _ in columns]
+    return list(zip(scores.of_modes().tolist(), sizes, strict=True))
+
+
+def needed(model: PeriodicModel, limits: Limits, seen: Sequence[tuple[float, int]]) -> Finding:
+    """Finding on the mode that would be missed least, of (squared deviations of a shape from zero, numbers in it) each.
+
+    The modes are those of the model in their order, of each conjugate pair one.
+    """
+    rises = [squares / limit_of(degrees, limits.mode_alarm) for squares, degrees in seen]
+    least = int(np.argmin(rises))
+    hertz = abs(model.exponents[model.upper_modes[least]]) / (2.0 * np.pi)
+    return note("excited_order", modes=len(rises), frequency=hertz, rise=rises[least])
 
 
 def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
