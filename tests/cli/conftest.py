@@ -30,8 +30,7 @@ PICTURES = """
 import pathlib, floquid.plot, floquid.reporting
 
 def save_figures(analysis, folder, **_):
-    names = [n for n in floquid.plot.FIGURES if n != "speed" and (analysis.state or n != "system_elements")]
-    for name in names:
+    for name in dir(analysis.plot):
         (folder / f"{name}.png").write_text(f"{name} {analysis.model.coefficients}")
 
 def report(analysis, path, **_):

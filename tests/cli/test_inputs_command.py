@@ -22,7 +22,7 @@ def file(tmp_path):
     return path
 
 
-def test_a_result_is_printed_and_written(file, tmp_path, capsys):
+def test_a_result_is_printed_and_written(file, tmp_path, capsys, monkeypatch):
     out = tmp_path / "result"
     assert run(["identify", str(file), "--period", PERIOD, "--inputs", "F", "--out", str(out)]) == 0
     said = capsys.readouterr().out
@@ -46,6 +46,13 @@ def test_a_result_is_printed_and_written(file, tmp_path, capsys):
     again = ["identify", str(file), "--settings", str(out / "settings.toml"), "--format", "json"]
     assert run(again) == 0
     assert json.loads(capsys.readouterr().out)["modes"] == found["modes"]
+    kept = load(out / "result.h5")
+    monkeypatch.setattr("floquid.cli._identify.identify_driven", lambda *_, **__: kept)
+    assert run([*again, "--enforce"]) == 0
+    monkeypatch.setattr(type(kept), "passed", False)
+    assert run(again) == 0
+    assert run([*again, "--enforce"]) == 3
+    assert "does not pass its checks" in capsys.readouterr().err
 
 
 def test_transfer_functions_as_text_json_table_and_picture(file, tmp_path, capsys):

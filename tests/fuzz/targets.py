@@ -15,7 +15,7 @@ from random import Random
 from tests.fuzz import mutators, seeds
 
 from floquid import floquet
-from floquid.cli._settings import load_choices
+from floquid.cli._options import load_choices
 from floquid.floquet import read_lin
 from floquid.readers import FORMATS, describe_file, read
 

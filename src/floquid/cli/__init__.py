@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 
 from floquid.cli._app import run
-from floquid.cli._text import text_of as text_of
+from floquid.cli._app import text_of as text_of
 
 __all__ = ["main", "run"]
 

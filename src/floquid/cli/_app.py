@@ -1,4 +1,4 @@
-"""The subcommands put together, and the way out of each: an exit code and at most one message."""
+"""The subcommands put together, the way out of each (an exit code and at most one message), and results as text."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import traceback
 import warnings
 from collections.abc import Sequence
 from importlib.metadata import version
+from io import StringIO
 
 from cyclopts import App, CycloptsError
 
-from floquid.cli._bootstrap import bootstrap
+from floquid.cli._bootstrap import bootstrap, print_drawn
 from floquid.cli._demo import demo, simulate
 from floquid.cli._errors import (
     BAD_INPUT,
@@ -24,11 +25,17 @@ from floquid.cli._errors import (
     explained_usage,
 )
 from floquid.cli._floquet import floquet
+from floquid.cli._floquet_output import print_stability
 from floquid.cli._identify import identify, report
 from floquid.cli._records import convert, info
-from floquid.cli._scan import scan
-from floquid.cli._terminal import terminal
+from floquid.cli._scan import print_orders, scan
+from floquid.cli._terminal import plain, print_found, print_warnings, terminal
 from floquid.cli._transfer import multisine, transfer
+from floquid.floquet import FloquetModes, stability
+from floquid.order import OrderScan
+from floquid.pipeline import Analysis, Bootstrap, ExcitedAnalysis
+
+WIDTH = 100  # characters of a line of `summary()`
 
 app = App(
     name="floquid",
@@ -36,6 +43,7 @@ app = App(
     usage="Usage: floquid COMMAND [OPTIONS]",
     version=version("floquid"),
     help_format="plaintext",
+    help_epilogue="Every command takes --debug: it shows the traceback of an error.",
     suppress_keyboard_interrupt=False,
 )
 app.command(demo, usage="Usage: floquid demo [SYSTEM] [OPTIONS]")
@@ -53,11 +61,12 @@ app.command(simulate, usage="Usage: floquid simulate [SYSTEM] [OPTIONS]")
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command, the words after `floquid` in `arguments`, and return its exit code (see `floquid.cli`)."""
-    debug = "--debug" in arguments
+    words = [word for word in arguments if word != "--debug"]
+    debug = len(words) < len(arguments)
     try:
         # What numpy warns of is either refused where the numbers are checked or harmless: it is nothing for a person.
         with warnings.catch_warnings(record=not debug):
-            app(list(arguments), exit_on_error=False, print_error=False, result_action="return_value")
+            app(words, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
     except CycloptsError as error:
         return _end(explained_usage(error), BAD_INPUT)
@@ -79,3 +88,20 @@ def run(arguments: Sequence[str]) -> int:
 def _end(message: str, code: int) -> int:
     terminal(stderr=True).print(f"floquid: {message}", soft_wrap=True)
     return code
+
+
+def text_of(result: Analysis | ExcitedAnalysis | Bootstrap | OrderScan | FloquetModes) -> str:
+    """The tables and the verdict of a result that the command line prints, without colours, and with Python's names."""
+    file = StringIO()
+    console = plain(file, WIDTH)
+    match result:
+        case Analysis() | ExcitedAnalysis():
+            print_found(console, result)
+            print_warnings(console, result.warnings)
+        case Bootstrap():
+            print_drawn(console, result)
+        case OrderScan():
+            print_orders(console, result)
+        case FloquetModes():
+            print_stability(console, result, stability(result))
+    return "\n".join(line.rstrip() for line in file.getvalue().strip("\n").splitlines())

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from floquid._checks import input_error
 from floquid.cli._folder import ResultFolder, maybe_folder, result_file
-from floquid.cli._options import Debug, Format, OptionalWhole, OutputFolder, Saved, Seed, Whole
+from floquid.cli._options import Format, OptionalWhole, OutputFolder, Saved, Seed, Whole
 from floquid.cli._terminal import counted, json_text, new_table, print_files, print_title, print_whole, terminal
 from floquid.pipeline import Analysis, Bootstrap, Spread
 from floquid.pipeline import bootstrap as bootstrap_analysis
@@ -44,7 +44,6 @@ def bootstrap(
     whole: Annotated[bool, Parameter(negative=())] = False,
     out: OutputFolder = None,
     format: Format = "text",  # noqa: A002
-    debug: Debug = False,
 ) -> None:
     """Check the standard deviations of a result: draw records from its model, fit each anew, and see the spread.
 
@@ -61,7 +60,6 @@ def bootstrap(
     format
         text prints tables; json prints bootstrap.json alone.
     """
-    del debug
     for option, value, least in (("--draws", draws, 20), ("--seed", seed, 0), ("--workers", workers, 1)):
         if value is not None and value < least:
             raise input_error(option, OF, f"be at least {least}", f"is {value}")

@@ -16,8 +16,7 @@ from rich.table import Table
 from floquid._checks import input_error
 from floquid.cli._folder import NAMES, ResultFolder, result_folder, write_result
 from floquid.cli._identify import STAGES
-from floquid.cli._options import Debug, Flag, Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
-from floquid.cli._settings import Choices
+from floquid.cli._options import Choices, Flag, Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
 from floquid.cli._terminal import (
     json_text,
     new_table,
@@ -71,7 +70,6 @@ def simulate(
     seed: Seed = 0,
     impulse_deg: float = 45.0,
     as_measured: Annotated[bool, Parameter(negative=())] = False,
-    debug: Debug = False,
 ) -> None:
     """Write the free response of an example system to a file.
 
@@ -89,7 +87,6 @@ def simulate(
         As a test rig would see it: sampled out of step, the speed wandering by 0.2 %, an imbalance response five times
         the free one, and a tachometer in the channel tach.
     """
-    del debug
     rotor = _system_named(system)
     with progress(2) as report:
         report(f"simulating {system}")
@@ -129,7 +126,6 @@ def demo(
     paper: Annotated[bool, Flag] = False,
     draws: Whole = 10,
     format: Format = "text",  # noqa: A002
-    debug: Debug = False,
 ) -> None:
     """Simulate the experiment of Allen's paper, identify it, and compare with the truth.
 
@@ -146,7 +142,6 @@ def demo(
     format
         text prints tables; json prints summary.json alone.
     """
-    del debug
     rotor = _system_named(system)
     if paper:
         _demo_of_paper(out, periods, noise, seed, draws, format)

@@ -14,7 +14,7 @@ from floquid._arrays import Floats
 from floquid._checks import input_error, positive
 from floquid.cli._floquet_output import AGREE, FILES, Examined, hill_claims, print_examined, save_modes, summary_text
 from floquid.cli._folder import ResultFolder, maybe_folder
-from floquid.cli._options import Debug, Format, Frequency, OutputFolder, Place, period_of
+from floquid.cli._options import Format, Frequency, OutputFolder, Place, period_of
 from floquid.cli._terminal import progress
 from floquid.errors import IdentificationError, InputError
 from floquid.floquet import (
@@ -51,7 +51,6 @@ def floquet(
     check: bool = True,
     out: OutputFolder = None,
     format: Format = "text",  # noqa: A002
-    debug: Debug = False,
 ) -> None:
     """Floquet exponents, periodic mode shapes and stability of a system whose A(t) is known.
 
@@ -76,7 +75,6 @@ def floquet(
     format
         text prints tables; json prints summary.json alone.
     """
-    del debug
     _check_options(files, tolerance, out)
     length = period_of(period, frequency, OF)
     if period is not None:

@@ -26,20 +26,21 @@ import numpy as np
 from floquid._checks import input_error
 from floquid.cli._terminal import json_text
 from floquid.core import Record
-from floquid.exports import summary
+from floquid.exports import summary, transfer_rows
 from floquid.io import flush, flush_folder
-from floquid.pipeline import Analysis
+from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.plot import FIGURES as DRAWN
 from floquid.readers import write
 from floquid.store import save
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be: some need an A(t), or a tachometer
 RESULT = "result.h5"  # the file of an identification: figures beside it are of it
-TRANSFER = ("transfer.csv", "figures/transfer.png")  # what a result with measured inputs has beside its summary
+EXCITED = ("transfer.csv", "figures/transfer.png", "figures/harmonic_spectra.png")
+"""Files of a result whose excitation goes on alone."""
 
 FILES = ("record.npz", RESULT, "summary.json", "settings.toml", "report.html")
 # What the files of a result are called in its folder.
-NAMES = (*FILES, *TRANSFER, *(f"figures/{name}" for name in FIGURES))
+NAMES = (*FILES, *EXCITED, *(f"figures/{name}" for name in FIGURES))
 LOCK = ".floquid-lock"  # held while files take their names
 
 READY, MOVING = ".floquid-ready", ".floquid-moving"
@@ -142,7 +143,7 @@ def _settle(path: Path) -> None:
         _move(moving, path)
     if ready.is_dir():
         if (ready / RESULT).exists():
-            for name in ("report.html", *TRANSFER, *(f"figures/{figure}" for figure in FIGURES)):
+            for name in ("report.html", *EXCITED, *(f"figures/{figure}" for figure in FIGURES)):
                 if not (ready / name).exists():
                     (path / name).unlink(missing_ok=True)
         ready.rename(moving)
@@ -222,7 +223,7 @@ def _unusable(path: Path, got: str) -> Exception:
 
 def write_result(
     folder: ResultFolder,
-    analysis: Analysis,
+    analysis: Analysis | ExcitedAnalysis,
     settings: str,
     report: Callable[[str], None],
     *,
@@ -244,10 +245,13 @@ def write_result(
     save(analysis, place / RESULT)
     folder.write("summary.json", json_text(summary(analysis)))
     folder.write("settings.toml", settings)
+    if isinstance(analysis, ExcitedAnalysis) and analysis.inputs:
+        folder.write("transfer.csv", transfer_rows(analysis.transfer()))
     report("drawing the figures")
     (place / "figures").mkdir()
     save_figures(analysis, place / "figures", truth=truth)
-    write_report(analysis, place / "report.html", truth=None if analysis.state is None else truth, progress=report)
+    known = truth if isinstance(analysis, Analysis) and analysis.state is not None else None
+    write_report(analysis, place / "report.html", truth=known, progress=report)
     for name, make in others.items():
         make(place / name)
     folder.publish()

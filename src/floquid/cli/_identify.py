@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Sequence
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from floquid._checks import input_error
-from floquid.cli._driven import excited
 from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli._folder import NAMES, maybe_folder, result_file, write_result
 from floquid.cli._options import (
-    Debug,
     Flag,
     Format,
     ModelOptions,
@@ -22,13 +21,15 @@ from floquid.cli._options import (
     Saved,
     SettingsFile,
     Verbose,
+    choices_of,
     given,
 )
 from floquid.cli._records import check_files, read_records
-from floquid.cli._settings import choices_of
 from floquid.cli._terminal import json_text, print_analysis, print_folder, progress, terminal
+from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.exports import summary
+from floquid.pipeline import Analysis, ExcitedAnalysis, Settings, identify_ambient, identify_driven
 from floquid.pipeline import identify as identify_records
 from floquid.reporting import report as write_report
 from floquid.store import load
@@ -46,7 +47,6 @@ def identify(
     format: Format = "text",  # noqa: A002
     settings: SettingsFile = None,
     verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Identify the Floquet exponents, the periodic mode shapes and A(t) from measured responses.
 
@@ -68,7 +68,6 @@ def identify(
     verbose
         Print the reasons too: the noise of each channel, why the order is what it is, what the columns are.
     """
-    del debug
     check_files(files, OF)
     choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
     if enforce and not choices.settings.validate:
@@ -78,12 +77,7 @@ def identify(
     stages = STAGES + (5 if out else 0) + (3 if choices.settings.structure else 0)
     with maybe_folder(out, NAMES) as folder, progress(stages) as report:
         records, choices = read_records(files, choices, OF, report)
-        if choices.settings.inputs or choices.settings.excitation != "none":
-            excited(records, choices, folder, report, as_json=format == "json", enforce=enforce)
-            if format == "text":
-                print_folder(out)
-            return
-        analysis = identify_records(records, choices.resolved(), report=report)
+        analysis = identified(records, choices.resolved(), report)
         if folder is not None:
             write_result(folder, analysis, choices.text(), report)
     if format == "json":
@@ -91,14 +85,29 @@ def identify(
     else:
         print_analysis(analysis, verbose=verbose)
         print_folder(out)
-    if analysis.failed:
+    if isinstance(analysis, ExcitedAnalysis):
+        passed, reasons = analysis.passed, analysis.warnings
+    elif analysis.failed:
         raise IdentificationError(analysis.warnings[0])
-    if enforce and analysis.validation is not None and not analysis.validation.passed:
-        reasons = analysis.validation.reasons or analysis.validation.unmet
+    else:
+        found = analysis.validation
+        passed, reasons = (True, ()) if found is None else (found.passed, found.reasons or found.unmet)
+    if enforce and not passed:
         raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *reasons]))
 
 
-def report(result: Saved, *, out: OutputFolder = None, title: str | None = None, debug: Debug = False) -> None:
+def identified(
+    records: Sequence[Record], settings: Settings, report: Callable[[str], None]
+) -> Analysis | ExcitedAnalysis:
+    """The result of the chain that the settings ask for."""
+    if settings.excitation == "ambient":
+        return identify_ambient(records, settings, report=report)
+    if settings.inputs or settings.excitation != "none":
+        return identify_driven(records, settings, report=report)
+    return identify_records(records, settings, report=report)
+
+
+def report(result: Saved, *, out: OutputFolder = None, title: str | None = None) -> None:
     """Write the report of a saved result: one HTML page that opens in any browser, without a network.
 
     Parameters
@@ -108,7 +117,6 @@ def report(result: Saved, *, out: OutputFolder = None, title: str | None = None,
     title
         The heading of the page; the names of the records when not given.
     """
-    del debug
     file = result_file(result)
     page = file.parent / "report.html" if out is None else out
     with progress(3) as stage:

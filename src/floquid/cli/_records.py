@@ -13,8 +13,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.cli._folder import result_file
-from floquid.cli._options import Debug, Frequency, NewRecordFile, Rate, RecordFile, period_of, split
-from floquid.cli._settings import Choices
+from floquid.cli._options import Choices, Frequency, NewRecordFile, Rate, RecordFile, period_of, split
 from floquid.cli._terminal import counted, new_table, progress, terminal
 from floquid.core import Record
 from floquid.errors import InputError
@@ -88,7 +87,7 @@ def _likely(file: Path, rate: float | None) -> str:
     return f"\n  This file seems to have one: {option}" if option else ""
 
 
-def info(file: RecordFile, /, *, channels: str | None = None, rate: Rate = None, debug: Debug = False) -> None:
+def info(file: RecordFile, /, *, channels: str | None = None, rate: Rate = None) -> None:
     """Show what is in a record file: channels, units, rate, candidates for the clock, and what to type next.
 
     Parameters
@@ -98,7 +97,6 @@ def info(file: RecordFile, /, *, channels: str | None = None, rate: Rate = None,
     channels
         The channels to show, comma-separated; all when not given.
     """
-    del debug
     found = describe_file(file, rate=rate, channels=None if channels is None else split(channels))
     _print_summary(found)
     given = "" if channels is None else f" --channels {shlex.quote(channels)}"
@@ -216,7 +214,6 @@ def convert(
     period: float | None = None,
     frequency: Frequency = None,
     origin: float = 0.0,
-    debug: Debug = False,
 ) -> None:
     """Write a record in another format, and say what that format could not hold; or the modes of a result.
 
@@ -236,7 +233,6 @@ def convert(
     origin
         The time of phase zero [s].
     """
-    del debug
     _refuse_same(file, out)
     if file.is_dir() or _is_result(file):
         options = {"channels": channels, "rate": rate, "period": period, "frequency": frequency}

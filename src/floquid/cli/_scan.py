@@ -17,18 +17,18 @@ from floquid._checks import input_error
 from floquid.cli._folder import ResultFolder, maybe_folder
 from floquid.cli._options import (
     RECORDS,
-    Debug,
+    Choices,
     Format,
     OptionalWhole,
     OutputFolder,
     RecordFiles,
     RecordOptions,
     SettingsFile,
+    choices_of,
     given,
     split,
 )
 from floquid.cli._records import check_files, read_records
-from floquid.cli._settings import Choices, choices_of
 from floquid.cli._terminal import (
     counted,
     json_text,
@@ -81,7 +81,6 @@ def scan(
     out: OutputFolder = None,
     format: Format = "text",  # noqa: A002
     settings: SettingsFile = None,
-    debug: Debug = False,
 ) -> None:
     """Show how many modes there are: identify at many orders, see which poles stay, and look at mode indicators.
 
@@ -106,7 +105,6 @@ def scan(
     settings
         A settings.toml written by `floquid identify`; options given here come first.
     """
-    del debug
     check_files(files, OF)
     listed = _orders(orders, most)
     choices = choices_of(settings).with_given(**given(record, OF), identifier=identifier)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import IO, Any
 
@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from floquid._arrays import Floats
-from floquid._bar import lines
+from floquid._bar import bar
 from floquid._json import for_json
 from floquid.lifting import Lifted
 from floquid.pipeline import Analysis, ExcitedAnalysis
@@ -95,16 +95,17 @@ def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
         terminal().print(f"Written to {folder}/: {', '.join(names)}", soft_wrap=True)
 
 
-def print_analysis(analysis: Analysis, *, verbose: bool = False) -> None:
+def print_analysis(analysis: Analysis | ExcitedAnalysis, *, verbose: bool = False) -> None:
     """The record, the modes, a line for each other finding, A(t) and the warnings; with `verbose` the reasons, too."""
     console = terminal()
     print_found(console, analysis, verbose=verbose)
-    if verbose:
-        _print_reasons(console, analysis)
-    if analysis.state is not None:
-        print_state(console, analysis)
+    if isinstance(analysis, Analysis):
+        if verbose:
+            _print_reasons(console, analysis)
+        if analysis.state is not None:
+            print_state(console, analysis)
     print_warnings(console, analysis.warnings)
-    if not verbose:
+    if isinstance(analysis, Analysis) and not verbose:
         console.print("`floquid identify --verbose` explains the columns and gives the reasons.", style="dim")
 
 
@@ -114,37 +115,36 @@ def print_warnings(console: Console, warnings: Iterable[object]) -> None:
         console.print(f"Warning: {warning}", style="yellow")
 
 
-def print_found(console: Console, analysis: Analysis, *, verbose: bool = False) -> None:
+def print_found(console: Console, analysis: Analysis | ExcitedAnalysis, *, verbose: bool = False) -> None:
     """Print the record, the modes, a line for each other finding, and the reasons against the model."""
-    _print_record(console, analysis, verbose=verbose)
-    modes = "Modes of a model that fails" if analysis.failed else "Modes"
+    free = isinstance(analysis, Analysis)
+    if free:
+        _print_record(console, analysis, verbose=verbose)
+    else:
+        _print_excited_record(console, analysis)
+    modes = "Modes of a model that fails" if free and analysis.failed else "Modes"
     print_title(console, f"{modes}: order {analysis.model.order}, conjugates counted one by one")
     print_modes(console, analysis)
     _print_legend(console, analysis, verbose=verbose)
     console.print()
-    print_lines(console, outcome_lines(analysis))
-    if analysis.validation is not None:
-        for reason in analysis.validation.reasons:
-            console.print(f"  {reason}", style="yellow")
+    lines = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
+    lines.add_column(no_wrap=True)
+    lines.add_column()
+    for name, words in outcome_lines(analysis).items():
+        lines.add_row(name, words)
+    console.print(lines)
+    for reason in analysis.validation.reasons if free and analysis.validation is not None else ():
+        console.print(f"  {reason}", style="yellow")
 
 
-def print_lines(console: Console, lines: Mapping[str, str]) -> None:
-    """Print names, and the words on each beside it."""
-    table = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column(no_wrap=True)
-    table.add_column()
-    for name, words in lines.items():
-        table.add_row(name, words)
-    console.print(table)
-
-
-def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> None:
+def _print_legend(console: Console, analysis: Analysis | ExcitedAnalysis, *, verbose: bool) -> None:
     """Print a legend of the table of modes: with `verbose` all columns, else what a table cannot say itself."""
     meanings = note_meanings(mode_table(analysis))
-    without = FAILS if analysis.failed else NO_DEVIATIONS
+    free = isinstance(analysis, Analysis)
+    without = FAILS if free and analysis.failed else NO_DEVIATIONS
     deviations = without if analysis.model.exponent_std is None else DEVIATIONS
     parts = [f"±: a conjugate pair; {deviations}"]
-    if verbose:
+    if free and verbose:
         kept = ", as asked for" if analysis.settings.harmonics is not None else " that rise above the noise"
         kept += ", the residues held to them" if analysis.constrained else ""
         parts += [LEGEND, f"m: harmonics of the shape{kept}"]
@@ -195,6 +195,17 @@ def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> Non
     print_title(console, LEFT if analysis.failed else title)
     console.print(_noise_table(analysis))
     print_whitening(console, analysis)
+
+
+def _print_excited_record(console: Console, analysis: ExcitedAnalysis) -> None:
+    """Print the size of records whose excitation goes on."""
+    first, model = analysis.records[0], analysis.model
+    periods = sum(record.duration for record in analysis.records) / model.period
+    inputs = f"{counted(len(analysis.inputs), 'input')} and " if analysis.inputs else ""
+    console.print(
+        f"{counted(len(analysis.records), 'record')}, {inputs}{counted(len(model.channels), 'output')} at "
+        f"{first.sample_rate:.8g} Hz; ω = {model.fundamental:.6g} rad/s, {periods:.6g} periods in all."
+    )
 
 
 def print_whitening(console: Console, found: Lifted | Analysis) -> None:
@@ -341,29 +352,6 @@ def counted(number: int | str, word: str) -> str:
     return f"{number} {word}" + ("" if str(number) == "1" else "s")
 
 
-@contextmanager
-def progress(stages: int) -> Iterator[Callable[[str], None]]:
+def progress(stages: int) -> AbstractContextManager[Callable[[str], None]]:
     """A bar of `stages` steps; each call says what is being done. Without a terminal, a stage is a line on stderr."""
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield lines()
-        return
-    columns = (
-        SpinnerColumn(),
-        BarColumn(bar_width=24),
-        TimeElapsedColumn(),
-        TextColumn("{task.description}", markup=False),
-    )
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("starting", total=stages)
-        last = ""
-
-        def report(words: str) -> None:
-            nonlocal last
-            stage = words.split(":", maxsplit=1)[0]
-            bar.update(task, description=words, advance=0 if stage == last else 1)
-            last = stage
-
-        yield report
+    return bar(True, stages=stages)

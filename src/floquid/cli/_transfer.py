@@ -14,9 +14,8 @@ from rich.console import Console
 from rich.table import Table
 
 from floquid._checks import input_error
-from floquid.cli._driven import STAGES, identified
+from floquid.cli._identify import identified
 from floquid.cli._options import (
-    Debug,
     Format,
     Frequency,
     NewRecordFile,
@@ -25,18 +24,18 @@ from floquid.cli._options import (
     RecordOptions,
     SettingsFile,
     Whole,
+    choices_of,
     given,
     period_of,
     split,
 )
 from floquid.cli._records import check_files, read_records
-from floquid.cli._settings import choices_of
 from floquid.cli._terminal import json_text, print_title, print_warnings, progress, terminal
 from floquid.core import Channel
 from floquid.exports import export_transfer, fit_entries, measured_entries, transfer_entries
 from floquid.findings import Severity, texts
 from floquid.inputs import TransferFunctions
-from floquid.pipeline import measure_transfer
+from floquid.pipeline import ExcitedAnalysis, measure_transfer
 from floquid.readers import write
 from floquid.transfer import Multisine, fit_transfer
 from floquid.transfer import multisine as designed
@@ -44,6 +43,7 @@ from floquid.views import with_error
 
 OF = "floquid transfer"
 DESIGN = "floquid multisine"
+STAGES = 6
 SHOWN = 12  # frequencies that are printed
 
 Method: TypeAlias = Literal["model", "repeats", "polynomials", "fit"]
@@ -79,7 +79,6 @@ def transfer(
     ] = None,
     format: Format = "text",  # noqa: A002
     settings: SettingsFile = None,
-    debug: Debug = False,
 ) -> None:
     """Harmonic transfer functions from measured inputs to the other channels, with their deviations.
 
@@ -94,7 +93,6 @@ def transfer(
     settings
         A settings.toml written by an earlier run; options given here come first.
     """
-    del debug
     check_files(files, OF)
     choices = choices_of(settings).with_given(**given(record, OF))
     if not choices.settings.inputs:
@@ -109,7 +107,8 @@ def transfer(
     with progress(STAGES) as report:
         records, choices = read_records(files, choices, OF, report)
         if method == "model":
-            analysis = identified(records, choices, report)
+            analysis = identified(records, choices.resolved(), report)
+            assert isinstance(analysis, ExcitedAnalysis)
             found, findings, more = analysis.transfer(hertz, turns), analysis.findings, {}
         else:
             # Of a fit all lines are measured, and G is asked of the modes at the frequencies named.
@@ -218,7 +217,6 @@ def multisine(
     repeats: OptionalWhole = 5,
     seed: Whole = 0,
     out: NewRecordFile = Path("multisine.csv"),
-    debug: Debug = False,
 ) -> None:
     """Write inputs for measuring harmonic transfer functions: random lines of which no two sidebands meet.
 
@@ -239,7 +237,6 @@ def multisine(
     out
         The file; its suffix chooses the format.
     """
-    del debug
     own = period_of(period, frequency, DESIGN)
     if own is None or rate is None:
         name = "--period" if own is None else "--rate"

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Floats
 from floquid._checks import describe, input_error
 from floquid.core import PeriodicModel
-from floquid.exports._driven import driven_summary
 from floquid.exports._mat import PLAIN, mat_cells, mat_file
 from floquid.exports._summary import mode_entries, summary
 from floquid.exports._uff import uff_bytes
@@ -90,10 +89,8 @@ def export_modes(
 
 def _json_bytes(result: Analysis | ExcitedAnalysis | PeriodicModel) -> bytes:
     content: dict[str, Any]
-    if isinstance(result, Analysis):
+    if isinstance(result, (Analysis, ExcitedAnalysis)):
         content = summary(result)
-    elif isinstance(result, ExcitedAnalysis):
-        content = driven_summary(result)
     else:
         content = {
             "format": "floquid-modes/1",

@@ -1,4 +1,4 @@
-"""`summary.json`: the result in the numbers that other programs want, format `floquid-summary/1`."""
+"""`summary.json`: a result in the numbers that other programs want."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from floquid.core import PeriodicModel
 from floquid.findings import as_mapping
 from floquid.order import Choice
 from floquid.periodic import ForcedResponse, PartialTests, Periodicity, participation
-from floquid.pipeline import Analysis
+from floquid.pipeline import AmbientAnalysis, Analysis, ExcitedAnalysis
 from floquid.reconstruction import Refinement, StateModel, text_of
 from floquid.validation import Validation
 
 
-def summary(analysis: Analysis) -> dict[str, Any]:
-    """The content of `summary.json`: plain numbers, lists and texts; what is not computed is None.
+def summary(analysis: Analysis | ExcitedAnalysis) -> dict[str, Any]:
+    """The content of `summary.json`: plain numbers, lists and texts for `json.dump`; what is not computed is None.
 
     Every exponent is listed, conjugates included; a complex number is [real, imaginary]. `participation` is the share
     of each of the mode's `harmonics` in the energy of its shape, channels weighted by the inverse of their noise.
@@ -28,12 +28,22 @@ def summary(analysis: Analysis) -> dict[str, Any]:
     harmonic has and would be seen at. `misfit` is what the fit leaves over its noise, null where there is none, and
     `failed` whether it is so much that the model fails: then no exponent and no shape has a deviation. `system` has
     A(t) over the period and its deviations, what its states are (`coordinates`), and, where it was fitted with a
-    structure, that structure, its parameters, and how well it fits. It is ready for `json.dump`. `analysis` is what
-    `identify` found.
+    structure, that structure, its parameters, and how well it fits.
+
+    Where the excitation goes on, `inputs` has, of each mode, its `coefficients` b over the inputs' `harmonics` with
+    deviations, and the `direct` term, and is null where none were measured; `lengths` are the durations of a record
+    that would give each damping to 10 % [s], null with measured inputs alone.
+
+    `analysis` is what `identify`, `identify_driven` or `identify_ambient` found.
     """
+    return for_json(_free(analysis) if isinstance(analysis, Analysis) else _excited(analysis))
+
+
+def _free(analysis: Analysis) -> dict[str, Any]:
+    """The summary of free responses."""
     model = analysis.model
     weights = 1.0 / analysis.noise
-    content = {
+    return {
         "format": "floquid-summary/1",
         "period": model.period,
         "period_std": analysis.period_std,
@@ -54,7 +64,37 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         "warnings": analysis.warnings,
         "findings": [as_mapping(own) for own in analysis.findings],
     }
-    return for_json(content)
+
+
+def _excited(analysis: ExcitedAnalysis) -> dict[str, Any]:
+    """The summary of a record whose excitation goes on."""
+    model, own = analysis.model, analysis.model.inputs
+    return {
+        "format": "floquid-summary-driven/1",
+        "period": model.period,
+        "order": model.order,
+        "outputs": [{"name": channel.name, "unit": channel.unit} for channel in model.channels],
+        "modes": mode_entries(model, 1.0 / analysis.noise),
+        "excitation": analysis.settings.excitation,
+        "inputs": None
+        if own is None
+        else {
+            "channels": [{"name": channel.name, "unit": channel.unit} for channel in own.channels],
+            "hold": analysis.settings.hold,
+            "harmonics": own.harmonics,
+            "coefficients": own.coefficients,
+            "coefficients_std": own.coefficient_std,
+            "direct_harmonics": own.direct_harmonics,
+            "direct": own.direct,
+            "initial": own.initial,
+        },
+        "noise": analysis.noise[:, 0],
+        "lengths": analysis.lengths if isinstance(analysis, AmbientAnalysis) else None,
+        "held_out_error": analysis.held_out,
+        "passed": analysis.passed,
+        "warnings": analysis.warnings,
+        "findings": [as_mapping(finding) for finding in analysis.findings],
+    }
 
 
 def _forced(forced: ForcedResponse) -> dict[str, Any]:

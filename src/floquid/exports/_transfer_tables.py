@@ -1,16 +1,19 @@
-"""Transfer functions → tables of other programs: comma-separated values, MATLAB, Touchstone."""
+"""Transfer functions → tables of other programs: comma-separated values, MATLAB, Touchstone, JSON."""
 
 from __future__ import annotations
 
 import re
 from os import PathLike
+from typing import Any
 
 import numpy as np
 
 from floquid._checks import describe, input_error
+from floquid._json import for_json
 from floquid.exports._mat import PLAIN, mat_cells, mat_file
 from floquid.inputs import TransferFunctions
 from floquid.io import as_path, atomic_path
+from floquid.transfer import MeasuredTransfer, TransferFit
 
 TRANSFER_FORMATS = (".csv", ".mat", ".sNp")
 """The suffixes that `export_transfer` knows, N the number of ports."""
@@ -125,3 +128,45 @@ def transfer_rows(found: TransferFunctions) -> str:
     lines = [",".join(f'"{head}"' for head in heads)]
     lines += [",".join(f"{value:.9g}" for value in row) for row in np.transpose(columns)]
     return "\n".join(lines) + "\n"
+
+
+def transfer_entries(found: TransferFunctions) -> dict[str, Any]:
+    """The transfer functions `found` for `json.dump`; values are (harmonics, outputs, inputs, frequencies, 2)."""
+    content = {
+        "format": "floquid-transfer/1",
+        "frequencies_hz": found.frequencies_hz,
+        "harmonics": found.harmonics,
+        "outputs": [{"name": channel.name, "unit": channel.unit} for channel in found.outputs],
+        "inputs": [{"name": channel.name, "unit": channel.unit} for channel in found.inputs],
+        "values": found.values,
+        "std": found.std,
+        "step": found.step,
+    }
+    return for_json(content)
+
+
+def measured_entries(found: MeasuredTransfer) -> dict[str, Any]:
+    """What is known of transfer functions measured, `found`, beside their values, for `json.dump`."""
+    return for_json(
+        {
+            "method": found.method,
+            "noise": found.noise,
+            "coherence": found.coherence,
+            "nonlinear": found.nonlinear,
+            "warnings": list(found.warnings),
+        }
+    )
+
+
+def fit_entries(fit: TransferFit) -> dict[str, Any]:
+    """What is known of modes fitted to transfer functions, `fit`, for `json.dump`: of a pair the upper one."""
+    upper, std = list(fit.model.upper_modes), fit.model.exponent_std
+    return for_json(
+        {
+            "method": "fit",
+            "exponents": fit.model.exponents[upper],
+            "exponents_std": None if std is None else std[upper],
+            "chi_square": fit.chi_square,
+            "degrees": fit.degrees,
+        }
+    )

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._checks import input_error
 from floquid.io import as_path, atomic_path
-from floquid.order import indicators as found_indicators
-from floquid.pipeline import Analysis
-from floquid.plot._exponents import exponents
-from floquid.plot._indicators import composite, indicators
-from floquid.plot._record import synthesis, time_record
-from floquid.plot._residues import coefficients, residues
-from floquid.plot._shapes import periodic_shapes
-from floquid.plot._spectra import spectra
+from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.plot._style import style
-from floquid.plot._synchronisation import speed, synchronisation
-from floquid.plot._system_elements import system_elements
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,7 +34,7 @@ FIGURES = (
     "system_elements",
     "speed",
 )
-"""The names of the figures that `save_figures` may write."""
+"""The names of the figures that there may be of free responses, in the order in which `save_figures` writes them."""
 
 MOST_CHANNELS = 6  # channels of the figure of residues
 
@@ -52,7 +43,7 @@ _NO_DATE = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationD
 
 
 def save_figures(
-    analysis: Analysis,
+    analysis: Analysis | ExcitedAnalysis,
     folder: str | PathLike[str],
     *,
     truth: tuple[ArrayLike, ArrayLike] | None = None,
@@ -62,8 +53,9 @@ def save_figures(
     """Write every figure that the analysis allows, each under the name of its function (`FIGURES`).
 
     `residues`, `coefficients` and `synthesis` are of the mode, the channel and the hit that rise highest above the
-    noise. `system_elements` needs an A(t), and `speed` a tachometer. A scan over orders is not in an analysis: for its
-    figure there is `stabilisation`. Each file appears whole or not at all.
+    noise. `system_elements` needs an A(t), `speed` a tachometer, `transfer` measured inputs, and `harmonic_spectra`
+    outputs alone. A scan over orders is not in an analysis: for its figure there is `stabilisation`. Each file appears
+    whole or not at all.
 
     Returns the files written. Raises InputError where the folder does not exist or cannot be written to, a format is
     unknown, or the truth does not fit.
@@ -71,7 +63,7 @@ def save_figures(
     Parameters
     ----------
     analysis
-        What `identify` found.
+        What `identify`, `identify_driven` or `identify_ambient` found.
     folder
         An existing folder; files of the same names in it are replaced.
     truth
@@ -88,11 +80,12 @@ def save_figures(
         raise input_error("formats", of, f"be a list of {words}", f"is {formats!r}", 'Pass e.g. ["png", "pdf"].')
     from threadpoolctl import threadpool_limits
 
-    written = []
-    for name, draw in _drawings(analysis, truth).items():
+    written, plots = [], analysis.plot
+    options = _options(analysis, truth) if isinstance(analysis, Analysis) else {}
+    for name in sorted(dir(plots), key=lambda name: FIGURES.index(name) if name in FIGURES else len(FIGURES)):
         # The matrices are many and small: threads inside BLAS would wait for each other, as in `identify`.
         with threadpool_limits(limits=1, user_api="blas"):
-            figure = draw()
+            figure = getattr(plots, name)(**options.get(name, {}))
         for form in formats:
             path = place / f"{name}.{form}"
             _write(figure, path, form, dpi, of=of, argument="folder")
@@ -100,30 +93,19 @@ def save_figures(
     return tuple(written)
 
 
-def _drawings(analysis: Analysis, truth: tuple[ArrayLike, ArrayLike] | None) -> dict[str, Callable[[], Figure]]:
-    """The figures that there are, by name; one is drawn after the other, so that one alone is held."""
-    model = analysis.model
+def _options(analysis: Analysis, truth: tuple[ArrayLike, ArrayLike] | None) -> dict[str, dict[str, Any]]:
+    """Options of figures by name: the mode, the channel and the hit that they are of, and the truth."""
     mode, row, hit = _strongest(analysis)
-    channels = [model.channels[k].name for k in _strongest_channels(analysis, mode, hit)]
-    drawings: dict[str, Callable[[], Figure]] = {
-        "time_record": lambda: time_record(analysis),
-        "spectra": lambda: spectra(analysis),
-        "composite": lambda: composite(analysis),
-        "indicators": lambda: indicators(found_indicators(analysis.lifted.responses, analysis.modal)),
-        "exponents": lambda: exponents(model),
-        "periodic_shapes": lambda: periodic_shapes(model, hit=hit, weights=1.0 / analysis.noise),
-        "residues": lambda: residues(analysis, mode, channels, hit=hit),
-        "coefficients": lambda: coefficients(analysis, mode, model.channels[row].name, hit=hit),
-        "synthesis": lambda: synthesis(analysis, model.channels[row].name, hit=hit),
-        "synchronisation": lambda: synchronisation(analysis, hit=hit),
+    names = [channel.name for channel in analysis.model.channels]
+    channels = [names[k] for k in _strongest_channels(analysis, mode, hit)]
+    return {
+        "periodic_shapes": {"hit": hit},
+        "residues": {"mode": mode, "channels": channels, "hit": hit},
+        "coefficients": {"mode": mode, "channel": names[row], "hit": hit},
+        "synthesis": {"channel": names[row], "hit": hit},
+        "synchronisation": {"hit": hit},
+        "system_elements": {"truth": truth},
     }
-    if (state := analysis.state) is not None:
-        drawings["system_elements"] = lambda: system_elements(
-            state, truth=truth, period=model.period, channels=model.channels
-        )
-    if analysis.shafts:
-        drawings["speed"] = lambda: speed(analysis.shafts[0])
-    return drawings
 
 
 def _strongest(analysis: Analysis) -> tuple[int, int, int]:

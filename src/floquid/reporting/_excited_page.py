@@ -25,7 +25,7 @@ from floquid.reporting._excited_figures import (
 )
 from floquid.reporting._modes_figures import exponents_figure, mode_source, multipliers_figure
 from floquid.reporting._page import rendered
-from floquid.views import excited_lines, mode_table, note_meanings
+from floquid.views import mode_table, note_meanings, outcome_lines
 
 
 def excited_page(case: Case, *, title: str | None) -> str:
@@ -58,7 +58,7 @@ def excited_page(case: Case, *, title: str | None) -> str:
     rows, checked = mode_table(analysis), bool(np.isfinite(analysis.held_out).all())
     failed = not analysis.passed and (checked or any(own.severity.name == "FAILURE" for own in analysis.findings))
     sentence = "The model does not pass its checks." if failed else "The model passes its checks."
-    lines = excited_lines(analysis)
+    lines = outcome_lines(analysis)
     return rendered(
         "excited.html.jinja",
         case,

@@ -3,8 +3,7 @@
 Nothing here draws, and no plotting library is loaded.
 """
 
-from floquid.views._driven import excited_lines, magnitude_bands
-from floquid.views._ellipses import ellipse, exponent_ellipses, multiplier_ellipses
+from floquid.views._ellipses import ellipse, exponent_ellipses, magnitude_bands, multiplier_ellipses
 from floquid.views._expansion import Expansion, expansion, identified_residue
 from floquid.views._families import Family, families, unfolded
 from floquid.views._mode_table import ModeRow, mode_table, note_meanings
@@ -32,7 +31,6 @@ __all__ = [
     "element_unit",
     "ellipse",
     "envelope",
-    "excited_lines",
     "expansion",
     "exponent_ellipses",
     "families",

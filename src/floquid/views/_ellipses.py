@@ -1,4 +1,4 @@
-"""Regions in which exponents and multipliers lie with a given probability."""
+"""Regions in which exponents, multipliers and transfer functions lie with a given probability."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Complexes, Floats
 from floquid._checks import finite, frozen_array, input_error, integer
 from floquid.core import PeriodicModel
+from floquid.inputs import TransferFunctions
 
 POINTS = 73
 
@@ -93,3 +94,22 @@ def _edges(centres: Complexes, parts: list[Floats], level: float) -> Complexes:
     edges = edges.reshape(len(parts), POINTS)
     edges.flags.writeable = False
     return edges
+
+
+_BAND = 1.96
+"""Deviations of a 95 % band."""
+
+
+def magnitude_bands(found: TransferFunctions, row: int, column: int) -> tuple[Floats, Floats, Floats, float]:
+    """|G| of one path with its 95 % band (harmonics, frequencies), and where a logarithmic axis of it begins.
+
+    What is smaller than the axis shows is not told from nothing: the band there goes on to its end. The path of `found`
+    is from the input `column` to the output `row`, from 0.
+    """
+    value = found.values[:, row, column]
+    size = np.abs(value)
+    # The deviation of a magnitude lies between those of both parts.
+    std = np.zeros(size.shape) if found.std is None else np.abs(found.std[:, row, column]) / np.sqrt(2.0)
+    there = np.maximum(size, std)[np.isfinite(size) & (size > 0.0)]
+    floor = 0.5 * float(there.min(initial=np.inf if there.size else 1.0))
+    return size, np.maximum(size - _BAND * std, floor), size + _BAND * std, floor

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from floquid.pipeline import Analysis
+from floquid.core import ModelInputs
+from floquid.findings import Severity, texts
+from floquid.pipeline import AmbientAnalysis, Analysis, ExcitedAnalysis
 from floquid.validation import Validation
 from floquid.views._words import mode_notes, period_words
 
 MOST_NAMED = 6  # harmonics of the forced response that are named
 
 
-def outcome_lines(analysis: Analysis) -> dict[str, str]:
+def outcome_lines(analysis: Analysis | ExcitedAnalysis) -> dict[str, str]:
     """The outcome of an `analysis` beside its modes: the short lines that have something to say, by their names."""
-    lines = {
+    lines = _free_lines(analysis) if isinstance(analysis, Analysis) else _excited_lines(analysis)
+    return {name: words for name, words in lines.items() if words}
+
+
+def _free_lines(analysis: Analysis) -> dict[str, str]:
+    return {
         "Noise": _noise(analysis),
         "Order": _order(analysis),
         "Period": _period(analysis),
@@ -21,7 +28,6 @@ def outcome_lines(analysis: Analysis) -> dict[str, str]:
         "Interference": _interference(analysis),
         "Verdict": "" if analysis.validation is None else verdict_line(analysis.validation) + _untold(analysis),
     }
-    return {name: words for name, words in lines.items() if words}
 
 
 def verdict_line(validation: Validation) -> str:
@@ -101,3 +107,49 @@ def _forced(analysis: Analysis) -> str:
         names = [str(j) for j in forced.harmonics[:MOST_NAMED]] + ["…"] * (len(forced.harmonics) > MOST_NAMED)
         parts.append(f"{', '.join(names)} per revolution")
     return f"{' and '.join(parts)}, fitted beside the modes"
+
+
+def _excited_lines(analysis: ExcitedAnalysis) -> dict[str, str]:
+    """Lines on the noise, the order, the period, the way inputs reach the modes, and the verdict."""
+    model, own = analysis.model, analysis.model.inputs
+    order = [finding for finding in analysis.findings if finding.code == "excited_order"]
+    notes = [finding for finding in analysis.findings if finding not in order]
+    ambient = isinstance(analysis, AmbientAnalysis)
+    return {
+        "Innovations" if ambient else "Noise": ("each sample is predicted to " if ambient else "taken for white, ")
+        + ", ".join(
+            f"{value:.3g} {channel.unit} in {channel.name}"
+            for value, channel in zip(analysis.noise[:, 0], model.channels, strict=True)
+        ),
+        "Order": f"{model.order}. {' '.join(texts(order))}" if order else "",
+        "Period": f"{model.period:.10g} s, {'as given' if not analysis.measured_clock else 'the mean of the shaft'}",
+        "Notes": " ".join(texts(notes, Severity.NOTE)),
+        "Reach": "" if own is None else _reach(analysis, own),
+        "Direct": ""
+        if own is None or not own.direct.size
+        else f"at harmonics {own.direct_harmonics[0]}…{own.direct_harmonics[-1]}",
+        "Verdict": _held_out(analysis),
+    }
+
+
+def _reach(analysis: ExcitedAnalysis, own: ModelInputs) -> str:
+    """The input and the harmonic that do most to each mode, by the rms of the input."""
+    model = analysis.model
+    size = analysis.fit.samples.input_size
+    words = []
+    for number, mode in enumerate(model.upper_modes, start=1):
+        strength = np.abs(own.coefficients[mode]) * size[:, None]
+        source, harmonic = np.unravel_index(int(np.argmax(strength)), strength.shape)
+        turn = int(own.harmonics[harmonic])
+        words.append(f"mode {number} by {own.channels[source].name}" + (f" at {turn:+d} a period" if turn else ""))
+    return "; ".join(words)
+
+
+def _held_out(analysis: ExcitedAnalysis) -> str:
+    """Whether samples that were left out are predicted."""
+    if not np.isfinite(analysis.held_out).all():
+        return "not checked"
+    error = f"{analysis.held_out.max():.3g}"
+    if analysis.passed:
+        return f"passed: the last quarter, left out of a fit, is predicted to {error} times the expected error at worst"
+    return f"the model does not pass: the last quarter, left out of a fit, is {error} times further off than expected"

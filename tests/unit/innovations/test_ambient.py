@@ -15,7 +15,7 @@ from floquid import (
     identify,
     identify_ambient,
 )
-from floquid.exports import driven_summary
+from floquid.exports import summary
 from floquid.innovations import first_innovations, period_step, repetition
 from floquid.inputs import samples_of
 
@@ -51,7 +51,7 @@ def test_its_damping_tells_how_long_a_record_would_do(analysis):
 
 
 def test_its_summary_and_its_words_are_whole(analysis):
-    content = json.loads(json.dumps(driven_summary(analysis)))
+    content = json.loads(json.dumps(summary(analysis)))
     assert content["excitation"] == "ambient"
     assert content["inputs"] is None
     assert len(content["lengths"]) == 2

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from floquid.core import Channel
 from floquid.errors import InputError
 from floquid.lti import WHITE, composites
-from floquid.pipeline import identify
-from floquid.plot import FIGURES, _save, composite, save_figures, system_elements, time_record
+from floquid.pipeline import Analysis, identify
+from floquid.plot import FIGURES, composite, save_figures, system_elements, time_record
 from floquid.plot._style import plain
 from floquid.reconstruction import StateModel
 from floquid.systems import JeffcottRotor
@@ -504,8 +504,7 @@ def test_save_figures_writes_one_file_a_figure_and_format_the_same_each_time(fou
     folder.mkdir()
     assert [path.stem for path in save_figures(found, folder, dpi=20)] == [name for name in FIGURES if name != "speed"]
     assert len(list(folder.iterdir())) == 11
-    every = _save._drawings
-    monkeypatch.setattr(_save, "_drawings", lambda *given: dict([*every(*given).items()][:1]))
+    monkeypatch.setattr(Analysis, "_figures", lambda analysis: {"time_record": (analysis, {})})
     paths = save_figures(found, folder, formats=("png", "svg", "pdf"))
     assert [path.name for path in paths] == [f"{name}.{form}" for name in FIGURES[:1] for form in ("png", "svg", "pdf")]
     starts = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
@@ -524,8 +523,7 @@ def test_save_figures_without_states(found, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_a_figure_that_fails_leaves_the_old_file(found, tmp_path, monkeypatch):
-    every = _save._drawings
-    monkeypatch.setattr(_save, "_drawings", lambda *given: dict([*every(*given).items()][:2]))
+    monkeypatch.setattr(Analysis, "_figures", lambda analysis: dict.fromkeys(FIGURES[:2], (analysis, {})))
     (path, *_) = save_figures(found, tmp_path, dpi=30)
     before = path.read_bytes()
 

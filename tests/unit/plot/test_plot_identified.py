@@ -15,7 +15,6 @@ from floquid.errors import InputError
 from floquid.order import scan
 from floquid.periodic import participation
 from floquid.pipeline import identify
-from floquid.plot import _save
 from floquid.systems import JeffcottRotor
 
 ROTOR = JeffcottRotor(damping=0.02)
@@ -458,9 +457,7 @@ def test_every_result_has_its_figures(locked, tmp_path):
 
 def test_coefficients_are_of_the_strongest_mode(found, tmp_path, monkeypatch):
     asked = {}
-    monkeypatch.setattr(
-        _save, "coefficients", lambda *a, **k: asked.update(mode=a[1], channel=a[2], **k) or plot.composite(a[0])
-    )
+    monkeypatch.setattr(plot, "coefficients", lambda analysis, **how: asked.update(how) or plot.composite(analysis))
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda self, target, **_: target.write_bytes(b""))
     plot.save_figures(replace(found, state=None), tmp_path, dpi=30)
     energy = np.sum(np.abs(found.model.coefficients) ** 2, axis=3) / found.noise**2
