@@ -4,24 +4,11 @@ from floquid.core._channel import Channel, Quantity, channels_named
 from floquid.core._clock import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, TachometerSignal
 from floquid.core._cycles import Cycles
 from floquid.core._estimates import Estimates
-from floquid.core._model_inputs import ModelInputs
-from floquid.core._periodic_model import PeriodicModel
+from floquid.core._periodic_model import ModelInputs, PeriodicModel
 from floquid.core._provenance import Provenance
 from floquid.core._record import Record
 
 __all__ = [
-    "AzimuthSignal",
-    "Channel",
-    "Clock",
-    "ConstantPeriod",
-    "Cycles",
-    "Estimates",
-    "ModelInputs",
-    "PeriodicModel",
-    "Provenance",
-    "PulseTimes",
-    "Quantity",
-    "Record",
-    "TachometerSignal",
-    "channels_named",
-]
+    "AzimuthSignal", "Channel", "Clock", "ConstantPeriod", "Cycles", "Estimates", "ModelInputs", "PeriodicModel",
+    "Provenance", "PulseTimes", "Quantity", "Record", "TachometerSignal", "channels_named",
+]  # fmt: skip

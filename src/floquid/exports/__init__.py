@@ -14,16 +14,6 @@ from floquid.exports._transfer_tables import (
 from floquid.exports._xarray import to_xarray
 
 __all__ = [
-    "MODE_FORMATS",
-    "TRANSFER_FORMATS",
-    "export_modes",
-    "export_transfer",
-    "fit_entries",
-    "from_periodic_system",
-    "measured_entries",
-    "summary",
-    "to_periodic_system",
-    "to_xarray",
-    "transfer_entries",
-    "transfer_rows",
-]
+    "MODE_FORMATS", "TRANSFER_FORMATS", "export_modes", "export_transfer", "fit_entries", "from_periodic_system",
+    "measured_entries", "summary", "to_periodic_system", "to_xarray", "transfer_entries", "transfer_rows",
+]  # fmt: skip

@@ -1,8 +1,22 @@
-"""Words of findings on a result as a whole: what was done to its records, and what a reader must be told."""
+"""Words of findings on a result as a whole: what was done to its records, what a reader must be told, and A(t)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+
+SYSTEM: dict[str, str | Callable[..., str]] = {
+    "structure_found": "Structure found: {structure}.",
+    "structure_widened": "{name}: chi-square from {before:.4g} to {after:.4g}.",
+    "structure_tested": (
+        "{name} is left out: its {more} numbers take {gain:.3g} off the chi-square (p = {p_value:.2g}), and the "
+        "deviations count what it could hide."
+    ),
+    "structure_conditional": (
+        "{name} cannot be told from none by this record: the deviations are conditional on there being none."
+    ),
+}
+"""By code."""
+
 
 WHY = {
     "angle": "a shaft angle that is measured",

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from floquid.findings._ambient import AMBIENT
 from floquid.findings._draws import DRAWS
-from floquid.findings._fit import FIT
-from floquid.findings._inputs import INPUTS
-from floquid.findings._model import MODEL
-from floquid.findings._order import ORDER
-from floquid.findings._records import RECORDS
-from floquid.findings._shaft import SHAFT
-from floquid.findings._system import SYSTEM
+from floquid.findings._fit import FIT, ORDER
+from floquid.findings._inputs import AMBIENT, INPUTS
+from floquid.findings._model import MODEL, SYSTEM
+from floquid.findings._records import RECORDS, SHAFT
 from floquid.findings._verdict import VERDICT
 
 WORDS: dict[str, str | Callable[..., str]] = {

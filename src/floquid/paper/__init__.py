@@ -6,10 +6,9 @@ truth. `table` and `page` write them in Markdown.
 """
 
 from floquid.paper._experiment import Draw, Reproduction, reproduce
-from floquid.paper._figures import PaperFigure, figures
+from floquid.paper._figures import PaperFigure, figure_text, figures, page, table
 from floquid.paper._numbers import Estimate, Number
 from floquid.paper._rows import numbers
-from floquid.paper._text import figure_text, page, table
 
 __all__ = [
     "Draw", "Estimate", "Number", "PaperFigure", "Reproduction", "figure_text", "figures", "numbers", "page",

@@ -13,12 +13,11 @@ from floquid.periodic import CONFIDENT
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._complete import lifted_views, samples_of
 from floquid.pipeline._find_poles import find_poles
-from floquid.pipeline._identify import identify
+from floquid.pipeline._identify import identify, validated
 from floquid.pipeline._lifted import lifted
 from floquid.pipeline._settings import Excitation as Excitation
 from floquid.pipeline._settings import IdentifierName as IdentifierName
 from floquid.pipeline._settings import Settings
-from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import AbstractDraws, Bootstrap, Draw, Spread, bootstrap
 from floquid.pipeline.preparation import Prepared, prepare
 from floquid.pipeline.preparation import blas_threads as blas_threads
@@ -36,27 +35,7 @@ from floquid.pipeline.with_inputs import driven_fit as driven_fit
 from floquid.pipeline.with_inputs import predicted_rest as predicted_rest
 
 __all__ = [
-    "CONFIDENT",
-    "HELD_OUT",
-    "AbstractDraws",
-    "AmbientAnalysis",
-    "Analysis",
-    "Bootstrap",
-    "Draw",
-    "DrivenAnalysis",
-    "ExcitedAnalysis",
-    "Prepared",
-    "Settings",
-    "Spread",
-    "bootstrap",
-    "find_poles",
-    "identify",
-    "identify_ambient",
-    "identify_driven",
-    "lifted",
-    "lifted_views",
-    "measure_transfer",
-    "prepare",
-    "samples_of",
-    "validated",
-]
+    "CONFIDENT", "HELD_OUT", "AbstractDraws", "AmbientAnalysis", "Analysis", "Bootstrap", "Draw", "DrivenAnalysis",
+    "ExcitedAnalysis", "Prepared", "Settings", "Spread", "bootstrap", "find_poles", "identify", "identify_ambient",
+    "identify_driven", "lifted", "lifted_views", "measure_transfer", "prepare", "samples_of", "validated",
+]  # fmt: skip

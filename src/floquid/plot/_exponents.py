@@ -12,8 +12,7 @@ from floquid._arrays import Complexes, Mask
 from floquid._checks import frozen_array, input_error
 from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, stability, upper_modes
-from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION
-from floquid.plot._style import SIZE, drawing
+from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, SIZE, VERMILION, drawing
 from floquid.views import exponent_ellipses, grows, multiplier_ellipses, with_error
 
 if TYPE_CHECKING:

@@ -10,9 +10,15 @@ import numpy as np
 from floquid.lti import WHITE, composites
 from floquid.order import Indicators
 from floquid.pipeline import Analysis
-from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
 from floquid.plot._style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
     POINTS,
+    PURPLE,
+    VERMILION,
     drawing,
     frequency_unit,
     keep_sizes,

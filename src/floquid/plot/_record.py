@@ -10,8 +10,20 @@ from floquid._arrays import Floats
 from floquid._checks import index, input_error, integer
 from floquid.core import Cycles, channels_named
 from floquid.pipeline import Analysis
-from floquid.plot._colours import BLACK, BLUE, GREY, ORANGE, VERMILION
-from floquid.plot._style import INTERVAL, POINTS, degrees_a_period, drawing, keep_sizes, label_values, plain
+from floquid.plot._style import (
+    BLACK,
+    BLUE,
+    GREY,
+    INTERVAL,
+    ORANGE,
+    POINTS,
+    VERMILION,
+    degrees_a_period,
+    drawing,
+    keep_sizes,
+    label_values,
+    plain,
+)
 from floquid.views import Synthesis, envelope, lifted_points
 from floquid.views import synthesis as synthesis_of
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from floquid._checks import index, input_error
 from floquid.core import channels_named
 from floquid.pipeline import Analysis
-from floquid.plot._colours import GREY
 from floquid.plot._style import (
+    GREY,
     LOOKS,
     degrees_a_period,
     drawing,

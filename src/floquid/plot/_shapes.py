@@ -13,8 +13,20 @@ from floquid._checks import frozen_array, index, input_error
 from floquid.core import PeriodicModel, channels_named
 from floquid.floquet import FloquetModes, multiplier_is_real, stability, state_participation, upper_modes
 from floquid.periodic import participation
-from floquid.plot._colours import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
-from floquid.plot._style import INTERVAL, drawing, label_angle, label_values, plain, plain_decades
+from floquid.plot._style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INTERVAL,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    drawing,
+    label_angle,
+    label_values,
+    plain,
+    plain_decades,
+)
 from floquid.views import shape_curves, with_error
 
 if TYPE_CHECKING:

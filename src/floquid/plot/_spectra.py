@@ -11,8 +11,23 @@ from floquid._arrays import Floats
 from floquid._checks import index, input_error, integer, positive
 from floquid.core import channels_named
 from floquid.pipeline import Analysis
-from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
-from floquid.plot._style import POINTS, SIZE, columns_that_fit, degrees_a_period, drawing, frequency_unit, plain
+from floquid.plot._style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    POINTS,
+    PURPLE,
+    SIZE,
+    SKY,
+    VERMILION,
+    columns_that_fit,
+    degrees_a_period,
+    drawing,
+    frequency_unit,
+    plain,
+)
 from floquid.views import Family, envelope, families, lifted_spectrum, record_spectrum
 
 if TYPE_CHECKING:

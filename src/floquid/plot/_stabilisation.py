@@ -12,8 +12,21 @@ from floquid._checks import input_error, integer
 from floquid.lti import Outcome
 from floquid.order import OrderScan, Stability
 from floquid.pipeline import Analysis
-from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
-from floquid.plot._style import POINTS, drawing, frequency_unit, plain, plain_decades, several, whole_numbers
+from floquid.plot._style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    POINTS,
+    SKY,
+    VERMILION,
+    drawing,
+    frequency_unit,
+    plain,
+    plain_decades,
+    several,
+    whole_numbers,
+)
 from floquid.views import envelope, families, record_spectrum, unfolded
 
 if TYPE_CHECKING:

@@ -8,8 +8,7 @@ import numpy as np
 
 from floquid._checks import input_error
 from floquid.floquet import Instability, StabilityMap
-from floquid.plot._colours import BLACK, BLUE, ORANGE, PURPLE, VERMILION
-from floquid.plot._style import drawing, label_values, plain
+from floquid.plot._style import BLACK, BLUE, ORANGE, PURPLE, VERMILION, drawing, label_values, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

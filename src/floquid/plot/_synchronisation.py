@@ -10,8 +10,21 @@ import numpy as np
 from floquid._checks import input_error
 from floquid.core import Record
 from floquid.pipeline import Analysis
-from floquid.plot._colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
-from floquid.plot._style import INTERVAL, drawing, keep_sizes, label_values, whole_numbers
+from floquid.plot._style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    INTERVAL,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    drawing,
+    keep_sizes,
+    label_values,
+    whole_numbers,
+)
 from floquid.sync import ShaftAngle
 from floquid.views import Synchronisation
 from floquid.views import synchronisation as synchronisation_of

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from floquid._checks import input_error, positive, timed_matrices
 from floquid.core import Channel
-from floquid.plot._colours import BLACK
 from floquid.plot._style import (
+    BLACK,
     INTERVAL,
     LOOKS,
     degrees_a_period,

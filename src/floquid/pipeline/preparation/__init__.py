@@ -15,16 +15,6 @@ from floquid.pipeline.preparation._prepare import (
 from floquid.pipeline.preparation._refuse import NO_NEWS, name_of, refuse_few
 
 __all__ = [
-    "NO_NEWS",
-    "NO_RESPONSE",
-    "Prepared",
-    "blas_threads",
-    "clocked",
-    "name_of",
-    "prepare",
-    "refuse_driven",
-    "refuse_few",
-    "settings_of",
-    "uneven_speed",
-    "without_clock",
-]
+    "NO_NEWS", "NO_RESPONSE", "Prepared", "blas_threads", "clocked", "name_of", "prepare", "refuse_driven",
+    "refuse_few", "settings_of", "uneven_speed", "without_clock",
+]  # fmt: skip
