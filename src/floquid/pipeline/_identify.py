@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import PeriodicModel, Record
-from floquid.errors import FloquidError, IdentificationError
-from floquid.findings import Finding, failure, texts, warning
+from floquid.errors import IdentificationError
+from floquid.findings import Finding, texts, warning
 from floquid.lifting import floor_of
 from floquid.order import judge
 from floquid.periodic import Fit, OrderError, assemble, distinct_multipliers, entries_of, fit, groups, unexplained
-from floquid.pipeline._analysis import FAILED, Analysis, clocks_of
+from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._complete import completed, free_residues, samples_of
 from floquid.pipeline._doubts import QUIET, order_too_low, wrong_period_fitted, wrong_period_lifted
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import Lifting, Start, cut, start_of
+from floquid.pipeline._validated import validated
 from floquid.pipeline.preparation import NO_NEWS, Prepared, blas_threads, name_of, own_names, prepare, settings_of
-from floquid.validation import Criterion, Validation, validate
 
 OWN = 0.1
 """Share of its noise that a channel has beside the others, below which it has none of its own: 1 % of its power."""
@@ -90,68 +90,6 @@ def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:
     rough = np.abs(np.diff(rests, 2, axis=1)[:, ::apart])
     rough = np.median(rough, axis=1) / (NORMAL_QUARTILE * np.sqrt(6.0))
     return np.minimum(np.sqrt(np.einsum("rn,rn->r", rests, rests) / rests.shape[1]), rough)
-
-
-def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: None) -> Analysis:
-    """The same analysis with the verdict on its model, and on its A(t) where it has one.
-
-    A verdict that cannot be had is one against the model, and says why.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found, or `load` read.
-    report
-        Is told of each stage.
-
-    Returns
-    -------
-    Analysis
-        With its `validation`.
-    """
-    forced = analysis.fit.forced
-    nu = analysis.settings.periods_per_revolution if forced is None else forced.revolution / analysis.model.period
-    try:
-        verdict = validate(
-            analysis.model,
-            analysis.fit.free,
-            analysis.clocks,
-            noise=analysis.noise,
-            state=analysis.state,
-            whitening=analysis.whitening,
-            periods_per_revolution=nu,
-            report=report,
-        )
-    except (FloquidError, np.linalg.LinAlgError) as error:
-        nothing = np.full(analysis.noise.shape, np.nan)
-        verdict = Validation(
-            metrics={},
-            criteria={},
-            passed=False,
-            findings=(failure("not_checked", error=str(error).rstrip(".")),),
-            fit=nothing,
-            held_out_error=nothing,
-            colour=nothing,
-            tones=np.zeros((*analysis.noise.shape, 0)),
-            lines=np.zeros((*analysis.noise.shape, 0)),
-        )
-    return replace(analysis, validation=_with_misfit(verdict, analysis))
-
-
-def _with_misfit(verdict: Validation, analysis: Analysis) -> Validation:
-    """The verdict with what the fit leaves as one more number: a model that fails does not pass, whatever else does."""
-    if analysis.misfit is None:
-        return verdict
-    findings = verdict.findings
-    if analysis.failed:
-        findings = (failure("fails", misfit=analysis.misfit), *findings)
-    return replace(
-        verdict,
-        metrics={**verdict.metrics, "misfit": analysis.misfit},
-        criteria={**verdict.criteria, "misfit": Criterion(limit=FAILED)},
-        passed=verdict.passed and not analysis.failed,
-        findings=findings,
-    )
 
 
 def identify(
