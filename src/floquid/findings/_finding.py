@@ -30,6 +30,8 @@ class Severity(StrEnum):
 class Finding(Rebuilt):
     """One result of a stage; `str(finding)` is the sentence for people.
 
+    Raises InputError where the code is not in the table, and there are no words.
+
     Parameters
     ----------
     code
@@ -42,11 +44,6 @@ class Finding(Rebuilt):
         The record that it is of, such as "record 2"; empty where it is of all.
     words
         The sentence of a finding that was read from a file; empty for that of the table.
-
-    Raises
-    ------
-    InputError
-        The code is not in the table, and there are no words.
     """
 
     code: str

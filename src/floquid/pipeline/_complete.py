@@ -137,13 +137,7 @@ def _peaked(choice: Choice | None) -> tuple[Finding, ...]:
 
 
 def _refuse_peaks(model: PeriodicModel, choice: Choice | None, settings: Settings) -> None:
-    """Refuse modes of which none is known to decay, where the noise has a peak.
-
-    Raises
-    ------
-    IdentificationError
-        There is no other mode.
-    """
+    """Refuse modes of which none is known to decay, where the noise has a peak."""
     std = model.exponent_std
     if choice is None or std is None or settings.identifier is not None or not _peaked(choice):
         return
@@ -163,6 +157,8 @@ def _alike(model: PeriodicModel, other: PeriodicModel | None) -> bool:
 def samples_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...], settings: Settings) -> tuple[Record, ...]:
     """The responses that are fitted, as they were measured.
 
+    Where they are whole samples a period they are of whole periods; their clocks then have the phase of the cycles.
+
     Parameters
     ----------
     records
@@ -171,11 +167,6 @@ def samples_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...], settin
         The angle of the shaft in each; none where periods are constant.
     settings
         The options.
-
-    Returns
-    -------
-    tuple of Record
-        Where they are whole samples a period, of whole periods; their clocks then have the phase of the cycles.
     """
     responses = tuple(without_clock(record) for record in records)
     clocks = clocks_of(responses, shafts)
@@ -194,6 +185,9 @@ def samples_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...], settin
 def lifted_views(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -> tuple[tuple[Cycles, ...], Lifted]:
     """The free response of a fit cut into periods and lifted: its samples where they are whole a period, or resampled.
 
+    The cycles are one a hit. Lifted they are through the filter, and with the noise, of the fit; without them where it
+    is resampled, for the eye alone.
+
     Parameters
     ----------
     fitted
@@ -202,13 +196,6 @@ def lifted_views(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings
         The angle of the shaft in each record; none where periods are constant.
     settings
         The options.
-
-    Returns
-    -------
-    tuple of Cycles
-        One a hit.
-    Lifted
-        Through the filter, and with the noise, of the fit; without them where it is resampled, for the eye alone.
     """
     if why_sampled(fitted, shafts, settings):
         period = fitted.model.period

@@ -46,6 +46,10 @@ def find_poles(
     Where what generous poles leave is coloured along the record, it is whitened (`whitened`) before poles are searched
     for, and judged again by what the poles found leave.
 
+    The responses come back with the noise that the fit leaves, whitened where it was coloured along the record; the
+    choice of the order is None where the settings fix it. Raises IdentificationError where no mode rises above the
+    noise, or the order or the noise cannot be told.
+
     Parameters
     ----------
     lifted
@@ -57,20 +61,6 @@ def find_poles(
     taps
         The filters that whiten what generous poles leave of the responses (channels, taps), None where that is white;
         found here by default.
-
-    Returns
-    -------
-    Lifted
-        The responses with the noise that the fit leaves, whitened where it was coloured along the record.
-    ModalModel
-        The poles and residues.
-    Choice or None
-        What speaks for the order and against it; None where the settings fix it.
-
-    Raises
-    ------
-    IdentificationError
-        No mode rises above the noise, or the order or the noise cannot be told.
     """
     raw, taps = lifted, first_filter(lifted) if isinstance(taps, EllipsisType) else taps
     if settings.order is not None and settings.order >= lifted.responses.lengths.max() - 1:

@@ -105,6 +105,11 @@ def identify(
     expand in harmonics (eqs. 4-12), and, when `states` are named, rebuild A(t) (eqs. 13-21 of Allen 2009, as
     corrected).
 
+    The result has every intermediate. Raises InputError where a record or an option is not possible,
+    IdentificationError where no mode rises above the noise, the record is too short, or the result would look right and
+    be wrong. A model that leaves many times the noise is returned, but it fails: `Analysis.failed`, its first warning,
+    its verdict.
+
     Parameters
     ----------
     records
@@ -115,19 +120,6 @@ def identify(
         Is told what is being done, a phrase a stage.
     **options
         Fields of `Settings`.
-
-    Returns
-    -------
-    Analysis
-        The result and every intermediate.
-
-    Raises
-    ------
-    InputError
-        A record or an option is not possible.
-    IdentificationError
-        No mode rises above the noise, the record is too short, or the result would look right and be wrong. A model
-        that leaves many times the noise is returned, but it fails: `Analysis.failed`, its first warning, its verdict.
     """
     chosen = settings_of(settings, options, "identify")
     prepared = prepare(records, chosen, report=report)

@@ -26,6 +26,9 @@ def lifted(
     are, with a tachometer, a rate out of step or missing samples, are resampled to them. Where the noise is coloured
     along the record, the responses are whitened.
 
+    Raises InputError where a record or an option is not possible, IdentificationError where the record is too short, or
+    the angle of its shaft cannot be told or is not constant enough.
+
     Parameters
     ----------
     records
@@ -36,18 +39,6 @@ def lifted(
         Is told what is being done, a phrase a stage.
     **options
         Fields of `Settings`.
-
-    Returns
-    -------
-    Lifted
-        The responses.
-
-    Raises
-    ------
-    InputError
-        A record or an option is not possible.
-    IdentificationError
-        The record is too short, or the angle of its shaft cannot be told or is not constant enough.
     """
     if not isinstance(records, Prepared):
         records = prepare(records, settings_of(settings, options, "lifted"), report=report, of="lifted")

@@ -52,6 +52,8 @@ SLIPS = {**_PERIOD, "n_modes": "order=2*n_modes", "tachometer": 'tach="tach"', "
 class Settings(Brief):
     """Every option of `identify`.
 
+    Raises InputError where a value is not possible.
+
     Parameters
     ----------
     period
@@ -123,11 +125,6 @@ class Settings(Brief):
         Leave out clipped samples, spikes and channels that stand still, and cut a record where it was hit again.
     validate
         Check the model on cycles left out, on what it leaves of the record, and on A(t) integrated.
-
-    Raises
-    ------
-    InputError
-        A value is not possible.
     """
 
     period: float | None = None

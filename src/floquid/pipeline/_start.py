@@ -193,10 +193,7 @@ def out_of_step(responses: Sequence[Record], clocks: Sequence[ConstantPeriod | S
 def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Start:
     """The poles of the lifted responses beside their forced response.
 
-    Raises
-    ------
-    IdentificationError
-        No mode rises above the noise, or the order or the noise cannot be told.
+    Raises IdentificationError where no mode rises above the noise, or the order or the noise cannot be told.
     """
     settings, lifted = prepared.settings, cutting.lifted
     by_default = settings.identifier is None and settings.order is None and settings.constrained

@@ -18,13 +18,7 @@ Again = Callable[[NDArray[np.complex128]], Estimates]
 
 
 def check_states(channels: Sequence[Channel], settings: Settings) -> None:
-    """Refuse states that are not in the records, and a structure that cannot be one of them, before any long work.
-
-    Raises
-    ------
-    InputError
-        A name is no channel, or states and structure do not belong together.
-    """
+    """Refuse states that are not in the records, and a structure that cannot be one of them, before any long work."""
     names = states_of(channels, settings)
     if isinstance(names, str):
         return
@@ -61,12 +55,8 @@ def state_of(
     `again` linearises the records anew at exponents (`floquid.periodic.estimate_at`); with `held`, the free A(t) is
     built from the harmonics of the model in any case.
 
-    Raises
-    ------
-    InputError
-        The states cannot span the modes.
-    IdentificationError
-        The structure contradicts the data, or there is nothing that it could be fitted to.
+    Raises InputError where the states cannot span the modes, IdentificationError where the structure contradicts the
+    data, or there is nothing that it could be fitted to.
     """
     if not settings.states:
         return None, None

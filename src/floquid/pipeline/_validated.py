@@ -24,11 +24,6 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
         What `identify` found, or `load` read.
     report
         Is told of each stage.
-
-    Returns
-    -------
-    Analysis
-        With its `validation`.
     """
     forced = analysis.fit.forced
     nu = analysis.settings.periods_per_revolution if forced is None else forced.revolution / analysis.model.period

@@ -232,6 +232,9 @@ def bootstrap(
     that are left out, which are in no draw: the draws may spread less than these, but not more. Returns the spread of
     each quantity, and the verdict.
 
+    Raises InputError where an argument is not possible, the processes cannot be started or die, or the draws cannot be
+    kept; IdentificationError where fewer than two draws give the order drawn from, or the model fails.
+
     Parameters
     ----------
     analysis
@@ -251,13 +254,6 @@ def bootstrap(
         Whether a progress bar is drawn on stderr, if that is a terminal.
     report
         Is told of each draw that is done.
-
-    Raises
-    ------
-    InputError
-        An argument is not possible, the processes cannot be started or die, or the draws cannot be kept.
-    IdentificationError
-        Fewer than two draws give the order drawn from, or the model fails.
     """
     if not isinstance(analysis, Analysis):
         must = "be an Analysis"

@@ -154,10 +154,7 @@ def hits_of(
 ) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
     """The free response after each impact as a record of its own, and which impacts were found, or are `given` [s].
 
-    Raises
-    ------
-    IdentificationError
-        There is no impact.
+    Raises IdentificationError where there is no impact.
     """
     free, said = [], []
     for number, record in enumerate(records, start=1):

@@ -30,13 +30,7 @@ BESIDE = 3
 
 
 def refuse_excited(settings: Settings, of: str) -> None:
-    """Refuse settings of records whose excitation goes on: the response is free.
-
-    Raises
-    ------
-    InputError
-        The settings name inputs, or random excitation.
-    """
+    """Refuse settings of records whose excitation goes on: the response is free."""
     if settings.inputs:
         must, got = "be empty: the response is free", f"is {list(settings.inputs)!r}"
         raise input_error("inputs", of, must, got, "Call `identify_driven`, which takes measured inputs.")
@@ -46,13 +40,7 @@ def refuse_excited(settings: Settings, of: str) -> None:
 
 
 def refuse_driven(records: Sequence[Record], settings: Settings) -> None:
-    """Refuse records in which a measured force goes on that the settings name neither as an input nor as a response.
-
-    Raises
-    ------
-    IdentificationError
-        There is such a force.
-    """
+    """Refuse records in which a measured force goes on that the settings name neither as an input nor as a response."""
     forces = forces_of(records, settings)
     every = ",".join([*settings.inputs, *forces])
     for number, record in enumerate(records, start=1):
@@ -90,11 +78,6 @@ def refuse_random(records: Sequence[Record], forces: Sequence[str]) -> None:
     lines of its spectrum P: few for undamped modes and tones, many but far from all for a response to noise. Only of
     records of constant period: at a speed that wanders, harmonics are as broad. The `forces` that the records held
     may be what drives it.
-
-    Raises
-    ------
-    IdentificationError
-        There is such a response.
     """
     for number, record in enumerate(records, start=1):
         where = f" of record {number}" if len(records) > 1 else ""

@@ -108,6 +108,9 @@ def prepare(
     responses are left out, the orbit that a file holds is subtracted, and the period or the angle of the shaft is
     found. What cannot end well is refused before any long work.
 
+    Raises InputError where a record or an option is not possible, IdentificationError where the record is too short, or
+    its period or the angle of its shaft cannot be told or is not constant enough.
+
     Parameters
     ----------
     records
@@ -120,18 +123,6 @@ def prepare(
         The callable that was asked, for messages.
     **options
         Fields of `Settings`.
-
-    Returns
-    -------
-    Prepared
-        The records as used, the responses, their clocks, and what was done.
-
-    Raises
-    ------
-    InputError
-        A record or an option is not possible.
-    IdentificationError
-        The record is too short, or its period or the angle of its shaft cannot be told or is not constant enough.
     """
     chosen = settings_of(settings, options, of)
     refuse_excited(chosen, of)
@@ -146,13 +137,7 @@ def prepare(
 
 
 def settings_of(settings: Settings | None, options: dict[str, object], of: str) -> Settings:
-    """The settings with the options given by name put over them.
-
-    Raises
-    ------
-    InputError
-        There is no such option.
-    """
+    """The settings with the options given by name put over them."""
     known = [f.name for f in fields(Settings)]
     for name in options:
         if name not in known:
@@ -236,15 +221,7 @@ def _clock(record: Record, settings: Settings) -> Clock | None:
 def _free(
     records: tuple[Record, ...], settings: Settings, of: str
 ) -> tuple[tuple[Record, ...], Settings, tuple[Finding, ...]]:
-    """The free responses that the records hold, cut and without what is no response, the settings, and what was done.
-
-    Raises
-    ------
-    InputError
-        The period cannot be one of the system in these records, or nothing is left of them.
-    IdentificationError
-        The records are too short, or there is no impact that leaves a free response.
-    """
+    """The free responses that the records hold, cut and without other channels, the settings, and what was done."""
     if not settings.estimate_period:
         refuse_period(records, of)
     elif settings.period is not None:
@@ -310,13 +287,7 @@ def _tied(
 def _with_own_period(
     records: tuple[Record, ...], about: float | None, report: Callable[[str], None]
 ) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
-    """The records with the period that the response has, near `about` where that is given, and how it is known.
-
-    Raises
-    ------
-    IdentificationError
-        The response does not tell its period.
-    """
+    """The records with the period that the response has, near `about` where that is given, and how it is known."""
     report("finding the period")
     shortest, longest, where = None, None, ""
     if about is not None:

@@ -40,12 +40,7 @@ def refuse_period(records: Sequence[Record], of: str, *, near: float = 1.0) -> N
     is let through: lifted, it is that of a constant system. Where the period would be possible in another unit, the
     message says so. `near` is the factor by which the period may still change, where it is a first value.
 
-    Raises
-    ------
-    InputError
-        The period is shorter than two sampling intervals, or longer than the record.
-    IdentificationError
-        The record holds fewer than 4 periods.
+    A record of fewer than 4 periods is an IdentificationError.
     """
     clocked = [(r, r.clock.period) for r in records if isinstance(r.clock, ConstantPeriod)]
     for record, period in clocked:
@@ -67,13 +62,7 @@ def refuse_period(records: Sequence[Record], of: str, *, near: float = 1.0) -> N
 
 
 def refuse_short(records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle]) -> None:
-    """Refuse records of which none holds 4 periods.
-
-    Raises
-    ------
-    IdentificationError
-        None does.
-    """
+    """Refuse records of which none holds 4 periods."""
     turned = any(isinstance(clock, ShaftAngle) for clock in clocks)
     check = (
         "the pulses and periods of a revolution (`pulses_per_revolution=`, `periods_per_revolution=`)" if turned else ""
@@ -146,13 +135,7 @@ def _as_period(period: float) -> str:
 
 
 def refuse_unlike(records: Sequence[Record], of: str) -> None:
-    """Refuse records that cannot be hits on one system: of other channels, or in other units, than the first.
-
-    Raises
-    ------
-    InputError
-        There is such a record.
-    """
+    """Refuse records that cannot be hits on one system: of other channels, or in other units, than the first."""
     first = records[0]
     for number, record in enumerate(records[1:], start=2):
         for what, one, other in (
