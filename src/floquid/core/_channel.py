@@ -99,14 +99,8 @@ def _by_name(name: str, possible: Sequence[str]) -> str | None:
 def channels_named(channels: Sequence[Channel], names: Sequence[str], *, argument: str, of: str) -> list[int]:
     """The indices of the channels called `names`, in that order.
 
-    Raises InputError where a name is unknown, or given twice.
-
-    Parameters
-    ----------
-    channels, names
-        The channels to choose from, and the names wanted, each at most once.
-    argument, of
-        What the names are called in the caller's signature, and the caller, for the message.
+    `names`, each at most once, are looked for among the `channels`; `argument` is what they are called in the caller's
+    signature, and `of` the caller, for the message. Raises InputError where a name is unknown, or given twice.
     """
     known = [channel.name for channel in channels]
     listing = "The channels are: " + ", ".join(known) + "."

@@ -40,17 +40,10 @@ def to_periodic_system(
     systems come by `floquet.discretise`, lifted ones by `floquet.lift`, those of python-control by its `to_control`.
     Of free responses there is no B and D, and C is that of the hit in which a mode is strongest.
 
-    Raises InputError where the model has no modes, an odd number of negative real multipliers, whose A(t) is not real,
-    or the states are none; IdentificationError where the channels do not tell the states.
-
-    Parameters
-    ----------
-    model
-        The periodic model.
-    states
-        The channels taken as displacements, as `reconstruct` takes them: A(t) is then in them and their velocities.
-    n_phases
-        Samples of the matrices a period, where `states` are given.
+    `states` are the channels of the `model` taken as displacements, as `reconstruct` takes them: A(t) is then in them
+    and their velocities, at `n_phases` samples a period. Raises InputError where the model has no modes, an odd number
+    of negative real multipliers, whose A(t) is not real, or the states are none; IdentificationError where the channels
+    do not tell the states.
     """
     of = "exports.to_periodic_system"
     if not isinstance(model, PeriodicModel):
@@ -154,18 +147,10 @@ def from_periodic_system(
     `floquet.realise`. Each exponent is on the branch where its outputs are strongest in the zeroth harmonic, every
     output over its largest; the largest b of a mode is 1. There are no deviations.
 
-    Raises InputError where the system is none, cannot be integrated, or channels are not as many as its signals;
-    IdentificationError where a multiplier is zero or repeated with fewer shapes, or the phases do not tell all
-    harmonics.
-
-    Parameters
-    ----------
-    system
-        The system; of continuous time, it is taken at `n_phases`, as `floquet.discretise` takes it.
-    n_phases
-        Phases a period at which a system of continuous time is taken.
-    channels, inputs
-        Its outputs and inputs; by default of their names.
+    A `system` of continuous time is taken at `n_phases` a period, as `floquet.discretise` takes it. `channels` and
+    `inputs` are its outputs and inputs; by default of their names. Raises InputError where the system is none, cannot
+    be integrated, or channels are not as many as its signals; IdentificationError where a multiplier is zero or
+    repeated with fewer shapes, or the phases do not tell all harmonics.
     """
     of = "exports.from_periodic_system"
     if isinstance(system, PeriodicSystem):

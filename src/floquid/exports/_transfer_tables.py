@@ -30,15 +30,9 @@ def export_transfer(found: TransferFunctions, path: str | PathLike[str]) -> None
       Voltages in and currents out are admittances (Y), all else is written as impedances (Z), in the units that the
       comments name. Programs for circuits read it, scikit-rf among them. It has no deviations.
 
-    Raises InputError where it is something else, the suffix is unknown, the functions have no such form, or the file
-    cannot be written there.
-
-    Parameters
-    ----------
-    found
-        What `transfer` or `measure_transfer` gave.
-    path
-        The file to write; it is replaced, whole or not at all.
+    `found` is what `transfer` or `measure_transfer` gave, `path` the file to write; it is replaced, whole or not at
+    all. Raises InputError where it is something else, the suffix is unknown, the functions have no such form, or the
+    file cannot be written there.
     """
     of = "export_transfer"
     if not isinstance(found, TransferFunctions):

@@ -40,16 +40,9 @@ class AbstractIdentifier(ABC):
         """The model of one order.
 
         Its `outcome` says how it ended. Raises InputError where `order` is not a positive integer below the number of
-        samples, or None where the algorithm cannot decide.
-
-        Parameters
-        ----------
-        state
-            What `prepare` returned.
-        order
-            The number of poles, conjugates one by one; None lets an algorithm that decides do so.
-        report
-            Is told of each stage.
+        samples, or None where the algorithm cannot decide. `state` is what `prepare` returned, `order` the number of
+        poles, conjugates one by one, where None lets an algorithm that decides do so, and `report` is told of each
+        stage.
         """
 
     def refine(self, state: Any, model: ModalModel) -> ModalModel:

@@ -74,17 +74,9 @@ def choose(
 
     with the limit ℓ of an F test at the false-alarm probability as the penalty of a mode. The choice is ambiguous when
     a neighbouring order is nearly as good, when modes are not told apart or hardly determined, when they move as one
-    more is added, or when what is left is not white noise.
-
-    Parameters
-    ----------
-    data
-        The responses and their noise.
-    identifier
-        The algorithm that finds the poles; one that does not decide the order is the start of maximum likelihood. None
-        for `MaximumLikelihood()`.
-    report
-        Is told of each stage.
+    more is added, or when what is left is not white noise. `data` are the responses and their noise, `report` is told
+    of each stage, and `identifier` finds the poles, by default `MaximumLikelihood()`; one that does not decide the
+    order is the start of maximum likelihood.
     """
     used = identifier or MaximumLikelihood()
     if not used.decides:

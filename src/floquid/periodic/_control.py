@@ -37,17 +37,9 @@ def to_control(model: PeriodicModel, n_phases: int, *, first_phase: float = 0.0)
 
     Outputs are `X[0]`, `X[1]`, ..., by channel, then phase (a full stop in a name is a middle dot, which python-control
     allows), inputs are `hit1`, ..., and dt is the period [s]. Raises InputError where python-control is not installed,
-    or an argument is not possible.
-
-    Parameters
-    ----------
-    model
-        The periodic model.
-    n_phases
-        Phases a period, P. All of it is kept, and `from_control` gives it back, while no frequency Im λ + mω lies
-        beyond P/2 fundamentals.
-    first_phase
-        The phase of the first of them, in periods.
+    or an argument is not possible. `model` is the periodic model, and `n_phases` are the phases a period, P: all of it
+    is kept, and `from_control` gives it back, while no frequency Im λ + mω lies beyond P/2 fundamentals. `first_phase`
+    is the phase of the first of them, in periods.
     """
     of = "periodic.to_control"
     if not isinstance(model, PeriodicModel):

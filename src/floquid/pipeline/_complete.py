@@ -157,16 +157,9 @@ def _alike(model: PeriodicModel, other: PeriodicModel | None) -> bool:
 def samples_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...], settings: Settings) -> tuple[Record, ...]:
     """The responses that are fitted, as they were measured.
 
-    Where they are whole samples a period they are of whole periods; their clocks then have the phase of the cycles.
-
-    Parameters
-    ----------
-    records
-        The records used.
-    shafts
-        The angle of the shaft in each; none where periods are constant.
-    settings
-        The options.
+    Where they are whole samples a period they are of whole periods; their clocks then have the phase of the cycles. Of
+    the `records` used by these `settings`, with the angle of the shaft in each, `shafts`, none where periods are
+    constant.
     """
     responses = tuple(without_clock(record) for record in records)
     clocks = clocks_of(responses, shafts)
@@ -186,16 +179,8 @@ def lifted_views(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings
     """The free response of a fit cut into periods and lifted: its samples where they are whole a period, or resampled.
 
     The cycles are one a hit. Lifted they are through the filter, and with the noise, of the fit; without them where it
-    is resampled, for the eye alone.
-
-    Parameters
-    ----------
-    fitted
-        The fit.
-    shafts
-        The angle of the shaft in each record; none where periods are constant.
-    settings
-        The options.
+    is resampled, for the eye alone. Of the fit `fitted` by these `settings`, with the angle of the shaft in each
+    record, `shafts`, none where periods are constant.
     """
     if why_sampled(fitted, shafts, settings):
         period = fitted.model.period

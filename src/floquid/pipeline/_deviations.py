@@ -25,12 +25,7 @@ estimated."""
 def widening(misfit: float | None, records: Sequence[Record]) -> float:
     """Factor of the deviations from the misfit: 1 where only noise is left, or nothing is known.
 
-    Parameters
-    ----------
-    misfit
-        What the fit leaves over the level of the noise.
-    records
-        What was fitted; NaN marks missing samples.
+    `misfit` is what the fit leaves over the level of the noise, `records` what was fitted; NaN marks missing samples.
     """
     if misfit is None:
         return 1.0

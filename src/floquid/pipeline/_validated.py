@@ -16,14 +16,8 @@ from floquid.validation import Criterion, Validation, validate
 def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: None) -> Analysis:
     """The same analysis with the verdict on its model, and on its A(t) where it has one.
 
-    A verdict that cannot be had is one against the model, and says why.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found, or `load` read.
-    report
-        Is told of each stage.
+    A verdict that cannot be had is one against the model, and says why. `analysis` is what `identify` found, or `load`
+    read; `report` is told of each stage.
     """
     forced = analysis.fit.forced
     nu = analysis.settings.periods_per_revolution if forced is None else forced.revolution / analysis.model.period

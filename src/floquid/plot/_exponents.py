@@ -51,15 +51,9 @@ def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = 
     estimate it belongs to. Of a known A(t) whose exponents differ vastly, scales are logarithmic: multipliers then keep
     their angle, and rings tell their size.
 
-    Raises InputError where `modes` is something else, or the truth is no list of numbers or given for modes that are
-    known.
-
-    Parameters
-    ----------
-    modes
-        What `floquet.modes` found, or the model that `identify` found.
-    truth
-        The true exponents (exponents,) [1/s], of a model alone; on any branch, and of a conjugate pair one will do.
+    `modes` is what `floquet.modes` found, or the model that `identify` found; of a model alone `truth` are the true
+    exponents (exponents,) [1/s], on any branch, and of a conjugate pair one will do. Raises InputError where `modes` is
+    something else, or the truth is no list of numbers or given for modes that are known.
     """
     of = "exponents"
     if isinstance(modes, PeriodicModel):

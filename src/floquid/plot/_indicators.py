@@ -46,14 +46,9 @@ def indicators(found: Indicators | Mapping[str, Indicators], *, angular: bool = 
     composite its mean. A second CMIF that rises where the first does means a second mode. On the right, each value
     above the line is the trace of a pole.
 
-    Raises InputError where `found` is something else, or there are more of them than fit a figure.
-
-    Parameters
-    ----------
-    found
-        What `order.indicators` found, or several of them by name: then a row each.
-    angular
-        Frequencies in rad/s instead of Hz.
+    `found` is what `order.indicators` found, or several of them by name: then a row each. With `angular` frequencies
+    are in rad/s instead of Hz. Raises InputError where `found` is something else, or there are more of them than fit a
+    figure.
     """
     of = "indicators"
     named = several(found, Indicators, "found", of)
@@ -110,14 +105,9 @@ def composite(analysis: Analysis | Mapping[str, Analysis], *, angular: bool = Fa
     noise. Where the difference lies on the level of white noise, the model has explained all there is. Marks show the
     frequencies of the modes, folded into the band.
 
-    Raises InputError where `analysis` is something else, or there are more of them than fit a figure.
-
-    Parameters
-    ----------
-    analysis
-        What `identify` found, or several analyses by name: then one panel each.
-    angular
-        Frequencies in rad/s instead of Hz.
+    `analysis` is what `identify` found, or several by name: then one panel each. With `angular` frequencies are in
+    rad/s instead of Hz. Raises InputError where `analysis` is something else, or there are more of them than fit a
+    figure.
     """
     named = several(analysis, Analysis, "analysis", "composite")
     turn, unit = frequency_unit(angular=angular)

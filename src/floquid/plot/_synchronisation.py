@@ -125,16 +125,9 @@ def _verdict(found: Synchronisation) -> str:
 def speed(shaft: ShaftAngle, record: Record | None = None, *, rpm: bool = False) -> Figure:
     """The speed against time with its band, the residuals of the pulses, and the geometry of an encoder; the verdict.
 
-    Raises InputError where `shaft` is not a ShaftAngle, or `record` not a Record.
-
-    Parameters
-    ----------
-    shaft
-        What `sync.shaft_angle` found.
-    record
-        The record: what of it lies outside the evidence is drawn too, shaded.
-    rpm
-        The speed in revolutions a minute instead of Hz.
+    `shaft` is what `sync.shaft_angle` found. What lies outside the evidence of a `record` is drawn too, shaded. With
+    `rpm` the speed is in revolutions a minute instead of Hz. Raises InputError where `shaft` is not a ShaftAngle, or
+    `record` not a Record.
     """
     if not isinstance(shaft, ShaftAngle):
         raise input_error("shaft", "speed", "be a ShaftAngle", f"is {shaft!r:.60}", "Pass sync.shaft_angle(record).")

@@ -123,16 +123,8 @@ def describe_file(
 
     It is what `floquid info` prints. A file whose time axis cannot be settled is described all the same, without a
     rate, and a note says why. Raises InputError where the file cannot be read, or is not what its format must be; an
-    argument is not possible.
-
-    Parameters
-    ----------
-    path
-        The file.
-    rate
-        The sampling rate [Hz], overriding what the file says.
-    channels
-        The channels to describe, in that order; None describes all.
+    argument is not possible. `path` is the file, `rate` the sampling rate [Hz], overriding what the file says, and
+    `channels` those to describe, in that order; None describes all.
     """
     if rate is not None:
         rate = positive(rate, "rate", "describe_file", unit="Hz", remedy="Pass the number of samples a second.")

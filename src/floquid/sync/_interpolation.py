@@ -112,16 +112,9 @@ def interpolation_error(
 
     Below band·cutoff it is at most the accuracy times :math:`e^{4|\sigma|h}`, h being the half-width [s].
 
-    Raises InputError where a parameter is not possible.
-
-    Parameters
-    ----------
-    frequencies
-        The frequencies f (frequencies,) [Hz].
-    sample_rate, cutoff, band, accuracy
-        As for `interpolate`.
-    growth
-        The rate σ [1/s] at which the response grows, or decays where it is negative.
+    At the `frequencies` f (frequencies,) [Hz], for a response that grows at the rate σ = `growth` [1/s], or decays
+    where it is negative; `sample_rate`, `cutoff`, `band` and `accuracy` are those of `interpolate`. Raises InputError
+    where a parameter is not possible.
     """
     of = "interpolation_error"
     lines = frozen_array(frequencies, "frequencies", of, axes=("frequencies",))

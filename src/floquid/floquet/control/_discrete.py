@@ -146,16 +146,9 @@ class DiscretePeriodicSystem(Rebuilt):
     def simulate(self, inputs: ArrayLike, *, initial: ArrayLike | None = None, first_phase: int = 0) -> Floats:
         """The outputs (outputs, samples) under a sequence of inputs.
 
-        Raises InputError where a shape or the phase is not possible.
-
-        Parameters
-        ----------
-        inputs
-            u (inputs, samples); of a system without inputs `np.empty((0, samples))`.
-        initial
-            The state at the first sample (n,); zero by default.
-        first_phase
-            The phase k of the first sample, 0 to P - 1.
+        `inputs` are u (inputs, samples), of a system without inputs `np.empty((0, samples))`, `initial` is the state at
+        the first sample (n,), zero by default, and `first_phase` the phase k of that sample, 0 to P - 1. Raises
+        InputError where a shape or the phase is not possible.
         """
         of = "DiscretePeriodicSystem.simulate"
         given = frozen_array(inputs, "inputs", of, axes=(self.n_inputs, "samples"), remedy="Time is the last axis.")

@@ -148,16 +148,9 @@ def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: in
 
     Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control, chapter 6.
 
-    Raises InputError where the form is unknown, or the phase is not possible.
-
-    Parameters
-    ----------
-    system
-        The periodic system.
-    form
-        "time" (Meyer and Burrus 1975) or "cyclic" (Flamm 1991).
-    first_phase
-        The phase with which a step begins, 0 to P - 1: the lifted state is the state at that phase.
+    `system` is the periodic system, `form` "time" (Meyer and Burrus 1975) or "cyclic" (Flamm 1991), and `first_phase`
+    the phase with which a step begins, 0 to P - 1: the lifted state is the state at that phase. Raises InputError where
+    the form is unknown, or the phase is not possible.
     """
     of = "floquet.lift"
     if form not in get_args(Form):
@@ -231,17 +224,10 @@ def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) 
     phase and others between, as many as the phase needs that needs most. All responses are the same: it is the
     inverse of `lift(...).to_control()` but for coordinates.
 
-    Raises InputError where python-control is not installed, the system is of continuous time, or is not causal within a
+    `system` is one of discrete time whose step is the period, its inputs and outputs by phase, then by name; `n_phases`
+    are the steps a period, P, and `first_phase`, 0 to P - 1, is the phase with which a step of it begins. Raises
+    InputError where python-control is not installed, the system is of continuous time, or is not causal within a
     period.
-
-    Parameters
-    ----------
-    system
-        A discrete-time system whose step is the period, its inputs and outputs by phase, then by name.
-    n_phases
-        Steps a period, P.
-    first_phase
-        The phase with which a step of `system` begins, 0 to P - 1.
     """
     if not isinstance(system, load_package("control", _OF).StateSpace):
         raise input_error("system", _OF, "be a control.StateSpace", f"is {describe(system)}", "Use `control.ss`.")

@@ -59,16 +59,9 @@ def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: Arra
     A real part is told from zero where it is larger than a hundred times the tolerance of the factors times the
     condition of the exponent, over the period; of exponents that share a shape, the root of that.
 
-    Raises InputError where the tolerance is not positive, or the errors are not as many as the modes.
-
-    Parameters
-    ----------
-    modes
-        What `modes` found.
-    tolerance
-        That with which they were found.
-    errors
-        What else each exponent is known to (modes,) [1/s], as from `compare`.
+    `modes` is what `modes` found, `tolerance` that with which they were found, and `errors` what else each exponent is
+    known to (modes,) [1/s], as from `compare`. Raises InputError where the tolerance is not positive, or the errors are
+    not as many as the modes.
     """
     of = "floquet.stability"
     relative = _SAFE * positive(tolerance, "tolerance", of) * np.maximum(modes.condition, 1.0)

@@ -102,16 +102,8 @@ def participation(model: PeriodicModel, mode: int, weights: Floats) -> tuple[Int
 
     .. math:: p_m = \sum_{c,h} w_{c,h}^2 |B_{m,c,h}|^2 \Big/ \sum_{m,c,h} w_{c,h}^2 |B_{m,c,h}|^2
 
-    Returns the integers m that are kept and the share p of each, both (harmonics,).
-
-    Parameters
-    ----------
-    model
-        The periodic model.
-    mode
-        The index of the mode.
-    weights
-        One over the noise (channels, hits).
+    `mode` is the index of the mode in the `model`, and `weights` are one over the noise (channels, hits). Returns the
+    integers m that are kept and the share p of each, both (harmonics,).
     """
     energy = np.sum(np.abs(model.coefficients[mode] * weights[:, :, None]) ** 2, axis=(0, 1))
     kept = energy > 0

@@ -112,17 +112,9 @@ def combinations_of(model: PeriodicModel, noise: Floats, *, nonlinear: bool = Fa
 
     .. math:: \lambda_c = \lambda_a + \lambda_b + i m \omega
 
-    Returns one finding a mode.
-
-    Parameters
-    ----------
-    model
-        The periodic model.
-    noise
-        The deviation of the noise (channels, hits) [units of the channels].
-    nonlinear
-        Whether the record is known not to be one of modes alone: then sums are looked for from farther away, since
-        several may have come out as one.
+    `noise` are the deviations of the noise (channels, hits) [units of the channels] of the periodic `model`. Of a
+    record that is known not to be one of modes alone (`nonlinear`) sums are looked for from farther away, since several
+    may have come out as one. Returns one finding a mode.
     """
     chosen, std = list(model.upper_modes), model.exponent_std
     if std is None or not chosen:

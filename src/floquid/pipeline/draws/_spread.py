@@ -95,12 +95,7 @@ class Spread(Rebuilt):
     def interval(self, level: float = 0.95) -> tuple[NDArray, NDArray]:
         """The percentile interval: both ends (...) of what holds the share `level` of the draws, as much beyond each.
 
-        Raises InputError where `level` is not between 0 and 1.
-
-        Parameters
-        ----------
-        level
-            The share, between 0 and 1.
+        `level` is the share, between 0 and 1. Raises InputError where `level` is not between 0 and 1.
         """
         if not 0.0 < level < 1.0:
             raise input_error("level", "Spread.interval", "lie between 0 and 1", f"is {level!r}", "Pass e.g. 0.95.")
