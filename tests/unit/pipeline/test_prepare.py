@@ -13,8 +13,8 @@ from floquid import ConstantPeriod, IdentificationError, InputError, PulseTimes,
 from floquid.core import Channel, TachometerSignal
 from floquid.lifting import lift
 from floquid.pipeline._complete import by_cycles
-from floquid.pipeline.draws._draws import draw
 from floquid.pipeline.draws._plan import plan_of
+from floquid.pipeline.draws._redraw import draw
 from floquid.readers import write
 from floquid.sync import ShaftAngle
 from floquid.systems import JeffcottRotor, Run

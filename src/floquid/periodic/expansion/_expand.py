@@ -12,7 +12,7 @@ from floquid.core import Estimates, PeriodicModel
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic.expansion._coefficient_estimates import free_estimates, share_of_nyquist
-from floquid.periodic.expansion._harmonic_bands import GAP, select_bands
+from floquid.periodic.expansion._kept_harmonics import GAP, select_bands
 
 
 def assemble(

@@ -21,8 +21,8 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._deviations import widening_of
-from floquid.pipeline.draws._draws import Draw, drawn
 from floquid.pipeline.draws._plan import Plan, plan_of
+from floquid.pipeline.draws._redraw import Draw, drawn
 from floquid.pipeline.draws._spread import MATERIAL, Spread
 
 OF = "bootstrap"
