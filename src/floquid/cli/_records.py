@@ -37,8 +37,7 @@ _DRIVING = re.compile(
 )
 """Words in the names of channels that drive a system."""
 
-_BLOWS = 12.0
-"""The range of a force over its deviation from which on it is one of blows: of a random one it is 8 or 10."""
+_BLOWS = 12.0  # the range of a force over its deviation from which on it is one of blows: of a random one it is 8 or 10
 
 
 def check_files(files: Sequence[Path], of: str) -> None:

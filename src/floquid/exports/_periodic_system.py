@@ -14,14 +14,9 @@ from floquid.floquet import DiscretePeriodicSystem, PeriodicSystem, SampledMatri
 from floquid.inputs import input_gain
 from floquid.reconstruction import reconstruct
 
-ROUNDING = 1e-12
-"""The share of the largest coefficient of a mode below which one is rounding."""
-
-LOST = 1e-8
-"""The share of the largest coefficient that may stand at the last harmonics that the phases tell."""
-
-DEFECTIVE = 1e10
-"""The condition of the shapes from which on they are no basis."""
+ROUNDING = 1e-12  # the share of the largest coefficient of a mode below which one is rounding
+LOST = 1e-8  # the share of the largest coefficient that may stand at the last harmonics that the phases tell
+DEFECTIVE = 1e10  # the condition of the shapes from which on they are no basis
 
 
 def to_periodic_system(

@@ -127,8 +127,7 @@ def _of_orbit(period: float, orbit: float, harmonics: Sequence[int], symmetric: 
     )
 
 
-SMALLEST = 1e-300
-"""Probabilities below this are not told apart."""
+SMALLEST = 1e-300  # probabilities below this are not told apart
 
 
 def _p(p: float) -> str:

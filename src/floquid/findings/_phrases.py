@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-LISTED = 3
-"""Places of one kind that are named one by one."""
+LISTED = 3  # places of one kind that are named one by one
 
 
 def listed(parts: Sequence[str]) -> str:

@@ -49,8 +49,7 @@ RECORDS: dict[str, str | Callable[..., str]] = {
 """By code."""
 
 
-CUT = "Cut the record to a part of steady speed."
-"""Remedy where no periodic model holds."""
+CUT = "Cut the record to a part of steady speed."  # remedy where no periodic model holds
 
 
 def _absent(absent: tuple[int, ...], lines: int) -> str:

@@ -20,8 +20,7 @@ from floquid.reconstruction import Refinement, StateModel
 from floquid.sync import ShaftAngle
 from floquid.validation import Validation
 
-FAILED = 3.0
-"""Times the noise that a fit leaves from which on it is no model of the record: then it has no deviations."""
+FAILED = 3.0  # times the noise that a fit leaves from which on it is no model of the record: then it has no deviations
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,12 +9,8 @@ from floquid.lifting import Lifted, whitening_filter
 from floquid.lti import ModalModel
 from floquid.periodic import generous_poles
 
-SLOW = 10.0
-"""The decay over the record, as a logarithm, below which a mode may be noise."""
-
-PEAK = 0.05
-"""The gain of a filter, over its root sum of squares, below which the noise has a peak."""
-
+SLOW = 10.0  # the decay over the record, as a logarithm, below which a mode may be noise
+PEAK = 0.05  # the gain of a filter, over its root sum of squares, below which the noise has a peak
 FALLEN = 6.0
 """The largest value of the first quarter of a record, over the rms of its last third, that noise does not reach."""
 

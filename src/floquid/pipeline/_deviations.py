@@ -14,9 +14,7 @@ from floquid.periodic import Fit, ForcedResponse
 from floquid.pipeline._analysis import Analysis, fails
 from floquid.pipeline._settings import Settings
 
-BENT = 1.1
-"""The misfit up to which the deviations are those of the noise alone, in a long record."""
-
+BENT = 1.1  # the misfit up to which the deviations are those of the noise alone, in a long record
 SCATTER = 5.0
 """Excess of the misfit of noise alone over one, at most, times the root of the number of samples: its level is
 estimated."""

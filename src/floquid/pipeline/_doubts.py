@@ -26,33 +26,15 @@ from floquid.pipeline._analysis import FAILED
 from floquid.pipeline.preparation import Prepared
 from floquid.sync import ShaftAngle
 
-QUIET = 1e-4
-"""The noise over the largest value below which a record says more than modes: a weak nonlinearity, for one."""
-
-STILL = 4.0
-"""Standard deviations within which a multiplier is 1 or -1."""
-
-BLURRED = 400.0
-"""Misfit that errors of the angle may add, spread over the lines about each harmonic."""
-
-MISFIT = 1.3
-"""Times the noise that a fit may leave."""
-
-TURNED = 1.0
-"""The phase [rad] that the fundamental may slip while modes last, for one step of a fit to tell the period."""
-
-SEVERAL = 6
-"""Exponents from which on modes without a second harmonic may be harmonics that a wrong period tore apart."""
-
-EVIDENT = 0.1
-"""Equal decays say something where the deviation of their difference is below this share of the decay."""
-
-CHANCE = 0.1
-"""Fundamentals within which two modes are near whole ones apart by chance too often to say anything."""
-
-FOLDED = 10.0
-"""Decays within which modes that fold onto one another may be one."""
-
+QUIET = 1e-4  # the noise over the largest value below which a record says more than modes: a weak nonlinearity, for one
+STILL = 4.0  # standard deviations within which a multiplier is 1 or -1
+BLURRED = 400.0  # misfit that errors of the angle may add, spread over the lines about each harmonic
+MISFIT = 1.3  # times the noise that a fit may leave
+TURNED = 1.0  # the phase [rad] that the fundamental may slip while modes last, for one step of a fit to tell the period
+SEVERAL = 6  # exponents from which on modes without a second harmonic may be harmonics that a wrong period tore apart
+EVIDENT = 0.1  # equal decays say something where the deviation of their difference is below this share of the decay
+CHANCE = 0.1  # fundamentals within which two modes are near whole ones apart by chance too often to say anything
+FOLDED = 10.0  # decays within which modes that fold onto one another may be one
 NEIGHBOURS = 0.75
 """The distance of two modes modulo the fundamental, over the sum of their decays, within which one that changes is
 taken for both: what a cubic term makes of a mode decays three times as fast, at half of that sum."""
@@ -60,14 +42,9 @@ taken for both: what a cubic term makes of a mode decays three times as fast, at
 WANDERING = 5.0
 """The same on a shaft whose speed wanders: a frequency that follows it has lines as far beside as that is fast."""
 
-SAME_SHAPE = 0.95
-"""The squared correlation of two shapes from which on they are one."""
-
-TELLING = 3
-"""Coefficients in a shape, at least, for it to say anything."""
-
-ROUNDED = 4.0
-"""Deviations within which a period is a whole number of sampling intervals."""
+SAME_SHAPE = 0.95  # the squared correlation of two shapes from which on they are one
+TELLING = 3  # coefficients in a shape, at least, for it to say anything
+ROUNDED = 4.0  # deviations within which a period is a whole number of sampling intervals
 
 
 def wrong_period_lifted(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> Finding | None:

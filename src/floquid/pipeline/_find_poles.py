@@ -17,17 +17,10 @@ from floquid.order import Choice, judge
 from floquid.pipeline._colour import ALL_PEAKED, dies_away, first_filter, under_a_peak
 from floquid.pipeline._settings import Settings
 
-ENOUGH_CYCLES = 3
-"""Cycles a pole that a hit must hold for its noise to be judged by itself."""
-
-NOISE_ROUNDS = 4
-"""Estimates of the noise from the residual, at most."""
-
-WHITENINGS = 3
-"""Estimates of the filter that whitens the noise, at most."""
-
-SAME = 0.02
-"""The difference of taps that is not worth another search."""
+ENOUGH_CYCLES = 3  # cycles a pole that a hit must hold for its noise to be judged by itself
+NOISE_ROUNDS = 4  # estimates of the noise from the residual, at most
+WHITENINGS = 3  # estimates of the filter that whitens the noise, at most
+SAME = 0.02  # the difference of taps that is not worth another search
 
 
 class UnsettledError(IdentificationError):

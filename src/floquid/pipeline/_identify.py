@@ -27,20 +27,11 @@ from floquid.pipeline.preparation import NO_NEWS, Prepared, blas_threads, name_o
 OWN = 0.1
 """Share of its noise that a channel has beside the others, below which it has none of its own: 1 % of its power."""
 
-COPIED = 0.04
-"""The same below which it is a copy, but for rounding; above, sensors may share what they do not measure."""
-
-ENOUGH = 4
-"""Samples for each response from which on sums of them are looked for."""
-
-NORMAL_QUARTILE = 0.6745
-"""The median size of a normal number of unit deviation."""
-
-LOOKED_AT = 5000
-"""Second differences whose median tells the noise to two percent."""
-
-NAMED = 0.01
-"""The share of a channel that another must make up to be named."""
+COPIED = 0.04  # the same below which it is a copy, but for rounding; above, sensors may share what they do not measure
+ENOUGH = 4  # samples for each response from which on sums of them are looked for
+NORMAL_QUARTILE = 0.6745  # the median size of a normal number of unit deviation
+LOOKED_AT = 5000  # second differences whose median tells the noise to two percent
+NAMED = 0.01  # the share of a channel that another must make up to be named
 
 
 def sum_of_others(analysis: Analysis) -> dict[str, Any] | None:

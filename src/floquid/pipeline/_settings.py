@@ -16,9 +16,7 @@ from floquid.inputs import Hold
 from floquid.lti import AMI, ERA, LSCF, AbstractIdentifier, MaximumLikelihood, PolyLSCF
 from floquid.reconstruction import MOST_TIMES, AbstractStructure, FirstOrder, Form, structure_of, text_of
 
-ALL = "all"
-"""Name of all channels as states, each state a weighted sum of them."""
-
+ALL = "all"  # name of all channels as states, each state a weighted sum of them
 Excitation: TypeAlias = Literal["none", "ambient"]
 """Excitation that goes on and that nobody measured."""
 

@@ -28,20 +28,11 @@ FLOORS = (1e-4, 1e-3)
 where what modes leave is no noise."""
 
 
-POINTS = 2000
-"""Instants at which the angle of a shaft is looked at."""
-
-BRIDGED = 0.2
-"""Periods over which missing samples are filled for the start."""
-
-SHORTEST = 0.25
-"""The share of a record that must be there in one piece for the rest to be left out of the start."""
-
-FAR = 0.05
-"""The wander of the shaft's angle [rad of the system] from which on lifting in angle makes modes of its own."""
-
-WANDERS = 1e-6
-"""The relative range of the periods from which on the forced response is let follow the speed."""
+POINTS = 2000  # instants at which the angle of a shaft is looked at
+BRIDGED = 0.2  # periods over which missing samples are filled for the start
+SHORTEST = 0.25  # the share of a record that must be there in one piece for the rest to be left out of the start
+FAR = 0.05  # the wander of the shaft's angle [rad of the system] from which on lifting in angle makes modes of its own
+WANDERS = 1e-6  # the relative range of the periods from which on the forced response is let follow the speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,11 +22,8 @@ if TYPE_CHECKING:
 
 COLORS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE)
 DASHES = ((0, (4, 2)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
-CURVES = 4
-"""Singular values that are drawn: three of them are seldom modes at once."""
-
-SMALLEST = 1e-3
-"""The share of a mode's energy below which a line is not marked."""
+CURVES = 4  # singular values that are drawn: three of them are seldom modes at once
+SMALLEST = 1e-3  # the share of a mode's energy below which a line is not marked
 
 
 def harmonic_spectra(

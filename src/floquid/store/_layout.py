@@ -29,9 +29,7 @@ VERSION = 3
 EXCITED: dict[type, str] = {DrivenAnalysis: "driven", AmbientAnalysis: "ambient"}
 """Results of records whose excitation goes on, by the attribute `kind` of their files; others have none."""
 
-ABSENT = ("estimates", "unselected", "inputs", "composites")
-"""Groups that a file does not have for None."""
-
+ABSENT = ("estimates", "unselected", "inputs", "composites")  # groups that a file does not have for None
 FLAGS = ("constrained", "kept", "passed", "real", "speed_dependent", "steady")
 """HDF5 has no truth values: these are 0 and 1."""
 

@@ -96,8 +96,7 @@ def _edges(centres: Complexes, parts: list[Floats], level: float) -> Complexes:
     return edges
 
 
-_BAND = 1.96
-"""Deviations of a 95 % band."""
+_BAND = 1.96  # deviations of a 95 % band
 
 
 def magnitude_bands(found: TransferFunctions, row: int, column: int) -> tuple[Floats, Floats, Floats, float]:

@@ -15,11 +15,8 @@ from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation._mended import NO_RESPONSE, begins_free, without_faults, without_spikes
 from floquid.sync import clipped, dropouts, find_hits, gaps, pulse_times, shaft_angle, split_hits
 
-MOST_GAPS = 12
-"""Stretches of missing samples that are listed one by one."""
-
-CHUNK = 8192
-"""Samples at which an orbit is made at a time."""
+MOST_GAPS = 12  # stretches of missing samples that are listed one by one
+CHUNK = 8192  # samples at which an orbit is made at a time
 
 
 def without_orbit(records: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:

@@ -13,20 +13,15 @@ from floquid.errors import IdentificationError
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation._mended import NO_RESPONSE
 
-PEAKED = 8.0
-"""The peak of a force over its rms below which it goes on: of a random one it is four, of a blow a hundred."""
-
-LASTING = 0.3
-"""The energy of the weakest third of a record over that of the strongest from which on nothing decays."""
-
+PEAKED = 8.0  # the peak of a force over its rms below which it goes on: of a random one it is four, of a blow a hundred
+LASTING = 0.3  # the energy of the weakest third of a record over that of the strongest from which on nothing decays
 BROAD = 16.0
 """Lines of a spectrum over which the energy is spread, at least: those of a tone or a lasting mode are a few."""
 
 WHITE = 0.125
 """The same as a share of all lines, from which on it is noise and no response."""
 
-BESIDE = 3
-"""Lines on either side of a harmonic of the period that are its own."""
+BESIDE = 3  # lines on either side of a harmonic of the period that are its own
 
 
 def refuse_excited(settings: Settings, of: str) -> None:

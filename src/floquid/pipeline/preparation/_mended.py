@@ -17,29 +17,22 @@ from floquid.sync import Clipping, Dropout, Impact, find_impacts
 NO_RESPONSE = ("force", "pulse", "angle")
 """Quantities of channels that say what drives a system, or how far it has turned."""
 
-GROWN = 1.3
-"""Times that the typical size of a response grows by at a blow, at least, from one stretch to the next."""
-
-STRETCH = 64
-"""Samples of such a stretch, at most; a blow nearer to the ends of a record is not looked for."""
-
+GROWN = 1.3  # times that the typical size of a response grows by at a blow, at least, from one stretch to the next
+STRETCH = 64  # samples of such a stretch, at most; a blow nearer to the ends of a record is not looked for
 SHORT = 3
 """Samples of a fault, at most, that are left out and the rest believed."""
 
 NEAR, ALONE = 12, 0.35
 """Samples about a fault that are compared with it, and how far, as its share, they may be from their neighbours."""
 
-MOST_BLOWS = 8
-"""Blows beyond which a record is no series of free responses."""
-
+MOST_BLOWS = 8  # blows beyond which a record is no series of free responses
 SMOOTH = 0.3
 """The correlation of neighbouring samples from which on what comes before a blow is a response and no noise."""
 
 ENOUGH = 30
 """Periods before a blow that are a hit of their own: three for each of ten poles; half of the record if it is less."""
 
-MOST_LEFT_OUT = 0.3
-"""The share of a channel's samples that is left out at most."""
+MOST_LEFT_OUT = 0.3  # the share of a channel's samples that is left out at most
 
 
 def without_faults(record: Record, faults: Sequence[Clipping | Dropout]) -> tuple[Record, tuple[Finding, ...]]:

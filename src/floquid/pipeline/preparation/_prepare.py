@@ -50,15 +50,11 @@ from floquid.sync import ShaftAngle, shaft_angle
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
-LARGE = 20_000_000
-"""Samples in all from which linear algebra may use all threads."""
-
+LARGE = 20_000_000  # samples in all from which linear algebra may use all threads
 EXAMPLE = 'Record(values=y, sample_rate=fs, channels=["x", "y"])'
 """How a record is made of an array (channels, samples), for messages."""
 
-NEAR = 1.5
-"""Largest factor between the period and a first value of it."""
-
+NEAR = 1.5  # largest factor between the period and a first value of it
 SIGNALS = (TachometerSignal, AzimuthSignal, PulseTimes)
 
 

@@ -13,21 +13,15 @@ from floquid.errors import IdentificationError
 from floquid.lifting import refuse_values
 from floquid.sync import ShaftAngle, wrapped
 
-FEWEST = 4
-"""Whole periods that a record must hold: fewer cannot hold a mode and the noise beside it."""
-
+FEWEST = 4  # whole periods that a record must hold: fewer cannot hold a mode and the noise beside it
 LEAST = 2.0
 """Sampling intervals that a period must last: of shorter ones, a harmonic of the period would alias onto its mean."""
 
-SLACK = 0.5
-"""Samples that a record may lack of the fewest periods: rates and periods are rounded."""
-
+SLACK = 0.5  # samples that a record may lack of the fewest periods: rates and periods are rounded
 LARGEST_DRIFT = 0.01
 """Samples by which a record that is sampled once a period may slip against it, as where records are cut."""
 
-MOST_SLIPS = 2
-"""Slips of the unit that are named in one message, the likeliest first."""
-
+MOST_SLIPS = 2  # slips of the unit that are named in one message, the likeliest first
 NO_NEWS = "a copy adds no knowledge, but would make the deviations too small."
 
 
