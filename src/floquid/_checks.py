@@ -211,6 +211,11 @@ def timed_matrices(value: object, argument: str, of: str, n: int) -> tuple[NDArr
     return times, frozen_array(value[1], f"{argument}[1]", of, axes=(len(times), n, n))
 
 
+def counted(number: int | str, word: str) -> str:
+    """A number of things: 1 record, 2 records."""
+    return f"{number} {word}" + ("" if str(number) == "1" else "s")
+
+
 def describe(value: object) -> str:
     """A short description of a wrong value for a message."""
     if isinstance(value, np.ndarray):

@@ -14,10 +14,10 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from floquid._checks import input_error
+from floquid._checks import counted, input_error
 from floquid.cli._folder import ResultFolder, maybe_folder, result_file
 from floquid.cli._options import Format, OptionalWhole, OutputFolder, Saved, Seed, Whole
-from floquid.cli._terminal import counted, json_text, new_table, print_files, print_title, print_whole, terminal
+from floquid.cli._terminal import json_text, new_table, print_files, print_title, print_whole, terminal
 from floquid.pipeline import Analysis, Bootstrap, Spread
 from floquid.pipeline import bootstrap as bootstrap_analysis
 from floquid.store import DrawFile, load

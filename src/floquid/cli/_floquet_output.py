@@ -10,8 +10,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from floquid._checks import counted
 from floquid.cli._terminal import (
-    counted,
     json_text,
     new_table,
     print_files,

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import input_error
+from floquid._checks import counted, input_error
 from floquid.cli._folder import result_file
 from floquid.cli._options import Choices, Frequency, NewRecordFile, Rate, RecordFile, period_of, split
-from floquid.cli._terminal import counted, new_table, progress, terminal
+from floquid.cli._terminal import new_table, progress, terminal
 from floquid.core import Record
 from floquid.errors import InputError
 from floquid.exports import MODE_FORMATS, export_modes

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from floquid._arrays import Floats, Integers
-from floquid._checks import input_error
+from floquid._checks import counted, input_error
 from floquid.cli._folder import ResultFolder, maybe_folder
 from floquid.cli._options import (
     RECORDS,
@@ -30,7 +30,6 @@ from floquid.cli._options import (
 )
 from floquid.cli._records import check_files, read_records
 from floquid.cli._terminal import (
-    counted,
     json_text,
     new_table,
     print_files,

@@ -16,6 +16,7 @@ from rich.text import Text
 
 from floquid._arrays import Floats
 from floquid._bar import bar
+from floquid._checks import counted
 from floquid._json import for_json
 from floquid.lifting import Lifted
 from floquid.pipeline import Analysis, ExcitedAnalysis
@@ -345,11 +346,6 @@ def print_whole(console: Console, table: Table) -> None:
         table.padding, table.pad_edge = (0, 1, 0, 0), False
     width = max(console.width, _width(console, table))
     plain(console.file, width, is_terminal=console.is_terminal).print(table)
-
-
-def counted(number: int | str, word: str) -> str:
-    """A number of things: 1 record, 2 records."""
-    return f"{number} {word}" + ("" if str(number) == "1" else "s")
 
 
 def progress(stages: int) -> AbstractContextManager[Callable[[str], None]]:

@@ -37,54 +37,29 @@ WANDERS = 1e-6  # the relative range of the periods from which on the forced res
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lifting:
-    """Responses lifted, with the forced response in them.
+    """Responses lifted, with the forced response in them."""
 
-    Parameters
-    ----------
-    cycles
-        The responses cut into periods.
-    lifted
-        The lifted responses.
-    synchronous
-        Whether they are the samples themselves, and not resampled.
-    speeds
-        Factors by which a forced response follows the speed (factors, cycles), one array a hit; None at a steady speed.
-    """
-
-    cycles: tuple[Cycles, ...]
+    cycles: tuple[Cycles, ...]  # the responses cut into periods
     lifted: Lifted
-    synchronous: bool
+    synchronous: bool  # whether they are the samples themselves, and not resampled
     speeds: tuple[NDArray[np.float64], ...] | None = None
+    """Factors by which a forced response follows the speed (factors, cycles), one array a hit; None at a steady one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Poles of the lifted responses, and what they were found beside.
+    """Poles of the lifted responses, and what they were found beside."""
 
-    Parameters
-    ----------
-    whole
-        The lifted responses with the forced response in them, through the filter that whitens the noise.
-    lifted
-        The same without the forced response.
-    raw
-        Those before the filter.
-    known
-        What the forced response was taken to be; None where none was to be looked for.
-    modal, choice
-        The poles, and what speaks for their number; None where the record itself is searched
-        for them: the speed wanders too far for lifting, or samples are missing.
-    floor
-        The share of the largest value down to which the record is believed; None for that of the settings.
-    """
-
-    whole: Lifted
-    lifted: Lifted
-    raw: Lifted
-    known: Known | None
+    whole: Lifted  # the responses with the forced response in them, through the filter that whitens the noise
+    lifted: Lifted  # the same without the forced response
+    raw: Lifted  # those before the filter
+    known: Known | None  # what the forced response was taken to be; None where none was to be looked for
     modal: ModalModel | None
     choice: Choice | None
+    """The poles, and what speaks for their number; None where the record itself is searched for them: the speed wanders
+    too far for lifting, or samples are missing."""
     floor: float | None = None
+    """The share of the largest value down to which the record is believed; None for that of the settings."""
 
 
 def cut(prepared: Prepared) -> Lifting:

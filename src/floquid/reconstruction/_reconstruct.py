@@ -209,14 +209,8 @@ def choices(
 ) -> tuple[float | None, Mask | None]:
     """The delay, and the terms of the estimates, that A(t) is built from with `harmonics="auto"`, to build it again.
 
+    The delay [s] is None where no state has one, the mask over the terms of `model.estimates` (terms,) without these.
     `model`, `states`, `form`, `delay` and the errors are those of `reconstruct`.
-
-    Returns
-    -------
-    delay
-        Of "delayed" [s]; None where no state is one.
-    terms
-        A mask over the terms of `model.estimates` (terms,); None without estimates.
     """
     coordinates = coordinates_of(model, states, form, delay)
     later = [part.delay for state in coordinates.states for part in state.parts if part.delay > 0.0]

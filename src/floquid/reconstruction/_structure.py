@@ -10,7 +10,7 @@ from typing import ClassVar, Literal, get_args
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import Rebuilt, finite, input_error, integer
+from floquid._checks import Rebuilt, counted, finite, input_error, integer
 from floquid._show import Brief
 
 Symmetry = Literal["none", "symmetric", "skew", "diagonal"]
@@ -128,11 +128,6 @@ class Basis:
         return whole, slopes
 
 
-def counted(harmonics: int) -> str:
-    """1 harmonic, 2 harmonics."""
-    return f"{harmonics} harmonic" + "s" * (harmonics != 1)
-
-
 class AbstractStructure(ABC):
     """The form of an equation of motion."""
 
@@ -154,7 +149,7 @@ class AbstractStructure(ABC):
         said = []
         for name, block, _ in self.blocks():
             kind = "" if block.symmetry == "none" else f"{block.symmetry} "
-            size = f"with {counted(block.harmonics)}" if block.harmonics else "constant"
+            size = f"with {counted(block.harmonics, 'harmonic')}" if block.harmonics else "constant"
             known = f", {len(block.known)} elements known" if block.known else ""
             said.append(f"{kind}{name} {size}{known}")
         return "; ".join(said)
@@ -222,7 +217,7 @@ class SecondOrder(Brief, AbstractStructure):
         found: list[tuple[str, AbstractStructure]] = []
         for name, block, _ in self.blocks():
             more = replace(block, harmonics=block.harmonics + 1)
-            found.append((f"{name} with {counted(more.harmonics)}", replace(self, **{name: more})))
+            found.append((f"{name} with {counted(more.harmonics, 'harmonic')}", replace(self, **{name: more})))
             if block.symmetry in ("symmetric", "diagonal"):
                 free = replace(block, symmetry="none" if block.symmetry == "symmetric" else "symmetric")
                 both = self.gyroscopic is not None and name == "damping" and free.symmetry == "none"
@@ -266,4 +261,4 @@ class FirstOrder(Brief, AbstractStructure):
     def wider(self) -> list[tuple[str, AbstractStructure]]:
         """One more harmonic."""
         more = replace(self.system, harmonics=self.system.harmonics + 1)
-        return [(f"a state matrix with {counted(more.harmonics)}", FirstOrder(system=more))]
+        return [(f"a state matrix with {counted(more.harmonics, 'harmonic')}", FirstOrder(system=more))]

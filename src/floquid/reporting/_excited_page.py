@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from floquid._checks import counted
 from floquid.pipeline import AmbientAnalysis, ExcitedAnalysis
 from floquid.reporting import _words as words
 from floquid.reporting._case import Case
@@ -91,11 +92,11 @@ def _summary(case: Case) -> str:
     """The records and the result in one sentence."""
     analysis, model = case.analysis, case.analysis.model
     periods = sum(record.duration for record in analysis.records) / model.period
-    sides = [words.counted(len(model.channels), "output")]
-    sides += [words.counted(len(analysis.inputs), "measured input")] if analysis.inputs else []
+    sides = [counted(len(model.channels), "output")]
+    sides += [counted(len(analysis.inputs), "measured input")] if analysis.inputs else []
     return (
-        f"{words.counted(len(case.modes), 'mode')} (order {model.order}) found in "
-        f"{words.counted(len(analysis.records), 'record')} of {' and '.join(sides)}, {periods:.6g} periods of "
+        f"{counted(len(case.modes), 'mode')} (order {model.order}) found in "
+        f"{counted(len(analysis.records), 'record')} of {' and '.join(sides)}, {periods:.6g} periods of "
         f"{model.period:.8g} s in all (ω/2π = {1.0 / model.period:.6g} Hz), "
         f"{analysis.records[0].sample_rate * model.period:.4g} samples a period."
     )

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from floquid._checks import counted
 from floquid.findings import Severity, texts
 from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.reconstruction import Refinement
@@ -102,10 +103,6 @@ def summary_line(case: Case) -> str:
         f"{modes} (order {model.order}) found in {records} of {channels}, {hits} periods of {period_words(analysis)} s "
         f"(ω/2π = {1.0 / model.period:.6g} Hz), {first.sample_rate * model.period:.4g} samples a period."
     )
-
-
-def counted(number: int, word: str) -> str:
-    return f"{number} {word}{'s' * (number != 1)}"
 
 
 def evidence(analysis: Analysis) -> list[tuple[str, list[str]]]:

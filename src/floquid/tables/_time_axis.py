@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Floats, Integers
+from floquid._checks import counted
 from floquid._show import Brief
 from floquid.errors import InputError
 from floquid.io import Source
@@ -236,8 +237,8 @@ def _notes(
     if gaps.size:
         missing = int(positions[-1]) + 1 - len(positions)
         notes.append(
-            f"The time column has {_count(gaps.size, 'gap')}, the first after {times[gaps[0]]:.9g} s: "
-            f"{_count(missing, 'sample')} marked missing."
+            f"The time column has {counted(gaps.size, 'gap')}, the first after {times[gaps[0]]:.9g} s: "
+            f"{counted(missing, 'sample')} marked missing."
         )
     return tuple(notes)
 
@@ -246,10 +247,6 @@ def _round_words(rate: float) -> str:
     """«51200 Hz», or where it is the step that is round, that."""
     few = float(f"{rate:.7g}") == rate
     return f"{rate:.12g} Hz" if few else f"step of {1.0 / rate:.6g} s"
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" + ("" if number == 1 else "s")
 
 
 def _with_error(value: float, std: float) -> str:

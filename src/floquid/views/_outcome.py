@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from floquid._checks import counted
 from floquid.core import ModelInputs
 from floquid.findings import Severity, texts
 from floquid.pipeline import AmbientAnalysis, Analysis, ExcitedAnalysis
@@ -33,8 +34,7 @@ def _free_lines(analysis: Analysis) -> dict[str, str]:
 def verdict_line(validation: Validation) -> str:
     """The verdict on a model (`validation`) in a line, with what it rests on if it passed."""
     if not validation.passed:
-        count = len(validation.reasons)
-        return f"the model does not pass, for {count} reason{'s' if count != 1 else ''}"
+        return f"the model does not pass, for {counted(len(validation.reasons), 'reason')}"
     if validation.findings:
         return f"passed, with a known remainder: {remainder_words(validation)} of the response beyond the noise"
     fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]

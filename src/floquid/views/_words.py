@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from floquid._checks import counted
 from floquid.lifting import Lifted
 from floquid.periodic import CONFIDENT, participation
 from floquid.pipeline import Analysis, ExcitedAnalysis
@@ -71,7 +72,7 @@ def whitening_words(found: Lifted | Analysis) -> str:
     those = [c.name for c, own in zip(channels, found.whitening, strict=True) if own[1:].any()]
     where = "all channels" if len(those) == len(channels) else ", ".join(those)
     return (
-        f"The noise is coloured along the record in {where}: a filter of {taps} tap{'s' if taps != 1 else ''} makes it "
+        f"The noise is coloured along the record in {where}: a filter of {counted(taps, 'tap')} makes it "
         "white, and poles are found after it."
     )
 

@@ -78,18 +78,8 @@ def from_sep005(
     Of what `to_sep005` gave it is the record that was, but for its provenance. Raises InputError where a key is
     missing, the signals were not sampled together (the message says which), or a unit or a number is not possible.
 
-    Parameters
-    ----------
-    signals
-        One dictionary a channel; a single one will do.
-    rate
-        The sampling rate [Hz]; what the dictionaries say is then ignored.
-    units
-        Units by the names of channels, in place of `unit_str`.
-    period
-        The period T of the system [s]; attaches `ConstantPeriod(period, origin)`.
-    origin
-        The time of phase zero [s].
+    `signals` has one dictionary a channel; a single one will do. `rate`, `units`, by the names of channels in place of
+    `unit_str`, `period` and `origin` are those of `from_pandas`.
     """
     source = Source(argument="signals", of="from_sep005")
     listed = [signals] if isinstance(signals, Mapping) else signals

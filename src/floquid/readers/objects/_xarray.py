@@ -74,14 +74,8 @@ def from_xarray(
         `to_xarray` gives it, or with variables over time alone.
     time
         The name of the dimension of time.
-    rate
-        The sampling rate [Hz]; the times are then ignored, and the record starts at zero.
-    units
-        Units by the names of channels.
-    period
-        The period T of the system [s]; attaches `ConstantPeriod(period, origin)`. None takes `attrs["period"]`.
-    origin
-        The time of phase zero [s].
+    rate, units, period, origin
+        Those of `from_pandas`; without a period there is that of `attrs["period"]`.
     """
     source = Source(argument="data", of="from_xarray")
     xarray = load_package("xarray", source.of)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from floquid._checks import counted
 from floquid.errors import InputError
 from floquid.io import Source
 from floquid.readers.uff._channels import OwnLines
@@ -91,27 +92,23 @@ def _rate_of(step: Printed, n_points: int) -> tuple[float, str]:
         few = float(f"{nominal:.7g}") == nominal
         why = "nominal" if few else f"a nominal step of {1.0 / nominal:.6g} s"
         return rate, (
-            f"Sampling rate {rate:.12g} Hz: {why}; the header's {step.text} s is rounded to {_digits(step)}, {loss}. "
-            "`rate=` overrides it."
+            f"Sampling rate {rate:.12g} Hz: {why}; the header's {step.text} s is rounded to "
+            f"{counted(step.digits, 'digit')}, {loss}. `rate=` overrides it."
         )
     drift = 0.5 * step.quantum / step.value * n_points
     if drift <= _SEEN:
         return rate, f"Sampling rate {rate:.12g} Hz: one over the header's {step.text} s."
     return rate, (
-        f"Sampling rate {rate:.12g} Hz: one over the header's {step.text} s, known to {_digits(step)} only: the "
-        f"true one may drift by up to {drift:.3g} samples over the record. No round rate is clearly meant; "
-        "`rate=` overrides it."
+        f"Sampling rate {rate:.12g} Hz: one over the header's {step.text} s, known to "
+        f"{counted(step.digits, 'digit')} only: the true one may drift by up to {drift:.3g} samples over the record. "
+        "No round rate is clearly meant; `rate=` overrides it."
     )
-
-
-def _digits(number: Printed) -> str:
-    return f"{number.digits} digit{'' if number.digits == 1 else 's'}"
 
 
 def _start_notes(start: Printed, step: Printed) -> tuple[str, ...]:
     if start.value == 0.0 or 0.5 * start.quantum <= 0.01 * step.value:
         return ()
-    known = f"to {_digits(start)} only, or {0.5 * start.quantum / step.value:.3g} samples"
+    known = f"to {counted(start.digits, 'digit')} only, or {0.5 * start.quantum / step.value:.3g} samples"
     return (f"The start {start.text} s is known {known}: so is the phase at it.",)
 
 
