@@ -156,6 +156,33 @@ def flapping(lock=12.0, advance=0.3):
     )
 
 
+def lag():
+    """A lag of first order, its decay, its gain and what is seen of it periodic: one real positive multiplier."""
+    return Driven(
+        A=lambda t: np.array([[-0.5 + 0.4 * np.cos(2.0 * t)]]),
+        B=lambda t: np.array([[1.0 + 0.6 * np.cos(2.0 * t)]]),
+        C=lambda t: np.array([[1.0 + 0.4 * np.sin(2.0 * t)]]),
+        period=np.pi,
+    )
+
+
+def mathieu_and_lag():
+    """Mathieu's equation driven by a lag, too, and an output that sees both: a pair and a real multiplier."""
+    whole = mathieu()
+
+    def a(t):
+        found = np.zeros((3, 3))
+        found[:2, :2], found[1, 2], found[2, 2] = whole.A(t), 0.5, -0.7 + 0.3 * np.cos(2.0 * t)
+        return found
+
+    return Driven(
+        A=a,
+        B=lambda _: np.array([[0.0], [1.0], [1.0]]),
+        C=lambda t: np.array([[1.0, 0.0, 0.0], [0.2, 0.0, 1.0 + 0.3 * np.cos(2.0 * t)]]),
+        period=whole.period,
+    )
+
+
 def shaken(system, phases, turns, repeats, noise, seed, **design):
     """A multisine and the record of the response to its repeats (outputs, then inputs)."""
     count = system.B(0.0).shape[1]

@@ -113,8 +113,9 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "system has none: it is not linear at this force, or does not repeat with that period.",
     "modes_of_lines": "Modes fitted to the lines: {modes}. They leave {ratio:.3g} times the variance, {degrees} "
     "degrees of freedom.",
-    "modes_of_lines_real": "A mode has a real multiplier, or is nearer to one than it decays: fits to lines were "
-    "not checked there by repetition. Hold it against `identify_driven` on the record itself.",
+    "modes_of_lines_real": "A pair of modes is within its deviation of the axis of real multipliers: it may be two "
+    "real ones, which these lines do not part. Its decay may be off by many deviations. Lines of less noise tell, or "
+    "`identify_driven` on the record itself.",
     "modes_of_lines_misfit": "The modes leave {ratio:.3g} times the variance of the lines: modes are missing, the "
     "system is not linear, or the deviations of the lines are too small. All deviations are widened by its root.",
     "inputs_copies": "Two modes are nearly one, and have as many harmonics as are looked for ({most}): one is likely a "

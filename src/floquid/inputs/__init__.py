@@ -11,6 +11,9 @@ from floquid.inputs._joint import chosen_together as chosen_together
 from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import InputMode as InputMode
 from floquid.inputs._modes import input_gain as input_gain
+from floquid.inputs._real import near_real as near_real
+from floquid.inputs._real import noise_explains as noise_explains
+from floquid.inputs._real import real_for as real_for
 from floquid.inputs._result import Uncertainty as Uncertainty
 from floquid.inputs._result import assembled as assembled
 from floquid.inputs._result import listed as listed

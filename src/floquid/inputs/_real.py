@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
 import numpy as np
+from numpy.typing import NDArray
 
 from floquid.inputs._bands import Limits, grown, limit_of
 from floquid.inputs._joint import fitted_together
+from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, covariance, linearise, solve
 from floquid.inputs._start import bare_mode
@@ -31,48 +33,76 @@ def with_real_ones(
 ) -> Linearisation:
     """With pairs whose multipliers may be one or two real ones taken for that, where noise explains the rest."""
     refused = [] if refused is None else refused
-    omega, spread, place = samples.fundamental, None, 0
+    for pairs in near_real(now.modes, lambda: covariance(samples, now), samples.fundamental, refused):
+        best = _as_real(samples, now, pairs, limits)
+        if best is not None:
+            return with_real_ones(samples, best, limits, refused)
+    return now
+
+
+def near_real(
+    modes: Sequence[InputMode],
+    parameters: Callable[[], NDArray[np.float64]],
+    omega: float,
+    refused: list[complex],
+    within: float = OFF_AXIS,
+) -> Iterator[list[int]]:
+    """Pairs, by their numbers, for which one real multiplier or two are to be tried: those of one sign together first.
+
+    They are `within` so many deviations of the axis. `parameters` has the covariance of the free numbers of all modes,
+    and it may have more beyond. Pairs of which none was taken join `refused`.
+    """
+    spread, place = None, 0
     near: dict[float, list[int]] = {}
-    for number, mode in enumerate(now.modes):
-        imag = place + int(mode.free[: len(mode.free) // 2].sum())
-        place += int(mode.free.sum())
-        half = 0.5 * round(2.0 * mode.exponent.imag / omega)
+    for number, mode in enumerate(modes):
+        imag, place = place + int(mode.free.sum()) // 2, place + int(mode.free.sum())
+        half = _half(mode, omega)
         away = abs(mode.exponent.imag - half * omega)
         if mode.real or away > abs(mode.exponent.real):
             continue
         if any(abs(mode.exponent - other) < SAME * abs(other.real) for other in refused):
             continue
-        spread = covariance(samples, now) if spread is None else spread
-        if away <= OFF_AXIS * spread[imag, imag] ** 0.5:
+        spread = parameters() if spread is None else spread
+        if away <= within * spread[imag, imag] ** 0.5:
             near.setdefault(half % 1.0, []).append(number)
     for pairs in near.values():
-        for some in [pairs, *([[one] for one in pairs] if len(pairs) > 1 else [])]:
-            best = _as_real(samples, now, some, limits)
-            if best is not None:
-                return with_real_ones(samples, best, limits, refused)
-        refused += [now.modes[number].exponent for number in pairs]
-    return now
+        yield from [pairs, *([[one] for one in pairs] if len(pairs) > 1 else [])]
+        refused += [modes[number].exponent for number in pairs]
+
+
+def real_for(pairs: Sequence[InputMode], omega: float) -> tuple[list[tuple[float, ...]], NDArray, NDArray]:
+    """What may stand for pairs near the axis: exponents of one real multiplier, of two, and their turns and reach."""
+    turns, reach = [], []
+    for mode in pairs:
+        half = _half(mode, omega)
+        turns.append(np.arange(half % 1.0, np.abs(mode.turns + half).max() + 0.5))
+        reach.append(np.arange(half % 1.0, np.abs(mode.reach - half).max() + 0.5))
+    decays = [mode.exponent.real for mode in pairs]
+    ends = (0.7 * decays[0], 1.4 * decays[0]) if len(decays) == 1 else (max(decays), min(decays))
+    return [(float(np.mean(decays)),), ends], max(turns, key=len), max(reach, key=len)
+
+
+def noise_explains(rise: float, fewer: int) -> bool:
+    """True where a rise of χ² is what so many numbers less cost by noise alone."""
+    return rise < (limit_of(fewer, REAL) if fewer > 0 else 0.0)
+
+
+def _half(mode: InputMode, omega: float) -> float:
+    """The multiple of half the fundamental that a mode is nearest to, in fundamentals."""
+    return 0.5 * round(2.0 * mode.exponent.imag / omega)
 
 
 def _as_real(samples: Samples, now: Linearisation, pairs: Sequence[int], limits: Limits) -> Linearisation | None:
     """The fit with one real multiplier, or two, for some pairs; None where that costs more than noise explains."""
     rest = [own for k, own in enumerate(now.modes) if k not in pairs]
-    turns, reach, decays = [], [], []
-    for mode in (now.modes[number] for number in pairs):
-        half = 0.5 * round(2.0 * mode.exponent.imag / samples.fundamental)
-        turns.append(np.arange(half % 1.0, np.abs(mode.turns + half).max() + 0.5))
-        reach.append(np.arange(half % 1.0, np.abs(mode.reach - half).max() + 0.5))
-        decays.append(mode.exponent.real)
+    kinds, turns, reach = real_for([now.modes[number] for number in pairs], samples.fundamental)
     left = linearise(samples, rest, now.direct).left
-    ends = (0.7 * decays[0], 1.4 * decays[0]) if len(decays) == 1 else (max(decays), min(decays))
-    for starts in ((float(np.mean(decays)),), ends):
-        bare = [bare_mode(samples, own, max(reach, key=len), max(turns, key=len), real=True) for own in starts]
+    for starts in kinds:
+        bare = [bare_mode(samples, own, reach, turns, real=True) for own in starts]
         with suppress(np.linalg.LinAlgError):
             _, modes = fitted_together(samples, left, bare)
             found = solve(samples, [*rest, *modes], now.direct, iterations=AS_REAL, rough=True)
             found = solve(samples, grown(samples, found, limits).modes, now.direct, iterations=AS_REAL, rough=True)
-            fewer = now.n_parameters - found.n_parameters
-            rise = now.log_likelihood - found.log_likelihood
-            if rise < (limit_of(fewer, REAL) if fewer > 0 else 0.0):
+            if noise_explains(now.log_likelihood - found.log_likelihood, now.n_parameters - found.n_parameters):
                 return found
     return None

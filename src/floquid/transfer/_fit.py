@@ -6,20 +6,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtrc
 
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import PeriodicModel, Provenance
 from floquid.errors import IdentificationError
-from floquid.findings import Finding, Severity, note, texts, warning
-from floquid.inputs import Hold, Limits, TransferFunctions, assembled, listed, sealed
+from floquid.findings import Finding, Severity, failure, note, texts, warning
+from floquid.inputs import Hold, Limits, TransferFunctions, assembled, listed, near_real, sealed
 from floquid.transfer._measured import MeasuredTransfer
-from floquid.transfer._modal import Fitted, Lines
-from floquid.transfer._search import kinds, searched
+from floquid.transfer._modal import Lines, Modal
+from floquid.transfer._search import searched
 
 SURE = 1e-6
 """The probability of χ² below which the modes do not explain G."""
+
+DOUBTFUL = 3.0
+"""Deviations off the axis within which a pair may be two real multipliers."""
 
 WORSE = 1.3
 """The χ² of a degree of freedom above which that is told: deviations of G are estimates themselves."""
@@ -35,11 +38,12 @@ class TransferFit(Rebuilt):
         What was fitted.
     model
         The periodic model with its inputs; of no scale of its own where G has none.
-    lines, fit
-        What was fitted and the fit, from which deviations are made.
+    lines, modal, covariance
+        What was fitted, the modes as fitted, and the joint covariance of their numbers and of the amplitudes of one
+        output after another, from which deviations are made.
     chi_square, degrees
         The squares that are left over the variances of G, and how many are free. Where that is more than one a degree
-        all deviations are widened by its root.
+        the covariance is widened by it.
     findings
         What was done, and what a reader must know.
     """
@@ -47,7 +51,8 @@ class TransferFit(Rebuilt):
     measured: TransferFunctions
     model: PeriodicModel
     lines: Lines
-    fit: Fitted
+    modal: Modal
+    covariance: NDArray[np.float64]
     chi_square: float
     degrees: int
     findings: tuple[Finding, ...] = ()
@@ -98,17 +103,19 @@ class TransferFit(Rebuilt):
             held=self.lines.held if sampled else None,
             echoes=(np.zeros((len(begins), len(own.inputs), len(hertz)), complex), begins),
         )
-        modal = self.fit.modal
-        slopes = modal.slopes(lines, modal.masks())
-        real, imag = (
-            np.sqrt(np.maximum(np.einsum("p...,pq,q...->...", part, self.fit.covariance, part), 0.0))
-            for part in (slopes.real, slopes.imag)
-        )
+        std = np.zeros_like(empty)
+        slopes, units = self.modal.slopes(lines), self.modal.units(lines)
+        for output in range(len(own.outputs)):
+            later = len(slopes) + output * len(units)
+            index = np.r_[: len(slopes), later : later + len(units)]
+            rows, spread = np.concatenate([slopes[:, :, output], units]), self.covariance[np.ix_(index, index)]
+            real, imag = (np.einsum("p...,pq,q...->...", part, spread, part) for part in (rows.real, rows.imag))
+            std[:, output] = np.sqrt(np.maximum(real, 0.0)) + 1j * np.sqrt(np.maximum(imag, 0.0))
         return TransferFunctions(
             frequencies_hz=hertz,
             harmonics=turns,
-            values=modal.values(lines),
-            std=real + 1j * imag,
+            values=self.modal.values(lines),
+            std=std,
             outputs=own.outputs,
             inputs=own.inputs,
             step=own.step if sampled else None,
@@ -128,7 +135,8 @@ def fit_transfer(
     .. math:: G_m(\Omega) = \sum_r \sum_l \frac{c_{r,m-l}\, b_{r,l}}{i (\Omega + l \omega) - \lambda_r} + D_m
 
     with conjugates. Exponents begin on a grid, one after another as long as χ² falls by more than noise makes it; the
-    harmonics of each mode grow by the same test; all is finished by least squares. What rings at the begin of
+    harmonics of each mode grow by the same test; one real multiplier or two take the place of pairs near their axis
+    where noise explains the rest; all is finished by least squares. What rings at the begin of
     records of repeats is fitted beside the modes where it is seen.
 
     Parameters
@@ -185,49 +193,55 @@ def fit_transfer(
         )
     degrees = 2 * int(np.count_nonzero(lines.there)) - found.n_parameters
     ratio = found.chi_square / max(degrees, 1)
-    found = Fitted(found.modal, found.chi_square, found.covariance * max(ratio, 1.0))
+    covariance = found.covariance() * max(ratio, 1.0)
+    on_axis = next(near_real(found.modal.modes, lambda: covariance, lines.fundamental, [], DOUBTFUL), None)
     misfit = degrees > 0 and ratio > WORSE and chdtrc(degrees, found.chi_square) < SURE
-    real = any(mode.real or len(kinds(mode.exponent, lines.fundamental)) > 1 for mode in found.modal.modes)
-    for one in (lines, found, *found.modal.modes):
+    for one in (lines, found.modal, *found.modal.modes):
         sealed(one)
     return TransferFit(
         measured=own,
-        model=_model(lines, found, own, period),
+        model=_model(lines, found.modal, covariance, own, period),
         lines=lines,
-        fit=found,
+        modal=found.modal,
+        covariance=covariance,
         chi_square=found.chi_square,
         degrees=degrees,
         findings=(
             note("modes_of_lines", modes=len(found.modal.modes), ratio=ratio, degrees=degrees),
             *([warning("modes_of_lines_misfit", ratio=ratio)] if misfit else []),
-            *([warning("modes_of_lines_real")] if real else []),
+            *([failure("modes_of_lines_real")] if on_axis else []),
         ),
     )
 
 
-def _model(lines: Lines, found: Fitted, own: TransferFunctions, period: float) -> PeriodicModel:
+def _model(
+    lines: Lines, modal: Modal, covariance: NDArray[np.float64], own: TransferFunctions, period: float
+) -> PeriodicModel:
     """The periodic model of a fit, each mode with its conjugate, with deviations."""
-    parts, place, std = [], 0, np.sqrt(np.diag(found.covariance))
-    modal = found.modal
-    for mode, shape, mask in zip(modal.modes, modal.shapes, modal.masks(), strict=False):
-        spread, index = np.zeros(len(mask)), np.full(len(mask), -1)
-        index[mask] = place + np.arange(int(mask.sum()))
-        spread[mask] = std[index[mask]]
-        place += int(mask.sum())
-        width, size = len(mode.free), mode.gains.size
-        both = spread[width:].reshape(2, *shape.shape)
+    std, parts, place = np.sqrt(np.diag(covariance)), [], 0
+    free = sum(int(mode.free.sum()) for mode in modal.modes)
+    amplitudes = std[free:].reshape(len(own.outputs), -1)
+    # Deviations of real and imaginary parts come out of their numbers as amplitudes do.
+    shapes = modal.with_amplitudes(amplitudes).shapes
+    for mode, shape, shape_std in zip(modal.modes, modal.shapes, shapes, strict=True):
+        index = np.full(len(mode.free), -1)
+        index[mode.free] = place + np.arange(int(mode.free.sum()))
+        place += int(mode.free.sum())
+        spread = np.where(mode.free, std[index], 0.0)
+        size, width = mode.gains.size, len(mode.free)
         later = 1 + size if mode.real else 1 + width // 2
         gain_std = (spread[1 : 1 + size] + 1j * spread[later : later + size]).reshape(mode.gains.shape)
-        rows = np.zeros((2, len(std)))
+        rows = np.zeros((2, free))
         rows[0, index[0]] = 1.0
         if not mode.real:
             rows[1, index[width // 2]] = 1.0
         begins = lines.echoes[1][: len(mode.initial)]
-        parts.append(listed(mode, (shape, both[0] + 1j * both[1]), gain_std, rows, lines.fundamental, begins))
+        parts.append(listed(mode, (shape, shape_std), gain_std, rows, lines.fundamental, begins))
     turns = np.arange(-len(modal.direct) + 1, len(modal.direct)) if modal.direct else np.zeros(0, np.int64)
     direct = np.zeros((len(own.outputs), len(own.inputs), len(turns)), complex)
     for turn, value in enumerate(modal.direct):
         direct[:, :, turns == turn] += value[:, :, None]
         if turn:
             direct[:, :, turns == -turn] += value.conj()[:, :, None]
-    return assembled(parts, found.covariance, period, own.outputs, own.inputs, (turns, direct), Provenance())
+    spread = covariance[:free, :free]
+    return assembled(parts, spread, period, own.outputs, own.inputs, (turns, direct), Provenance())

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, frozen_array
+from floquid.core import Channel
 from floquid.findings import Finding, Severity, texts
-from floquid.inputs import TransferFunctions
+from floquid.inputs import Samples, TransferFunctions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,3 +69,25 @@ class MeasuredTransfer(Rebuilt):
     def warnings(self) -> tuple[str, ...]:
         """Warnings to a reader, a sentence each."""
         return (*texts(self.findings, Severity.FAILURE), *texts(self.findings, Severity.WARNING))
+
+
+def measured_of(
+    samples: Samples,
+    channels: tuple[tuple[Channel, ...], tuple[Channel, ...]],
+    lines: tuple[NDArray[np.int64], int],
+    harmonics: NDArray[np.int64],
+    g: tuple[NDArray[np.complex128], NDArray[np.complex128]],
+    **rest: Any,
+) -> MeasuredTransfer:
+    """G of samples and its deviations at some lines of a spectrum of so many, with the rest of what was measured."""
+    places, count = lines
+    transfer = TransferFunctions(
+        frequencies_hz=places / (count * samples.step),
+        harmonics=harmonics,
+        values=g[0],
+        std=g[1],
+        outputs=channels[0],
+        inputs=channels[1],
+        step=samples.step,
+    )
+    return MeasuredTransfer(transfer=transfer, period=2.0 * np.pi / samples.fundamental, **rest)

@@ -8,9 +8,8 @@ with conjugates, of samples with its discrete counterpart, and with what a trans
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -28,6 +27,9 @@ ITERATIONS = 60
 
 ROUNDING = 1e-13
 """The share of the largest below which a direction of the normal matrix is rounding."""
+
+COLLINEAR = 1e-9
+"""The share of the largest below which amplitudes are not told from others."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,9 +68,13 @@ class Lines(Rebuilt):
         """Mask of what was measured (harmonics, outputs, inputs, frequencies)."""
         return np.asarray(np.isfinite(self.values) & (self.std.real > 0.0) & (self.std.imag > 0.0))
 
-    def weighed(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Real and imaginary parts of what was measured over their deviations (…, 2 · values)."""
-        own, std = values[..., self.there], self.std[self.there]
+    def weighed(self, values: NDArray[np.complex128], output: int) -> NDArray[np.float64]:
+        """Real and imaginary parts of what was measured of one output over their deviations (…, 2 · values).
+
+        `values` are (…, harmonics, inputs, frequencies).
+        """
+        there = self.there[:, output]
+        own, std = values[..., there], self.std[:, output][there]
         return np.concatenate([own.real / std.real, own.imag / std.imag], axis=-1)
 
     def response(self, mode: InputMode, shape: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -112,66 +118,78 @@ class Modal(Rebuilt):
                 found[lines.harmonics == -turn] += own.conj()[:, :, None]
         return found
 
-    def masks(self) -> list[NDArray[np.bool_]]:
-        """Of each mode and of D, which numbers are free: those of the mode, Re and Im of the rest."""
+    def moved(self, step: NDArray[np.float64]) -> Modal:
+        """With the free numbers of the modes moved by a step."""
+        modes, place = [], 0
+        for mode in self.modes:
+            own = np.zeros(len(mode.free))
+            own[mode.free] = step[place : place + int(mode.free.sum())]
+            place += int(mode.free.sum())
+            modes.append(mode.moved(own))
+        return replace(self, modes=tuple(modes))
+
+    def slopes(self, lines: Lines) -> NDArray[np.complex128]:
+        """Derivatives of G by the free numbers of the modes (numbers, harmonics, outputs, inputs, frequencies)."""
         found = []
         for mode, shape in zip(self.modes, self.shapes, strict=True):
-            turning = np.broadcast_to((mode.turns > 0.0) | (not mode.real), shape.shape).ravel()
-            found.append(np.concatenate([mode.free, np.ones(shape.size, bool), turning]))
-        return found + [np.repeat([True, turn > 0], own.size) for turn, own in enumerate(self.direct)]
-
-    def moved(self, step: NDArray[np.float64]) -> Modal:
-        """With the free numbers moved by a step."""
-        modes, shapes, direct, place = [], [], [], 0
-        for number, mask in enumerate(self.masks()):
-            own = np.zeros(len(mask))
-            own[mask] = step[place : place + int(mask.sum())]
-            place += int(mask.sum())
-            if number < len(self.modes):
-                width, shape = len(self.modes[number].free), self.shapes[number]
-                modes.append(self.modes[number].moved(own[:width]))
-                shapes.append(shape + _complex(own[width:]).reshape(shape.shape))
-            else:
-                was = self.direct[number - len(self.modes)]
-                direct.append(was + _complex(own).reshape(was.shape))
-        return Modal(tuple(modes), tuple(shapes), tuple(direct))
-
-    def slopes(self, lines: Lines, masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.complex128]:
-        """Derivatives of G by the numbers of some masks (numbers, harmonics, outputs, inputs, frequencies)."""
-        found = []
-        for mode, shape, mask in zip(self.modes, self.shapes, masks, strict=False):
-            own = lines.response(mode, shape)
-            for index in np.flatnonzero(mask[: len(mode.free)]):
-                step = np.zeros(len(mode.free))
-                if index in (0, len(mode.free) // 2 if not mode.real else 0):
+            free, size, own = mode.free, mode.gains.size, lines.response(mode, shape)
+            half = len(free) // 2
+            bare = [replace(mode, gains=unit * np.eye(len(mode.reach)), initial=np.zeros(0)) for unit in (1.0, 1j)]
+            by_gain = [lines.response(one, shape) for one in bare]
+            firsts = (1, 1 + size if mode.real else 1 + half)
+            for index in np.flatnonzero(free).tolist():
+                step = np.zeros(len(free))
+                part = int(index >= firsts[1])
+                if index in (0, half if not mode.real else 0):
                     step[index] = NUDGE * max(abs(mode.exponent.real), NUDGE * lines.fundamental)
                     up, down = (lines.response(mode.moved(sign * step), shape) for sign in (1.0, -1.0))
                     found.append((up - down) / (2.0 * step[index]))
-                else:  # the rest is linear
+                elif index < firsts[part] + size:
+                    source, turn = divmod(index - firsts[part], len(mode.reach))
+                    found.append(np.zeros_like(own))
+                    found[-1][:, :, source] = by_gain[part][:, :, turn]
+                else:  # of what rings at the begin, which is linear, too
                     step[index] = 1.0
                     found.append(lines.response(mode.moved(step), shape) - own)
-            for unit in (1.0, 1j):
-                for turn, output in ((t, o) for o in range(len(shape)) for t in range(len(mode.turns))):
-                    if unit == 1.0 or mode.turns[turn] > 0.0 or not mode.real:
-                        one = np.zeros((1, len(mode.turns)), complex)
-                        one[0, turn] = unit
-                        whole = np.zeros(lines.values.shape, complex)
-                        whole[:, output] = lines.response(mode, one)[:, 0]
-                        found.append(whole)
-        found += self._direct_slopes(lines)
-        return np.array(found)
+        return np.array(found, complex).reshape(-1, *lines.values.shape)
 
-    def _direct_slopes(self, lines: Lines) -> list[NDArray[np.complex128]]:
+    def units(self, lines: Lines) -> NDArray[np.complex128]:
+        """Derivatives of G of an output by its amplitudes (numbers, harmonics, inputs, frequencies), of all the same.
+
+        Of each mode by the real parts of its turns, then by the imaginary ones, then by D of each input likewise.
+        """
         found = []
+        for mode in self.modes:
+            one = np.eye(len(mode.turns), dtype=complex)
+            for units in (one, 1j * one[turning(mode)]):
+                found += list(np.moveaxis(lines.response(mode, units), 1, 0))
         for turn, own in enumerate(self.direct):
             for unit in (1.0, 1j) if turn else (1.0,):
-                for output, source in np.ndindex(own.shape):
-                    whole = np.zeros(lines.values.shape, complex)
-                    whole[lines.harmonics == turn, output, source] += unit
+                for source in range(own.shape[1]):
+                    whole = np.zeros_like(lines.values[:, 0])
+                    whole[lines.harmonics == turn, source] = unit
                     if turn:
-                        whole[lines.harmonics == -turn, output, source] += np.conj(unit)
+                        whole[lines.harmonics == -turn, source] = np.conj(unit)
                     found.append(whole)
-        return found
+        return np.array(found, complex).reshape(-1, *lines.values[:, 0].shape)
+
+    def with_amplitudes(self, numbers: NDArray) -> Modal:
+        """With the amplitudes of all outputs (outputs, numbers), in the order of `units`."""
+        shapes, direct, place = [], [], 0
+        for mode in self.modes:
+            imag, count = turning(mode), len(mode.turns)
+            shape = numbers[:, place : place + count].astype(complex)
+            shape[:, imag] += 1j * numbers[:, place + count : place + count + int(imag.sum())]
+            place += count + int(imag.sum())
+            shapes.append(shape)
+        for turn, own in enumerate(self.direct):
+            inputs = own.shape[1]
+            value = numbers[:, place : place + inputs].astype(complex)
+            if turn:
+                value += 1j * numbers[:, place + inputs : place + 2 * inputs]
+            place += inputs * (2 if turn else 1)
+            direct.append(value)
+        return Modal(self.modes, tuple(shapes), tuple(direct))
 
     def scaled(self) -> Modal:
         """With the largest gain of each mode 1."""
@@ -184,75 +202,121 @@ class Modal(Rebuilt):
         return Modal(tuple(modes), tuple(shapes), self.direct)
 
 
-def _complex(parts: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Numbers of their real parts, then their imaginary ones."""
-    return np.asarray(parts[: len(parts) // 2] + 1j * parts[len(parts) // 2 :], np.complex128)
+def turning(mode: InputMode) -> NDArray[np.bool_]:
+    """Mask of the turns of which an amplitude has an imaginary part (turns,)."""
+    return (mode.turns > 0.0) | (not mode.real)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Fitted(Rebuilt):
-    """A fit, its χ², and the covariance of its free numbers (numbers, numbers)."""
+    """Modes with the amplitudes that fit G best, and what is left of each output over its deviations."""
 
+    lines: Lines
     modal: Modal
-    chi_square: float
-    covariance: NDArray[np.float64]
+    columns: tuple[NDArray[np.float64], ...]
+    """Derivatives by the amplitudes of each output, weighed (numbers, rows)."""
+    bases: tuple[NDArray[np.float64], ...]
+    """Orthonormal columns that span them (rows, …)."""
+    left: tuple[NDArray[np.float64], ...]
+
+    @property
+    def chi_square(self) -> float:
+        """The squares that are left."""
+        return float(sum(own @ own for own in self.left))
 
     @property
     def n_parameters(self) -> int:
         """Numbers that the fit chooses."""
-        return len(self.covariance)
+        return sum(int(mode.free.sum()) for mode in self.modal.modes) + sum(map(len, self.columns))
+
+    @cached_property
+    def slopes(self) -> list[NDArray[np.float64]]:
+        """Derivatives of each output by the free numbers of the modes, weighed (numbers, rows)."""
+        slopes = self.modal.slopes(self.lines)
+        return [self.lines.weighed(slopes[:, :, output], output) for output in range(len(self.left))]
+
+    @cached_property
+    def apart(self) -> NDArray[np.float64]:
+        """The same less what amplitudes make up for (numbers, rows of all outputs)."""
+        return np.concatenate([own - (own @ q) @ q.T for own, q in zip(self.slopes, self.bases, strict=True)], axis=1)
+
+    @cached_property
+    def parameters(self) -> NDArray[np.float64]:
+        """Covariance of the free numbers of the modes (numbers, numbers)."""
+        return _inverse(self.apart)
+
+    def covariance(self) -> NDArray[np.float64]:
+        """Joint covariance of the free numbers of the modes and of the amplitudes of one output after another."""
+        inverses, by = [_inverse(own) for own in self.columns], [np.eye(len(self.parameters))]
+        for inverse, own, slope in zip(inverses, self.columns, self.slopes, strict=True):
+            by.append(-inverse @ own @ slope.T)
+        found, place = np.concatenate(by) @ self.parameters @ np.concatenate(by).T, len(self.parameters)
+        for inverse in inverses:
+            found[place : place + len(inverse), place : place + len(inverse)] += inverse
+            place += len(inverse)
+        return found
+
+
+def _inverse(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The inverse of the products of some rows, directions that are rounding left out of none."""
+    size = np.sqrt(np.sum(rows**2, axis=1))
+    size = np.where(size > 0.0, size, 1.0)
+    scaled = rows / size[:, None]
+    values, vectors = np.linalg.eigh(scaled @ scaled.T)
+    root = vectors / np.sqrt(np.maximum(values, ROUNDING * values.max(initial=1.0))) / size[:, None]
+    return root @ root.T
+
+
+def eliminated(lines: Lines, modal: Modal) -> Fitted:
+    """Modes as they are with the amplitudes, and D, that fit G best."""
+    units, numbers, parts = modal.units(lines), [], []
+    for output in range(lines.values.shape[1]):
+        columns = lines.weighed(units, output)
+        size = np.linalg.norm(columns, axis=1)
+        size = np.where(size > 0.0, size, 1.0)
+        basis, triangle = np.linalg.qr((columns / size[:, None]).T)
+        left, values, right = np.linalg.svd(triangle)
+        good = values > COLLINEAR * values.max(initial=1.0)
+        basis = basis @ left[:, : len(values)][:, good]
+        given = lines.weighed(lines.values[:, output], output)
+        along = basis.T @ given
+        numbers.append(right[: len(values)][good].T @ (along / values[good]) / size)
+        parts.append((columns, basis, given - basis @ along))
+    columns, bases, left = zip(*parts, strict=True)
+    return Fitted(lines, modal.with_amplitudes(np.array(numbers)), columns, bases, left)
 
 
 def fitted(lines: Lines, start: Modal, iterations: int = ITERATIONS) -> Fitted:
-    """The modes that fit G best in the weighted squares, from a start (Levenberg and Marquardt)."""
+    """The modes that fit G best in the weighted squares, from a start.
+
+    Amplitudes are eliminated (variable projection of Golub and Pereyra 1973, with Kaufman's derivative of 1975), what
+    is left goes to Levenberg's and Marquardt's steps.
+    """
     base = start.scaled()
-    masks = base.masks()
+
+    @lru_cache(maxsize=2)
+    def at(step: bytes) -> Fitted:
+        return eliminated(lines, base.moved(np.frombuffer(step)))
 
     def left(step: NDArray[np.float64]) -> NDArray[np.float64]:
-        return lines.weighed(base.moved(step).values(lines) - lines.values)
+        return -np.concatenate(at(step.tobytes()).left)
 
     def slopes(step: NDArray[np.float64]) -> NDArray[np.float64]:
-        return lines.weighed(base.moved(step).slopes(lines, masks)).T
+        return at(step.tobytes()).apart.T
 
-    count = int(sum(mask.sum() for mask in masks))
+    none = np.zeros(sum(int(mode.free.sum()) for mode in base.modes))
     with np.errstate(over="ignore", invalid="ignore"):
         # The stubs of scipy know no function for the Jacobian.
         jacobian: Any = slopes
-        found = least_squares(left, np.zeros(count), jacobian, method="lm", x_scale="jac", max_nfev=iterations)
-    columns = np.asarray(found.jac)
-    size = np.sqrt(np.sum(columns**2, axis=0))
-    size = np.where(size > 0.0, size, 1.0)
-    values, vectors = np.linalg.eigh((columns / size).T @ (columns / size))
-    root = vectors / np.sqrt(np.maximum(values, ROUNDING * values[-1])) / size[:, None]
-    return Fitted(base.moved(found.x), 2.0 * float(found.cost), root @ root.T)
+        found = least_squares(left, none, jacobian, method="lm", x_scale="jac", max_nfev=iterations)
+    return at(found.x.tobytes())
 
 
-def promised(lines: Lines, modal: Modal) -> float:
-    """What χ² falls by in one step of Gauss and Newton."""
-    columns = lines.weighed(modal.slopes(lines, modal.masks()))
-    size = np.linalg.norm(columns, axis=1, keepdims=True)
-    columns = columns / np.where(size > 0.0, size, 1.0)
-    left = lines.weighed(lines.values - modal.values(lines))
+def promised(now: Fitted) -> float:
+    """χ² after one step of Gauss and Newton."""
+    size = np.linalg.norm(now.apart, axis=1, keepdims=True)
+    columns = now.apart / np.where(size > 0.0, size, 1.0)
     values, vectors = np.linalg.eigh(columns @ columns.T)
-    along = vectors.T @ (columns @ left)
+    along = vectors.T @ (columns @ np.concatenate(now.left))
     good = values > 1e3 * ROUNDING * values[-1]
-    return float(np.sum(along[good] ** 2 / values[good]))
-
-
-def with_amplitudes(lines: Lines, modes: Sequence[InputMode], residual: NDArray[np.complex128]) -> Modal:
-    """Modes with the amplitudes that fit them to a residual best."""
-    outputs = lines.values.shape[1]
-    modal = Modal(tuple(modes), tuple(np.zeros((outputs, len(mode.turns)), complex) for mode in modes))
-    masks = [
-        np.concatenate([np.zeros(len(mode.free), bool), mask[len(mode.free) :]])
-        for mode, mask in zip(modes, modal.masks(), strict=True)
-    ]
-    columns = lines.weighed(modal.slopes(lines, masks))
-    numbers = np.linalg.lstsq(columns.T, lines.weighed(residual), rcond=1e-10)[0]
-    shapes, place = [], 0
-    for shape, mask, mode in zip(modal.shapes, masks, modes, strict=True):
-        own = np.zeros(len(mask))
-        own[mask] = numbers[place : place + int(mask.sum())]
-        place += int(mask.sum())
-        shapes.append(_complex(own[len(mode.free) :]).reshape(shape.shape))
-    return replace(modal, shapes=tuple(shapes))
+    return now.chi_square - float(np.sum(along[good] ** 2 / values[good]))

@@ -12,8 +12,8 @@ from scipy.special import fdtrc
 from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
-from floquid.inputs import Samples, TransferFunctions
-from floquid.transfer._measured import MeasuredTransfer
+from floquid.inputs import Samples
+from floquid.transfer._measured import MeasuredTransfer, measured_of
 
 DEGREE = 2
 """That of the polynomials."""
@@ -118,18 +118,12 @@ def by_polynomials(
         std[row, :, :, own] = (1.0 + 1.0j) * np.moveaxis(spread, 0, -1).swapaxes(0, 1)
         if asked[row] == 0 or (row == 0 and 0 not in asked):
             noise[:, own], explained[:, own] = 2.0 / count * np.sqrt(left.T), share.T
-    found = TransferFunctions(
-        frequencies_hz=lines / (count * samples.step),
-        harmonics=asked,
-        values=values,
-        std=std,
-        outputs=channels[0],
-        inputs=channels[1],
-        step=samples.step,
-    )
-    return MeasuredTransfer(
-        transfer=found,
-        period=2.0 * np.pi / samples.fundamental,
+    return measured_of(
+        samples,
+        channels,
+        (lines, count),
+        asked,
+        (values, std),
         method="polynomials",
         noise=noise,
         coherence=explained,

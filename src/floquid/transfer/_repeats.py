@@ -11,8 +11,8 @@ from scipy.special import chdtrc, fdtrc
 from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
-from floquid.inputs import Samples, TransferFunctions
-from floquid.transfer._measured import MeasuredTransfer
+from floquid.inputs import Samples
+from floquid.transfer._measured import MeasuredTransfer, measured_of
 
 ALIKE = 0.1
 """The rms by which repeats of an input may differ, over its own: it may be measured with noise."""
@@ -136,18 +136,12 @@ def by_repeats(
     level = spread[:, places]
     explained = level + np.einsum("p,pok->ok", counts, np.abs(outputs[:, :, places]) ** 2) / repeats
     nonlinear, lines = _nonlinear(answers, spread, excited, turns)
-    measured = TransferFunctions(
-        frequencies_hz=places / (count * samples.step),
-        harmonics=asked,
-        values=values,
-        std=std,
-        outputs=channels[0],
-        inputs=channels[1],
-        step=samples.step,
-    )
-    return MeasuredTransfer(
-        transfer=measured,
-        period=2.0 * np.pi / samples.fundamental,
+    return measured_of(
+        samples,
+        channels,
+        (places, count),
+        asked,
+        (values, std),
         method="repeats",
         noise=2.0 / count * np.sqrt(level),
         coherence=np.clip(1.0 - level / np.maximum(explained, np.finfo(float).tiny), 0.0, 1.0),

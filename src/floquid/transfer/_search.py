@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs import InputMode, Limits, limit_of
-from floquid.transfer._modal import Fitted, Lines, Modal, fitted, promised, with_amplitudes
+from floquid.inputs import InputMode, Limits, limit_of, near_real, noise_explains, real_for
+from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, promised
 
 DECAYS = 10
 """Decays of the grid, from a part of the distance of lines to their range."""
@@ -34,12 +34,12 @@ HELD = 1e6
 def searched(lines: Lines, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Fitted | None:
     """The modes that rise above the deviations of G with their harmonics; None where there is none."""
     now: Fitted | None = None
-    chi_square = float(np.sum(lines.weighed(lines.values) ** 2))
+    chi_square = eliminated(lines, Modal((), ())).chi_square
     while now is None or len(now.modal.modes) < limits.modes:
         trial = _with_one_more(lines, now)
         if trial is None:
             break
-        trial = _grown(lines, trial, limits)
+        trial = _with_real_ones(lines, _grown(lines, trial, limits), limits)
         more = trial.n_parameters - (0 if now is None else now.n_parameters)
         if chi_square - trial.chi_square < limit_of(max(more, 1), limits.mode_alarm) * _level(lines, trial):
             break
@@ -47,7 +47,25 @@ def searched(lines: Lines, limits: Limits, report: Callable[[str], None] = lambd
         report(f"searching for modes: {len(now.modal.modes)} found")
     if now is None:
         return None
+    now = _without_needless(lines, now, limits)
     return fitted(lines, _padded(lines, _centred(lines, _with_echoes(lines, now).modal), limits))
+
+
+def _without_needless(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
+    """Without modes that noise explains once the others are fitted again with the harmonics that they then need."""
+    for number in reversed(range(len(now.modal.modes) if len(now.modal.modes) > 1 else 0)):
+        less = _less(now.modal, [number])
+        trial = _grown(lines, fitted(lines, less, ROUGH), limits)
+        fewer = max(now.n_parameters - trial.n_parameters, 1)
+        if trial.chi_square - now.chi_square < limit_of(fewer, limits.mode_alarm) * _level(lines, now):
+            return _without_needless(lines, trial, limits)
+    return now
+
+
+def _less(modal: Modal, numbers: Sequence[int]) -> Modal:
+    """Modes without some."""
+    kept = [k for k in range(len(modal.modes)) if k not in numbers]
+    return Modal(tuple(modal.modes[k] for k in kept), tuple(modal.shapes[k] for k in kept), modal.direct)
 
 
 def _with_echoes(lines: Lines, now: Fitted) -> Fitted:
@@ -61,16 +79,17 @@ def _with_echoes(lines: Lines, now: Fitted) -> Fitted:
     return trial if now.chi_square - trial.chi_square > limit else now
 
 
-def _level(lines: Lines, fit: Fitted) -> float:
+def _level(lines: Lines, fit: Fitted, chi_square: float | None = None) -> float:
     """χ² of a degree of freedom, at least 1: deviations that are too small make no modes of noise."""
-    return max(fit.chi_square / max(2 * np.count_nonzero(lines.there) - fit.n_parameters, 1), 1.0)
+    left = fit.chi_square if chi_square is None else chi_square
+    return max(left / max(2 * np.count_nonzero(lines.there) - fit.n_parameters, 1), 1.0)
 
 
 def _padded(lines: Lines, modal: Modal, limits: Limits) -> Modal:
     """With one harmonic more at each end of all bands: what is left out has no deviation."""
     for number in range(2 * len(modal.modes)):
         wider = _wider(modal, number, limits, lines.values.shape[1:3])
-        if wider is not None and sum(int(mask.sum()) for mask in wider.masks()) < np.count_nonzero(lines.there):
+        if wider is not None and eliminated(lines, wider).n_parameters < np.count_nonzero(lines.there):
             modal = wider
     return modal
 
@@ -110,44 +129,65 @@ def _conjugate(mode: InputMode) -> InputMode:
 def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:
     """The fit with the exponent of the grid that makes it best; None where no fit has fewer numbers than there are."""
     modal = Modal((), ()) if now is None else now.modal
-    residual = lines.values - modal.values(lines)
     trials = []
-    for exponent in _candidates(lines, residual):
-        for kind, main in product(kinds(exponent, lines.fundamental), (0, 1, -1)):
-            mode = _bare(lines, exponent, kind, main)
-            own = with_amplitudes(lines, [mode], residual)
-            start = Modal((*modal.modes, *own.modes), (*modal.shapes, *own.shapes), modal.direct)
-            if 2 * np.count_nonzero(lines.there) <= sum(int(mask.sum()) for mask in start.masks()):
-                continue
-            trials.append(fitted(lines, start, ROUGH))
+    for exponent in _candidates(lines, lines.values - modal.values(lines)):
+        for main in (0, 1, -1):
+            start = eliminated(lines, _joined(modal, [_bare(lines, exponent, main)]))
+            if 2 * np.count_nonzero(lines.there) > start.n_parameters:
+                trials.append(fitted(lines, start.modal, ROUGH))
     trials = [one for one in trials if np.isfinite(one.chi_square)]
     return fitted(lines, min(trials, key=lambda one: one.chi_square).modal) if trials else None
 
 
-def kinds(exponent: complex, fundamental: float) -> list[float | None]:
-    """None for a pair; 0 or ½ for a real multiplier, where the exponent is no further from one than it decays."""
-    turn = 2.0 * exponent.imag / fundamental
-    near = abs(turn - round(turn)) * 0.5 * fundamental < abs(exponent.real)
-    return [None, 0.5 * (round(turn) % 2)] if near else [None]
+def _bare(
+    lines: Lines, exponent: complex, main: int, bands: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+) -> InputMode:
+    """A mode reached by one harmonic above all: a pair with one harmonic on either side, or a real one of some bands.
 
-
-def _bare(lines: Lines, exponent: complex, kind: float | None, main: int) -> InputMode:
-    """A mode with one harmonic on either side, reached by one of them above all."""
+    Bands are the turns and the reach.
+    """
     inputs, records = lines.values.shape[2], len(lines.echoes[1]) * lines.alive
-    reach = np.arange(-1.0, 2.0) if kind is None else kind + np.arange(2.0)
-    if kind is not None:
-        exponent, main = complex(exponent.real), abs(main)
+    turns, reach = (np.arange(-1.0, 2.0),) * 2 if bands is None else bands
     gains = np.full((inputs, len(reach)), 0.01 + 0.0j)
-    gains[:, main + (kind is None)] = 1.0
+    gains[:, main + (bands is None)] = 1.0
     return InputMode(
         exponent=exponent,
-        real=kind is not None,
+        real=bands is not None,
         reach=reach,
         gains=gains,
-        turns=reach.copy(),
+        turns=turns,
         initial=np.zeros(records, complex),
         sizes=np.full(inputs, HELD),
     )
+
+
+def _with_real_ones(lines: Lines, now: Fitted, limits: Limits, refused: list[complex] | None = None) -> Fitted:
+    """With pairs whose multipliers may be one or two real ones taken for that, where noise explains the rest."""
+    refused = [] if refused is None else refused
+    modes, omega = now.modal.modes, lines.fundamental
+
+    for pairs in near_real(modes, lambda: now.parameters, omega, refused):
+        rest = _less(now.modal, pairs)
+        kinds, turns, reach = real_for([modes[k] for k in pairs], omega)
+        for starts in kinds:
+            trials = []
+            for mains in product(range(min(2, len(reach))), repeat=len(starts)):
+                both = zip(starts, mains, strict=True)
+                bare = [_bare(lines, complex(own), main, (turns, reach)) for own, main in both]
+                trials.append(fitted(lines, _joined(rest, bare), ROUGH))
+            best = fitted(lines, min(trials, key=lambda one: one.chi_square).modal)
+            best = _grown(lines, best, limits)
+            rise = (best.chi_square - now.chi_square) / _level(lines, now)
+            if noise_explains(rise, now.n_parameters - best.n_parameters):
+                return _with_real_ones(lines, best, limits, refused)
+    return now
+
+
+def _joined(modal: Modal, more: Sequence[InputMode]) -> Modal:
+    """Modes with some more, of no amplitudes yet."""
+    outputs = len(modal.shapes[0]) if modal.shapes else 1
+    bare = (np.zeros((outputs, len(mode.turns)), complex) for mode in more)
+    return Modal((*modal.modes, *more), (*modal.shapes, *bare), modal.direct)
 
 
 def _candidates(lines: Lines, residual: NDArray[np.complex128]) -> list[complex]:
@@ -194,9 +234,10 @@ def _grown(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
             wider = _wider(now.modal, number, limits, lines.values.shape[1:3])
             if wider is None:
                 continue
-            more = max(sum(int(mask.sum()) for mask in wider.masks()) - now.n_parameters, 1)
-            limit, gain = limit_of(more, limits.harmonic_alarm), promised(lines, wider)
-            if gain < limit * _level(lines, replace(now, chi_square=now.chi_square - gain)):
+            start = eliminated(lines, wider)
+            limit = limit_of(max(start.n_parameters - now.n_parameters, 1), limits.harmonic_alarm)
+            promise = promised(start)
+            if now.chi_square - promise < limit * _level(lines, start, promise):
                 continue
             trial = fitted(lines, wider, ROUGH)
             if now.chi_square - trial.chi_square > limit * _level(lines, trial):

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import Driven, mathieu, pulls, shaken, two_masses
+from tests.driven import flapping, lag, mathieu, pulls, shaken, two_masses
 
 from floquid import Channel, IdentificationError, InputError, fit_transfer, identify_driven, measure_transfer
+from floquid.findings import Severity
 from floquid.inputs import Limits, TransferFunctions
 from floquid.transfer import MeasuredTransfer
 
@@ -86,15 +87,22 @@ def test_two_modes_two_inputs_of_lines_measured_by_others():
         found.transfer(sampled=True)
 
 
-def test_a_real_multiplier_is_told():
-    one = np.ones((1, 1))
-    system = Driven(A=lambda _: -0.5 * one, B=lambda _: one, C=lambda _: one, period=np.pi)
-    given = of_equations(system, np.linspace(0.02, 0.4, 20), harmonics=np.arange(1))
-    found = fit_transfer(given, period=system.period, limits=Limits(modes=1))
-    assert found.model.exponents.real == pytest.approx(-0.5, abs=0.05)
-    assert any("real multiplier" in warning for warning in found.warnings)
-    pair = fit_transfer(of_equations(mathieu(), np.linspace(0.05, 0.8, 30)), period=np.pi, limits=Limits(modes=1))
-    assert not any("real multiplier" in warning for warning in pair.warnings)
+def test_a_real_multiplier_is_one():
+    system = lag()
+    given = of_equations(system, np.linspace(0.02, 0.4, 20), harmonics=np.arange(-1, 2))
+    found = fit_transfer(given, period=np.pi, limits=Limits(modes=1))
+    assert found.model.real.tolist() == [True]
+    assert pulls(system, found.model)[0, 0] < 4.0
+    assert not found.warnings
+
+
+@pytest.mark.slow
+def test_lines_that_do_not_tell_a_pair_from_two_real_ones_fail():
+    system = flapping()
+    given = of_equations(system, np.linspace(0.01, 0.5, 60), noise=0.01, seed=1)
+    found = fit_transfer(given, period=system.period)
+    assert pulls(system, found.model)[:, 0].max() > 5.0
+    assert [one.code for one in found.findings if one.severity == Severity.FAILURE] == ["modes_of_lines_real"]
 
 
 def test_a_direct_term():
