@@ -1,5 +1,6 @@
 """What holds for every test: figures without a screen, and hypothesis that draws the same examples each time."""
 
+import gc
 import os
 import re
 from collections import Counter
@@ -25,6 +26,15 @@ settings.register_profile(
     "explore", deadline=None, max_examples=2000, print_blob=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("fixed")
+
+
+# Modules and tests are there to the end: the collector of cycles need not look at a million objects again and again.
+gc.disable()
+
+
+def pytest_collection_finish():
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,27 +25,9 @@ class Driven:
     period: float
     D: float = 0.0
 
-    def maps(self, phases, inner=16):
+    def maps(self, phases):
         """Of each phase, the transition to the next one and what an input that is held adds to the state."""
-        n, inputs = self.A(0.0).shape[0], self.B(0.0).shape[1]
-        h = self.period / phases / inner
-        found = []
-
-        def rates(t, state):
-            moved = self.A(t) @ state
-            moved[:, n:] += self.B(t)
-            return moved
-
-        for phase in range(phases):
-            state = np.eye(n, n + inputs)
-            for step in range(inner):
-                t = phase * h * inner + step * h
-                k1 = rates(t, state)
-                k2 = rates(t + 0.5 * h, state + 0.5 * h * k1)
-                k3 = rates(t + 0.5 * h, state + 0.5 * h * k2)
-                state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rates(t + h, state + h * k3))
-            found.append((state[:, :n], state[:, n:]))
-        return found
+        return _maps(self, phases)
 
     def response(self, inputs, phases, start=None):
         """The response (outputs, samples) to inputs that are held (inputs, samples)."""
@@ -103,6 +86,30 @@ class Driven:
         return values
 
 
+@cache
+def _maps(system, phases, inner=16):
+    n, inputs = system.A(0.0).shape[0], system.B(0.0).shape[1]
+    h = system.period / phases / inner
+    found = []
+
+    def rates(t, state):
+        moved = system.A(t) @ state
+        moved[:, n:] += system.B(t)
+        return moved
+
+    for phase in range(phases):
+        state = np.eye(n, n + inputs)
+        for step in range(inner):
+            t = phase * h * inner + step * h
+            k1 = rates(t, state)
+            k2 = rates(t + 0.5 * h, state + 0.5 * h * k1)
+            k3 = rates(t + 0.5 * h, state + 0.5 * h * k2)
+            state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rates(t + h, state + h * k3))
+        found.append((state[:, :n], state[:, n:]))
+    return found
+
+
+@cache
 def mathieu(direct=0.0, damping=0.05):
     """Mathieu's equation, a = 2, q = 0.5, five per cent damped, with a force."""
     return Driven(
@@ -114,6 +121,7 @@ def mathieu(direct=0.0, damping=0.05):
     )
 
 
+@cache
 def two_masses():
     """Two masses on springs that vary, a force on each, both seen, one from a frame that turns."""
 
@@ -129,6 +137,7 @@ def two_masses():
     )
 
 
+@cache
 def paper_rotor():
     """The rotor of Allen's paper, a force on the mass along each axis that stands still."""
     rotor = JeffcottRotor()
@@ -140,6 +149,7 @@ def paper_rotor():
     )
 
 
+@cache
 def flapping(lock=12.0, advance=0.3):
     """A blade that flaps in forward flight: at these numbers two real negative multipliers, gone within a period."""
     g = lock / 8.0

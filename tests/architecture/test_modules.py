@@ -5,10 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import floquid
 
 ROOT = Path(floquid.__file__).parent
-TREES = {str(path.relative_to(ROOT)): ast.parse(path.read_text(encoding="utf-8")) for path in ROOT.rglob("*.py")}
 
 SLOW_TO_LOAD = [
     *("scipy.signal", "scipy.optimize", "scipy.integrate", "matplotlib", "h5py", "rich", "cyclopts"),
@@ -16,15 +17,20 @@ SLOW_TO_LOAD = [
 ]
 
 
-def test_under_400_lines():
-    assert TREES
-    assert not [name for name in TREES if len((ROOT / name).read_text(encoding="utf-8").splitlines()) >= 400]
+@pytest.fixture(scope="module")
+def trees():
+    return {str(path.relative_to(ROOT)): ast.parse(path.read_text(encoding="utf-8")) for path in ROOT.rglob("*.py")}
 
 
-def test_only_the_command_line_prints():
+def test_under_400_lines(trees):
+    assert trees
+    assert not [name for name in trees if len((ROOT / name).read_text(encoding="utf-8").splitlines()) >= 400]
+
+
+def test_only_the_command_line_prints(trees):
     calls = [
         (f"{name}:{node.lineno}", node.func)
-        for name, tree in TREES.items()
+        for name, tree in trees.items()
         if "cli" not in Path(name).parts
         for node in ast.walk(tree)
         if isinstance(node, ast.Call)
@@ -33,10 +39,10 @@ def test_only_the_command_line_prints():
     assert not [place for place, called in calls if isinstance(called, ast.Name) and called.id == "print"]
 
 
-def test_no_room_imports_what_is_private_to_another():
+def test_no_room_imports_what_is_private_to_another(trees):
     """`floquid.a._b` is for modules in `floquid/a` alone, in its sub-rooms too; others import from `floquid.a`."""
     wrong, looked_at = [], 0
-    for name, tree in TREES.items():
+    for name, tree in trees.items():
         own = Path(name).parts[:-1]
         modules = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
         for words in (module.split(".")[1:] for module in modules if module.startswith("floquid.")):

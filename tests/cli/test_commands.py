@@ -264,6 +264,7 @@ def test_simulate_info_identify(here, suffix):
     assert strict_json(typed(["identify", f"a record.{suffix}", "--format", "json"]))["modes"] == identified["modes"]
 
 
+@pytest.mark.slow
 def test_npz_and_csv_give_the_same(here):
     for suffix in ("npz", "csv"):
         typed(f"simulate --out record.{suffix} --periods 40 --samples-per-period 8 --noise 0.05 --impulse-deg 30")
@@ -283,7 +284,7 @@ def test_info_of_a_file_with_gaps(here):
 
 
 def test_demo(here, quick_pictures):
-    text = typed("demo jeffcott --periods 200 --out shown")
+    text = typed("demo jeffcott --periods 80 --out shown")
     assert set(contents(here / "shown")) == {*RESULT, "record.npz", "figures/system_elements.png"}
     assert [row[0] for row in rows_of_modes(text)] == ["1", "2"]
     for words in ("Principal Floquet exponents, against the truth", "Re λ2 [1/s]", "X_tt, Y_tt", "Written to shown/"):
@@ -296,7 +297,7 @@ def test_demo(here, quick_pictures):
     # What the folder holds can be made again from what the folder holds.
     again = typed("identify shown/record.npz --settings shown/settings.toml --format json")
     assert strict_json(again) == summary
-    assert typed("demo --periods 200 --out again --format json") == (here / "shown" / "summary.json").read_text()
+    assert typed("demo --periods 80 --out again --format json") == (here / "shown" / "summary.json").read_text()
 
 
 # Help and version.

@@ -15,7 +15,7 @@ PERIOD = f"{np.pi:.15g}"
 
 @pytest.fixture
 def file(tmp_path):
-    values, inputs = record_of(mathieu(), 40, 20, 0.02, 0)
+    values, inputs = record_of(mathieu(), 25, 20, 0.02, 0)
     channels = [Channel(name="x", unit="m"), Channel(name="F", unit="N")]
     path = tmp_path / "shaken.csv"
     write(Record(values=np.concatenate([values, inputs]), sample_rate=20.0 / np.pi, channels=channels), path)

@@ -113,7 +113,7 @@ def others():
         "families": tuple(families(found)),
         "driven": with_inputs(),
         "ambient": identify_ambient(
-            Record(values=ambient_of(mathieu(), 100, 12, 0.02, 0), sample_rate=12.0 / np.pi, channels=["y"]),
+            Record(values=ambient_of(mathieu(), 50, 12, 0.02, 0), sample_rate=12.0 / np.pi, channels=["y"]),
             period=np.pi,
         ),
         **of_the_oracle(),

@@ -62,7 +62,7 @@ PLAIN = re.compile(r"(floquid [\w ./,=:+-]*(?:\"[^\"$`\\\\]*\"[\w ./,=:+-]*)*)(?
 """What needs no shell, and so no process of its own: half of such a process' time is that of loading."""
 
 
-SMALLER = {"floquid demo jeffcott --paper": "floquid demo jeffcott --paper --periods 200 --draws 2"}
+SMALLER = {"floquid demo jeffcott --paper": "floquid demo jeffcott --paper --periods 60 --draws 1"}
 """The paper's experiment is a slow statistic: here a smaller one."""
 
 

@@ -21,7 +21,7 @@ STRUCTURE = "stiffness 1 symmetric; damping 0"
 @pytest.fixture(scope="module")
 def record():
     """The paper's rotor, 2 % noise, shorter than in the paper."""
-    return ROTOR.simulate(n_periods=300, samples_per_period=20, noise=0.02, seed=11)
+    return ROTOR.simulate(n_periods=150, samples_per_period=20, noise=0.02, seed=11)
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +152,7 @@ def test_all_channels_are_weighed_together(record):
 def test_several_channels_of_one_motion(record):
     """A velocity beside its displacement: both in one state."""
     both = record.select(["X", "Y"])
-    dense = ROTOR.simulate(n_periods=300, samples_per_period=800, noise=0.0)
+    dense = ROTOR.simulate(n_periods=150, samples_per_period=800, noise=0.0)
     speed = np.gradient(dense.values[0], dense.times)[::40]
     values = np.concatenate([both.values, [speed + 0.02 * np.random.default_rng(3).standard_normal(len(speed))]])
     channels = [*both.channels, Channel(name="vx", quantity="velocity", unit="m/s")]

@@ -46,7 +46,7 @@ def legend(figure):
 def rendered(figure):
     """The renderer of the figure, when it has been drawn."""
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()
+    figure.draw_without_rendering()
     return canvas.get_renderer()
 
 

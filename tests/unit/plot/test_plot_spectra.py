@@ -52,7 +52,7 @@ def legend(axes_or_figure):
 def outside_and_overlaps(figure):
     """Labels, titles, numbers and legends, drawn: those that stick out of the figure, and pairs that meet."""
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()
+    figure.draw_without_rendering()
     renderer = canvas.get_renderer()
     boxes = {}
     for index, axes in enumerate(figure.axes):

@@ -30,7 +30,7 @@ def driven():
         record(*record_of(system, periods, PHASES, 0.02, seed), system.period, first)
         for periods, seed in ((30, 1), (25, 2))
     ]
-    one = record(*record_of(blade, 100, PHASES, 0.01, 3), blade.period, "flap")
+    one = record(*record_of(blade, 50, PHASES, 0.01, 3), blade.period, "flap")
     return (
         floquid.identify_driven(both, period=system.period, inputs=["u0"]),
         floquid.identify_driven(one, period=blade.period, inputs=["u0"], validate=False),
@@ -40,7 +40,7 @@ def driven():
 @pytest.fixture(scope="module")
 def ambient():
     system = mathieu()
-    values = ambient_of(system, 300, PHASES, 0.02, 1)
+    values = ambient_of(system, 150, PHASES, 0.02, 1)
     return floquid.identify_ambient(
         record(values, np.zeros((0, values.shape[1])), system.period, "y"), period=system.period
     )

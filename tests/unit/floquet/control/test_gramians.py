@@ -169,6 +169,7 @@ def test_states_in_any_units_that_decay_at_very_different_speeds():
     assert np.abs(found / wanted - 1.0).max() < 1e-11
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_the_units_of_inputs_and_outputs_do_not_matter(unit):
     """With more harmonics in them than in A."""
