@@ -43,17 +43,9 @@ def find_poles(
     choice of the order is None where the settings fix it. Raises IdentificationError where no mode rises above the
     noise, or the order or the noise cannot be told.
 
-    Parameters
-    ----------
-    lifted
-        The lifted responses, with a first estimate of their noise.
-    settings
-        The options.
-    report
-        Is told of each stage.
-    taps
-        The filters that whiten what generous poles leave of the responses (channels, taps), None where that is white;
-        found here by default.
+    `lifted` are the responses, with a first estimate of their noise, `settings` the options, and `report` is told of
+    each stage. `taps` are the filters that whiten what generous poles leave of the responses (channels, taps), None
+    where that is white; found here by default.
     """
     raw, taps = lifted, first_filter(lifted) if isinstance(taps, EllipsisType) else taps
     if settings.order is not None and settings.order >= lifted.responses.lengths.max() - 1:

@@ -26,19 +26,8 @@ def lifted(
     are, with a tachometer, a rate out of step or missing samples, are resampled to them. Where the noise is coloured
     along the record, the responses are whitened.
 
-    Raises InputError where a record or an option is not possible, IdentificationError where the record is too short, or
-    the angle of its shaft cannot be told or is not constant enough.
-
-    Parameters
-    ----------
-    records
-        One record, or one a hit on the same system; or what `prepare` made of them.
-    settings
-        The options; or give them by name. Those of what comes after lifting change nothing.
-    report
-        Is told what is being done, a phrase a stage.
-    **options
-        Fields of `Settings`.
+    `records`, or what `prepare` made of them, `settings`, `report`, `options` and the errors are those of `identify`;
+    what is set of the stages after lifting changes nothing.
     """
     if not isinstance(records, Prepared):
         records = prepare(records, settings_of(settings, options, "lifted"), report=report, of="lifted")

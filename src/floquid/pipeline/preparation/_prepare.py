@@ -104,21 +104,9 @@ def prepare(
     responses are left out, the orbit that a file holds is subtracted, and the period or the angle of the shaft is
     found. What cannot end well is refused before any long work.
 
-    Raises InputError where a record or an option is not possible, IdentificationError where the record is too short, or
-    its period or the angle of its shaft cannot be told or is not constant enough.
-
-    Parameters
-    ----------
-    records
-        One record, or one a hit on the same system.
-    settings
-        The options; or give them by name.
-    report
-        Is told what is being done, a phrase a stage.
-    of
-        The callable that was asked, for messages.
-    **options
-        Fields of `Settings`.
+    `records`, `settings`, `report` and `options` are those of `identify`; `of` is the callable that was asked, for
+    messages. Raises InputError where a record or an option is not possible, IdentificationError where the record is too
+    short, or its period or the angle of its shaft cannot be told or is not constant enough.
     """
     chosen = settings_of(settings, options, of)
     refuse_excited(chosen, of)
