@@ -72,7 +72,6 @@ class FunctionMatrix(Rebuilt, AbstractPeriodicMatrix):
         object.__setattr__(self, "_first", value)
 
     def at(self, times: ArrayLike) -> Floats:
-        """The values at `times` [s] of any shape (..., rows, columns)."""
         instants = np.asarray(times, dtype=np.float64)
         flat = instants.ravel()
         if self.vectorised:
@@ -142,7 +141,6 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """The numbers of rows and columns."""
         rows, columns, _ = np.shape(self.coefficients)
         return rows, columns
 
@@ -183,7 +181,6 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
         )
 
     def at(self, times: ArrayLike) -> Floats:
-        """The values at `times` [s] of any shape (..., rows, columns)."""
         harmonics = np.asarray(self.harmonics)
         half = len(harmonics) // 2  # the upper half says all: the series is real
         upper = np.asarray(self.coefficients)[..., half:] * np.where(harmonics[half:] == 0, 1.0, 2.0)
@@ -252,7 +249,6 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """The numbers of rows and columns."""
         rows, columns, _ = np.shape(self.values)
         return rows, columns
 
@@ -262,7 +258,6 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
         return np.empty(0) if self.interpolation == "fourier" else np.asarray(self.times)
 
     def at(self, times: ArrayLike) -> Floats:
-        """The values at `times` [s] of any shape (..., rows, columns)."""
         return self._interpolant(np.asarray(times, dtype=np.float64))
 
 
@@ -301,7 +296,6 @@ class PiecewiseMatrix(Brief, AbstractPeriodicMatrix):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """The numbers of rows and columns."""
         rows, columns, _ = np.shape(self.values)
         return rows, columns
 
@@ -312,7 +306,6 @@ class PiecewiseMatrix(Brief, AbstractPeriodicMatrix):
         return edges if len(edges) > 1 else np.empty(0)
 
     def at(self, times: ArrayLike) -> Floats:
-        """The values at `times` [s] of any shape (..., rows, columns)."""
         folded = np.mod(np.asarray(times, dtype=np.float64), self.period)
         piece = np.searchsorted(np.asarray(self.edges), folded, side="right") - 1  # -1 is the last piece, as it must
         return np.moveaxis(np.asarray(self.values), 2, 0)[piece]
