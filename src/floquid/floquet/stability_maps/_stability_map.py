@@ -26,7 +26,7 @@ from floquid.floquet.stability_maps._boundaries import (
 )
 from floquid.floquet.stability_maps._family import Family, family
 from floquid.floquet.stability_maps._spectra import Spectra
-from floquid.floquet.stability_maps._workers import Workers
+from floquid.floquet.stability_maps._workers import shared_by
 
 _HALVINGS = (20, 3)  # by default, of the steps of the grid of one and of two parameters
 _EDGES = (1e-9, 1e-6)  # by default, the largest error of an edge as a fraction of the range
@@ -196,13 +196,13 @@ def stability_map(
         of=of,
     )
     ranges = np.array([grid[-1] - grid[0] for grid in grids])
-    with Workers(given, workers) as pool, bar(progress, report) as told:
+    with shared_by(workers, given) as spectra, bar(progress, report) as told:
 
         def evaluate(points: Floats, words: str) -> Spectra:
             told(words)
-            return pool.spectra(points)
+            return spectra(points)
 
-        first = pool.spectra(points, lambda done: told(f"evaluating the grid: {done} of {len(points)}"))
+        first = spectra(points, lambda done: told(f"evaluating the grid: {done} of {len(points)}"))
         known = samples(points, first, margin)
         bands = segments = None
         if len(names) == 1:
