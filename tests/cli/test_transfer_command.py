@@ -4,11 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from tests.driven import mathieu, record_of
+from tests.driven import lag, mathieu, record_of
+from tests.unit.transfer.test_fit import of_equations
 from tests.unit.transfer.test_polynomials import looped
 
-from floquid import Channel, Record, read
+from floquid import Channel, Record, load, read
 from floquid.cli import run
+from floquid.exports import export_transfer
 from floquid.readers import write
 
 PERIOD = f"{np.pi:.15g}"
@@ -109,3 +111,24 @@ def test_inputs_that_do_not_repeat_are_told(tmp_path, capsys):
     write(Record(values=np.concatenate([values, inputs]), sample_rate=20.0 / np.pi, channels=["x", "F"]), path)
     assert run(["transfer", str(path), "--period", PERIOD, "--inputs", "F", "--method", "repeats"]) == 1
     assert "do not repeat" in capsys.readouterr().err
+
+
+def test_lines_of_a_file_are_fitted(tmp_path, capsys):
+    lines = of_equations(lag(), np.linspace(0.02, 0.4, 20), harmonics=np.arange(-1, 2))
+    export_transfer(lines, tmp_path / "g.csv")
+    command = ["transfer", "--lines", str(tmp_path / "g.csv"), "--method", "fit", "--at", "0.1"]
+    assert run([*command, "--period", PERIOD, "--out", str(tmp_path / "g.h5"), "--format", "json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["exponents"][0][0] == pytest.approx(-0.5, abs=5 * found["exponents_std"][0][0])
+    assert load(tmp_path / "g.h5").model.real.tolist() == [True]
+    for words, said in (
+        (command, "period"),  # a table has none
+        ([*command, "run.csv"], "--lines"),
+        ([*command[:3], "--period", PERIOD], "--lines"),
+        (["transfer", "--lines", str(tmp_path / "g.h5"), "--method", "fit"], "measured"),
+        (["report", str(tmp_path / "g.h5")], "RESULT"),
+        (["bootstrap", str(tmp_path / "g.h5")], "RESULT"),
+        (["convert", str(tmp_path / "g.h5"), str(tmp_path / "m.mat")], "RESULT"),
+    ):
+        assert run(words) == 2
+        assert said in capsys.readouterr().err

@@ -31,7 +31,7 @@ from floquid.io import flush, flush_folder
 from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.plot import FIGURES as DRAWN
 from floquid.readers import write
-from floquid.store import save
+from floquid.store import load, save
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be: some need an A(t), or a tachometer
 RESULT = "result.h5"  # the file of an identification: figures beside it are of it
@@ -97,6 +97,15 @@ def result_file(path: Path) -> Path:
     folder = path if path.is_dir() else path.parent
     settle(folder)
     return folder / RESULT if path.is_dir() else path
+
+
+def identified_in(path: Path, of: str) -> Analysis | ExcitedAnalysis:
+    """The analysis in a result, or in the folder that it is in."""
+    found = load(result_file(path))
+    if not isinstance(found, (Analysis, ExcitedAnalysis)):
+        remedy = "`floquid transfer --lines` reads it."
+        raise input_error("RESULT", of, "be what `floquid identify` wrote", "holds transfer functions", remedy)
+    return found
 
 
 @contextmanager

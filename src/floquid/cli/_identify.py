@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
-from floquid.cli._folder import NAMES, maybe_folder, result_file, write_result
+from floquid.cli._folder import NAMES, identified_in, maybe_folder, result_file, write_result
 from floquid.cli._options import (
     Flag,
     Format,
@@ -32,7 +32,6 @@ from floquid.exports import summary
 from floquid.pipeline import Analysis, ExcitedAnalysis, Settings, identify_ambient, identify_driven
 from floquid.pipeline import identify as identify_records
 from floquid.reporting import report as write_report
-from floquid.store import load
 
 OF = "floquid identify"
 STAGES = 10
@@ -121,5 +120,5 @@ def report(result: Saved, *, out: OutputFolder = None, title: str | None = None)
     page = file.parent / "report.html" if out is None else out
     with progress(3) as stage:
         stage("reading the result")
-        write_report(load(file), page, title=title, progress=stage)
+        write_report(identified_in(file, "floquid report"), page, title=title, progress=stage)
     terminal().print(f"Written: {page}", soft_wrap=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
-from floquid.cli._folder import result_file
+from floquid.cli._folder import identified_in
 from floquid.cli._options import Choices, Frequency, NewRecordFile, Rate, RecordFile, period_of, split
 from floquid.cli._terminal import new_table, progress, terminal
 from floquid.core import Record
@@ -20,7 +20,6 @@ from floquid.errors import InputError
 from floquid.exports import MODE_FORMATS, export_modes
 from floquid.io import GUARD, attribute
 from floquid.readers import ClockCandidate, FileSummary, describe_file, read, write
-from floquid.store import load
 
 OF = "floquid convert"
 
@@ -316,7 +315,7 @@ def _convert_modes(result: Path, out: Path, options: Mapping[str, object]) -> No
         raise input_error("OUT", OF, "have a suffix that modes can be written to", f"is {out}", remedy)
     with progress(2) as report:
         report("reading the result")
-        analysis = load(result_file(result))
+        analysis = identified_in(result, OF)
         report(f"writing {out.name}")
         export_modes(analysis, out)
     model = analysis.model

@@ -32,12 +32,13 @@ from floquid.cli._options import (
 from floquid.cli._records import check_files, read_records
 from floquid.cli._terminal import json_text, print_title, print_warnings, progress, terminal
 from floquid.core import Channel
-from floquid.exports import export_transfer, fit_entries, measured_entries, transfer_entries
+from floquid.exports import export_transfer, fit_entries, import_transfer, measured_entries, transfer_entries
 from floquid.findings import Severity, texts
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import ExcitedAnalysis, measure_transfer
 from floquid.readers import write
-from floquid.transfer import Multisine, fit_transfer
+from floquid.store import load, save
+from floquid.transfer import MeasuredTransfer, Multisine, TransferFit, fit_transfer
 from floquid.transfer import multisine as designed
 from floquid.views import with_error
 
@@ -55,6 +56,10 @@ _METHOD = (
     "multisine. polynomials: line by line from any broad-band inputs. fit: of "
     "modes fitted to lines so measured."
 )
+_LINES = (
+    "In the place of records, for --method fit: transfer functions that were measured before, or by another program, "
+    "as .csv or .mat as --out writes them, or .h5. They need their deviations."
+)
 _DROP = "Repeats at the begin of each record that are left out, for what rings there to die."
 _REFERENCE = (
     "Channels, with commas, one for each input, that drive the inputs and know nothing of the noise: for a closed loop "
@@ -69,12 +74,14 @@ def transfer(
     method: Annotated[Method, Parameter(help=_METHOD)] = "model",
     at: Annotated[str, Parameter(help=_AT)] = "",
     harmonics: Annotated[str, Parameter(help=_HARMONICS)] = "-1,0,1",
+    lines: Annotated[Path | None, Parameter(help=_LINES)] = None,
     drop: Annotated[Whole, Parameter(help=_DROP)] = 1,
     reference: Annotated[str, Parameter(help=_REFERENCE)] = "",
     out: Annotated[
         Path | None,
         Parameter(
-            help="A table (.csv, .mat, Touchstone .sNp of one harmonic of N paths), or a picture (.png, .pdf, .svg)."
+            help="A table (.csv, .mat, Touchstone .sNp of one harmonic of N paths), a picture (.png, .pdf, .svg), or "
+            "all that was found (.h5)."
         ),
     ] = None,
     format: Format = "text",  # noqa: A002
@@ -93,10 +100,8 @@ def transfer(
     settings
         A settings.toml written by an earlier run; options given here come first.
     """
-    check_files(files, OF)
     choices = choices_of(settings).with_given(**given(record, OF))
-    if not choices.settings.inputs:
-        raise input_error("--inputs", OF, "name the channels that drive the system", "is not given", "As --inputs F.")
+    _check_given(files, choices.settings.inputs, lines, method)
     turns, hertz, references = _whole(harmonics), _frequencies(at), split(reference)
     if references and method == "model":
         remedy = "Leave it out: `--excitation ambient` with --inputs takes account of a loop."
@@ -105,16 +110,21 @@ def transfer(
         must, remedy = "not be given with --method repeats", "Leave it out: the lines are those of the inputs."
         raise input_error("--at", OF, must, f"is {at!r}", remedy)
     with progress(STAGES) as report:
-        records, choices = read_records(files, choices, OF, report)
-        if method == "model":
-            analysis = identified(records, choices.resolved(), report)
-            assert isinstance(analysis, ExcitedAnalysis)
-            found, findings, more = analysis.transfer(hertz, turns), analysis.findings, {}
+        records = []
+        if lines is None:
+            records, choices = read_records(files, choices, OF, report)
+        chosen = choices.resolved()
+        if lines is not None:
+            result = fit_transfer(_measured_in(lines), period=chosen.period, hold=chosen.hold, report=report)
+            found, findings, more = result.transfer(hertz, turns), result.findings, fit_entries(result)
+        elif method == "model":
+            result = identified(records, chosen, report)
+            assert isinstance(result, ExcitedAnalysis)
+            found, findings, more = result.transfer(hertz, turns), result.findings, {}
         else:
             # Of a fit all lines are measured, and G is asked of the modes at the frequencies named.
             way, wanted = (None, None) if method == "fit" else (method, hertz)
-            chosen = choices.resolved()
-            measured = measure_transfer(
+            result = measured = measure_transfer(
                 records,
                 chosen,
                 method=way,
@@ -126,10 +136,10 @@ def transfer(
             )
             found, findings, more = measured.transfer, measured.findings, measured_entries(measured)
             if method == "fit":
-                fit = fit_transfer(measured, hold=chosen.hold, report=report)
+                result = fit = fit_transfer(measured, hold=chosen.hold, report=report)
                 found, findings, more = fit.transfer(hertz, turns), (*findings, *fit.findings), more | fit_entries(fit)
         if out is not None:
-            _write(found, out)
+            _write(found, result, out)
     if format == "json":
         sys.stdout.write(json_text(transfer_entries(found) | more))
         return
@@ -172,8 +182,34 @@ def _spread(there: NDArray[np.bool_]) -> NDArray[np.int64]:
     return places[np.unique(np.linspace(0, len(places) - 1, min(SHOWN, len(places))).astype(int))]
 
 
-def _write(found: TransferFunctions, out: Path) -> None:
-    """Write transfer functions as a table, or as a picture."""
+def _check_given(files: tuple[Path, ...], inputs: tuple[str, ...] | None, lines: Path | None, method: str) -> None:
+    """Refuse records without inputs, and lines beside records or for another method than a fit."""
+    if lines is None:
+        check_files(files, OF)
+        if not inputs:
+            must = "name the channels that drive the system"
+            raise input_error("--inputs", OF, must, "is not given", "As --inputs F.")
+    elif files or method != "fit":
+        got = "comes with records" if files else f"comes with --method {method}"
+        raise input_error("--lines", OF, "stand in the place of records, with --method fit", got, "Give one of them.")
+
+
+def _measured_in(file: Path) -> MeasuredTransfer | TransferFunctions:
+    """Transfer functions in a table, or in a result that was measured."""
+    if file.suffix.lower() != ".h5":
+        return import_transfer(file)
+    found = load(file)
+    if not isinstance(found, MeasuredTransfer):
+        remedy = "Write it by --method repeats or polynomials, --out g.h5."
+        raise input_error("--lines", OF, "hold transfer functions that were measured", f"is {file}", remedy)
+    return found
+
+
+def _write(found: TransferFunctions, result: ExcitedAnalysis | MeasuredTransfer | TransferFit, out: Path) -> None:
+    """Write transfer functions as a table, as a picture, or with all that they come of."""
+    if out.suffix.lower() == ".h5":
+        save(result, out)
+        return
     if out.suffix.lower() in (".csv", ".mat") or re.fullmatch(r"\.s\d+p", out.suffix.lower()):
         export_transfer(found, out)
         return

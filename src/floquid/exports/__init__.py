@@ -3,6 +3,7 @@
 from floquid.exports._modes import MODE_FORMATS, export_modes
 from floquid.exports._periodic_system import from_periodic_system, to_periodic_system
 from floquid.exports._summary import summary
+from floquid.exports._transfer_reading import import_transfer
 from floquid.exports._transfer_tables import (
     TRANSFER_FORMATS,
     export_transfer,
@@ -15,5 +16,6 @@ from floquid.exports._xarray import to_xarray
 
 __all__ = [
     "MODE_FORMATS", "TRANSFER_FORMATS", "export_modes", "export_transfer", "fit_entries", "from_periodic_system",
-    "measured_entries", "summary", "to_periodic_system", "to_xarray", "transfer_entries", "transfer_rows",
+    "import_transfer", "measured_entries", "summary", "to_periodic_system", "to_xarray", "transfer_entries",
+    "transfer_rows",
 ]  # fmt: skip

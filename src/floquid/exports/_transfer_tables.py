@@ -23,7 +23,7 @@ def export_transfer(found: TransferFunctions, path: str | PathLike[str]) -> None
     """Write transfer functions to a table in the format of its suffix.
 
     - `.csv`: a row a frequency; of each function the real and the imaginary part, with deviations, in columns that name
-      harmonic, path and unit.
+      harmonic, path and unit; the first names the sampling interval where G is of samples.
     - `.mat`: MATLAB version 5: `values` and `std` (harmonics, outputs, inputs, frequencies), `frequencies_hz`,
       `harmonics`, `outputs`, `inputs` and their units, `step` where it is that of samples.
     - `.sNp`: Touchstone version 1 of one harmonic of as many outputs as inputs, N: port k has input k and output k.
@@ -105,9 +105,11 @@ def _touchstone(found: TransferFunctions, ports: int, of: str) -> str:
 def transfer_rows(found: TransferFunctions) -> str:
     """The transfer functions `found` as a table of comma-separated values, with a line of names and units.
 
-    A row is a frequency; of each function there are the real and the imaginary part.
+    A row is a frequency; of each function there are the real and the imaginary part. The first head has the sampling
+    interval where G is of samples.
     """
-    heads, columns = ["frequency [Hz]"], [found.frequencies_hz]
+    sampled = "" if found.step is None else f" of samples every {found.step!r} s"
+    heads, columns = [f"frequency [Hz]{sampled}"], [found.frequencies_hz]
     for place, harmonic in enumerate(found.harmonics.tolist()):
         for row, output in enumerate(found.outputs):
             for column, source in enumerate(found.inputs):

@@ -68,6 +68,15 @@ settings, records, model and findings alone; and::
 
 The columns and the covariance of such a fit are made of its modes and records again.
 
+Transfer functions measured line by line have the `kind` "measured", and modes fitted to them "fitted"::
+
+    /transfer/, /measured/          frequencies_hz, harmonics, values and std (harmonics, outputs, inputs, frequencies),
+                                    outputs/ and inputs/ as channels/, step (null of continuous time)
+    /period, /method, /noise, /coherence, /nonlinear, /echoes, /begins    of `MeasuredTransfer`, beside /transfer/
+    /model/, /covariance, /hold, /begins, /chi_square, /degrees           of `TransferFit`, beside /measured/
+    /fit/modes/mode1, ...           as of "driven", with shape (outputs, harmonics)
+    /fit/direct0, direct1, ...      the direct term at each harmonic (outputs, inputs)
+
 The cycles and the lifted responses are not in the file: they are made of the free response again. Files of earlier
 versions of the layout, which no release of floquid wrote, are refused.
 """

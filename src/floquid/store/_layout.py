@@ -14,20 +14,24 @@ from floquid.core import (
     TachometerSignal,
 )
 from floquid.innovations import Mode
-from floquid.inputs import InputMode
+from floquid.inputs import InputMode, TransferFunctions
 from floquid.lti import Composites, ModalModel
 from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, PartialTests, Periodicity
 from floquid.pipeline import AmbientAnalysis, DrivenAnalysis
 from floquid.reconstruction import Refinement, StateModel
 from floquid.sync import AngleSpline, ShaftAngle
+from floquid.transfer import MeasuredTransfer, TransferFit
 from floquid.validation import Validation
 
 FORMAT = "floquid-result"
 VERSION = 3
 
 EXCITED: dict[type, str] = {DrivenAnalysis: "driven", AmbientAnalysis: "ambient"}
-"""Results of records whose excitation goes on, by the attribute `kind` of their files; others have none."""
+"""Results of records whose excitation goes on, by the attribute `kind` of their files; free responses have none."""
+
+LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
+"""Transfer functions measured line by line, and modes fitted to them, likewise."""
 
 ABSENT = ("estimates", "unselected", "inputs", "composites")  # groups that a file does not have for None
 FLAGS = ("constrained", "kept", "passed", "real", "speed_dependent", "steady")
@@ -35,11 +39,14 @@ FLAGS = ("constrained", "kept", "passed", "real", "speed_dependent", "steady")
 
 TEXTS = (
     "name", "quantity", "unit", "location", "direction", "sources", "steps", "names", "states", "channel", "channels",
-    "outcome", "coordinates", "jitter_unit", "at_least", "kind", "structure", "findings",
+    "outcome", "coordinates", "jitter_unit", "at_least", "kind", "structure", "findings", "method", "hold",
 )  # fmt: skip
 """Names of datasets of text."""
 
 _UNIT = "that of the channel"
+
+SHAPE, DIRECT = "outputs, harmonics; that of the output", "outputs, inputs; that of the output over the input"
+"""Places of the amplitudes of a mode that was fitted to lines, and of the direct term at one harmonic."""
 
 LAYOUT: dict[type, dict[str, str | type]] = {
     Channel: dict.fromkeys(("name", "quantity", "unit", "location", "direction"), "channels"),
@@ -101,6 +108,37 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "noise": f"channels, one; {_UNIT}",
         "held_out": "channels",
         "lengths": "modes; s",
+        "findings": "findings",
+    },
+    TransferFunctions: {
+        "frequencies_hz": "frequencies; Hz",
+        "harmonics": "harmonics",
+        **dict.fromkeys(
+            ("values", "std"), "harmonics, outputs, inputs, frequencies; that of the output over the input"
+        ),
+        "outputs": Channel,
+        "inputs": Channel,
+        "step": "; s",
+    },
+    MeasuredTransfer: {
+        "transfer": TransferFunctions,
+        "period": "; s",
+        "method": "",
+        "noise": "outputs, frequencies; that of the output",
+        "coherence": "outputs, frequencies",
+        "nonlinear": "outputs",
+        "echoes": "records, inputs, frequencies",
+        "begins": "records; s",
+        "findings": "findings",
+    },
+    TransferFit: {
+        "measured": TransferFunctions,
+        "model": PeriodicModel,
+        "covariance": "numbers, numbers",
+        "hold": "",
+        "begins": "records; s",
+        "chi_square": "",
+        "degrees": "",
         "findings": "findings",
     },
     InputMode: {

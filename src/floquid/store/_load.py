@@ -30,8 +30,10 @@ from floquid.pipeline import (
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
 from floquid.store._datasets import get, get_fields, get_findings, get_numbers, get_object
 from floquid.store._identifiers import from_text
-from floquid.store._layout import EXCITED, FORMAT, VERSION
+from floquid.store._layout import DIRECT, EXCITED, FORMAT, LINES, SHAPE, VERSION
+from floquid.store._save import Result
 from floquid.sync import ShaftAngle
+from floquid.transfer import MeasuredTransfer, Modal, TransferFit
 from floquid.validation import Criterion, Validation
 
 _SIGNALS: dict[str, Any] = {kind.__name__: kind for kind in (TachometerSignal, AzimuthSignal, PulseTimes)}
@@ -41,7 +43,7 @@ MUST = "be a result file that `save` wrote"
 AGAIN = "Write it again: `floquid identify ... --out DIR`, or `save(analysis, path)`."
 
 
-def load(path: str | PathLike[str]) -> Analysis | ExcitedAnalysis:
+def load(path: str | PathLike[str]) -> Result:
     """The analysis in a file that `save` wrote, every intermediate included.
 
     The free response is cut into periods and lifted again, and where the excitation goes on the fit is linearised at
@@ -57,7 +59,7 @@ def load(path: str | PathLike[str]) -> Analysis | ExcitedAnalysis:
         raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {error}", AGAIN) from None
 
 
-def _load(file: Path) -> Analysis | ExcitedAnalysis:
+def _load(file: Path) -> Result:
     import h5py
 
     if not h5py.is_hdf5(file):
@@ -96,11 +98,31 @@ def _read_excited(file: Any, kind: str) -> ExcitedAnalysis:
     return DrivenAnalysis(settings=settings, records=records, fit=fit, **found)
 
 
-def _read(file: Any) -> Analysis | ExcitedAnalysis:
+def _read_lines(file: Any, kind: str) -> MeasuredTransfer | TransferFit:
+    """Transfer functions that were measured, or a fit to such."""
+    if kind == LINES[MeasuredTransfer]:
+        return get_object(file, MeasuredTransfer)
+    modes = [file[f"fit/modes/mode{number}"] for number in range(1, len(file["fit/modes"]) + 1)]
+    count = sum(1 for name in file["fit"] if name.startswith("direct"))
+    modal = Modal(
+        tuple(get_object(mode, InputMode) for mode in modes),
+        tuple(get(mode, "shape", SHAPE) for mode in modes),
+        tuple(get(file["fit"], f"direct{turn}", DIRECT) for turn in range(count)),
+    )
+    found = get_fields(file, TransferFit)
+    if sum(1 if mode.real else 2 for mode in modal.modes) != found["model"].order:
+        raise DamagedError("fit/modes are not those of the model")
+    return TransferFit(modal=modal, **found)
+
+
+def _read(file: Any) -> Result:
     import h5py
 
-    if "kind" in file.attrs:
-        return _read_excited(file, str(file.attrs["kind"]))
+    kind = str(file.attrs.get("kind", ""))
+    if kind in LINES.values():
+        return _read_lines(file, kind)
+    if kind:
+        return _read_excited(file, kind)
     settings = _settings(file["settings"])
     model: PeriodicModel = get_object(file["model"], PeriodicModel)
     records, shafts, fit = _fit(file, model, settings)

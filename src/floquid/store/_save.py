@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from io import BytesIO
 from os import PathLike
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -19,21 +19,25 @@ from floquid.pipeline import Analysis, ExcitedAnalysis, Settings, samples_of
 from floquid.reconstruction import text_of
 from floquid.store._datasets import put, put_numbers, put_object
 from floquid.store._identifiers import to_text
-from floquid.store._layout import EXCITED, FORMAT, VERSION
+from floquid.store._layout import DIRECT, EXCITED, FORMAT, LINES, SHAPE, VERSION
+from floquid.transfer import MeasuredTransfer, TransferFit
 from floquid.validation import Validation
 
+Result: TypeAlias = Analysis | ExcitedAnalysis | MeasuredTransfer | TransferFit
 
-def save(analysis: Analysis | ExcitedAnalysis, path: str | PathLike[str]) -> None:
+
+def save(analysis: Result, path: str | PathLike[str]) -> None:
     """Write everything that an analysis holds to one HDF5 file, from which `load` makes it again.
 
     The layout is that of the package's own page. The file is written under another name in the same folder and takes
     its own name when it is whole: whatever happens, `path` holds the old file or the new one. The same analysis gives
     the same bytes.
 
-    `analysis` is what `identify`, `identify_driven` or `identify_ambient` found; the file `path`, by custom
-    `result.h5`, may exist. Raises InputError where `analysis` is something else, or the file cannot be written there.
+    `analysis` is what `identify`, `identify_driven`, `identify_ambient`, `measure_transfer` or `fit_transfer` found;
+    the file `path`, by custom `result.h5`, may exist. Raises InputError where `analysis` is something else, or the file
+    cannot be written there.
     """
-    if not isinstance(analysis, (Analysis, ExcitedAnalysis)):
+    if not isinstance(analysis, Result):
         must = "be an Analysis"
         raise input_error("analysis", "save", must, f"is {describe(analysis)}", "Pass what `identify` gave.")
     with atomic_path(path, of="save") as temporary:
@@ -43,13 +47,16 @@ def save(analysis: Analysis | ExcitedAnalysis, path: str | PathLike[str]) -> Non
         temporary.write_bytes(content.getbuffer())
 
 
-def _write(analysis: Analysis | ExcitedAnalysis, stream: BytesIO) -> None:
+def _write(analysis: Result, stream: BytesIO) -> None:
     import h5py
 
     with h5py.File(stream, "w") as file:
         file.attrs["format"] = FORMAT
         file.attrs["version"] = VERSION
         file.attrs["floquid"] = __version__
+        if isinstance(analysis, (MeasuredTransfer, TransferFit)):
+            _put_lines(file, analysis)
+            return
         _put_settings(file.create_group("settings"), analysis.settings)
         for number, record in enumerate(analysis.records, start=1):
             _put_record(file.create_group(f"records/hit{number}"), record)
@@ -71,6 +78,20 @@ def _put_excited(file: Any, analysis: ExcitedAnalysis) -> None:
         put(group, "initial", analysis.fit.at.initial, "records, states")
     for number, mode in enumerate(analysis.fit.at.modes, start=1):
         put_object(group.create_group(f"modes/mode{number}"), mode)
+
+
+def _put_lines(file: Any, found: MeasuredTransfer | TransferFit) -> None:
+    """Transfer functions that were measured, or a fit to such with its modes."""
+    file.attrs["kind"] = LINES[type(found)]
+    put_object(file, found)
+    if isinstance(found, MeasuredTransfer):
+        return
+    for number, (mode, shape) in enumerate(zip(found.modal.modes, found.modal.shapes, strict=True), start=1):
+        group = file.create_group(f"fit/modes/mode{number}")
+        put_object(group, mode)
+        put(group, "shape", shape, SHAPE)
+    for turn, direct in enumerate(found.modal.direct):
+        put(file["fit"], f"direct{turn}", direct, DIRECT)
 
 
 def _put_free(file: Any, analysis: Analysis) -> None:

@@ -8,6 +8,7 @@ those that others have measured.
 from floquid.transfer._fit import TransferFit as TransferFit
 from floquid.transfer._fit import fit_transfer as fit_transfer
 from floquid.transfer._measured import MeasuredTransfer as MeasuredTransfer
+from floquid.transfer._modal import Modal as Modal
 from floquid.transfer._multisine import Multisine as Multisine
 from floquid.transfer._multisine import multisine as multisine
 from floquid.transfer._polynomials import by_polynomials as by_polynomials

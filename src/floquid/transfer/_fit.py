@@ -38,9 +38,11 @@ class TransferFit(Rebuilt):
         What was fitted.
     model
         The periodic model with its inputs; of no scale of its own where G has none.
-    lines, modal, covariance
-        What was fitted, the modes as fitted, and the joint covariance of their numbers and of the amplitudes of one
-        output after another, from which deviations are made.
+    modal, covariance
+        The modes as fitted, and the joint covariance of their numbers and of the amplitudes of one output after
+        another, from which deviations are made.
+    hold, begins
+        The input between its samples, and the times at which the records begin (records,) [s].
     chi_square, degrees
         The squares that are left over the variances of G, and how many are free. Where that is more than one a degree
         the covariance is widened by it.
@@ -50,9 +52,10 @@ class TransferFit(Rebuilt):
 
     measured: TransferFunctions
     model: PeriodicModel
-    lines: Lines
     modal: Modal
     covariance: NDArray[np.float64]
+    hold: Hold
+    begins: NDArray[np.float64]
     chi_square: float
     degrees: int
     findings: tuple[Finding, ...] = ()
@@ -93,15 +96,14 @@ class TransferFit(Rebuilt):
         hertz = frozen_array(hertz, "frequencies_hz", of, axes=("frequencies",))
         turns = own.harmonics if harmonics is None else np.unique(np.atleast_1d(np.asarray(harmonics, np.int64)))
         empty = np.zeros((len(turns), len(own.outputs), len(own.inputs), len(hertz)), complex)
-        begins = self.lines.echoes[1]
         lines = Lines(
             omega=2.0 * np.pi * hertz,
             harmonics=turns,
             values=empty,
             std=empty,
-            fundamental=self.lines.fundamental,
-            held=self.lines.held if sampled else None,
-            echoes=(np.zeros((len(begins), len(own.inputs), len(hertz)), complex), begins),
+            fundamental=self.model.fundamental,
+            held=(own.step, self.hold) if sampled and own.step is not None else None,
+            echoes=(np.zeros((len(self.begins), len(own.inputs), len(hertz)), complex), self.begins),
         )
         std = np.zeros_like(empty)
         slopes, units = self.modal.slopes(lines), self.modal.units(lines)
@@ -196,14 +198,15 @@ def fit_transfer(
     covariance = found.covariance() * max(ratio, 1.0)
     on_axis = next(near_real(found.modal.modes, lambda: covariance, lines.fundamental, [], DOUBTFUL), None)
     misfit = degrees > 0 and ratio > WORSE and chdtrc(degrees, found.chi_square) < SURE
-    for one in (lines, found.modal, *found.modal.modes):
+    for one in (found.modal, *found.modal.modes):
         sealed(one)
     return TransferFit(
         measured=own,
         model=_model(lines, found.modal, covariance, own, period),
-        lines=lines,
         modal=found.modal,
-        covariance=covariance,
+        covariance=frozen_array(covariance, "covariance", of, axes=("numbers", "numbers")),
+        hold=hold,
+        begins=frozen_array(lines.echoes[1], "begins", of, axes=("records",)),
         chi_square=found.chi_square,
         degrees=degrees,
         findings=(

@@ -1,11 +1,13 @@
 """Tables of transfer functions: what is read again is what was written. scikit-rf 2.2 reads them alike."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
 from floquid import Channel, InputError
-from floquid.exports import export_transfer
+from floquid.exports import export_transfer, import_transfer
 from floquid.inputs import TransferFunctions
 
 PORTS = {1: "s1p", 2: "s2p", 3: "s3p", 5: "s5p"}
@@ -84,3 +86,31 @@ def test_what_has_no_such_form_is_refused(found, name, words, tmp_path):
     with pytest.raises(InputError, match=words):
         export_transfer(found, tmp_path / name)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", ["csv", "mat"])
+@pytest.mark.parametrize("units", [("m", "N"), ("m/s", "N"), ("-", "V"), ("m", "-"), ("V", "m/s")])
+@pytest.mark.parametrize(("step", "known"), [(None, True), (0.125 / 3.0, True), (None, False)])
+def test_a_table_is_read_as_it_was_written(suffix, units, step, known, tmp_path):
+    found = replace(functions(2, 1, (-1, 0, 2), units), step=step)
+    values = found.values.copy()
+    values[:, 0, 0, 1] = np.nan
+    found = replace(found, values=values, std=found.std if known else None)
+    export_transfer(found, tmp_path / f"g.{suffix}")
+    back = import_transfer(tmp_path / f"g.{suffix}")
+    assert back.step == found.step
+    assert (back.outputs, back.inputs) == (found.outputs, found.inputs) or units == ("m/s", "-")
+    assert back.harmonics.tolist() == [-1, 0, 2]
+    for name in ("frequencies_hz", "values", "std"):
+        one, other = getattr(found, name), getattr(back, name)
+        assert (one is None) == (other is None)
+        assert one is None or np.allclose(one, other, rtol=1e-8, equal_nan=True)
+
+
+def test_a_table_of_something_else_is_refused(tmp_path):
+    (tmp_path / "g.csv").write_text("t,x\n0,1\n")
+    (tmp_path / "g.mat").write_bytes(b"no such file of MATLAB, but long enough to look at" * 9)
+    (tmp_path / "g.s1p").write_text("# Hz Z RI R 1\n1 2 3\n")
+    for name, words in (("g.csv", "names no path"), ("g.mat", "as `export_transfer` writes"), ("g.s1p", "end in")):
+        with pytest.raises(InputError, match=words):
+            import_transfer(tmp_path / name)
