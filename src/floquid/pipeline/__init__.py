@@ -14,10 +14,10 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._complete import lifted_views, samples_of
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
-from floquid.pipeline._lifted import lifted
 from floquid.pipeline._settings import Excitation as Excitation
 from floquid.pipeline._settings import IdentifierName as IdentifierName
 from floquid.pipeline._settings import Settings
+from floquid.pipeline._start import lifted
 from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import AbstractDraws, Bootstrap, Draw, Spread, bootstrap
 from floquid.pipeline.preparation import Prepared, prepare
