@@ -55,6 +55,18 @@ def test_a_result_is_printed_and_written(file, tmp_path, capsys, monkeypatch):
     assert "does not pass its checks" in capsys.readouterr().err
 
 
+def test_a_model_that_was_found_to_be_wrong_is_exit_code_one(tmp_path, capsys):
+    """The force is measured with noise; the result is printed all the same."""
+    values, inputs = record_of(mathieu(), 40, 20, 0.02, 0)
+    inputs += 0.03 * np.random.default_rng(1).standard_normal(inputs.shape)
+    path = tmp_path / "noisy.csv"
+    write(Record(values=np.concatenate([values, inputs]), sample_rate=20.0 / np.pi, channels=["x", "F"]), path)
+    assert run(["identify", str(path), "--period", PERIOD, "--inputs", "F", "--no-validate"]) == 1
+    both = capsys.readouterr()
+    assert "Modes: order" in both.out
+    assert "noise on the measured inputs" in both.err
+
+
 def test_transfer_functions_as_text_json_table_and_picture(file, tmp_path, capsys):
     command = ["transfer", str(file), "--period", PERIOD, "--inputs", "F", "--at", "0.1,0.2"]
     assert run(command) == 0

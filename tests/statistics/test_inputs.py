@@ -57,3 +57,19 @@ def test_deviations_hold(system, periods, phases, noise, order):
     assert np.abs(np.concatenate([own.ravel() for own in off])).max() < 5.0
     assert 0.85 < np.sqrt(np.mean(np.array(errors) ** 2)) < 1.2
     assert 0.9 < np.mean(np.abs(np.array(errors)) < 1.96) < 0.98
+
+
+@pytest.mark.parametrize("on_input", [0.02, 0.05])
+@pytest.mark.parametrize("system", [mathieu(), two_masses()], ids=["Mathieu", "two masses"])
+def test_noise_on_an_input_does_not_pass(system, on_input):
+    """Deviations would be too small: errors are two to nine of them. Where the inputs have no noise all draws pass."""
+    for seed in range(DRAWS):
+        values, inputs = record_of(system, 55, 20, 0.02, seed)
+        noisy = inputs + on_input * np.random.default_rng(1000 + seed).standard_normal(inputs.shape)
+        outputs, names = [f"y{n}" for n in range(len(values))], [f"F{n}" for n in range(len(inputs))]
+        passed = []
+        for own in (inputs, noisy):
+            both = np.concatenate([values, own])
+            record = Record(values=both, sample_rate=20 / system.period, channels=[*outputs, *names])
+            passed.append(identify_driven(record, period=system.period, inputs=names).passed)
+        assert passed == [True, False]

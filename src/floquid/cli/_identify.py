@@ -57,7 +57,8 @@ def identify(
         The fields of `Settings`.
     enforce
         End with exit code 3 and the reasons where the model does not pass its checks; the result is written all the
-        same. A model that fails, since it leaves many times the noise, ends with exit code 1 in any case.
+        same. A model that fails, since it leaves many times the noise, or since what was found makes it wrong, ends
+        with exit code 1 in any case.
     out
         A folder for result.h5, summary.json, settings.toml, figures/ and report.html, a page for the browser.
     format
@@ -84,10 +85,10 @@ def identify(
     else:
         print_analysis(analysis, verbose=verbose)
         print_folder(out)
+    if analysis.failed:
+        raise IdentificationError(analysis.warnings[0])
     if isinstance(analysis, ExcitedAnalysis):
         passed, reasons = analysis.passed, analysis.warnings
-    elif analysis.failed:
-        raise IdentificationError(analysis.warnings[0])
     else:
         found = analysis.validation
         passed, reasons = (True, ()) if found is None else (found.passed, found.reasons or found.unmet)

@@ -91,6 +91,11 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "inputs_nonlinear": "What is left goes with squares and cubes of the response (squared scores of {squares:.3g}; "
     "noise alone stays below {limit:.3g}): the system is not linear at this force, and exponents are those of this "
     "level. Drive it less.",
+    "inputs_noise": "What is left follows, through the modes, from what was left before (squared scores of "
+    "{squares:.3g}; noise of sensors alone stays below {limit:.3g}): something drives the system beside the inputs, "
+    "as a force that nobody measured, noise on the measured inputs (of less than {share:.2g} of them, were it that "
+    "alone) or a feedback. Deviations are too small. Measure the inputs better, or let `identify_ambient` with these "
+    "inputs, `--excitation ambient`, take account of it.",
     "inputs_colour": "What is left is not white (squared correlations sum to {squares:.2g}): the noise is coloured or "
     "drives the system itself, the inputs were measured with noise, or what they are between their samples is not what "
     "`hold` says. Deviations are too small or too large. Of forces beside those measured `identify_ambient`, or "

@@ -66,8 +66,20 @@ def grown(samples: Samples, now: Linearisation, limits: Limits, rounds: int = GR
         if all(a is b for a, b in zip(wider, now.modes, strict=True)) and direct == now.direct:
             return now
         modes = [centred(samples, mode, now, k) for k, mode in enumerate(wider)]
-        now = solve(samples, modes, direct, iterations=ROUGH, rough=True)
+        trial = solve(samples, modes, direct, iterations=ROUGH, rough=True)
+        if trial.criterion - now.criterion < driven_by_noise(scores, limits):
+            return now
+        now = trial
     return now
+
+
+def driven_by_noise(scores: Scores, limits: Limits) -> float:
+    """What the criterion gains by noise that drives the modes, to first order; -∞ where noise of sensors explains all.
+
+    Inputs at any harmonic, and modes at any frequency near, make up for such noise: they must be better than it.
+    """
+    gain = scores.by_noise()
+    return gain - float(np.log(scores.samples.n_samples)) if gain > limit_of(1, limits.harmonic_alarm) else -np.inf
 
 
 def _wider(samples: Samples, now: Linearisation, limits: Limits, scores: Scores) -> list[InputMode]:

@@ -75,6 +75,11 @@ class InputMode(Rebuilt):
         mask[1 + int(np.argmax(np.abs(parts)))] = False
         return mask
 
+    @property
+    def lowest(self) -> float:
+        """The least harmonic that there is: zero, or ½ of a negative multiplier."""
+        return 0.5 if self.real and self.reach[0] else 0.0
+
     def moved(self, step: NDArray[np.float64]) -> InputMode:
         """With the parameters moved by a step (parameters,)."""
         size = self.gains.size
@@ -150,6 +155,12 @@ def slopes_of_state(samples: Samples, mode: InputMode, state: NDArray) -> NDArra
     else:
         late = _recursion(samples, decay, samples.step * decay * state + drive)
     return np.concatenate([late[None], reached_by(samples, mode)])
+
+
+def followed(samples: Samples, mode: InputMode, drive: NDArray[np.complex128]) -> NDArray:
+    """The state of a mode that a signal drives from each sample to the next one, from zero (samples,)."""
+    decay = complex(np.exp(mode.exponent * samples.step))
+    return _recursion(samples, decay.real, drive.real) if mode.real else _recursion(samples, decay, drive)
 
 
 def _begun(samples: Samples, mode: InputMode) -> NDArray:

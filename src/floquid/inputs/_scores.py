@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs._modes import reached_by
+from floquid.inputs._modes import followed, reached_by
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, carried, linearise, slopes_of, state_slopes
 
@@ -21,6 +21,10 @@ DOUBLE = 1e-9
 
 SINGLE = 1e-5
 """The share in single precision."""
+
+
+DRAWS = 30
+"""Draws of white noise by which a fit is told from noise."""
 
 
 class Scores:
@@ -105,6 +109,36 @@ class Scores:
         left = information - mixed.T @ mixed
         places = [slice(a, b) for a, b in pairwise(ends.tolist())]
         return np.array([_gain(left[own, own], pull[own], size[own], self.least) for own in places])
+
+    def by_noise(self) -> float:
+        r"""The gain by noise that drives the modes, zero where there is less of what it leaves than white noise has.
+
+        The gain of the predictor of a mode is P c(t)ᴴ R⁻¹ to first order in the variance P > 0 of its state. A fit
+        takes some of what is near its modes, whatever the noise: how much, draws of white noise tell.
+        """
+        generator, samples = np.random.default_rng(0), self.samples
+        draws = [self._unfitted(generator.standard_normal(self.left.shape)) for _ in range(DRAWS)]
+        pulls = np.zeros((len(self.now.modes), 1 + DRAWS))
+        for number, mode in enumerate(self.now.modes):
+            turns = mode.turns.tolist()
+            shapes = np.array([carried(samples, own, turns) for own in (self.now.shape(number) * self.weights).T])
+            for draw, left in enumerate((self.left, *draws)):
+                seen = np.sum(shapes.conj() * left, axis=0)
+                slopes = (shapes * followed(samples, mode, seen)).real
+                pulls[number, draw] = np.sum(slopes * left) / np.linalg.norm(slopes)
+        pulls -= pulls[:, 1:].mean(axis=1, keepdims=True)
+        together = np.sum(pulls / pulls[:, 1:].std(axis=1, ddof=1, keepdims=True), axis=0)
+        return max(float(together[0] / together[1:].std(ddof=1)), 0.0) ** 2
+
+    def _unfitted(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What this fit, to first order, leaves of a response over its noise (channels, samples)."""
+        values = values - ((values @ self.columns.T) @ self.now.inverse) @ self.columns
+        step = np.zeros(self.root.shape[1])
+        for own, left in zip(self.slopes, values, strict=True):
+            step += self.root.T @ (own @ left)
+        by = self.root @ step
+        taken = [by @ own - (by @ along) @ self.columns for own, along in zip(self.slopes, self.along, strict=True)]
+        return np.asarray(values - taken, np.float64)
 
     def of_modes(self) -> NDArray[np.float64]:
         """Squared deviations of the shape of each mode from zero, all else moving along (Wald tests) (modes,)."""

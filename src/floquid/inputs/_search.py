@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from floquid.inputs._bands import ROUGH, Limits, grown, limit_of, narrowed, with_reach
+from floquid.inputs._bands import ROUGH, Limits, driven_by_noise, grown, limit_of, narrowed, with_reach
 from floquid.inputs._joint import chosen_together, fitted_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._real import with_real_ones
@@ -61,7 +61,7 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     if len(first) > 1 and len(now.modes) > 1 and (len(first) <= FEW or _crowded(samples, now)):
         # Two poles may stand for one mode of strong harmonics: begin with one, too.
         other = _found(samples, first[:1], replace(limits, modes=min(limits.modes, FEW)), report)
-        now = max(now, other, key=lambda own: own.log_likelihood - own.n_parameters * np.log(samples.n_samples))
+        now = max(now, other, key=lambda own: own.criterion)
     if not now.modes:
         return now
     loose = replace(limits, harmonic_alarm=LOOSE)
@@ -123,6 +123,7 @@ def _with_one_more(samples: Samples, now: Linearisation, limits: Limits) -> Line
     ]
     ranked.sort(key=lambda one: -one[0])
     tried: list[complex] = []
+    noise = driven_by_noise(Scores(samples, now), limits) if now.modes else -np.inf
     for _, (mode,) in ranked:
         if any(abs(mode.exponent - other) < 0.5 * abs(other.real) for other in tried):
             continue
@@ -132,9 +133,10 @@ def _with_one_more(samples: Samples, now: Linearisation, limits: Limits) -> Line
             trial = grown(samples, trial, limits)
             more = trial.n_parameters - now.n_parameters
             gained = trial.log_likelihood - now.log_likelihood
-            if gained > limit_of(max(more, 1), limits.mode_alarm):
+            sure = gained > limit_of(max(more, 1), limits.mode_alarm)
+            if sure and trial.criterion - now.criterion > noise:
                 return trial
-        if len(tried) == TRIED:
+        if len(tried) == (TRIED if noise == -np.inf else 1):
             break
     return None
 
@@ -159,7 +161,8 @@ def without_needless(samples: Samples, now: Linearisation, limits: Limits) -> Li
             return now
         trial = grown(samples, trial, limits)
         limit = limit_of(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
-        if now.log_likelihood - trial.log_likelihood > limit:
+        more = now.criterion - trial.criterion
+        if now.log_likelihood - trial.log_likelihood > limit and more > driven_by_noise(Scores(samples, trial), limits):
             refused.add(now.modes[number].exponent)
         else:
             now = trial

@@ -77,6 +77,11 @@ class Linearisation(Rebuilt):
         """Real numbers that the fit chooses."""
         return int(sum(mode.free.sum() for mode in self.modes)) + self.coefficients.size
 
+    @property
+    def criterion(self) -> float:
+        """The criterion of Schwarz (1978): the more the better."""
+        return self.log_likelihood - self.n_parameters * float(np.log(self.left.shape[1]))
+
     def slices(self) -> list[tuple[slice, NDArray[np.bool_]]]:
         """Of each mode, the place of its columns, and which of its turns have an imaginary part (turns,)."""
         found, place = [], 0

@@ -1,4 +1,4 @@
-"""What would be taken up by the model without a word: inputs at other instants, and a system that is not linear."""
+"""What a model would take up without a word: other instants, other forces, and a system that is not linear."""
 
 import numpy as np
 import pytest
@@ -65,3 +65,16 @@ def test_a_spring_that_hardens_is_named():
     found = identified(values, inputs, system.period)
     assert not found.passed
     assert "inputs_nonlinear" in codes(found)
+
+
+@pytest.mark.first(1)
+@pytest.mark.parametrize(("on_input", "beside"), [(0.02, 0.0), (0.0, 0.3)])
+def test_what_drives_the_system_beside_the_inputs_is_named(on_input, beside):
+    system = mathieu()
+    generator = np.random.default_rng(2)
+    force, noise = generator.standard_normal((2, 1, PERIODS * PHASES))
+    values, _ = record_of(system, PERIODS, PHASES, 0.02, 102, force + beside * noise)
+    found = identified(values, force + on_input * noise, system.period, validate=False)
+    assert not found.passed
+    assert "inputs_noise" in codes(found)
+    assert any("noise on the measured inputs" in text for text in found.warnings)

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import mathieu
+from tests.driven import mathieu, record_of
 from tests.unit.inputs.test_start import samples_from
 
-from floquid.inputs import solve
+from floquid.inputs import samples_of, solve
 from floquid.inputs._bands import with_reach
 from floquid.inputs._joint import chosen_together
 from floquid.inputs._scores import Scores
@@ -57,3 +57,16 @@ def test_a_mode_of_noise_weighs_little(fit):
     weights = Scores(samples, with_both).of_modes()
     assert weights[0] > 1e3
     assert weights[1] < 1e2
+
+
+@pytest.mark.parametrize("beside", [0.0, 0.05])
+def test_the_gain_by_noise_that_drives_the_modes(beside):
+    """A fit takes what is near its mode from the noise: without draws that do, too, a little of it is not seen."""
+    system = mathieu()
+    force, noise = np.random.default_rng(3).standard_normal((2, 1, 1200))
+    values, _ = record_of(system, 60, 20, 0.1, 103, force + beside * noise)
+    samples = samples_of([values], [force], [0.0], step=system.period / 20, fundamental=2.0, hold="zero")
+    turns = np.arange(-3.0, 4.0)
+    bare = [bare_mode(samples, complex(system.exponents()[0]), turns, turns)]
+    now = solve(samples, chosen_together(samples, bare, 1))
+    assert (Scores(samples, now).by_noise() > 16.0) == (beside > 0.0)

@@ -258,7 +258,7 @@ def _against(samples: Samples, found: Predictor, held_out: NDArray[np.float64]) 
     """Findings against the model: samples left out that it does not predict, and colour in the innovations."""
     against = []
     if (held_out >= HELD_OUT).any():
-        against.append(failure("ambient_held_out", error=float(np.nanmax(held_out))))
+        against.append(warning("ambient_held_out", error=float(np.nanmax(held_out))))
     share, chance = colour(samples, found)
     if chance < SURE:
         told = failure if share > PREDICTABLE else warning

@@ -87,8 +87,12 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
     @property
     def passed(self) -> bool:
         """True where samples that were left out are predicted as expected, and nothing was found against the model."""
-        failed = any(own.severity is Severity.FAILURE for own in self.findings)
-        return bool((self.held_out < HELD_OUT).all()) and not failed
+        return bool((self.held_out < HELD_OUT).all()) and not self.failed
+
+    @property
+    def failed(self) -> bool:
+        """True where something was found against the model, samples left out aside."""
+        return any(own.severity is Severity.FAILURE for own in self.findings)
 
     @property
     def warnings(self) -> tuple[str, ...]:

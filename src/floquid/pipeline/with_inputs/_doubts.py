@@ -9,10 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.findings import Finding, failure
-from floquid.inputs import Linearisation, Samples, Scores, Uncertainty, limit_of, solve
+from floquid.inputs import Samples, Scores, Uncertainty, limit_of, solve
 
 SURE = 1e-9
 """The probability at which noise may pass for something that is told."""
+
+NOISE = 1e-4
+"""The probability at which noise of sensors may pass for noise that drives the system."""
+
+MORE = 2.0
+"""What squares and cubes must gain, over what noise that drives the system does: it lets them gain by chance."""
 
 LAGS = (-2, -1, 0, 1, 2)
 """Samples by which inputs are moved to see whether outputs answer to them apart from the modes."""
@@ -31,8 +37,16 @@ AT_ONCE = 1.0
 
 
 def doubts(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
-    """Findings on inputs that act at other instants than it was said, and on a system that is not linear."""
-    return _instants(fit, scores) or _nonlinear(scores)
+    """Finding on inputs that act at other instants than it was said, on noise that drives the system, or on squares.
+
+    Each leaves what the others do, too: squares and cubes gain several times what noise does where they are the cause.
+    """
+    by_noise, by_powers = scores.by_noise(), _by_powers(scores)
+    return _instants(fit, scores) or (
+        _driven_by_noise(scores, by_noise)
+        if MORE * by_noise > by_powers.max(initial=0.0)
+        else _nonlinear(by_powers, len(scores.now.left))
+    )
 
 
 def _moved(samples: Samples, lag: int) -> NDArray[np.float64]:
@@ -63,12 +77,9 @@ def _instants(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
     if not modes or not (now.direct or len(modes) < len(now.modes) or _answers_apart(scores)):
         return ()
 
-    def criterion(at: Linearisation) -> float:
-        return at.log_likelihood - at.n_parameters * float(np.log(samples.n_samples))
-
     # A direct term comes in by noise, too: as it was said, but without it, is one of those compared.
-    as_said = max(criterion(now), criterion(solve(samples, modes, iterations=STEPS)))
-    others = {key: criterion(solve(other, modes, iterations=STEPS)) for key, other in _others(samples)}
+    as_said = max(now.criterion, solve(samples, modes, iterations=STEPS).criterion)
+    others = {key: solve(other, modes, iterations=STEPS).criterion for key, other in _others(samples)}
     delay, hold = max(others, key=lambda key: others[key])
     if others[delay, hold] <= as_said + CLEARLY:
         return ()
@@ -95,17 +106,33 @@ def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
             yield (0, hold), replace(samples, hold=hold)
 
 
-def _nonlinear(scores: Scores) -> tuple[Finding, ...]:
-    """Finding on squares and cubes of the response that drive the modes as inputs would (Billings and Voon 1983)."""
+def _driven_by_noise(scores: Scores, gain: float) -> tuple[Finding, ...]:
+    """Finding on what drives the system beside the inputs: what is left follows through the modes from what was left.
+
+    Noise w on an input u acts as a force -w that nobody measured (Söderström 2007).
+    """
+    limit = limit_of(1, NOISE)
+    if gain < limit:
+        return ()
+    left = scores.now.left
+    share = np.linalg.norm(left, axis=1) / np.linalg.norm(scores.samples.values - left, axis=1)
+    return (failure("inputs_noise", squares=gain, limit=limit, share=float(share.min())),)
+
+
+def _by_powers(scores: Scores) -> NDArray[np.float64]:
+    """Gains by squares and cubes of the response as inputs of each mode (Billings and Voon 1983) (modes,)."""
     samples, now = scores.samples, scores.now
     fitted = samples.values - now.left
     size = fitted.std(axis=1, keepdims=True)
     fitted = (fitted - fitted.mean(axis=1, keepdims=True)) / np.where(size > 0.0, size, 1.0)
     powers = np.concatenate([fitted**2, fitted**3])
     powers -= powers.mean(axis=1, keepdims=True)
-    asked = [(number, 0.5 if mode.real and mode.reach[0] else 0.0) for number, mode in enumerate(now.modes)]
-    gains = scores.by_inputs(asked, powers)
-    limit = limit_of(2 * len(powers), SURE / max(len(asked), 1))
+    return scores.by_inputs([(number, mode.lowest) for number, mode in enumerate(now.modes)], powers)
+
+
+def _nonlinear(gains: NDArray[np.float64], channels: int) -> tuple[Finding, ...]:
+    """Finding on squares and cubes of the response that drive the modes as inputs would."""
+    limit = limit_of(4 * channels, SURE / max(len(gains), 1))
     if gains.max(initial=0.0) < limit:
         return ()
     return (failure("inputs_nonlinear", squares=float(gains.max()), limit=limit),)

@@ -179,8 +179,7 @@ def _if_better(one: Linearisation | None, other: Linearisation) -> Linearisation
     """A fit if the criterion of Schwarz (1978) prefers it to another; None if not."""
     if one is None:
         return None
-    gain, more = one.log_likelihood - other.log_likelihood, one.n_parameters - other.n_parameters
-    return one if gain > more * np.log(one.left.shape[1]) else None
+    return one if one.criterion > other.criterion else None
 
 
 def _held_out(own: Parted, found: Linearisation) -> NDArray[np.float64]:
@@ -310,7 +309,7 @@ def _against(found: Linearisation, held_out: NDArray[np.float64]) -> tuple[Findi
     """Findings against the model: samples left out that it does not predict, and colour in what it leaves."""
     against = []
     if (held_out >= HELD_OUT).any():
-        against.append(failure("inputs_held_out", error=float(np.nanmax(held_out))))
+        against.append(warning("inputs_held_out", error=float(np.nanmax(held_out))))
     spectrum = np.abs(np.fft.rfft(found.left, 2 * found.left.shape[1], axis=1)) ** 2
     lags = np.fft.irfft(spectrum, axis=1)[:, : LAGS + 1]
     # What is less than the least that noise is taken to be has the colour of rounding.
