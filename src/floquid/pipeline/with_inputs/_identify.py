@@ -161,10 +161,10 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             *done_beside(own),
             *([note("inputs_free", phases=round(phases))] if free else [needed(model, limits, _seen(scores))]),
             *_unreached(fit),
+            *doubts(fit, scores),
             *_against(found, held_out),
             *_ended(samples, found, model, limits, every=free is not None),
             *(() if own.shafts else _period(scores)),
-            *doubts(fit, scores),
         ),
     )
 
