@@ -10,7 +10,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.methods import single, subspace
+from benchmarks.methods import lines, single, subspace
 from benchmarks.methods.records import Case
 from numpy.typing import NDArray
 
@@ -134,14 +134,22 @@ def polynomials(case: Case) -> Found:
     )
 
 
-def repeats(case: Case) -> Found:
+def by_multisine(case: Case) -> fq.transfer.MeasuredTransfer:
     """G of a multisine repeated four times, in a record of the same length."""
     number, rate = len(case.data[1]), 1.0 / case.step
     names = [f"u{k}" for k in range(number)]
     design = fq.multisine(case.system.period, rate, turns=case.periods // 4, inputs=number, seed=case.seed)
     inputs = np.tile(design.values, 4)
     record = case.record(case.response(inputs, 1), inputs)
-    return Found(transfer=fq.measure_transfer(record, inputs=names, harmonics=(-1, 0, 1)).transfer)
+    return fq.measure_transfer(record, inputs=names, harmonics=(-1, 0, 1))
+
+
+def fit_of_lines(case: Case) -> Found:
+    """Modes fitted to the lines of a multisine."""
+    measured = by_multisine(case)
+    found = fq.fit_transfer(measured)
+    own = found.transfer(measured.transfer.frequencies_hz, sampled=True)
+    return Found(found.model.exponents, found.model.exponent_std, own)
 
 
 def ssi(values: NDArray, inputs: NDArray | None, depth: int, order: int) -> Complexes:
@@ -237,8 +245,43 @@ METHODS: tuple[Method, ...] = (
     Method("Okajima", "okajima2025", "driven", GIVEN, DISCRETE, by_cycles, "Mathieu"),
     Method("plain LTI (pyOMA2, raw)", "peeters1999", "driven", GIVEN, "lines", silenced(raw_ssi)),
     Method("plain LTI (pyOMA2, lifted)", "peeters1999", "driven", GIVEN, DISCRETE, silenced(lifted_ssi)),
-    Method("multisine, repeats", "louarroudi2012", "driven", NONE, LINES + SURE, repeats),
+    Method(
+        "multisine, repeats",
+        "louarroudi2012",
+        "driven",
+        NONE,
+        LINES + SURE,
+        lambda c: Found(transfer=by_multisine(c).transfer),
+    ),
+    Method("modes fitted to these lines", "", "driven", FOUND, "λ, G" + SURE, fit_of_lines),
     Method("local polynomials", "louarroudi2012", "driven", NONE, LINES + SURE, polynomials),
+    Method(
+        "chirps, penalised curvature",
+        "siddiqi2001",
+        "driven",
+        NONE,
+        LINES,
+        lambda c: Found(transfer=lines.chirps(c)),
+        "Mathieu",
+    ),
+    Method(
+        "chirps, local polynomials",
+        "louarroudi2012",
+        "driven",
+        NONE,
+        LINES + SURE,
+        lambda c: Found(transfer=lines.chirps_by_polynomials(c)),
+        "Mathieu",
+    ),
+    Method(
+        "sines one after another",
+        "",
+        "driven",
+        NONE,
+        LINES + SURE,
+        lambda c: Found(transfer=lines.scan(c)),
+        "Mathieu",
+    ),
     Method(
         "floquid.identify_ambient",
         "",
