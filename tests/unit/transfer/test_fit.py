@@ -10,8 +10,9 @@ from tests.driven import flapping, lag, mathieu, pulls, shaken, two_masses
 
 from floquid import Channel, IdentificationError, InputError, fit_transfer, identify_driven, measure_transfer
 from floquid.findings import Severity
-from floquid.inputs import Limits, TransferFunctions
-from floquid.transfer import MeasuredTransfer
+from floquid.inputs import InputMode, Limits, TransferFunctions
+from floquid.transfer import MeasuredTransfer, Modal
+from floquid.transfer._modal import Lines, eliminated
 
 HARMONICS = np.arange(-3, 4)
 
@@ -94,6 +95,42 @@ def test_a_real_multiplier_is_one():
     assert found.model.real.tolist() == [True]
     assert pulls(system, found.model)[0, 0] < 4.0
     assert not found.warnings
+
+
+def test_the_joint_covariance_is_the_inverse_of_all_products_of_slopes():
+    one = of_equations(lag(), np.linspace(0.02, 0.4, 12), harmonics=np.arange(-1, 2))
+    both = (np.concatenate([own, 0.5 * own[:, :, :, ::-1].conj()], axis=1) for own in (one.values, one.std))
+    values, std = both
+    lines = Lines(
+        omega=2.0 * np.pi * one.frequencies_hz,
+        harmonics=one.harmonics,
+        values=values,
+        std=np.abs(std.real) + 1j * np.abs(std.imag),
+        fundamental=2.0,
+        held=None,
+        echoes=(np.zeros((0, 1, 12), complex), np.zeros(0)),
+    )
+    turns = np.arange(2.0)
+    gains = np.array([[1.0, 0.3 + 0.1j]])
+    mode = InputMode(
+        exponent=-0.5 + 0j,
+        real=True,
+        reach=turns,
+        gains=gains,
+        turns=turns,
+        initial=np.zeros(0, complex),
+        sizes=np.ones(1),
+    )
+    found = eliminated(lines, Modal((mode,), (np.zeros((2, 2), complex),), (np.zeros((2, 1), complex),)))
+    count, width = len(found.slopes[0]), len(found.columns[0])
+    rows = np.zeros((count + 2 * width, sum(own.shape[1] for own in found.slopes)))
+    for output, (slopes, columns) in enumerate(zip(found.slopes, found.columns, strict=True)):
+        place = slice(output * slopes.shape[1], (output + 1) * slopes.shape[1])
+        rows[:count, place] = slopes
+        rows[count + output * width : count + (output + 1) * width, place] = columns
+    exact = np.linalg.inv(rows @ rows.T)
+    assert found.covariance() == pytest.approx(exact, rel=1e-6, abs=1e-6 * np.abs(exact).max())
+    assert found.parameters == pytest.approx(exact[:count, :count], rel=1e-6)
 
 
 @pytest.mark.slow
