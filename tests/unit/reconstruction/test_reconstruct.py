@@ -27,8 +27,8 @@ ROTOR = JeffcottRotor()
 def model() -> PeriodicModel:
     """The rotor's response, identified without noise from two hits at two phases of the shaft."""
     records = [
-        ROTOR.simulate(noise=0.0, impulse_deg=45.0),
-        ROTOR.simulate(noise=0.0, impulse_deg=-20.0, first_phase=0.3),
+        ROTOR.simulate(n_periods=400, noise=0.0, impulse_deg=45.0),
+        ROTOR.simulate(n_periods=400, noise=0.0, impulse_deg=-20.0, first_phase=0.3),
     ]
     return identify(records).model
 
