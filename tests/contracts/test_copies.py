@@ -108,7 +108,7 @@ def others():
         "pulses": PulseTimes(times=np.arange(5.0)),
         "clock": ConstantPeriod(period=2.0, origin=0.5),
         "an orbit": replace(record(), orbit=np.ones((4, 12))),
-        "bootstrap": bootstrap(found, draws=20, workers=1),
+        "bootstrap": bootstrap(replace(found, state=None), draws=20, workers=1),
         "synchronisation": synchronisation(found),
         "families": tuple(families(found)),
         "driven": with_inputs(),

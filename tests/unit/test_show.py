@@ -36,7 +36,7 @@ def results(analysis):
     known = floquet.FunctionMatrix(function=rotor.system, period=rotor.period, vectorised=True)
     return {
         "analysis": analysis,
-        "bootstrap": bootstrap(analysis, draws=20, workers=1),
+        "bootstrap": bootstrap(replace(analysis, state=None), draws=20, workers=1),
         "scan": order.scan(analysis.lifted.responses, orders=(2, 4)),
         "modes": floquet.modes(known),
     }
